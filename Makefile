@@ -1,0 +1,26 @@
+# Two commands are enough: `make demo` and `make test`. Both set up what they need first.
+VENV := .venv
+READY := $(VENV)/.relume-setup
+
+.PHONY: demo test check bench
+
+demo: $(READY)            ## insert the objects of examples/room and say where the pictures are
+	$(VENV)/bin/relume demo -o out/demo
+
+test: $(READY)            ## the whole suite
+	$(VENV)/bin/pytest -q
+
+check: $(READY)           ## style and types
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/pyright
+
+bench: $(READY)           ## every benchmark, one after another
+	@set -e; for script in benchmarks/*.py; do \
+	  [ -e "$$script" ] || { echo "no benchmarks yet"; break; }; \
+	  echo "== $$script"; $(VENV)/bin/python "$$script"; \
+	done
+
+# Set up again only when what is to be installed has changed.
+$(READY): pyproject.toml scripts/setup
+	scripts/setup

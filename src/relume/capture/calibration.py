@@ -1,0 +1,119 @@
+"""Recovering a camera's response from brackets, channel by channel (Debevec & Malik 1997, §2.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from relume.capture.bracket import Bracket
+from relume.capture.sampling import LEVELS, observations
+from relume.capture.weighting import hat
+from relume.errors import NotABracket
+from relume.image.response import Response
+
+WEIGHT = hat(LEVELS)
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A response with the observations it was recovered from, for the plot and for judging it.
+
+    response : the recovered curves
+    samples : a channel each, (N, 2): ln(E Δt) and pixel value of every observation used
+    residual : (3,) root mean square of the weighted misfit, natural logarithm of exposure
+    """
+
+    response: Response
+    samples: tuple[np.ndarray, np.ndarray, np.ndarray]
+    residual: np.ndarray
+
+
+def recover_response(brackets: Bracket | Sequence[Bracket], *, smoothness: float = 30.0) -> Calibration:
+    """Recover the response of the camera that took all `brackets`, minimising eq. 3 with the weights of eq. 4.
+
+    brackets : 8-bit brackets of one camera; together they need two different exposures in at least one bracket
+    smoothness : λ of eq. 3 per observed pixel; at 30 the rounding of 8-bit values leaves no ripple and a camera's
+        knee and toe are still followed (from 10 to 100 the curve hardly moves)
+    Raises NotABracket when the photographs say nothing of the curve.
+    """
+    brackets = [brackets] if isinstance(brackets, Bracket) else list(brackets)
+    for bracket in brackets:
+        if bracket.photographs[0].pixels.dtype != np.uint8:
+            raise NotABracket(f"{bracket.name}: 16-bit photographs; the response is recovered from 8-bit ones")
+    telling = [b for b in brackets if np.ptp(np.log(b.exposures)) > 0.1]
+    if not telling:
+        raise NotABracket(
+            f"{brackets[0].name}: no two photographs differ in exposure, so the response cannot be recovered; "
+            "add differently exposed ones"
+        )
+    channels = [_recover_channel(telling, channel, smoothness) for channel in range(3)]
+    curves, noise, samples, residual = zip(*channels, strict=True)
+    return Calibration(Response(np.stack(curves), np.array(noise)), tuple(samples), np.array(residual))
+
+
+def _recover_channel(
+    brackets: Sequence[Bracket], channel: int, smoothness: float
+) -> tuple[np.ndarray, float, np.ndarray, float]:
+    observed = [observations(bracket, channel) for bracket in brackets]
+    normal, right, pixels = np.zeros((LEVELS, LEVELS)), np.zeros(LEVELS), 0
+    for values, log_times in observed:
+        _add_data_term(normal, right, values, log_times)
+        pixels += len(values)
+    if pixels == 0:
+        raise NotABracket(
+            f"{brackets[0].name}: no pixel is well exposed in two photographs; photograph at smaller exposure steps"
+        )
+
+    # The smoothness term, λ Σ [w(z) g″(z)]², counted once a pixel so that λ does not depend on how many there are.
+    inner = np.arange(1, LEVELS - 1)
+    second = np.zeros((LEVELS - 2, LEVELS))
+    second[inner - 1, inner - 1], second[inner - 1, inner], second[inner - 1, inner + 1] = 1, -2, 1
+    second *= WEIGHT[inner][:, None]
+    normal += smoothness * pixels * second.T @ second
+
+    # g(Z_mid) = 0 fixes the scale that eq. 3 leaves free.
+    middle = LEVELS // 2 - 1
+    normal[middle, middle] += np.trace(normal)
+    curve = np.linalg.lstsq(normal, right, rcond=1e-13)[0]
+    curve = _rising(curve)
+    return curve - curve[middle], *_misfit(curve - curve[middle], observed)
+
+
+def _add_data_term(normal: np.ndarray, right: np.ndarray, values: np.ndarray, log_times: np.ndarray) -> None:
+    """Add Σ {w [g(Z) − ln E − ln Δt]}² with each ln E replaced by its own best value, a weighted mean."""
+    weights = WEIGHT[values] ** 2
+    total = weights.sum(1)
+    mean_time = (weights * log_times).sum(1) / total
+    right += np.bincount(values.ravel(), (weights * (log_times - mean_time[:, None])).ravel(), LEVELS)
+    normal[np.diag_indices(LEVELS)] += np.bincount(values.ravel(), weights.ravel(), LEVELS)
+    for first in range(values.shape[1]):
+        for second in range(values.shape[1]):
+            product = weights[:, first] * weights[:, second] / total
+            pairs = np.bincount(values[:, first] * LEVELS + values[:, second], product, LEVELS**2)
+            normal -= pairs.reshape(LEVELS, LEVELS)
+
+
+def _rising(curve: np.ndarray) -> np.ndarray:
+    """The curve made to rise everywhere: where noise makes it fall it stays level but for a hair."""
+    return np.maximum.accumulate(curve) + 1e-9 * np.arange(len(curve))
+
+
+def _misfit(curve: np.ndarray, observed: list[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.ndarray, float]:
+    slope = np.gradient(curve)
+    noise, points, squares, weight_sum = [], [], 0.0, 0.0
+    for values, log_times in observed:
+        weights = WEIGHT[values]
+        log_exposure = curve[values] - log_times
+        log_radiance = (weights**2 * log_exposure).sum(1) / (weights**2).sum(1)
+        difference = log_exposure - log_radiance[:, None]
+        squares += float((weights**2 * difference**2).sum())
+        weight_sum += float((weights**2).sum())
+        well = weights > LEVELS / 8
+        noise.append((difference / slope[values])[well])
+        seen = weights > 0
+        points.append(np.stack([(log_radiance[:, None] + log_times)[seen], values[seen]], axis=1))
+    spread = 1.4826 * float(np.median(np.abs(np.concatenate(noise)))) if any(len(n) for n in noise) else 1.0
+    # Rounding alone scatters a pixel value by 1/√12.
+    return max(spread, 12**-0.5), np.concatenate(points), float(np.sqrt(squares / weight_sum))

@@ -1,0 +1,49 @@
+"""How much each photograph's pixel value counts in a merge: frozen values, passed to `merge`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from relume.image.response import Response
+
+
+class Weighting(Protocol):
+    """A weight for every pixel value of every channel."""
+
+    def table(self, response: Response) -> np.ndarray:
+        """Weights (3, levels), not negative; 0 where a value says nothing of the exposure."""
+        ...
+
+
+def hat(levels: int) -> np.ndarray:
+    """w(z) of every pixel value: 0 at the ends, rising linearly to the middle (Debevec & Malik 1997, eq. 4)."""
+    values = np.arange(levels, dtype=np.float64)
+    return np.minimum(values, levels - 1 - values)
+
+
+@dataclass(frozen=True)
+class Hat:
+    """The paper's weights (Debevec & Malik 1997, eq. 4): 0 at the ends, rising linearly to the middle."""
+
+    def table(self, response: Response) -> np.ndarray:
+        """Weights (3, levels)."""
+        return np.tile(hat(response.levels), (3, 1))
+
+
+@dataclass(frozen=True)
+class InverseVariance:
+    """The weights that leave the least noise: 1 / var(ln exposure), fading to 0 at the ends of the curve.
+
+    margin : the pixel values over which the weight fades at either end; 16 of 255 keeps values that JPEG ringing
+        beside clipped pixels has moved from deciding anything
+    """
+
+    margin: float = 16.0
+
+    def table(self, response: Response) -> np.ndarray:
+        """Weights (3, levels)."""
+        deviation = np.gradient(response.log_exposure, axis=1) * response.noise[:, None]
+        return np.minimum(hat(response.levels) / self.margin, 1.0) / np.maximum(deviation, 1e-6) ** 2

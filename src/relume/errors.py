@@ -1,0 +1,45 @@
+"""The errors a caller would catch; each message says what, where and what to do.
+
+    RelumeError
+    ├── UnreadableFile      a photograph, map or mesh is missing, damaged or of a kind relume does not read
+    ├── NotABracket         photographs that cannot be merged: no exposure, different sizes, nothing well exposed
+    ├── BallNotFound        no mirrored ball is seen in the photograph
+    ├── GridNotFound        no calibration grid is seen in the photograph
+    ├── InvalidShot         the shot file has an unknown key, a missing one or a wrong value
+    ├── UnsupportedScene    a renderer was given something it cannot render
+    └── OutputNotWritten    a file or folder could not be written
+
+A wrong call (an array of the wrong shape, a negative size) raises ``ValueError``: got, expected, remedy.
+"""
+
+
+class RelumeError(Exception):
+    """Something relume was given cannot be used; the message is one line for a person."""
+
+
+class UnreadableFile(RelumeError):
+    """A photograph, map or mesh is missing, damaged or of a kind relume does not read."""
+
+
+class NotABracket(RelumeError):
+    """The photographs cannot be merged: no exposure, different sizes, nothing well exposed."""
+
+
+class BallNotFound(RelumeError):
+    """No mirrored ball is seen in the photograph."""
+
+
+class GridNotFound(RelumeError):
+    """No calibration grid is seen in the photograph."""
+
+
+class InvalidShot(RelumeError):
+    """The shot file has an unknown key, a missing one or a wrong value."""
+
+
+class UnsupportedScene(RelumeError):
+    """A renderer was given something it cannot render."""
+
+
+class OutputNotWritten(RelumeError):
+    """A file or folder could not be written."""

@@ -1,0 +1,65 @@
+"""Writing so that a name never holds half a file: everything goes to a temporary name beside it and is renamed.
+
+The temporary file lies in the same folder, because a rename is atomic only within one file system; the data and then
+the folder are flushed to the disk before and after, so that a power cut leaves the old file or the new one.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from relume.errors import OutputNotWritten
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """A temporary path to write to; when the block ends well it becomes `path`, when it fails `path` is untouched.
+
+    The temporary file exists already (empty) and has the suffix of `path`. Raises OutputNotWritten where the folder
+    is missing or full or forbids it; any other exception of the block passes through.
+    """
+    path = Path(path)
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(None, "a folder has that name")
+        temporary = path.with_name(f".{path.stem[:80]}.{secrets.token_hex(4)}{path.suffix}")
+        with open(temporary, "xb"):
+            pass
+        try:
+            yield temporary
+            _flush(temporary)
+            os.replace(temporary, path)
+        except BaseException:
+            temporary.unlink(missing_ok=True)
+            raise
+        _flush(path.parent)
+    except OSError as error:
+        raise OutputNotWritten(f"{path}: cannot be written: {_reason(path, error)}") from error
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write `text` as UTF-8, whole or not at all; raises OutputNotWritten."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(text.encode("utf-8"))
+
+
+def _reason(path: Path, error: OSError) -> str:
+    if not path.parent.exists():
+        return f"the folder {path.parent} does not exist; create it first"
+    if not path.parent.is_dir():
+        return f"{path.parent} is a file, not a folder; choose another place"
+    return " ".join(str(error.strerror or error).split()) + "; choose another place, or mend this one"
+
+
+def _flush(path: Path) -> None:
+    if path.is_dir() and os.name == "nt":  # Windows opens no folder, and flushes renames by itself
+        return
+    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

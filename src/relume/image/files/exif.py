@@ -1,0 +1,131 @@
+"""What a photograph's EXIF tells: exposure, camera, focal length, orientation; read and written through Pillow.
+
+Pillow and not OpenImageIO, because it keeps rationals exact (OpenImageIO hands 1/60 over as a 32-bit float, and a
+bracket written and read again would change its exposures). Tags and units: EXIF 2.32 (CIPA DC-008).
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import warnings
+from fractions import Fraction
+
+from PIL import Image, JpegImagePlugin, PngImagePlugin, TiffImagePlugin
+from PIL.TiffImagePlugin import IFDRational
+
+from relume.image.files.signatures import one_line
+from relume.image.photograph import Exposure, Photograph
+
+_MAKE, _MODEL, _ORIENTATION, _SUBFILE_TYPE, _EXIF_IFD = 0x010F, 0x0110, 0x0112, 0x00FE, 0x8769
+_EXPOSURE_TIME, _F_NUMBER, _ISO, _ISO_SPEED, _EXPOSURE_INDEX = 0x829A, 0x829D, 0x8827, 0x8833, 0x8832
+_FOCAL_LENGTH, _FOCAL_LENGTH_35MM, _MAKER_NOTE, _PIXEL_WIDTH = 0x920A, 0xA405, 0x927C, 0xA002
+_PLANE_RESOLUTION, _PLANE_UNIT = 0xA20E, 0xA210
+_MILLIMETRES = {2: 25.4, 3: 10.0, 4: 1.0}
+_FULL_FRAME = 36.0  # mm, the longer side to which FocalLengthIn35mmFilm refers
+
+# Image.open would refuse above 179 million pixels what our own limits allow; these read the header alone.
+_OPENERS = {
+    "JPEG": JpegImagePlugin.JpegImageFile,
+    "PNG": PngImagePlugin.PngImageFile,
+    "TIFF": TiffImagePlugin.TiffImageFile,
+}
+
+
+def tags(path: str | os.PathLike[str], kind: str) -> dict[int, object]:
+    """All tags of a JPEG, PNG or TIFF by number, those of the EXIF folder among them; warns where they are damaged."""
+    try:
+        with open(path, "rb") as file, _OPENERS[kind](file) as image:
+            # The base class's method: that of PNG decodes the whole picture in search of a late chunk.
+            exif = Image.Image.getexif(image)
+            return {**exif, **exif.get_ifd(_EXIF_IFD)}
+    except Exception as error:  # Pillow raises SyntaxError, struct.error, KeyError and others for damaged tags
+        warnings.warn(f"{path}: its EXIF cannot be read ({one_line(error)}); exposure unknown", stacklevel=4)
+        return {}
+
+
+def exposure_of(tags: dict[int, object]) -> Exposure | None:
+    """Shutter, aperture and ISO; None where the exposure time is missing or no positive number."""
+    seconds = _positive(tags, _EXPOSURE_TIME)
+    iso = _positive(tags, _ISO)
+    if iso == 65535:  # the 16-bit tag is full: the true value stands beside it
+        iso = _positive(tags, _ISO_SPEED) or _positive(tags, _EXPOSURE_INDEX) or iso
+    return Exposure(seconds, _positive(tags, _F_NUMBER), iso) if seconds else None
+
+
+def camera_of(tags: dict[int, object]) -> str:
+    """Make and model, the make once where the model repeats it; "" where unknown."""
+    make, model = (str(tags.get(tag, "")).strip("\0 ") for tag in (_MAKE, _MODEL))
+    return model if model.startswith(make) else f"{make} {model}".strip()
+
+
+def focal_length_of(tags: dict[int, object], width: int, height: int) -> float | None:
+    """Focal length in pixels of a picture of that size, None where the tags do not tell it.
+
+    FocalLengthIn35mmFilm comes first: it survives resizing. It is an integer, so where FocalLength rounds to it the
+    camera is full-frame and the finer FocalLength is meant. FocalPlaneXResolution counts pixels of the sensor, and
+    editors keep it when they resize (a 640-pixel copy would come out 8 times too long); so it is believed only where
+    the maker's note is still there and the recorded width is this file's.
+    """
+    focal, focal_35mm = _positive(tags, _FOCAL_LENGTH), _positive(tags, _FOCAL_LENGTH_35MM)
+    if focal_35mm:
+        finer = focal if focal and round(focal) == focal_35mm else focal_35mm
+        return finer / _FULL_FRAME * max(width, height)
+    resolution = _positive(tags, _PLANE_RESOLUTION)
+    if focal and resolution and _MAKER_NOTE in tags and tags.get(_PIXEL_WIDTH) == width:
+        return focal * resolution / _MILLIMETRES.get(int(_positive(tags, _PLANE_UNIT) or 2), 25.4)
+    return None
+
+
+def orientation_of(tags: dict[int, object]) -> int:
+    """The EXIF orientation, 1 to 8; 1, upright, where it is missing or senseless."""
+    value = int(_positive(tags, _ORIENTATION) or 1)
+    return value if value in range(1, 9) else 1
+
+
+def is_preview(tags: dict[int, object]) -> bool:
+    """Whether a TIFF's first picture is a reduced one, as in camera raw files."""
+    return bool(int(_positive(tags, _SUBFILE_TYPE) or 0) & 1)
+
+
+def encoded(photograph: Photograph) -> bytes:
+    """EXIF of a photograph's exposure, camera and focal length, such that reading gives the same again.
+
+    Raises ValueError for an ISO that is no whole number: the tag holds none.
+    """
+    exif = Image.Exif()
+    make, _, model = photograph.camera.partition(" ")
+    exif.update({tag: text for tag, text in ((_MAKE, make), (_MODEL, model)) if text})
+    folder = exif.get_ifd(_EXIF_IFD)
+    if exposure := photograph.exposure:
+        folder[_EXPOSURE_TIME] = _rational(exposure.seconds)
+        if exposure.f_number is not None:
+            folder[_F_NUMBER] = _rational(exposure.f_number)
+        if exposure.iso is not None:
+            if exposure.iso != int(exposure.iso):
+                raise ValueError(f"iso is {exposure.iso}; EXIF holds whole numbers only: round it first")
+            folder[_ISO] = min(int(exposure.iso), 65535)
+            if exposure.iso >= 65535:
+                folder[_ISO_SPEED] = int(exposure.iso)
+    if photograph.focal_length is not None:
+        millimetres = photograph.focal_length * _FULL_FRAME / max(photograph.size)
+        folder[_FOCAL_LENGTH] = _rational(millimetres)
+        folder[_FOCAL_LENGTH_35MM] = round(millimetres)
+    return exif.tobytes()
+
+
+def _positive(tags: dict[int, object], tag: int) -> float | None:
+    value = tags.get(tag)
+    if isinstance(value, tuple) and value:
+        value = value[0]
+    try:
+        number = float(value)  # pyright: ignore[reportArgumentType]
+    except (TypeError, ValueError, ZeroDivisionError):
+        return None
+    return number if math.isfinite(number) and number > 0 else None
+
+
+def _rational(value: float) -> IFDRational:
+    """The fraction nearest to `value` whose terms fit 32 bits, so that 1/60 s is written as 1/60."""
+    fraction = Fraction(value).limit_denominator(max(1, int(2**31 / max(1.0, value))))
+    return IFDRational(fraction.numerator, fraction.denominator)

@@ -1,0 +1,132 @@
+"""JPEG, PNG and TIFF photographs: pixels through OpenImageIO, EXIF through Pillow, upright, three channels.
+
+OpenImageIO decodes, because Pillow rounds 16-bit colour to 8 bits without a word and takes a JPEG with a hole in its
+data for whole. OpenImageIO returns the pixels of a truncated JPEG too, with a complaint: every complaint is an error
+here, but for stray bytes between two markers, which some cameras write. It does not turn pictures by their EXIF
+orientation; we do.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import warnings
+
+import numpy as np
+import OpenImageIO as oiio
+from PIL import Image
+
+from relume.errors import UnreadableFile
+from relume.image.files import exif, png
+from relume.image.files.atomic import replacing
+from relume.image.files.signatures import kind_of, one_line, refuse_absurd_size
+from relume.image.photograph import Photograph
+
+# Stray bytes do no harm before another segment, but before a restart marker (d0 to d7) they are lost data.
+_HARMLESS = re.compile(r"extraneous bytes before marker 0x(?!d[0-7])")
+_LOGLUV = (32844, 32845)
+# Rows, columns and axes as stored → as seen, EXIF 2.32, tag 0x0112.
+_UPRIGHT = {
+    1: lambda p: p,
+    2: lambda p: p[:, ::-1],
+    3: lambda p: p[::-1, ::-1],
+    4: lambda p: p[::-1],
+    5: lambda p: p.swapaxes(0, 1),
+    6: lambda p: p.swapaxes(0, 1)[:, ::-1],
+    7: lambda p: p[::-1, ::-1].swapaxes(0, 1),
+    8: lambda p: p.swapaxes(0, 1)[::-1],
+}
+
+
+def read(path: str | os.PathLike[str]) -> Photograph:
+    """The photograph in a JPEG, PNG or TIFF, with the exposure, camera and focal length its EXIF tells.
+
+    Grey becomes three equal channels. Warns where alpha is dropped that was not opaque, and where an embedded profile
+    is not sRGB. Raises UnreadableFile for damaged files, floating-point or LogLuv TIFF, and camera raw.
+    """
+    kind = kind_of(path)
+    if kind == "PNG":
+        png.refuse_damaged(path)
+    tags = exif.tags(path, kind)
+    if kind == "TIFF" and exif.is_preview(tags):
+        raise UnreadableFile(f"{path}: a camera raw file (it begins with a preview); develop it to a 16-bit TIFF first")
+    pixels = _decoded(path, kind)
+    height, width = pixels.shape[:2]
+    return Photograph(
+        pixels=np.ascontiguousarray(_UPRIGHT[exif.orientation_of(tags)](pixels)),
+        name=str(path),
+        exposure=exif.exposure_of(tags),
+        camera=exif.camera_of(tags),
+        focal_length=exif.focal_length_of(tags, width, height),
+    )
+
+
+def write_jpeg(path: str | os.PathLike[str], photograph: Photograph) -> None:
+    """Write a JPEG of quality 95 with full colour resolution and EXIF; raises ValueError for 16-bit pixels."""
+    if photograph.pixels.dtype != np.uint8:
+        raise ValueError(f"pixels are {photograph.pixels.dtype}; a JPEG holds uint8: write .png")
+    if max(photograph.size) > 65500:
+        raise ValueError(f"the photograph is {photograph.size} pixels; a JPEG's side is at most 65500: write .png")
+    encoded = exif.encoded(photograph)
+    with replacing(path) as temporary:
+        Image.fromarray(photograph.pixels).save(temporary, "JPEG", quality=95, subsampling=0, exif=encoded)
+
+
+def write_png(path: str | os.PathLike[str], photograph: Photograph) -> None:
+    """Write a PNG of 8 or 16 bits with EXIF."""
+    encoded = png.encode(photograph.pixels, exif.encoded(photograph))
+    with replacing(path) as temporary:
+        temporary.write_bytes(encoded)
+
+
+def _decoded(path: str | os.PathLike[str], kind: str) -> np.ndarray:
+    """(H, W, 3) uint8 or uint16 as stored."""
+    wanted = oiio.ImageSpec()
+    wanted.attribute("oiio:UnassociatedAlpha", 1)  # else colours come multiplied by alpha
+    source = oiio.ImageInput.open(str(path), wanted)
+    if source is None:
+        raise UnreadableFile(f"{path}: damaged {kind}: {one_line(oiio.geterror())}; copy it again from where it came")
+    try:
+        spec = source.spec()
+        refuse_absurd_size(path, spec.width, spec.height)
+        _refuse_unusable(path, kind, spec)
+        pixels = source.read_image(0, 0, 0, spec.nchannels, spec.format)
+        complaint = one_line(source.geterror())
+    finally:
+        source.close()
+    if pixels is None or (complaint and not _HARMLESS.search(complaint)):
+        reason = complaint.replace(f' ("{path}")', "") or "it holds no pixels"
+        raise UnreadableFile(f"{path}: damaged {kind}: {reason}; copy it again from where it came")
+    if complaint:
+        _refuse_truncated(path, kind)
+    return _three_channels(path, pixels.reshape(spec.height, spec.width, spec.nchannels), spec)
+
+
+def _refuse_unusable(path: str | os.PathLike[str], kind: str, spec: oiio.ImageSpec) -> None:
+    if spec.getattribute("tiff:PhotometricInterpretation") in _LOGLUV:
+        raise UnreadableFile(f"{path}: a LogLuv TIFF, whose range no photograph holds; convert it to EXR")
+    if spec.format not in (oiio.UINT8, oiio.UINT16):
+        what = "a JPEG with a gain map (Ultra HDR)" if kind == "JPEG" else f"a {kind} of {spec.format} pixels"
+        raise UnreadableFile(f"{path}: {what}, not 8 or 16 bits; convert it to EXR, or to a plain {kind}")
+    if tuple(spec.channelnames[: spec.nchannels]) not in (("R", "G", "B"), ("R", "G", "B", "A"), ("Y",), ("Y", "A")):
+        raise UnreadableFile(f"{path}: its channels are {', '.join(spec.channelnames)}; save it as RGB or grey")
+    profile = spec.getattribute("ICCProfile:profile_description")
+    if profile and "srgb" not in str(profile).lower():
+        warnings.warn(f'{path}: its colour profile is "{profile}", not sRGB; not converted', stacklevel=5)
+
+
+def _refuse_truncated(path: str | os.PathLike[str], kind: str) -> None:
+    """The decoder tells the first trouble only; after stray bytes, ask another decoder for the end of the data."""
+    try:
+        with open(path, "rb") as file, Image.open(file, formats=[kind]) as image:
+            image.load()
+    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
+        raise UnreadableFile(f"{path}: damaged {kind}: {one_line(error)}; copy it again from where it came") from error
+
+
+def _three_channels(path: str | os.PathLike[str], pixels: np.ndarray, spec: oiio.ImageSpec) -> np.ndarray:
+    if spec.nchannels in (2, 4):
+        seen_through = np.count_nonzero(pixels[..., -1] != np.iinfo(pixels.dtype).max)
+        if seen_through:
+            warnings.warn(f"{path}: alpha is left out, though {seen_through} pixels are not opaque", stacklevel=5)
+    return pixels[..., :3] if spec.nchannels >= 3 else np.repeat(pixels[..., :1], 3, axis=2)

@@ -1,0 +1,44 @@
+"""A radiance map: scene-linear pixels with their unit, their variance and what no photograph could measure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+SATURATED, BLACK = 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class RadianceMap:
+    """Scene-linear radiance per pixel, Rec. 709 primaries.
+
+    radiance : (H, W, 3) float32, in `unit`
+    variance : (H, W, 3) float32, squared unit; None where unknown
+    clipped : (H, W) uint8; 0 measured, 1 saturated in every photograph (radiance is a lower bound),
+        2 black in every photograph (radiance is an upper bound); None where unknown
+    unit : "cd/m²" when calibrated, else "relative"
+    attributes : what else the file tells (text), e.g. {"mapping": "latlong"}
+    """
+
+    radiance: np.ndarray
+    variance: np.ndarray | None = None
+    clipped: np.ndarray | None = None
+    unit: str = "relative"
+    attributes: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        shape = self.radiance.shape
+        if self.radiance.ndim != 3 or shape[2] != 3 or self.radiance.dtype != np.float32:
+            raise ValueError(f"radiance is {shape} {self.radiance.dtype}; a radiance map is (H, W, 3) float32")
+        if self.variance is not None and self.variance.shape != shape:
+            raise ValueError(f"variance is {self.variance.shape}; expected the radiance's {shape}")
+        if self.clipped is not None and self.clipped.shape != shape[:2]:
+            raise ValueError(f"clipped is {self.clipped.shape}; expected {shape[:2]}")
+        if self.unit not in ("relative", "cd/m²"):
+            raise ValueError(f'unit is "{self.unit}"; expected "relative" or "cd/m²"')
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in pixels."""
+        return self.radiance.shape[1], self.radiance.shape[0]

@@ -1,0 +1,18 @@
+"""Bilinear look-up in plain images: pixel centres at (i + ½), so point (0.5, 0.5) is the middle of the first pixel."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def bilinear(image: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Values of `image` (H, W, …) at pixel coordinates x, y (right, down); beyond the border the edge goes on."""
+    height, width = image.shape[:2]
+    x, y = np.clip(x - 0.5, 0, width - 1), np.clip(y - 0.5, 0, height - 1)
+    left, top = np.minimum(x.astype(int), max(width - 2, 0)), np.minimum(y.astype(int), max(height - 2, 0))
+    right, bottom = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
+    extra = (...,) + (None,) * (image.ndim - 2)
+    fx, fy = (x - left)[extra], (y - top)[extra]
+    upper = image[top, left] * (1 - fx) + image[top, right] * fx
+    lower = image[bottom, left] * (1 - fx) + image[bottom, right] * fx
+    return upper * (1 - fy) + lower * fy

@@ -1,0 +1,61 @@
+"""The response of a camera: the curve between sensor exposure and pixel value, readable both ways."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """One curve a channel, g(z) = ln f⁻¹(z) (Debevec & Malik 1997, §2.1).
+
+    log_exposure : (3, levels) float64, natural logarithm of the exposure that gives each pixel value;
+        rising; its zero is the scale of the radiance that is merged with it
+    noise : (3,) standard deviation of a pixel value about the curve, in pixel values
+    """
+
+    log_exposure: np.ndarray
+    noise: np.ndarray
+
+    def __post_init__(self) -> None:
+        if self.log_exposure.ndim != 2 or self.log_exposure.shape[0] != 3:
+            raise ValueError(f"log_exposure is {self.log_exposure.shape}; a response is (3, levels)")
+        if np.any(np.diff(self.log_exposure, axis=1) <= 0):
+            raise ValueError("log_exposure does not rise everywhere; a response must be invertible")
+
+    @property
+    def levels(self) -> int:
+        """The number of pixel values: 256 for 8-bit photographs."""
+        return self.log_exposure.shape[1]
+
+    def pixel_values(self, exposure: np.ndarray) -> np.ndarray:
+        """Pixel values (H, W, 3), not rounded, of sensor exposures (H, W, 3): a virtual photograph (§2.7)."""
+        with np.errstate(divide="ignore"):
+            logarithm = np.log(np.maximum(exposure, 0.0))
+        values = np.arange(self.levels, dtype=np.float64)
+        return np.stack([np.interp(logarithm[..., c], g, values) for c, g in enumerate(self.log_exposure)], axis=-1)
+
+    def balanced_at(self, value: int) -> Response:
+        """The curves shifted so that pixels of equal `value` in all channels are achromatic (§2.6).
+
+        The middle value is the paper's choice, for film. A digital camera balances its channels before it encodes
+        them, and its white (255, 255, 255) is the neutral its maker meant: photographs are balanced at 255.
+        """
+        shift = self.log_exposure[:, value] - self.log_exposure[:, value].mean()
+        return Response(self.log_exposure - shift[:, None], self.noise)
+
+    def to_json(self) -> str:
+        """The response as text, for a file kept beside the pictures it made."""
+        return json.dumps({"log_exposure": self.log_exposure.tolist(), "noise": self.noise.tolist()})
+
+    @staticmethod
+    def from_json(text: str) -> Response:
+        """The response that `to_json` wrote; raises ValueError for any other text."""
+        try:
+            table = json.loads(text)
+            return Response(np.array(table["log_exposure"], np.float64), np.array(table["noise"], np.float64))
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"not a response file of relume: {error}") from None

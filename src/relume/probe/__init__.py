@@ -1,0 +1,1 @@
+"""Radiance maps → illumination map."""

@@ -1,0 +1,1 @@
+"""A description of what is rendered; no renderer, no pixels."""

@@ -1,0 +1,1 @@
+"""The main job: a shot file and photographs in, a composite out."""

@@ -1,0 +1,1 @@
+"""Radiance as a function of direction."""

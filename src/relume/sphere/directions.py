@@ -1,0 +1,54 @@
+"""Directions and rotations: the one statement of our frame.
+
+World: right-handed, +Y up, metres. A camera looks along −Z with +X to its right. Directions are unit vectors
+(…, 3); angles are radians; rotations are active 3×3 matrices, so `directions @ rotation.T` turns directions.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+UP = np.array([0.0, 1.0, 0.0])
+
+
+def normalised(vectors: np.ndarray) -> np.ndarray:
+    """Vectors (…, 3) scaled to unit length."""
+    vectors = np.asarray(vectors, np.float64)
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def rotation_about(axis: np.ndarray, angle: float) -> np.ndarray:
+    """The active rotation by `angle` radians about `axis`, right-handed (Rodrigues' formula)."""
+    x, y, z = normalised(np.asarray(axis, np.float64))
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+def rotation_from_vector(vector: np.ndarray) -> np.ndarray:
+    """The rotation whose axis is `vector` and whose angle, in radians, is its length."""
+    angle = float(np.linalg.norm(vector))
+    return np.eye(3) if angle == 0 else rotation_about(vector, angle)
+
+
+def rotation_between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """The smallest rotation that turns direction `start` into direction `end`."""
+    start, end = normalised(start), normalised(end)
+    axis, cosine = np.cross(start, end), float(start @ end)
+    if cosine < -1 + 1e-12:
+        return rotation_about(np.cross(start, np.eye(3)[np.argmin(np.abs(start))]), np.pi)
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.eye(3) + cross + cross @ cross / (1 + cosine)
+
+
+def look_at(position: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """World-from-camera rotation of a camera at `position` that looks at `target` with a level horizon.
+
+    Its columns are the camera's right (+X), up (+Y) and backward (+Z) axes in the world.
+    Raises ValueError when the camera looks straight up or down: "level" says nothing there.
+    """
+    backward = np.asarray(position, np.float64) - np.asarray(target, np.float64)
+    right = np.cross(UP, backward)
+    if np.linalg.norm(right) < 1e-9 * max(np.linalg.norm(backward), 1e-30):
+        raise ValueError(f"a camera at {position} looking at {target} has no level horizon; move it sideways")
+    backward, right = normalised(backward), normalised(right)
+    return np.stack([right, np.cross(backward, right), backward], axis=1)

@@ -1,0 +1,381 @@
+"""The layout of the package, as rules that a machine checks: imports follow the light, each heavy part has one door.
+
+Every rule is a function from the package's folder to the list of what breaks it, so that each is also shown a small
+package with a planted fault and has to find it.
+"""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+PACKAGE = REPOSITORY / "src" / "relume"
+
+# The light's way through the package: a folder imports itself and those before it (docs/decisions/0001).
+ORDER = [
+    "image",
+    "sphere",
+    "capture",
+    "probe",
+    "light",
+    "scene",
+    "render",
+    "composite",
+    "develop",
+    "lightstage",
+    "shot",
+]
+ORDER += ["cli", "studio"]
+BELOW_ALL = ["errors", "_kernel"]  # single modules any folder may import; they import nothing of ours
+ABOVE_ALL = ["", "__main__"]  # the package's own __init__ and `python -m relume` see everything
+USERS_OF_THE_PUBLIC_API = ["cli", "studio"]  # they alone may say `import relume`
+
+IMAGE_READERS = {"OpenEXR", "OpenImageIO", "PIL", "rawpy", "imageio", "tifffile"}
+IMAGE_FILE_CALLS = {"imread", "imwrite", "imdecode", "imencode", "imsave"}  # cv2, matplotlib and imageio spell it so
+MAY_OPEN_IMAGES: dict[str, str] = {}  # path in the package → the reason why it may, beside image/files/
+RENDERERS = {"mitsuba", "drjit", "mitsuba_oidn"}
+INSTALLED_AS = {"PIL": "pillow", "cv2": "opencv-python-headless"}  # where import and distribution differ in name
+NAMES_WITHOUT_MEANING = {"utils", "util", "common", "core", "helpers", "types"}
+LONGEST = 400
+MAY_BE_LONGER: dict[str, str] = {}  # path in the package → the reason why it is not split
+HEAVY = [
+    "numpy",
+    "scipy",
+    "mitsuba",
+    "drjit",
+    "cv2",
+    "OpenImageIO",
+    "OpenEXR",
+    "trimesh",
+    "pydantic",
+    "matplotlib",
+    "rich",
+]
+
+
+# What a module says
+
+
+def modules(package: Path) -> Iterator[tuple[str, ast.Module]]:
+    """Every module of the package: its path inside it, and its syntax tree."""
+    for file in sorted(package.rglob("*.py")):
+        yield file.relative_to(package).as_posix(), ast.parse(file.read_text(encoding="utf-8"))
+
+
+def folder_of(path: str) -> str:
+    """The part of the package a path belongs to: its folder, or the module's name at the top ("" for __init__)."""
+    top = path.split("/")[0].removesuffix(".py")
+    return "" if top == "__init__" else top
+
+
+def imports(path: str, tree: ast.Module, package: str = "relume") -> Iterator[tuple[int, str]]:
+    """The line and full dotted name of everything a module imports, wherever in the module and however spelt."""
+    own_package = [package, *path.split("/")[:-1]]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield node.lineno, alias.name
+        elif isinstance(node, ast.ImportFrom):
+            base = own_package[: len(own_package) - node.level + 1] if node.level else []
+            base += node.module.split(".") if node.module else []
+            for alias in node.names:
+                yield node.lineno, ".".join([*base, alias.name])
+        elif isinstance(node, ast.Call) and called_name(node) in ("import_module", "__import__") and node.args:
+            target = node.args[0]
+            if isinstance(target, ast.Constant) and isinstance(target.value, str):
+                yield node.lineno, target.value
+
+
+def called_name(call: ast.Call) -> str:
+    """The last name in what is called: `imread` of `cv2.imread(…)`."""
+    return call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
+
+
+def is_within(path: str, *places: str) -> bool:
+    return path.startswith(places)
+
+
+# The rules
+
+
+def imports_against_the_light(package: Path) -> list[str]:
+    """Imports of a folder that lies further down the light's way, of the whole package, or from an unknown folder."""
+    faults = []
+    parts = {folder_of(path) for path, _ in modules(package)} - {""}
+    for path, tree in modules(package):
+        here = folder_of(path)
+        if here in ABOVE_ALL:
+            continue
+        if here not in ORDER + BELOW_ALL:
+            faults.append(f"{path}: {here} has no place in the order")
+            continue
+        allowed = set(BELOW_ALL) | set(ORDER[: ORDER.index(here) + 1]) if here in ORDER else set()
+        for line, name in imports(path, tree):
+            top, _, rest = name.partition(".")
+            if top != "relume":
+                continue
+            there = rest.split(".")[0]
+            if there not in parts:  # a name of the package itself: `import relume`, `from relume import merge`
+                if here not in USERS_OF_THE_PUBLIC_API:
+                    faults.append(f"{path}:{line}: imports {name}; inside the package, import from the module itself")
+            elif there not in allowed:
+                faults.append(f"{path}:{line}: imports {name}, which lies downstream of {here}")
+    return faults
+
+
+def images_opened_elsewhere(package: Path) -> list[str]:
+    """Uses of an image reader outside image/files/."""
+    faults = []
+    for path, tree in modules(package):
+        if is_within(path, "image/files/") or path in MAY_OPEN_IMAGES:
+            continue
+        faults += [
+            f"{path}:{line}: {name}" for line, name in imports(path, tree) if name.split(".")[0] in IMAGE_READERS
+        ]
+        calls = (node for node in ast.walk(tree) if isinstance(node, ast.Call))
+        faults += [
+            f"{path}:{call.lineno}: {called_name(call)}()" for call in calls if called_name(call) in IMAGE_FILE_CALLS
+        ]
+    return faults
+
+
+def mitsuba_imported_elsewhere(package: Path) -> list[str]:
+    """Imports of Mitsuba or Dr.Jit outside render/mitsuba*.py."""
+    return [
+        f"{path}:{line}: {name}"
+        for path, tree in modules(package)
+        if not is_within(path, "render/mitsuba")
+        for line, name in imports(path, tree)
+        if name.split(".")[0] in RENDERERS
+    ]
+
+
+def names_without_meaning(package: Path) -> list[str]:
+    """Modules and folders named after no noun of the field."""
+    paths = (path for path, _ in modules(package))
+    return [path for path in paths if NAMES_WITHOUT_MEANING & set(path.removesuffix(".py").split("/"))]
+
+
+def talk_outside_the_command_line(package: Path) -> list[str]:
+    """Calls in the library that print or end the program: that is for the command line alone."""
+    faults = []
+    for path, tree in modules(package):
+        if folder_of(path) in ("cli", "__main__"):
+            continue
+        for node in ast.walk(tree):
+            if (
+                isinstance(node, ast.Call)
+                and isinstance(node.func, ast.Name)
+                and node.func.id in ("print", "exit", "quit")
+            ):
+                faults.append(f"{path}:{node.lineno}: {node.func.id}()")
+            elif isinstance(node, ast.Attribute) and ast.unparse(node) in ("sys.exit", "os._exit"):
+                faults.append(f"{path}:{node.lineno}: {ast.unparse(node)}")
+            elif isinstance(node, ast.Name) and node.id == "SystemExit":
+                faults.append(f"{path}:{node.lineno}: SystemExit")
+    return faults
+
+
+def modules_without_a_docstring(package: Path) -> list[str]:
+    return [path for path, tree in modules(package) if not ast.get_docstring(tree)]
+
+
+def modules_too_long(package: Path) -> list[str]:
+    lengths = {path: len((package / path).read_text(encoding="utf-8").splitlines()) for path, _ in modules(package)}
+    return [f"{path}: {n} lines" for path, n in lengths.items() if n > LONGEST and path not in MAY_BE_LONGER]
+
+
+def undeclared_imports(package: Path, declared: set[str]) -> list[str]:
+    """Imports of a package that is neither Python's, nor ours, nor declared (as a distribution) in pyproject.toml."""
+    own = {"relume"} | {file.stem for file in package.glob("*.py")}
+    faults = []
+    for path, tree in modules(package):
+        for line, name in imports(path, tree):
+            top = name.split(".")[0]
+            if top in own or top in sys.stdlib_module_names:
+                continue
+            if spelling(INSTALLED_AS.get(top, top)) not in declared:
+                faults.append(f"{path}:{line}: {top}")
+    return faults
+
+
+def spelling(distribution: str) -> str:
+    """A distribution's name without extras and bounds, as package indexes compare them."""
+    return re.sub(r"[-_.]+", "-", re.split(r"[\[<>=!~; ]", distribution)[0]).lower()
+
+
+def declared_parts(*extras: str) -> set[str]:
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    parts = list(project["dependencies"])
+    for extra in extras:
+        parts += project["optional-dependencies"][extra]
+    return {spelling(part) for part in parts}
+
+
+def heavy_modules_loaded_by(statement: str, package: Path) -> list[str]:
+    """The heavy libraries that a fresh Python has loaded after the statement."""
+    probe = f"import sys\n{statement}\nprint(*[name for name in {HEAVY!r} if name in sys.modules])"
+    environment = {**os.environ, "PYTHONPATH": str(package.parent)}
+    done = subprocess.run([sys.executable, "-c", probe], env=environment, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+# The package keeps them
+
+
+def test_imports_point_one_way_along_the_light():
+    assert imports_against_the_light(PACKAGE) == []
+
+
+def test_only_image_files_opens_images():
+    assert images_opened_elsewhere(PACKAGE) == []
+
+
+def test_only_the_mitsuba_modules_import_mitsuba():
+    assert mitsuba_imported_elsewhere(PACKAGE) == []
+
+
+def test_no_module_is_named_after_nothing():
+    assert names_without_meaning(PACKAGE) == []
+
+
+def test_the_library_neither_prints_nor_exits():
+    assert talk_outside_the_command_line(PACKAGE) == []
+
+
+def test_every_module_opens_with_a_docstring():
+    assert modules_without_a_docstring(PACKAGE) == []
+
+
+def test_no_module_is_longer_than_a_reader_can_hold():
+    assert modules_too_long(PACKAGE) == []
+
+
+def test_every_exception_to_a_rule_is_still_needed_and_says_why():
+    for path, reason in {**MAY_OPEN_IMAGES, **MAY_BE_LONGER}.items():
+        assert (PACKAGE / path).is_file(), f"{path} is gone; take it off the list"
+        assert reason.strip(), path
+
+
+def test_every_part_the_package_imports_is_declared():
+    assert undeclared_imports(PACKAGE, declared_parts("studio", "cluster", "lightstage")) == []
+
+
+def test_every_part_the_tests_import_is_declared():
+    assert undeclared_imports(REPOSITORY / "tests", declared_parts("cluster", "lightstage", "dev")) == []
+
+
+def test_importing_relume_loads_no_heavy_library():
+    assert heavy_modules_loaded_by("import relume", PACKAGE) == []
+
+
+def test_every_public_name_can_be_had():
+    touch = "import relume\nfor name in relume.__all__: getattr(relume, name); assert name in dir(relume), name"
+    assert heavy_modules_loaded_by(touch, PACKAGE) != []  # the names are the real things, not stand-ins
+
+
+def test_the_public_names_fit_on_a_page():
+    count = "import relume\nassert 0 < len(set(relume.__all__)) == len(relume.__all__) <= 60, len(relume.__all__)"
+    assert heavy_modules_loaded_by(count, PACKAGE) == []
+
+
+# Each rule finds a planted fault, and only that
+
+
+def planted(root: Path, files: dict[str, str]) -> Path:
+    """A small sound package under root, with these files added."""
+    sound = {
+        "__init__.py": '"""Names."""\n',
+        "errors.py": '"""Errors."""\n',
+        "image/__init__.py": '"""Pixels."""\n',
+        "image/files/__init__.py": '"""Files."""\nimport OpenEXR\nfrom PIL import Image\n',
+        "render/__init__.py": '"""Renders."""\nfrom relume import errors\nfrom ..image import files\n',
+        "render/mitsuba_variant.py": '"""Variant."""\nimport drjit\nimport mitsuba as mi\n',
+        "cli/__init__.py": '"""Commands."""\nimport sys\nimport relume as rl\nprint(rl)\nsys.exit(0)\n',
+    }
+    package = root / "relume"
+    for path, text in {**sound, **files}.items():
+        (package / path).parent.mkdir(parents=True, exist_ok=True)
+        (package / path).write_text(text, encoding="utf-8")
+    return package
+
+
+def undeclared(package: Path) -> list[str]:
+    return undeclared_imports(package, {"openexr", "pillow", "mitsuba", "drjit"})
+
+
+def heavy_after_import(package: Path) -> list[str]:
+    return heavy_modules_loaded_by("import relume", package)
+
+
+RULES: list[Callable[[Path], list[str]]] = [
+    imports_against_the_light,
+    images_opened_elsewhere,
+    mitsuba_imported_elsewhere,
+    names_without_meaning,
+    talk_outside_the_command_line,
+    modules_without_a_docstring,
+    modules_too_long,
+    undeclared,
+    heavy_after_import,
+]
+
+NO_DOCSTRING = "x = 1\n"
+FAULTS: dict[str, tuple[Callable[[Path], list[str]], str, str]] = {
+    "image imports render": (imports_against_the_light, "image/a.py", "from relume.render import x"),
+    "image imports render relatively": (imports_against_the_light, "image/a.py", "from ..render import x"),
+    "image imports render from the package": (imports_against_the_light, "image/a.py", "from relume import render"),
+    "image imports render inside a function": (
+        imports_against_the_light,
+        "image/a.py",
+        "def f():\n    import relume.render",
+    ),
+    "image imports render by its name": (
+        imports_against_the_light,
+        "image/a.py",
+        "import importlib\nimportlib.import_module('relume.render')",
+    ),
+    "render uses the public names": (imports_against_the_light, "render/a.py", "import relume"),
+    "errors imports image": (imports_against_the_light, "errors.py", "from relume import image"),
+    "a folder outside the order": (imports_against_the_light, "extra/a.py", ""),
+    "a composite opens an image": (images_opened_elsewhere, "composite/a.py", "import OpenEXR"),
+    "a composite opens an image by hand": (
+        images_opened_elsewhere,
+        "composite/a.py",
+        "def f(cv2):\n    cv2.imread('a')",
+    ),
+    "image itself opens an image": (images_opened_elsewhere, "image/a.py", "from PIL.Image import open"),
+    "a composite renders": (mitsuba_imported_elsewhere, "composite/a.py", "import mitsuba as mi"),
+    "another renderer uses Dr.Jit": (mitsuba_imported_elsewhere, "render/whitted.py", "from drjit import auto"),
+    "a module named utils": (names_without_meaning, "image/utils.py", ""),
+    "a folder named core": (names_without_meaning, "image/core/a.py", ""),
+    "the library prints": (talk_outside_the_command_line, "image/a.py", "print('hello')"),
+    "the library exits": (talk_outside_the_command_line, "image/a.py", "import sys\nsys.exit(1)"),
+    "the library raises SystemExit": (talk_outside_the_command_line, "image/a.py", "raise SystemExit"),
+    "a module without a docstring": (modules_without_a_docstring, "image/a.py", NO_DOCSTRING),
+    "a module too long": (modules_too_long, "image/a.py", "x = 1\n" * LONGEST),
+    "a part nobody declared": (undeclared, "image/a.py", "import numpy"),
+    "a heavy import at the top": (heavy_after_import, "__init__.py", "import numpy"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_the_rule_finds_the_planted_fault(fault, tmp_path):
+    rule, path, code = FAULTS[fault]
+    text = code if code is NO_DOCSTRING else f'"""A module."""\n{code}\n'
+    assert rule(planted(tmp_path, {path: text})) != []
+
+
+@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
+def test_the_rule_finds_nothing_in_a_sound_package(rule, tmp_path):
+    assert rule(planted(tmp_path, {})) == []
