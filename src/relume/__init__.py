@@ -1,1 +1,114 @@
-"""relume"""
+"""relume: photographs in, light out; light in, photographs out. Every public name, loaded when it is first used."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from importlib.metadata import version as _version
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from relume.capture.bracket import Bracket, read_bracket
+    from relume.capture.calibration import Calibration, recover_response
+    from relume.capture.merging import merge
+    from relume.capture.weighting import Hat, InverseVariance
+    from relume.composite.differential import differential
+    from relume.composite.local_scene import Recovered, recover_reflectance
+    from relume.develop.film import Film, develop
+    from relume.errors import (
+        BallNotFound,
+        GridNotFound,
+        InvalidShot,
+        NotABracket,
+        OutputNotWritten,
+        RelumeError,
+        UnreadableFile,
+        UnsupportedScene,
+    )
+    from relume.image.files import read, read_photograph, read_radiance, write, write_layers
+    from relume.image.photograph import Exposure, Photograph
+    from relume.image.radiance import RadianceMap
+    from relume.image.response import Response
+    from relume.probe.ball import BallView, view_ball
+    from relume.probe.blending import Probe, assemble
+    from relume.render.mitsuba import Mitsuba
+    from relume.render.renderer import Constant, Render, Renderer, render
+    from relume.scene.camera import Camera
+    from relume.scene.grid import camera_from_grid
+    from relume.scene.materials import Diffuse, Material
+    from relume.scene.meshes import read_meshes
+    from relume.scene.scene import Scene
+    from relume.scene.shapes import Mesh, Plane
+    from relume.shot.insert import Inserted, insert
+    from relume.shot.project import Shot, read_shot
+    from relume.sphere.illumination import IlluminationMap, as_illumination, as_radiance_map
+    from relume.sphere.mappings import Angular, LatLong, MirrorBall
+
+_HOMES = {
+    "capture.bracket": ("Bracket", "read_bracket"),
+    "capture.calibration": ("Calibration", "recover_response"),
+    "capture.merging": ("merge",),
+    "capture.weighting": ("Hat", "InverseVariance"),
+    "composite.differential": ("differential",),
+    "composite.local_scene": ("Recovered", "recover_reflectance"),
+    "develop.film": ("Film", "develop"),
+    "errors": (
+        "BallNotFound",
+        "GridNotFound",
+        "InvalidShot",
+        "NotABracket",
+        "OutputNotWritten",
+        "RelumeError",
+        "UnreadableFile",
+        "UnsupportedScene",
+    ),
+    "image.files": ("read", "read_photograph", "read_radiance", "write", "write_layers"),
+    "image.photograph": ("Exposure", "Photograph"),
+    "image.radiance": ("RadianceMap",),
+    "image.response": ("Response",),
+    "probe.ball": ("BallView", "view_ball"),
+    "probe.blending": ("Probe", "assemble"),
+    "render.mitsuba": ("Mitsuba",),
+    "render.renderer": ("Constant", "Render", "Renderer", "render"),
+    "scene.camera": ("Camera",),
+    "scene.grid": ("camera_from_grid",),
+    "scene.materials": ("Diffuse", "Material"),
+    "scene.meshes": ("read_meshes",),
+    "scene.scene": ("Scene",),
+    "scene.shapes": ("Mesh", "Plane"),
+    "shot.insert": ("Inserted", "insert"),
+    "shot.project": ("Shot", "read_shot"),
+    "sphere.illumination": ("IlluminationMap", "as_illumination", "as_radiance_map"),
+    "sphere.mappings": ("Angular", "LatLong", "MirrorBall"),
+}
+_HOME = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = [  # pyright: ignore[reportUnsupportedDunderAll]
+    *sorted(_HOME)
+]
+
+
+class _Relume(ModuleType):
+    """Keeps `relume.render` and `relume.develop` the functions, though folders of the same names are imported."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (name in _HOME and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Relume
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return _version("relume")
+    if name not in _HOME:
+        raise AttributeError(f"module 'relume' has no attribute {name!r}")
+    value = getattr(import_module(f"relume.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

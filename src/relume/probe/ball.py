@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.image.radiance import RadianceMap
+from relume.image.radiance import SATURATED, RadianceMap
 from relume.image.resample import bilinear
 from relume.probe.outline import Outline, find_outline
 from relume.sphere.directions import look_at, normalised, rotation_between
@@ -58,6 +58,20 @@ class BallView:
         The cosine is 1 where the ball faces the camera and falls to 0 at the silhouette, where the whole
         neighbourhood of the direction behind the ball is squeezed into no width; in the blind cone it is 0.
         """
+        x, y, incidence = self._seen_at(directions, nearness)
+        height, width = self.picture.radiance.shape[:2]
+        incidence = np.where((x >= 0) & (x <= width) & (y >= 0) & (y <= height), incidence, 0)
+        return bilinear(self.picture.radiance, x, y), incidence
+
+    def saturated(self, directions: np.ndarray, nearness: float = 0.0) -> np.ndarray:
+        """Whether the light from world directions (…, 3) was saturated in every photograph: (…) bool."""
+        if self.picture.clipped is None:
+            return np.zeros(directions.shape[:-1], bool)
+        x, y, _ = self._seen_at(directions, nearness)
+        return bilinear((self.picture.clipped == SATURATED).astype(np.float32), x, y) > 0.5
+
+    def _seen_at(self, directions: np.ndarray, nearness: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Pixel coordinates where directions are seen, and the cosine of incidence there."""
         local = np.asarray(directions, np.float64) @ self.world_from_pixels
         normal = self._normal(local)
         if nearness:
@@ -65,11 +79,7 @@ class BallView:
             normal = self._normal(normalised(local - nearness * normal))
         point = self.distance * self.axis + normal
         x, y = self._project(point)
-        radiance = bilinear(self.picture.radiance, x, y)
-        incidence = np.maximum(-(normalised(point) * normal).sum(-1), 0)
-        height, width = self.picture.radiance.shape[:2]
-        incidence = np.where((x >= 0) & (x <= width) & (y >= 0) & (y <= height), incidence, 0)
-        return radiance, incidence
+        return x, y, np.maximum(-(normalised(point) * normal).sum(-1), 0)
 
     def _normal(self, directions: np.ndarray) -> np.ndarray:
         """The normals (…, 3) at which directions (…, 3), in the pixel frame, are reflected to the camera."""

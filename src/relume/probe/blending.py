@@ -35,12 +35,14 @@ class Probe:
     light : lat-long illumination map
     corrections : radians by which registration turned each view; the first view stays
     nearness : ball radius over the distance of what surrounds it, as registration found it; 0 for a lone view
+    clipped_solid_angle : steradians whose light was saturated in every photograph of the view it came from
     confidence : (size, 2·size) float32, 0 where no view saw the direction well, 1 where one faced it squarely
     """
 
     light: IlluminationMap
     corrections: tuple[float, ...]
     nearness: float
+    clipped_solid_angle: float
     confidence: np.ndarray
 
 
@@ -60,12 +62,14 @@ def assemble(views: Sequence[BallView], *, size: int = 512) -> Probe:
 
     subdivision = 2
     points = pixel_points(LatLong(), size, subdivision)
-    total, weight = np.zeros((2 * size, 4 * size, 3)), np.zeros((2 * size, 4 * size))
+    total, weight, clipped = np.zeros((2 * size, 4 * size, 3)), np.zeros((2 * size, 4 * size)), 0.0
+    cell = LatLong().solid_angles(2 * size)[:, 0]
     for rows in np.array_split(np.arange(2 * size), 16):
         directions = LatLong().directions(points[rows])
         seen = [view.look_up(directions, near) for view in registered]
         trust = [_trust(view, directions, cosine) for view, (_, cosine) in zip(registered, seen, strict=True)]
-        for (radiance, _), share in zip(seen, trust, strict=True):
+        for view, (radiance, _), share in zip(registered, seen, trust, strict=True):
+            clipped += float((view.saturated(directions, near) * share / sum(trust, 1e-300)).sum(1) @ cell[rows])
             total[rows] += radiance * share[..., None]
             weight[rows] += share
     cells = (size, subdivision, 2 * size, subdivision)
@@ -74,7 +78,7 @@ def assemble(views: Sequence[BallView], *, size: int = 512) -> Probe:
     confidence = np.minimum(weight, 1) ** (1 / SHARPNESS)
     radiance = total / np.maximum(weight, 1e-300)[..., None] / subdivision**2
     light = IlluminationMap(_filled(radiance, confidence > 0.05).astype(np.float32))
-    return Probe(light, tuple(corrections), near, confidence.astype(np.float32))
+    return Probe(light, tuple(corrections), near, clipped, confidence.astype(np.float32))
 
 
 def _trust(view: BallView, directions: np.ndarray, incidence: np.ndarray) -> np.ndarray:

@@ -7,19 +7,20 @@ World: right-handed, +Y up, metres. A camera looks along −Z with +X to its rig
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 UP = np.array([0.0, 1.0, 0.0])
 
 
-def normalised(vectors: np.ndarray) -> np.ndarray:
+def normalised(vectors: ArrayLike) -> np.ndarray:
     """Vectors (…, 3) scaled to unit length."""
-    vectors = np.asarray(vectors, np.float64)
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    array = np.asarray(vectors, np.float64)
+    return array / np.linalg.norm(array, axis=-1, keepdims=True)
 
 
-def rotation_about(axis: np.ndarray, angle: float) -> np.ndarray:
+def rotation_about(axis: ArrayLike, angle: float) -> np.ndarray:
     """The active rotation by `angle` radians about `axis`, right-handed (Rodrigues' formula)."""
-    x, y, z = normalised(np.asarray(axis, np.float64))
+    x, y, z = normalised(axis)
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
 
@@ -30,7 +31,7 @@ def rotation_from_vector(vector: np.ndarray) -> np.ndarray:
     return np.eye(3) if angle == 0 else rotation_about(vector, angle)
 
 
-def rotation_between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+def rotation_between(start: ArrayLike, end: ArrayLike) -> np.ndarray:
     """The smallest rotation that turns direction `start` into direction `end`."""
     start, end = normalised(start), normalised(end)
     axis, cosine = np.cross(start, end), float(start @ end)
@@ -40,7 +41,7 @@ def rotation_between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     return np.eye(3) + cross + cross @ cross / (1 + cosine)
 
 
-def look_at(position: np.ndarray, target: np.ndarray) -> np.ndarray:
+def look_at(position: ArrayLike, target: ArrayLike) -> np.ndarray:
     """World-from-camera rotation of a camera at `position` that looks at `target` with a level horizon.
 
     Its columns are the camera's right (+X), up (+Y) and backward (+Z) axes in the world.

@@ -17,7 +17,7 @@ from PIL.TiffImagePlugin import IFDRational
 from relume.image.files.signatures import one_line
 from relume.image.photograph import Exposure, Photograph
 
-_MAKE, _MODEL, _ORIENTATION, _SUBFILE_TYPE, _EXIF_IFD = 0x010F, 0x0110, 0x0112, 0x00FE, 0x8769
+_MAKE, _MODEL, _ORIENTATION, _EXIF_IFD = 0x010F, 0x0110, 0x0112, 0x8769
 _EXPOSURE_TIME, _F_NUMBER, _ISO, _ISO_SPEED, _EXPOSURE_INDEX = 0x829A, 0x829D, 0x8827, 0x8833, 0x8832
 _FOCAL_LENGTH, _FOCAL_LENGTH_35MM, _MAKER_NOTE, _PIXEL_WIDTH = 0x920A, 0xA405, 0x927C, 0xA002
 _PLANE_RESOLUTION, _PLANE_UNIT = 0xA20E, 0xA210
@@ -81,11 +81,6 @@ def orientation_of(tags: dict[int, object]) -> int:
     """The EXIF orientation, 1 to 8; 1, upright, where it is missing or senseless."""
     value = int(_positive(tags, _ORIENTATION) or 1)
     return value if value in range(1, 9) else 1
-
-
-def is_preview(tags: dict[int, object]) -> bool:
-    """Whether a TIFF's first picture is a reduced one, as in camera raw files."""
-    return bool(int(_positive(tags, _SUBFILE_TYPE) or 0) & 1)
 
 
 def encoded(photograph: Photograph) -> bytes:

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from relume.errors import UnreadableFile
-from relume.image.files.exr_parts import Part, read_parts, write_parts
+from relume.image.files.exr_parts import Part, placed, read_parts, write_parts
 from relume.image.radiance import RadianceMap
 
 _REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # x, y of red, green, blue and white
@@ -96,8 +96,9 @@ def read_layers(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     """
     layers = {}
     for index, part in enumerate(read_parts(path)):
-        lone = next(iter(part.channels.values())) if len(part.channels) == 1 else None
-        layers[part.name or f"part {index}"] = _pixels(path, part) if lone is None else lone.astype(np.float32)
+        lone = len(part.channels) == 1
+        pixels = next(iter(placed(path, part).values())).astype(np.float32) if lone else _pixels(path, part)
+        layers[part.name or f"part {index}"] = pixels
     return layers
 
 
@@ -126,7 +127,8 @@ def _pixels(path: str | os.PathLike[str], part: Part) -> np.ndarray:
     if missing:
         lacking = f'its part "{part.name}" has no channel {", ".join(missing)}'
         raise UnreadableFile(f"{path}: {lacking}; save it as R, G, B or Y")
-    planes = [part.channels[name] for name in names]
+    channels = placed(path, part)
+    planes = [channels[name] for name in names]
     if any(plane.dtype == np.uint32 for plane in planes):
         raise UnreadableFile(f"{path}: its colours are integers (uint); save it as half or float")
     return np.stack(planes, axis=-1, dtype=np.float32, casting="same_kind")

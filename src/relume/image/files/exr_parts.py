@@ -16,6 +16,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import OpenEXR
@@ -29,15 +30,15 @@ _decoding = threading.Lock()
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One part of an EXR file, its channels placed in the display window.
+    """One part of an EXR file.
 
-    channels : name → (H, W) float16, float32 or uint32
+    channels : name → (H, W) float16, float32 or uint32, covering the data window
     header : the file's attributes by their own names
     """
 
     name: str
     channels: dict[str, np.ndarray]
-    header: dict[str, object]
+    header: dict[str, Any]
 
 
 def read_parts(path: str | os.PathLike[str]) -> list[Part]:
@@ -48,7 +49,10 @@ def read_parts(path: str | os.PathLike[str]) -> list[Part]:
     if len(parts) != len(headers):
         lost = f"{len(headers) - len(parts)} of {len(headers)} parts cannot be decoded"
         raise UnreadableFile(f"{path}: damaged EXR: {lost}; copy it again from where it came")
-    return [_placed(path, part) for part in parts]
+    return [
+        Part(str(part.header.get("name", "")), {n: c.pixels for n, c in part.channels.items()}, dict(part.header))
+        for part in parts
+    ]
 
 
 def write_parts(path: str | os.PathLike[str], parts: Sequence[Part]) -> None:
@@ -56,6 +60,7 @@ def write_parts(path: str | os.PathLike[str], parts: Sequence[Part]) -> None:
     written = []
     for part in parts:
         header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **part.header}
+        # The library ignores strides: a view into a larger array would be written as other pixels.
         channels = {name: np.ascontiguousarray(plane, dtype=np.float32) for name, plane in part.channels.items()}
         written.append(OpenEXR.Part(header, channels, part.name))
     with replacing(path) as temporary:
@@ -63,6 +68,24 @@ def write_parts(path: str | os.PathLike[str], parts: Sequence[Part]) -> None:
             OpenEXR.File(written).write(str(temporary))
         except RuntimeError as error:
             raise OutputNotWritten(f"{path}: cannot be written: {one_line(error)}") from error
+
+
+def placed(path: str | os.PathLike[str], part: Part) -> dict[str, np.ndarray]:
+    """The channels of a part moved from its data window into its display window; warns where some pixels fall out."""
+    data, display = (part.header[name] for name in ("dataWindow", "displayWindow"))
+    (width, height), (data_width, data_height) = _extent(display), _extent(data)
+    low, high = np.maximum(data[0], display[0]), np.minimum(data[1], display[1]) + 1
+    inside = int(np.prod(np.maximum(high - low, 0)))
+    if outside := data_width * data_height - inside:
+        warnings.warn(f"{path}: {outside} pixels around the display window (overscan) are left out", stacklevel=6)
+    if inside == width * height == data_width * data_height:
+        return part.channels
+    canvases = {name: np.zeros((height, width), plane.dtype) for name, plane in part.channels.items()}
+    if inside:
+        (x, y), (u, v), (w, h) = low - display[0], low - data[0], high - low
+        for name, plane in part.channels.items():
+            canvases[name][y : y + h, x : x + w] = plane[v : v + h, u : u + w]
+    return canvases
 
 
 def _open(path: str | os.PathLike[str], *, header_only: bool) -> list:
@@ -115,7 +138,7 @@ def _refuse_unusable(path: str | os.PathLike[str], headers: list[dict]) -> None:
         sparse = [c.name for c in header["channels"] if (c.xSampling, c.ySampling) != (1, 1)]
         if sparse:
             raise UnreadableFile(
-                f"{path}: channels {', '.join(sparse)} are subsampled (luminance/chroma); save it as RGB"
+                f"{path}: channels {', '.join(map(repr, sparse))} are subsampled (luminance/chroma); save it as RGB"
             )
     if samples > MAXIMUM_SAMPLES:
         raise UnreadableFile(f"{path}: its header claims {samples} values; relume reads {MAXIMUM_SAMPLES}: split it")
@@ -124,25 +147,3 @@ def _refuse_unusable(path: str | os.PathLike[str], headers: list[dict]) -> None:
 def _extent(window: tuple[np.ndarray, np.ndarray]) -> tuple[int, int]:
     (left, top), (right, bottom) = window[0].tolist(), window[1].tolist()
     return right - left + 1, bottom - top + 1
-
-
-def _placed(path: str | os.PathLike[str], part: OpenEXR.Part) -> Part:
-    """The part with its channels moved from the data window into the display window."""
-    header = dict(part.header)
-    planes = {name: channel.pixels for name, channel in part.channels.items()}
-    data, display = header["dataWindow"], header["displayWindow"]
-    low, high = np.maximum(data[0], display[0]), np.minimum(data[1], display[1]) + 1
-    inside = np.prod(np.maximum(high - low, 0))
-    outside = int(np.prod(_extent(data)) - inside)
-    if outside:
-        warnings.warn(f"{path}: {outside} pixels around the display window (overscan) are left out", stacklevel=6)
-    if outside or _extent(data) != _extent(display):
-        width, height = _extent(display)
-        for name, plane in planes.items():
-            canvas = np.zeros((height, width), plane.dtype)
-            if inside:
-                (x, y), (u, v) = low - display[0], low - data[0]
-                w, h = high - low
-                canvas[y : y + h, x : x + w] = plane[v : v + h, u : u + w]
-            planes[name] = canvas
-    return Part(str(header.get("name", "")), planes, header)

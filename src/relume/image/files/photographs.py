@@ -1,13 +1,14 @@
 """JPEG, PNG and TIFF photographs: pixels through OpenImageIO, EXIF through Pillow, upright, three channels.
 
-OpenImageIO decodes, because Pillow rounds 16-bit colour to 8 bits without a word and takes a JPEG with a hole in its
-data for whole. OpenImageIO returns the pixels of a truncated JPEG too, with a complaint: every complaint is an error
-here, but for stray bytes between two markers, which some cameras write. It does not turn pictures by their EXIF
-orientation; we do.
+OpenImageIO decodes, because Pillow rounds 16-bit colour to 8 bits without a word and takes any JPEG with a hole in its
+data for whole. OpenImageIO returns the pixels of a damaged JPEG too, with a complaint: every complaint is an error
+here, but for stray bytes among the headers, which lose no pixel. (A JPEG has no checksum: a few bytes altered in the
+middle may still decode without one.) It does not turn pictures by their EXIF orientation; we do.
 """
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import warnings
@@ -22,8 +23,8 @@ from relume.image.files.atomic import replacing
 from relume.image.files.signatures import kind_of, one_line, refuse_absurd_size
 from relume.image.photograph import Photograph
 
-# Stray bytes do no harm before another segment, but before a restart marker (d0 to d7) they are lost data.
-_HARMLESS = re.compile(r"extraneous bytes before marker 0x(?!d[0-7])")
+# Only before markers that come ahead of the pixels: APP, COM, DQT, DRI, SOF. Elsewhere such bytes are lost pixels.
+_HARMLESS = re.compile(r"extraneous bytes before marker 0x(e[0-9a-f]|fe|db|dd|c[012])")
 _LOGLUV = (32844, 32845)
 # Rows, columns and axes as stored → as seen, EXIF 2.32, tag 0x0112.
 _UPRIGHT = {
@@ -47,10 +48,8 @@ def read(path: str | os.PathLike[str]) -> Photograph:
     kind = kind_of(path)
     if kind == "PNG":
         png.refuse_damaged(path)
-    tags = exif.tags(path, kind)
-    if kind == "TIFF" and exif.is_preview(tags):
-        raise UnreadableFile(f"{path}: a camera raw file (it begins with a preview); develop it to a 16-bit TIFF first")
     pixels = _decoded(path, kind)
+    tags = exif.tags(path, kind)
     height, width = pixels.shape[:2]
     return Photograph(
         pixels=np.ascontiguousarray(_UPRIGHT[exif.orientation_of(tags)](pixels)),
@@ -67,9 +66,12 @@ def write_jpeg(path: str | os.PathLike[str], photograph: Photograph) -> None:
         raise ValueError(f"pixels are {photograph.pixels.dtype}; a JPEG holds uint8: write .png")
     if max(photograph.size) > 65500:
         raise ValueError(f"the photograph is {photograph.size} pixels; a JPEG's side is at most 65500: write .png")
-    encoded = exif.encoded(photograph)
+    # Not straight into the file: on a full disk Pillow takes a short write for a whole one.
+    encoded = io.BytesIO()
+    picture = Image.fromarray(photograph.pixels)
+    picture.save(encoded, "JPEG", quality=95, subsampling=0, exif=exif.encoded(photograph))
     with replacing(path) as temporary:
-        Image.fromarray(photograph.pixels).save(temporary, "JPEG", quality=95, subsampling=0, exif=encoded)
+        temporary.write_bytes(encoded.getvalue())
 
 
 def write_png(path: str | os.PathLike[str], photograph: Photograph) -> None:
@@ -99,10 +101,13 @@ def _decoded(path: str | os.PathLike[str], kind: str) -> np.ndarray:
         raise UnreadableFile(f"{path}: damaged {kind}: {reason}; copy it again from where it came")
     if complaint:
         _refuse_truncated(path, kind)
+        warnings.warn(f"{path}: has stray bytes among its headers; look whether the picture is whole", stacklevel=4)
     return _three_channels(path, pixels.reshape(spec.height, spec.width, spec.nchannels), spec)
 
 
 def _refuse_unusable(path: str | os.PathLike[str], kind: str, spec: oiio.ImageSpec) -> None:
+    if int(spec.getattribute("tiff:subfiletype") or 0) & 1:
+        raise UnreadableFile(f"{path}: a camera raw file (it begins with a preview); develop it to a 16-bit TIFF first")
     if spec.getattribute("tiff:PhotometricInterpretation") in _LOGLUV:
         raise UnreadableFile(f"{path}: a LogLuv TIFF, whose range no photograph holds; convert it to EXR")
     if spec.format not in (oiio.UINT8, oiio.UINT16):
@@ -116,7 +121,7 @@ def _refuse_unusable(path: str | os.PathLike[str], kind: str, spec: oiio.ImageSp
 
 
 def _refuse_truncated(path: str | os.PathLike[str], kind: str) -> None:
-    """The decoder tells the first trouble only; after stray bytes, ask another decoder for the end of the data."""
+    """Ask another decoder whether the data ends early: the first one tells only the first of its troubles."""
     try:
         with open(path, "rb") as file, Image.open(file, formats=[kind]) as image:
             image.load()

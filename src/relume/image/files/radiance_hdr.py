@@ -115,7 +115,7 @@ def _understood(path: str | os.PathLike[str], header: list[str]) -> tuple[dict[s
         elif key in ("EXPOSURE", "COLORCORR"):
             scale *= _numbers(path, key, value, (1,) if key == "EXPOSURE" else (3,))
         else:
-            attributes[key.removeprefix(_PREFIX)] = value.strip()
+            attributes[key] = value.strip()
     if not (np.all(np.isfinite(scale)) and np.all(scale > 0)):
         raise UnreadableFile(f"{path}: its EXPOSURE lines multiply to {scale.tolist()}; expected positive numbers")
     if "PRIMARIES" in attributes:

@@ -1,0 +1,172 @@
+"""Our scene in Mitsuba's words: the adapter for light, shapes and materials.
+
+Mitsuba's `envmap` is half a turn away from our lat-long and its rows align corners where ours have pixel centres;
+`envmap_pixels` converts so that Mitsuba's bilinear look-up equals ours. Mitsuba never opens a file: it gets arrays.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from relume.scene.camera import Camera
+from relume.scene.materials import Diffuse, Material
+from relume.scene.scene import Scene
+from relume.scene.shapes import Mesh, Plane, Shape
+from relume.sphere.illumination import IlluminationMap
+from relume.sphere.mappings import LatLong
+
+
+def scene_dictionary(mi: Any, scene: Scene, camera: Camera) -> dict[str, Any]:
+    """The whole scene, lit, as seen by the camera."""
+    dictionary: dict[str, Any] = {"type": "scene", "sensor": sensor(mi, camera)}
+    dictionary["light"] = {"type": "envmap", "bitmap": mi.Bitmap(envmap_pixels(scene.light)), "scale": 1.0}
+    for index, shape in enumerate((*scene.local, *scene.objects)):
+        dictionary[f"shape_{index:04d}"] = _shape(mi, shape, _bsdf(mi, shape.material))
+    return dictionary
+
+
+def matte_dictionary(mi: Any, scene: Scene, camera: Camera) -> dict[str, Any]:
+    """The paper's mask image: objects shine white, real surfaces are black, and there is no other light (§5.2)."""
+    dictionary: dict[str, Any] = {"type": "scene", "sensor": sensor(mi, camera)}
+    black = {"type": "diffuse", "reflectance": 0.0}
+    for index, shape in enumerate(scene.local):
+        dictionary[f"local_{index:04d}"] = _shape(mi, shape, black)
+    for index, shape in enumerate(scene.objects):
+        # Emitters shine from one side; the lamp inside a closed or open mesh must be seen from both.
+        for side, mesh in enumerate((shape, _reversed(shape))):
+            white = {"type": "area", "radiance": {"type": "rgb", "value": 1.0}}
+            dictionary[f"object_{index:04d}_{side}"] = _mesh(mi, mesh, black, white)
+    return dictionary
+
+
+def sensor(mi: Any, camera: Camera) -> dict[str, Any]:
+    """Mitsuba's camera looks along +Z with +X to its left: ours, turned half a turn about +Y."""
+    pose = np.eye(4)
+    pose[:3, :3] = camera.rotation @ np.diag([-1.0, 1.0, -1.0])
+    pose[:3, 3] = camera.position
+    return {
+        "type": "perspective",
+        "fov": float(np.degrees(2 * np.arctan(camera.width / 2 / camera.focal_length))),
+        "fov_axis": "x",
+        "near_clip": 1e-3,
+        "far_clip": 1e5,
+        "to_world": mi.ScalarTransform4f(pose),
+        # The box filter keeps every sample in its pixel, so that sums do not depend on the order of threads.
+        "film": {
+            "type": "hdrfilm",
+            "width": camera.width,
+            "height": camera.height,
+            "rfilter": {"type": "box"},
+            "pixel_format": "rgb",
+            "component_format": "float32",
+        },
+        "sampler": {"type": "independent"},
+    }
+
+
+def envmap_pixels(light: IlluminationMap) -> np.ndarray:
+    """Pixels of Mitsuba's envmap (2·size + 1, 2·size, 3) that look up the same light as `light.look_up`.
+
+    Twice the rows: the odd ones stand at our pixel centres, the even ones half-way, at the means of their
+    neighbours, where bilinear interpolation would be anyway; the first and last are the poles.
+    """
+    latlong = light if isinstance(light.mapping, LatLong) else light.remapped(LatLong())
+    pixels = latlong.radiance.astype(np.float32)
+    half = pixels.shape[1] // 2
+    over_top, over_bottom = np.roll(pixels[:1], half, axis=1), np.roll(pixels[-1:], half, axis=1)
+    tall = np.concatenate([over_top, pixels, over_bottom])
+    rows = np.empty((2 * len(pixels) + 1, *pixels.shape[1:]), np.float32)
+    rows[1::2] = pixels
+    rows[0::2] = 0.5 * (tall[:-1] + tall[1:])
+    # Mitsuba's left edge looks along −Z, which is our middle.
+    return np.ascontiguousarray(np.roll(rows, half, axis=1))
+
+
+def _shape(mi: Any, shape: Shape, bsdf: dict[str, Any]) -> Any:
+    if isinstance(shape, Plane):
+        x, z = shape.extent
+        pose = np.eye(4)
+        # Mitsuba's rectangle spans ±1 in x and y and faces +Z; ours lies down and faces up.
+        pose[:3, :3] = np.array([[x / 2, 0, 0], [0, 0, 1], [0, -z / 2, 0]])
+        pose[1, 3] = shape.height
+        return {"type": "rectangle", "to_world": mi.ScalarTransform4f(pose), "bsdf": bsdf}
+    return _mesh(mi, shape, bsdf)
+
+
+def _mesh(mi: Any, mesh: Mesh, bsdf: dict[str, Any], emitter: dict[str, Any] | None = None) -> Any:
+    properties = mi.Properties()
+    properties["bsdf"] = mi.load_dict(bsdf)
+    if emitter is not None:
+        properties["emitter"] = mi.load_dict(emitter)
+    built = mi.Mesh(
+        mesh.name,
+        len(mesh.vertices),
+        len(mesh.faces),
+        props=properties,
+        has_vertex_normals=mesh.normals is not None,
+        has_vertex_texcoords=mesh.uv is not None,
+    )
+    parameters = mi.traverse(built)
+    parameters["vertex_positions"] = np.ravel(mesh.vertices).astype(np.float32)
+    parameters["faces"] = np.ravel(mesh.faces).astype(np.uint32)
+    if mesh.normals is not None:
+        parameters["vertex_normals"] = np.ravel(mesh.normals).astype(np.float32)
+    if mesh.uv is not None:
+        parameters["vertex_texcoords"] = np.ravel(mesh.uv).astype(np.float32)
+    parameters.update()
+    return built
+
+
+def _reversed(mesh: Mesh) -> Mesh:
+    normals = None if mesh.normals is None else -mesh.normals
+    return Mesh(mesh.vertices, mesh.faces[:, ::-1], mesh.material, normals, mesh.uv, mesh.name)
+
+
+def _bsdf(mi: Any, material: Material | Diffuse) -> dict[str, Any]:
+    if isinstance(material, Diffuse):
+        diffuse = {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(material.reflectance)}}
+        return {"type": "twosided", "bsdf": diffuse}
+    opaque = _opaque(mi, material)
+    if material.transmission == 0:
+        return opaque
+    clear = _clear(mi, material)
+    if material.transmission == 1:
+        return clear
+    return {"type": "blendbsdf", "weight": material.transmission, "first": opaque, "second": clear}
+
+
+def _opaque(mi: Any, material: Material) -> dict[str, Any]:
+    plain = isinstance(material.metallic, float | int) and isinstance(material.roughness, float | int)
+    if plain and material.metallic == 1 and material.roughness == 0:
+        mirror = {"type": "conductor", "material": "none", "specular_reflectance": _texture(mi, material.base_color)}
+        return {"type": "twosided", "bsdf": mirror}
+    principled = {
+        "type": "principled",
+        "base_color": _texture(mi, material.base_color),
+        "metallic": _texture(mi, material.metallic),
+        "roughness": _texture(mi, material.roughness),
+        "eta": max(material.ior, 1.0001),
+    }
+    return {"type": "twosided", "bsdf": principled}
+
+
+def _clear(mi: Any, material: Material) -> dict[str, Any]:
+    dielectric: dict[str, Any] = {"type": "dielectric", "int_ior": max(material.ior, 1.0001), "ext_ior": 1.0}
+    roughness = float(np.mean(np.asarray(material.roughness)))
+    if roughness > 0.03:
+        dielectric |= {"type": "roughdielectric", "distribution": "ggx", "alpha": roughness**2}
+    # Light crosses a closed body twice; the tint of both crossings together is the base colour.
+    tint = np.sqrt(np.asarray(material.base_color, np.float32))
+    return dielectric | {"specular_transmittance": _texture(mi, tint if tint.ndim > 1 else tuple(map(float, tint)))}
+
+
+def _texture(mi: Any, value: Any) -> Any:
+    array = np.asarray(value, np.float32)
+    if array.ndim == 0:
+        return float(array)
+    if array.ndim == 1:
+        return {"type": "rgb", "value": [float(v) for v in array]}
+    image = array if array.ndim == 3 else array[..., None]
+    return {"type": "bitmap", "bitmap": mi.Bitmap(np.ascontiguousarray(image)), "raw": True}

@@ -1,0 +1,160 @@
+"""Reading meshes: glTF with its physically based materials; OBJ, PLY and STL as shapes of one grey material."""
+
+from __future__ import annotations
+
+import io
+import json
+import logging
+import struct
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from relume.errors import UnreadableFile
+from relume.image.colour import decode_srgb
+from relume.scene.materials import Material
+from relume.scene.shapes import Mesh
+
+GREY = Material((0.5, 0.5, 0.5), roughness=1.0, name="grey")
+"""What a mesh without a material is made of."""
+IGNORED = {
+    "normalTexture": "normal map",
+    "emissiveTexture": "emission",
+    "KHR_materials_clearcoat": "clearcoat",
+    "KHR_materials_volume": "volume",
+    "KHR_materials_sheen": "sheen",
+    "KHR_materials_specular": "specular",
+    "KHR_materials_anisotropy": "anisotropy",
+    "KHR_materials_iridescence": "iridescence",
+}
+"""Parts of a glTF material that are not rendered; each is warned of, never dropped in silence."""
+
+
+def read_meshes(path: str | Path) -> tuple[Mesh, ...]:
+    """Read every mesh of a file, placed by the file's own transforms, metres, +Y up.
+
+    Raises UnreadableFile when the file is missing, damaged, of an unknown kind or holds no triangles.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise UnreadableFile(f"{path}: no such mesh file; check the path")
+    try:
+        scene, descriptions = _loaded(path)
+    except Exception as error:  # trimesh raises whatever its parsers do
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise UnreadableFile(f"{path}: not a readable mesh ({reason}); export it again as .glb") from None
+    materials = {index: _material(path, d) for index, d in descriptions.items()}
+    meshes = []
+    for node in sorted(scene.graph.nodes_geometry):
+        world_from_mesh, name = scene.graph[node]
+        geometry = scene.geometry[name]
+        if len(getattr(geometry, "faces", ())):
+            meshes.append(_mesh(geometry, np.asarray(world_from_mesh), materials, str(node)))
+    if not meshes:
+        raise UnreadableFile(f"{path}: holds no triangles; export the object's mesh")
+    return tuple(meshes)
+
+
+def _loaded(path: Path) -> tuple[Any, dict[int, dict[str, Any]]]:
+    """The file as a trimesh scene, and the glTF descriptions of its materials by their index."""
+    import trimesh
+
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL)
+    kind, data = path.suffix.lower().lstrip("."), path.read_bytes()
+    if kind not in ("glb", "gltf", "obj", "ply", "stl"):
+        raise ValueError(f"files of kind .{kind} are not read; use .glb, .gltf, .obj, .ply or .stl")
+    descriptions: dict[int, dict[str, Any]] = {}
+    if kind in ("glb", "gltf"):
+        data, descriptions = _with_numbered_materials(data, kind)
+    resolver = trimesh.resolvers.FilePathResolver(str(path))
+    scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=resolver)
+    return scene, descriptions
+
+
+def _with_numbered_materials(data: bytes, kind: str) -> tuple[bytes, dict[int, dict[str, Any]]]:
+    """The file with each material named by its index, since trimesh keeps names but not extensions."""
+    if kind == "glb":
+        if data[:4] != b"glTF" or len(data) < 20:
+            raise ValueError("no glTF header")
+        length = struct.unpack_from("<I", data, 12)[0]
+        text, rest = data[20 : 20 + length], data[20 + length :]
+    else:
+        text, rest = data, b""
+    header = json.loads(text)
+    descriptions = dict(enumerate(header.get("materials", [])))
+    header["materials"] = [d | {"name": str(index)} for index, d in descriptions.items()]
+    if not descriptions:
+        del header["materials"]
+    text = json.dumps(header).encode()
+    if kind == "gltf":
+        return text, descriptions
+    text += b" " * (-len(text) % 4)
+    size = 20 + len(text) + len(rest)
+    return struct.pack("<4sIII4s", b"glTF", 2, size, len(text), b"JSON") + text + rest, descriptions
+
+
+def _material(path: Path, description: dict[str, Any]) -> Material:
+    """The material's numbers; its images come with the mesh."""
+    pbr = description.get("pbrMetallicRoughness", {})
+    extensions = description.get("extensions", {})
+    name = description.get("name", "")
+    present = {*description, *extensions} | ({"emissiveTexture"} if any(description.get("emissiveFactor", [])) else set())
+    for key in present & set(IGNORED):
+        warnings.warn(f'{path}: the {IGNORED[key]} of material "{name}" is not rendered', stacklevel=4)
+    if description.get("alphaMode", "OPAQUE") != "OPAQUE":
+        warnings.warn(f'{path}: the alpha of material "{name}" is not rendered; it is opaque', stacklevel=4)
+    transmission = extensions.get("KHR_materials_transmission", {})
+    return Material(
+        base_color=tuple(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3]),
+        metallic=float(pbr.get("metallicFactor", 1)),
+        roughness=float(pbr.get("roughnessFactor", 1)),
+        transmission=float(transmission.get("transmissionFactor", 0)),
+        ior=float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5)),
+        name=name,
+    )
+
+
+def _mesh(geometry: Any, world_from_mesh: np.ndarray, materials: dict[int, Material], name: str) -> Mesh:
+    turn = world_from_mesh[:3, :3]
+    vertices = np.asarray(geometry.vertices) @ turn.T + world_from_mesh[:3, 3]
+    faces = np.asarray(geometry.faces)
+    if np.linalg.det(turn) < 0:
+        faces = faces[:, ::-1]
+    normals = None
+    if "vertex_normals" in geometry._cache.cache:
+        normals = np.asarray(geometry.vertex_normals) @ np.linalg.inv(turn)
+        normals = (normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)).astype(np.float32)
+    visual = geometry.visual
+    material, uv = GREY, None
+    if visual.kind == "texture":
+        source = getattr(visual, "material", None)
+        key = str(getattr(source, "name", ""))
+        material = materials.get(int(key), GREY) if key.isdigit() else GREY
+        if visual.uv is not None:
+            uv = np.asarray(visual.uv, np.float32)
+            material = _with_images(material, source)
+    return Mesh(vertices.astype(np.float32), faces.astype(np.int32), material, normals, uv, name)
+
+
+def _with_images(material: Material, source: Any) -> Material:
+    """The material with its base colour and metallic–roughness images multiplied by its numbers, as glTF says."""
+    base: Any = material.base_color
+    metallic: Any = material.metallic
+    roughness: Any = material.roughness
+    picture = getattr(source, "baseColorTexture", None)
+    if picture is not None:
+        base = decode_srgb(np.asarray(picture.convert("RGB")) / 255) * np.asarray(material.base_color)
+    picture = getattr(source, "metallicRoughnessTexture", None)
+    if picture is not None:
+        packed = np.asarray(picture.convert("RGB")).astype(np.float32) / 255
+        roughness, metallic = packed[..., 1] * material.roughness, packed[..., 2] * material.metallic
+    return Material(
+        np.asarray(base, np.float32) if np.ndim(base) > 1 else base,
+        metallic,
+        roughness,
+        material.transmission,
+        material.ior,
+        material.name,
+    )

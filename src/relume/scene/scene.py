@@ -1,0 +1,35 @@
+"""A scene: the real surfaces, the objects added to them, and the light of the distant scene (Debevec 1998, §4)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from relume.scene.shapes import Mesh, Shape
+from relume.sphere.illumination import IlluminationMap
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What a renderer renders.
+
+    light : the distant scene, at infinity
+    local : real surfaces that the objects affect
+    objects : what is added; a renderer's matte is their coverage
+    """
+
+    light: IlluminationMap
+    local: tuple[Shape, ...] = ()
+    objects: tuple[Mesh, ...] = ()
+
+    def adding(self, *objects: Mesh) -> Scene:
+        """The same scene with more objects."""
+        return replace(self, objects=(*self.objects, *objects))
+
+    def without_objects(self) -> Scene:
+        """The real scene alone."""
+        return replace(self, objects=())
+
+    def with_local(self, local: Iterable[Shape]) -> Scene:
+        """The same scene over other real surfaces."""
+        return replace(self, local=tuple(local))

@@ -1,0 +1,61 @@
+"""Shapes with their materials, in world coordinates (metres, +Y up)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from relume.scene.materials import Diffuse, Material
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles.
+
+    vertices : (N, 3) float32, metres, world
+    faces : (M, 3) int32, counter-clockwise from outside
+    material : what it is made of
+    normals : (N, 3) float32 unit vectors for smooth shading, or None for flat faces
+    uv : (N, 2) float32 texture coordinates, (0, 0) the lower left corner, or None
+    name : for messages
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    material: Material | Diffuse
+    normals: np.ndarray | None = None
+    uv: np.ndarray | None = None
+    name: str = "mesh"
+
+    def __post_init__(self) -> None:
+        if self.vertices.ndim != 2 or self.vertices.shape[1] != 3 or not len(self.vertices):
+            raise ValueError(f"vertices of {self.name!r} are {self.vertices.shape}; expected (N, 3)")
+        if self.faces.ndim != 2 or self.faces.shape[1] != 3 or not len(self.faces):
+            raise ValueError(f"faces of {self.name!r} are {self.faces.shape}; expected (M, 3)")
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The horizontal plane y = `height`, whole or a rectangle of it.
+
+    material : what it is made of
+    size : (along x, along z) in metres, centred on the y axis; None for one so large that its edge is the horizon
+    height : y, metres
+    """
+
+    material: Diffuse
+    size: tuple[float, float] | None = None
+    height: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.size is not None and not all(s > 0 for s in self.size):
+            raise ValueError(f"size of the plane is {self.size}; expected two positive lengths in metres")
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """The lengths along x and z that a renderer should make it, metres; a kilometre passes for the horizon."""
+        return self.size if self.size is not None else (1000.0, 1000.0)
+
+
+Shape = Mesh | Plane

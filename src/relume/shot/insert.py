@@ -1,0 +1,333 @@
+"""The main job: from a shot's photographs to a picture with objects in it that were never there."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from relume.capture.calibration import Calibration
+from relume.capture.merging import merge
+from relume.composite.differential import differential
+from relume.composite.local_scene import Recovered, recover_reflectance
+from relume.develop.film import Film, develop
+from relume.errors import InvalidShot, OutputNotWritten
+from relume.image import files
+from relume.image.photograph import Photograph
+from relume.image.radiance import RadianceMap
+from relume.probe.blending import Probe
+from relume.render.mitsuba import Mitsuba
+from relume.render.renderer import Render, Renderer, render
+from relume.scene.camera import Camera
+from relume.scene.grid import camera_from_grid
+from relume.scene.materials import Diffuse
+from relume.scene.scene import Scene
+from relume.scene.shapes import Mesh, Plane
+from relume.shot import lighting
+from relume.shot.objects import placed_meshes
+from relume.shot.project import Local, Shot
+from relume.shot.stages import Arrays, Stages
+from relume.sphere.illumination import as_radiance_map
+
+Report = Callable[[str, float], None]
+"""Told the name of a stage and the share of it that is done."""
+
+
+@dataclass(frozen=True, eq=False)
+class Inserted:
+    """What the job made.
+
+    composite : (H, W, 3) float32 scene-linear
+    picture, before : the developed composite and the plate developed alike
+    plate, camera, probe, calibrations, recovered, with_, without : what it was made from
+    seconds : of each stage; kept stages take next to none
+    kept : the stages that an earlier run had made
+    notes : what the user should know, a line each
+    """
+
+    composite: np.ndarray
+    picture: Photograph
+    before: Photograph
+    plate: RadianceMap
+    camera: Camera
+    probe: Probe
+    calibrations: dict[str, Calibration]
+    recovered: tuple[Recovered | None, ...]
+    with_: Render
+    without: Render
+    seconds: dict[str, float]
+    kept: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def insert(
+    shot: Shot, out: str | Path, *, renderer: Renderer | None = None, report: Report = lambda stage, share: None
+) -> Inserted:
+    """Do the whole job and write `composite.exr`, `composite.png`, `layers.exr`, `light.exr`, `response.json`, `report.html`.
+
+    out : folder; stages kept there from an earlier run are used where nothing they depend on has changed
+    renderer : Mitsuba with the shot's settings unless given
+    Raises RelumeError; nothing is written to `out` but kept stages before everything is computed.
+    """
+    from relume.shot.report import write_report
+
+    out = Path(out)
+    _require_folder(out)
+    job = _Job(shot, Stages(out / "stages"), report)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        result = job.run(renderer)
+    result = replace(result, notes=(*dict.fromkeys(str(w.message) for w in caught), *result.notes))
+    with job.timed("write"):
+        _write(result, out)
+        write_report(result, out / "report.html")
+    return result
+
+
+class _Job:
+    def __init__(self, shot: Shot, stages: Stages, report: Report) -> None:
+        self.shot, self.stages, self.report = shot, stages, report
+        self.seconds: dict[str, float] = {}
+        self.kept: list[str] = []
+
+    @contextmanager
+    def timed(self, name: str) -> Iterator[None]:
+        self.report(name, 0.0)
+        start = time.perf_counter()
+        yield
+        self.seconds[name] = time.perf_counter() - start
+        self.report(name, 1.0)
+
+    def stage(self, name: str, made_from: object, make: Callable[[], Arrays]) -> Arrays:
+        with self.timed(name):
+            arrays, kept = self.stages.get(name, made_from, make)
+        if kept:
+            self.kept.append(name)
+        return arrays
+
+    def run(self, renderer: Renderer | None) -> Inserted:
+        shot = self.shot
+        meshes = placed_meshes(shot)
+        with self.timed("photographs"):
+            photographs = lighting.read_photographs(shot)
+        sources = [
+            shot.files([*shot.plate.photographs, *(p for b in shot.light.balls or () for p in b.photographs)]),
+            shot.plate.times,
+            [b.times for b in shot.light.balls or ()],
+        ]
+        calibrations = lighting.calibrations_from(
+            self.stage(
+                "response", sources, lambda: lighting.calibration_arrays(lighting.calibrate(photographs))
+            )
+        )
+        plate = self._plate(photographs, calibrations, sources)
+        camera = self._camera(plate)
+        probe = self._light(photographs, calibrations, sources)
+
+        planes, recovered = self._local(plate, camera, probe, meshes)
+        scene = Scene(probe.light, planes, meshes)
+        with_, without = self._renders(scene, camera, renderer, [sources, self._scene_sources()])
+
+        with self.timed("composite"):
+            composite = differential(plate.radiance, with_.radiance, without.radiance, with_.matte)
+            film = self._film(photographs, calibrations, plate)
+            picture, before = develop(composite, film), develop(plate.radiance, film)
+        notes = _notes(plate, probe, recovered, calibrations)
+        return Inserted(
+            composite, picture, before, plate, camera, probe, calibrations, recovered, with_, without,
+            self.seconds, tuple(self.kept), notes,
+        )  # fmt: skip
+
+    def _plate(
+        self, photographs: lighting.Photographs, calibrations: dict[str, Calibration], sources: object
+    ) -> RadianceMap:
+        if photographs.plate_map is not None:
+            return photographs.plate_map
+        bracket = photographs.plate
+        assert bracket is not None  # read_photographs gives one of the two
+
+        def make() -> Arrays:
+            merged = merge(bracket, calibrations[bracket.photographs[0].camera].response)
+            assert merged.variance is not None and merged.clipped is not None
+            return {"radiance": merged.radiance, "variance": merged.variance, "clipped": merged.clipped}
+
+        arrays = self.stage("plate", [sources, self.shot.plate.model_dump()], make)
+        return RadianceMap(arrays["radiance"], arrays["variance"], arrays["clipped"])
+
+    def _camera(self, plate: RadianceMap) -> Camera:
+        table, (width, height) = self.shot.camera, plate.size
+        with self.timed("camera"):
+            if table.grid is not None:
+                photograph = files.read_photograph(self.shot.folder / table.grid.photograph)
+                if photograph.size != plate.size:
+                    raise InvalidShot(
+                        f"camera.grid.photograph: {photograph.name} is {photograph.size[0]}×{photograph.size[1]}, the "
+                        f"plate {width}×{height}; photograph the grid with the plate's camera and size"
+                    )
+                return camera_from_grid(
+                    photograph, squares=table.grid.squares, square=table.grid.square, focal_length=table.focal_length
+                )
+            if table.pose is None or table.focal_length is None:
+                raise InvalidShot("camera.focal_length: missing; a pose needs it, in pixels")
+            try:
+                return Camera.looking_at(
+                    np.array(table.pose.position), np.array(table.pose.look_at),
+                    width=width, height=height, focal_length=table.focal_length,
+                )  # fmt: skip
+            except ValueError as error:
+                raise InvalidShot(f"camera.pose: {error}") from None
+
+    def _light(
+        self, photographs: lighting.Photographs, calibrations: dict[str, Calibration], sources: object
+    ) -> Probe:
+        if self.shot.light.map is not None:
+            with self.timed("light"):
+                return lighting.light_from_map(self.shot.folder / self.shot.light.map)
+        arrays = self.stage(
+            "light",
+            [sources, self.shot.light.model_dump()],
+            lambda: lighting.probe_arrays(lighting.measure_light(self.shot, photographs.balls, calibrations)),
+        )
+        return lighting.probe_from(arrays)
+
+    def _local(
+        self, plate: RadianceMap, camera: Camera, probe: Probe, meshes: tuple[Mesh, ...]
+    ) -> tuple[tuple[Plane, ...], tuple[Recovered | None, ...]]:
+        def one(table: Local) -> tuple[Plane, Recovered | None]:
+            if table.reflectance != "recover":
+                return Plane(Diffuse(table.reflectance), table.size, table.height), None
+            bare = Plane(Diffuse((0.5, 0.5, 0.5)), table.size, table.height)
+            try:
+                found = recover_reflectance(plate, camera, probe.light, bare, meshes)
+            except ValueError as error:
+                raise InvalidShot(f"local.reflectance: {error}") from None
+            return replace(bare, material=Diffuse(found.reflectance)), found
+
+        with self.timed("reflectance"):
+            pairs = [one(table) for table in self.shot.local]
+        return tuple(p for p, _ in pairs), tuple(r for _, r in pairs)
+
+    def _scene_sources(self) -> list[object]:
+        shot = self.shot
+        named = [shot.folder / o.mesh for o in shot.objects]
+        if shot.camera.grid is not None:
+            named.append(shot.folder / shot.camera.grid.photograph)
+        if shot.light.map is not None:
+            named.append(shot.folder / shot.light.map)
+        return [named, shot.model_dump(exclude={"develop"}, mode="json")]
+
+    def _renders(
+        self, scene: Scene, camera: Camera, renderer: Renderer | None, sources: object
+    ) -> tuple[Render, Render]:
+        table = self.shot.render
+        chosen = renderer or Mitsuba(table.samples, table.noise, table.depth)
+
+        def make() -> Arrays:
+            first = render(scene, camera, chosen, seed=table.seed, progress=lambda s: self.report("render", s / 2))
+            # The same rays again without the objects: what they leave alone cancels to the bit.
+            again = replace(chosen, samples=first.samples, noise=None) if isinstance(chosen, Mitsuba) else chosen
+            second = render(
+                scene.without_objects(), camera, again, seed=table.seed,
+                progress=lambda s: self.report("render", 0.5 + s / 2),
+            )  # fmt: skip
+            if table.denoise:
+                from relume.render.mitsuba_denoise import denoise_pair
+
+                first, second = denoise_pair(first, second)
+            return {f"{n}.{k}": v for n, r in (("with", first), ("without", second)) for k, v in _planes(r).items()}
+
+        arrays = self.stage("render", [sources, repr(chosen)], make)
+        pair = []
+        for name in ("with", "without"):
+            planes: dict[str, Any] = {k.removeprefix(f"{name}."): v for k, v in arrays.items() if k.startswith(f"{name}.")}
+            pair.append(Render(**planes | {"samples": int(planes["samples"])}))
+        return pair[0], pair[1]
+
+    def _film(
+        self, photographs: lighting.Photographs, calibrations: dict[str, Calibration], plate: RadianceMap
+    ) -> Film:
+        table, bracket = self.shot.develop, photographs.plate
+        if bracket is None or table.response == "srgb":
+            # Without a camera's curve, a fifth of the picture's bright end is shown as middle grey.
+            white = float(np.percentile(plate.radiance, 99))
+            return Film(1 / max(white, 1e-30)).brighter(table.exposure)
+        # The photograph whose middle value is nearest to middle grey is the one the picture sits in.
+        middles = [abs(float(np.median(p.pixels)) - 118) for p in bracket.photographs]
+        exposure = float(bracket.exposures[int(np.argmin(middles))])
+        return Film(exposure, calibrations[bracket.photographs[0].camera].response).brighter(table.exposure)
+
+
+def _planes(render: Render) -> Arrays:
+    return {
+        "radiance": render.radiance, "variance": render.variance, "matte": render.matte, "depth": render.depth,
+        "normal": render.normal, "albedo": render.albedo, "samples": np.array(render.samples),
+    }  # fmt: skip
+
+
+def _notes(
+    plate: RadianceMap,
+    probe: Probe,
+    recovered: tuple[Recovered | None, ...],
+    calibrations: dict[str, Calibration],
+) -> tuple[str, ...]:
+    notes = []
+    if plate.clipped is not None and plate.clipped.any():
+        notes.append(f"{int((plate.clipped > 0).sum())} pixels of the plate are clipped in every photograph")
+    if probe.clipped_solid_angle > 0:
+        notes.append(
+            f"{probe.clipped_solid_angle:.2g} sr of the light are saturated in every photograph: the light is a lower "
+            "bound there; add shorter exposures of the ball"
+        )
+    for found in recovered:
+        if found is not None and max(found.measured) > 1:
+            notes.append(
+                f"the surface reflects {max(found.measured):.2f} times the light that was measured; the light is too "
+                "weak (was the ball's reflectance given? were its lamps saturated?)"
+            )
+    if len(calibrations) > 1:
+        notes.append("plate and light come from different cameras; their scales are not tied to each other")
+    return tuple(notes)
+
+
+def _require_folder(out: Path) -> None:
+    existing = next((p for p in (out, *out.parents) if p.exists()), Path("."))
+    if not existing.is_dir():
+        raise OutputNotWritten(f"{out}: {existing} is not a folder; choose another -o")
+    import os
+
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise OutputNotWritten(f"{out}: no permission to write in {existing}; choose another -o")
+
+
+def _write(result: Inserted, out: Path) -> None:
+    unit, with_, without = result.plate.unit, result.with_, result.without
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputNotWritten(f"{out}: cannot be made ({error.strerror}); choose another -o") from None
+    files.write(out / "composite.exr", RadianceMap(result.composite, unit=unit))
+    files.write(out / "composite.png", result.picture)
+    files.write_layers(
+        out / "layers.exr",
+        {
+            "with": with_.radiance,
+            "without": without.radiance,
+            "difference": with_.radiance - without.radiance,
+            "matte": with_.matte,
+            "depth": with_.depth,
+            "normal": with_.normal,
+            "albedo": with_.albedo,
+            "variance": with_.variance,
+        },
+        unit=unit,
+    )
+    files.write(out / "light.exr", as_radiance_map(result.probe.light))
+    for index, calibration in enumerate(result.calibrations.values()):
+        name = "response.json" if index == 0 else f"response_{index}.json"
+        files.write_text(out / name, calibration.response.to_json())

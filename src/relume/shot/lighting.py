@@ -1,0 +1,146 @@
+"""From the shot's photographs to calibrated radiance: responses, the plate and the light, each a kept stage."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from relume.capture.bracket import Bracket, read_bracket
+from relume.capture.calibration import Calibration, recover_response
+from relume.capture.merging import merge
+from relume.errors import InvalidShot, NotABracket
+from relume.image import files
+from relume.image.radiance import RadianceMap
+from relume.image.response import Response
+from relume.probe.ball import view_ball
+from relume.probe.blending import Probe, assemble
+from relume.shot.project import BallPhotographs, Shot
+from relume.shot.stages import Arrays
+from relume.sphere.illumination import IlluminationMap, as_illumination
+
+WHITE = 255
+"""Photographs are balanced at their white (see `Response.balanced_at`)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Photographs:
+    """Every photograph of a shot, as brackets; the plate's is None where the plate is a radiance map already."""
+
+    plate: Bracket | None
+    plate_map: RadianceMap | None
+    balls: tuple[Bracket, ...]
+
+
+def read_photographs(shot: Shot) -> Photographs:
+    """Read all the brackets of a shot."""
+    paths = shot.files(shot.plate.photographs)
+    first = files.read(paths[0])
+    plate = plate_map = None
+    if isinstance(first, RadianceMap):
+        if len(paths) > 1:
+            raise InvalidShot(f"plate.photographs: {paths[0]} is a radiance map; give it alone, or a bracket without it")
+        plate_map = first
+    else:
+        plate = read_bracket(paths, times=shot.plate.times)
+    balls = tuple(read_bracket(shot.files(b.photographs), times=b.times) for b in shot.light.balls or ())
+    return Photographs(plate, plate_map, balls)
+
+
+def calibrate(photographs: Photographs) -> dict[str, Calibration]:
+    """The response of each camera by its name, from all the brackets it took, balanced at white."""
+    brackets: dict[str, list[Bracket]] = {}
+    for bracket in (photographs.plate, *photographs.balls):
+        if bracket is not None:
+            brackets.setdefault(bracket.photographs[0].camera, []).append(bracket)
+    found = {}
+    for camera, taken in brackets.items():
+        raw = recover_response(taken)
+        balanced = raw.response.balanced_at(WHITE)
+        shift = raw.response.log_exposure[:, 0] - balanced.log_exposure[:, 0]
+        moved = [np.column_stack([s[:, 0] - d, s[:, 1]]) for s, d in zip(raw.samples, shift, strict=True)]
+        found[camera] = Calibration(balanced, (moved[0], moved[1], moved[2]), raw.residual)
+    return found
+
+
+def calibration_arrays(calibrations: dict[str, Calibration]) -> Arrays:
+    """For keeping: a few thousand of the observations are enough for the plot."""
+    arrays: Arrays = {"cameras": np.array(list(calibrations))}
+    for index, calibration in enumerate(calibrations.values()):
+        arrays |= {
+            f"{index}.log_exposure": calibration.response.log_exposure,
+            f"{index}.noise": calibration.response.noise,
+            f"{index}.residual": calibration.residual,
+        }
+        for channel, samples in enumerate(calibration.samples):
+            arrays[f"{index}.samples.{channel}"] = samples[:: max(1, len(samples) // 2000)]
+    return arrays
+
+
+def calibrations_from(arrays: Arrays) -> dict[str, Calibration]:
+    """The inverse of `calibration_arrays`."""
+    found = {}
+    for index, camera in enumerate(arrays["cameras"]):
+        response = Response(arrays[f"{index}.log_exposure"], arrays[f"{index}.noise"])
+        samples = tuple(arrays[f"{index}.samples.{channel}"] for channel in range(3))
+        found[str(camera)] = Calibration(response, samples, arrays[f"{index}.residual"])  # pyright: ignore[reportArgumentType]
+    return found
+
+
+def measure_light(shot: Shot, brackets: Sequence[Bracket], calibrations: dict[str, Calibration]) -> Probe:
+    """Merge every bracket of the ball, unwrap and blend."""
+    ball = shot.light.ball
+    tables: Sequence[BallPhotographs] = shot.light.balls or ()
+    if ball is None or not tables:
+        raise InvalidShot("light: balls and ball are both needed")
+    views = []
+    for table, bracket in zip(tables, brackets, strict=True):
+        picture = merge(bracket, calibrations[bracket.photographs[0].camera].response)
+        if picture.clipped is not None and (picture.clipped == 0).mean() < 0.01:
+            raise NotABracket(f"{bracket.name}: almost nothing is measured; add longer and shorter exposures")
+        reflectance = np.float32(ball.reflectance)
+        picture = RadianceMap(picture.radiance / reflectance, None, picture.clipped, picture.unit)
+        views.append(
+            view_ball(
+                picture,
+                camera=np.array(table.camera),
+                centre=np.array(ball.centre),
+                focal_length=table.focal_length or bracket.photographs[0].focal_length,
+                radius=ball.radius,
+                name=bracket.name,
+            )
+        )
+    return assemble(views, size=shot.light.size)
+
+
+def probe_arrays(probe: Probe) -> Arrays:
+    """For keeping."""
+    return {
+        "radiance": probe.light.radiance,
+        "corrections": np.array(probe.corrections),
+        "nearness": np.array(probe.nearness),
+        "clipped": np.array(probe.clipped_solid_angle),
+        "confidence": probe.confidence,
+    }
+
+
+def probe_from(arrays: Arrays) -> Probe:
+    """The inverse of `probe_arrays`."""
+    return Probe(
+        IlluminationMap(arrays["radiance"]),
+        tuple(map(float, arrays["corrections"])),
+        float(arrays["nearness"]),
+        float(arrays["clipped"]),
+        arrays["confidence"],
+    )
+
+
+def light_from_map(path: Path) -> Probe:
+    """A finished map as light; nothing of it is uncertain."""
+    try:
+        light = as_illumination(files.read_radiance(path))
+    except ValueError as error:
+        raise InvalidShot(f"{path}: {error}") from None
+    return Probe(light, (), 0.0, 0.0, np.ones(light.radiance.shape[:2], np.float32))

@@ -1,0 +1,30 @@
+"""The shot's objects: meshes read, scaled, turned, moved and given their materials."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from relume.scene.materials import Material
+from relume.scene.meshes import read_meshes
+from relume.scene.shapes import Mesh
+from relume.shot.project import Object, Shot
+from relume.sphere.directions import rotation_about
+
+
+def placed_meshes(shot: Shot) -> tuple[Mesh, ...]:
+    """Every mesh of every object of the shot, in world coordinates."""
+    return tuple(_placed(mesh, table) for table in shot.objects for mesh in read_meshes(shot.folder / table.mesh))
+
+
+def _placed(mesh: Mesh, table: Object) -> Mesh:
+    # Angles turn about x, then y, then z.
+    x, y, z = np.radians(table.rotate)
+    turn = rotation_about([0, 0, 1], z) @ rotation_about([0, 1, 0], y) @ rotation_about([1, 0, 0], x)
+    vertices = table.scale * (mesh.vertices @ turn.T) + np.array(table.translate)
+    normals = None if mesh.normals is None else (mesh.normals @ turn.T).astype(np.float32)
+    changes: dict[str, Any] = table.material.model_dump(exclude_none=True)
+    material = replace(mesh.material, **changes) if isinstance(mesh.material, Material) else mesh.material
+    return replace(mesh, vertices=vertices.astype(np.float32), normals=normals, material=material)

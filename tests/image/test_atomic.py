@@ -1,0 +1,67 @@
+"""A name holds the old file or the new one, whole, and no temporary file stays behind."""
+
+import os
+import re
+
+import pytest
+
+from relume.errors import OutputNotWritten
+from relume.image.files import replacing, write_text
+
+
+def test_text_is_written_under_its_name_and_nothing_else_is_left(tmp_path):
+    write_text(tmp_path / "a.toml", "π = 3\n")
+    assert (tmp_path / "a.toml").read_bytes() == "π = 3\n".encode()
+    assert os.listdir(tmp_path) == ["a.toml"]
+
+
+def test_the_temporary_file_has_the_suffix_and_folder_of_the_final_one(tmp_path):
+    with replacing(tmp_path / "a.exr") as temporary:
+        assert (temporary.parent, temporary.suffix) == (tmp_path, ".exr")
+        assert temporary.name != "a.exr"
+
+
+@pytest.mark.parametrize("failure", [RuntimeError, KeyboardInterrupt])
+def test_an_overwrite_that_fails_midway_leaves_the_old_file_and_no_temporary_one(tmp_path, failure):
+    path = tmp_path / "a.txt"
+    write_text(path, "old")
+    with pytest.raises(failure), replacing(path) as temporary:
+        temporary.write_text("half of the ne")
+        raise failure
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["a.txt"]
+
+
+def test_a_failing_disk_is_told_in_one_line_and_leaves_the_old_file(tmp_path):
+    path = tmp_path / "a.txt"
+    write_text(path, "old")
+    with pytest.raises(OutputNotWritten, match=r"a\.txt: cannot be written: No space") as raised, replacing(path):
+        raise OSError(28, "No space left on device")
+    assert "\n" not in str(raised.value)
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["a.txt"]
+
+
+def test_a_missing_folder_is_named(tmp_path):
+    with pytest.raises(OutputNotWritten, match=re.escape(f"{tmp_path / 'out'} does not exist; create it")):
+        write_text(tmp_path / "out" / "a.txt", "x")
+
+
+def test_a_file_where_a_folder_is_expected_is_named(tmp_path):
+    write_text(tmp_path / "out", "x")
+    with pytest.raises(OutputNotWritten, match="is a file, not a folder"):
+        write_text(tmp_path / "out" / "a.txt", "x")
+
+
+def test_a_folder_is_not_replaced_by_a_file(tmp_path):
+    (tmp_path / "out").mkdir()
+    with pytest.raises(OutputNotWritten, match="a folder has that name"):
+        write_text(tmp_path / "out", "x")
+    assert os.listdir(tmp_path) == ["out"]
+
+
+@pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="the super-user may write anywhere")
+def test_a_folder_that_forbids_writing_is_told_in_one_line(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(OutputNotWritten, match="Permission denied"):
+        write_text(tmp_path / "a.txt", "x")

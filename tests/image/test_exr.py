@@ -1,0 +1,285 @@
+"""Radiance maps and layers as OpenEXR, against the OpenEXR library used directly and real files."""
+
+import os
+import re
+import threading
+import time
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from relume.errors import OutputNotWritten, UnreadableFile
+from relume.image.files import describe, read_layers, read_radiance, write, write_layers
+from relume.image.radiance import RadianceMap
+
+BT2020 = (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290)
+
+
+def foreign(path, channels, name="", **header):
+    """Write one part as another program would; contiguous, since the library ignores strides."""
+    channels = {key: np.ascontiguousarray(plane) for key, plane in channels.items()}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **header}
+    OpenEXR.File([OpenEXR.Part(header, channels, name)]).write(str(path))
+    return path
+
+
+def window(left, top, right, bottom):
+    return np.array([left, top], np.int32), np.array([right, bottom], np.int32)
+
+
+def test_a_radiance_map_comes_back_with_all_that_it_knows(tmp_path, numbered):
+    clipped = np.zeros((5, 7), np.uint8)
+    clipped[1, 2], clipped[3, 4] = 1, 2
+    attributes = {"mapping": "latlong", "origin": "ball at 0°"}
+    write(tmp_path / "a.exr", RadianceMap(numbered, numbered * 2, clipped, "cd/m²", attributes))
+    again = read_radiance(tmp_path / "a.exr")
+    assert again.variance is not None and again.clipped is not None
+    np.testing.assert_array_equal(again.radiance, numbered)
+    np.testing.assert_array_equal(again.variance, numbered * 2)
+    np.testing.assert_array_equal(again.clipped, clipped)
+    assert (again.unit, again.attributes, again.clipped.dtype) == ("cd/m²", attributes, np.uint8)
+
+
+def test_a_bare_radiance_map_comes_back_bare(tmp_path, numbered):
+    write(tmp_path / "a.exr", RadianceMap(numbered))
+    again = read_radiance(tmp_path / "a.exr")
+    assert (again.variance, again.clipped, again.unit, again.attributes) == (None, None, "relative", {})
+
+
+def test_another_program_finds_float_rgb_in_the_first_part(tmp_path, numbered):
+    write(tmp_path / "a.exr", RadianceMap(numbered, numbered, None, "cd/m²", {"mapping": "latlong"}))
+    file = OpenEXR.File(str(tmp_path / "a.exr"))
+    pixels = file.channels()["RGB"].pixels
+    assert pixels.dtype == np.float32
+    assert pixels[3, 2].tolist() == [3002.0, 3002.25, 3002.5]
+    header = file.header()
+    assert (header["name"], header["whiteLuminance"], header["relume:mapping"]) == ("radiance", 1.0, "latlong")
+    assert header["compression"] == OpenEXR.ZIP_COMPRESSION
+    assert header["chromaticities"] == pytest.approx((0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290))
+
+
+def test_extreme_values_and_nan_are_stored_bit_for_bit(tmp_path):
+    values = np.array([np.nan, np.inf, -np.inf, -0.0, 1e-45, 3.4e38, 65504.5, 1e-8, 1 / 3], np.float32).reshape(1, 3, 3)
+    write(tmp_path / "a.exr", RadianceMap(values))
+    assert read_radiance(tmp_path / "a.exr").radiance.tobytes() == values.tobytes()
+
+
+def test_white_luminance_scales_to_candela(tmp_path, numbered):
+    foreign(tmp_path / "a.exr", {"RGB": numbered}, whiteLuminance=100.0)
+    image = read_radiance(tmp_path / "a.exr")
+    assert image.unit == "cd/m²"
+    assert image.radiance[1, 2].tolist() == [100200.0, 100225.0, 100250.0]
+
+
+def test_half_rgba_is_read_as_float_rgb(tmp_path, numbered):
+    rgba = np.concatenate([numbered[:2], np.ones((2, 7, 1))], axis=2).astype(np.float16)
+    image = read_radiance(foreign(tmp_path / "a.exr", {"RGBA": rgba}))
+    assert image.radiance.dtype == np.float32
+    assert image.radiance[1, 6].tolist() == [1006.0, 1006.0, 1006.5]  # half has steps of ½ there
+
+
+def test_alpha_that_is_left_out_is_told_unless_opaque(tmp_path, numbered):
+    alpha = np.ones((5, 7, 1), np.float32)
+    alpha[0, :2] = 0.5
+    path = foreign(tmp_path / "a.exr", {"RGBA": np.concatenate([numbered, alpha], axis=2)})
+    with pytest.warns(UserWarning, match="alpha is left out, though 2 pixels"):
+        np.testing.assert_array_equal(read_radiance(path).radiance, numbered)
+
+
+def test_separate_channels_of_different_depth_are_read_in_the_order_red_green_blue(tmp_path):
+    planes = {
+        "B": np.full((2, 2), 3, np.float32),
+        "G": np.full((2, 2), 2, np.float16),
+        "R": np.ones((2, 2), np.float16),
+    }
+    assert read_radiance(foreign(tmp_path / "a.exr", planes)).radiance[0, 0].tolist() == [1, 2, 3]
+
+
+def test_a_lone_y_becomes_grey(tmp_path, numbered):
+    image = read_radiance(foreign(tmp_path / "a.exr", {"Y": numbered[..., 0]}))
+    assert image.radiance[4, 6].tolist() == [4006, 4006, 4006]
+
+
+def test_a_data_window_inside_the_display_window_is_placed_there(tmp_path, numbered):
+    small = numbered[1:3, 2:5]
+    path = foreign(
+        tmp_path / "a.exr", {"RGB": small}, dataWindow=window(12, 21, 14, 22), displayWindow=window(10, 20, 16, 24)
+    )
+    expected = np.zeros_like(numbered)
+    expected[1:3, 2:5] = small
+    np.testing.assert_array_equal(read_radiance(path).radiance, expected)
+
+
+def test_overscan_is_left_out_and_told(tmp_path, numbered):
+    path = foreign(
+        tmp_path / "a.exr", {"RGB": numbered}, dataWindow=window(-1, -2, 5, 2), displayWindow=window(0, 0, 3, 1)
+    )
+    with pytest.warns(UserWarning, match="27 pixels around the display window"):
+        image = read_radiance(path)
+    np.testing.assert_array_equal(image.radiance, numbered[2:4, 1:5])
+
+
+def test_primaries_other_than_rec_709_are_named_and_the_numbers_kept(tmp_path, numbered):
+    path = foreign(tmp_path / "a.exr", {"RGB": numbered}, chromaticities=BT2020)
+    with pytest.warns(UserWarning, match=r"0\.708, 0\.292.*not Rec\. 709"):
+        np.testing.assert_array_equal(read_radiance(path).radiance, numbered)
+
+
+def test_layers_come_back_by_name_shape_and_value(tmp_path, numbered):
+    layers = {"with": numbered, "depth": numbered[..., 1], "matte": numbered[..., 0] > 2000}
+    write_layers(tmp_path / "layers.exr", layers, unit="cd/m²", attributes={"seed": "7"})
+    again = read_layers(tmp_path / "layers.exr")
+    assert list(again) == ["with", "depth", "matte"]
+    for name, layer in layers.items():
+        np.testing.assert_array_equal(again[name], layer)
+        assert again[name].dtype == np.float32
+    headers = {part.name(): part.header for part in OpenEXR.File(str(tmp_path / "layers.exr")).parts}
+    assert {name: header.get("whiteLuminance") for name, header in headers.items()} == {
+        "with": 1.0,
+        "depth": None,
+        "matte": None,
+    }
+    image = read_radiance(tmp_path / "layers.exr")
+    assert (image.unit, image.attributes, image.variance) == ("cd/m²", {"seed": "7"}, None)
+
+
+@pytest.mark.parametrize(
+    ("layers", "complaint"),
+    [
+        ({}, "one size"),
+        ({"a": np.zeros((2, 2)), "b": np.zeros((2, 3))}, r"\(2, 2\), \(2, 3\)"),
+        ({"a": np.zeros((2, 2, 4))}, r'"a" is \(2, 2, 4\); expected \(H, W, 3\)'),
+        ({"a": np.full((2, 2), 1e300)}, "4 values beyond float32"),
+    ],
+)
+def test_layers_that_do_not_fit_are_refused(tmp_path, layers, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        write_layers(tmp_path / "a.exr", layers)
+    with pytest.raises(ValueError, match="unit"):
+        write_layers(tmp_path / "a.exr", {"a": np.zeros((2, 2))}, unit="nits")
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9, 0.999])
+def test_a_truncated_exr_is_refused_in_one_line_and_silently(tmp_path, share, capfd):
+    rng = np.random.default_rng(1)
+    write(tmp_path / "a.exr", RadianceMap(rng.random((64, 64, 3), np.float32), rng.random((64, 64, 3), np.float32)))
+    data = (tmp_path / "a.exr").read_bytes()
+    (tmp_path / "a.exr").write_bytes(data[: int(len(data) * share)])
+    with pytest.raises(UnreadableFile, match=r"a\.exr: damaged EXR: ") as raised:
+        read_radiance(tmp_path / "a.exr")
+    assert "\n" not in str(raised.value)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_an_exr_that_claims_an_absurd_size_is_refused_from_its_header(tmp_path):
+    path = foreign(tmp_path / "a.exr", {"Y": np.zeros((1, 1), np.float32)}, displayWindow=window(0, 0, 99_999, 0))
+    with pytest.raises(UnreadableFile, match="claims 100000 x 1 pixels"):
+        read_radiance(path)
+
+
+@pytest.mark.filterwarnings("ignore:.*alpha is left out")
+def test_every_real_damaged_exr_is_refused_in_one_line_or_read_whole(shared, capfd):
+    files = sorted((shared / "data/malformed").glob("*/*.exr"))
+    assert len(files) >= 100
+    read_well = set()
+    for file in files:
+        start = time.perf_counter()
+        try:
+            read_radiance(file)
+            read_well.add(file.name)
+        except UnreadableFile as error:
+            assert re.fullmatch(re.escape(str(file)) + ": .+", str(error)), file
+        assert time.perf_counter() - start < 10, file
+    # bad.exr is sound and holds NaN; in the others only the type attribute contradicts the file, which reads as it is.
+    mistyped = {f"{kind}_with_{type}_type.exr" for kind, type in [
+        ("scanline", "deepscanline"), ("scanline", "deeptiled"), ("scanline", "tiledimage"),
+        ("tiled", "deepscanline"), ("tiled", "deeptile"), ("tiled", "scanlineimage")]}  # fmt: skip
+    assert read_well == {"bad.exr"} | mistyped
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("codec", ["rle", "zips", "zip", "piz"])
+def test_lossless_codecs_hold_the_same_picture(shared, codec):
+    folder = shared / "data/formats/openexr/exrs_f32"
+    reference = read_layers_rgb(folder / "uncompressed.exr")
+    np.testing.assert_array_equal(read_layers_rgb(folder / f"{codec}.exr"), reference)
+
+
+def read_layers_rgb(path):
+    return read_layers(path)["part 0"]
+
+
+def test_a_cropped_file_holds_its_part_of_the_uncropped_picture(shared):
+    folder = shared / "data/formats/exr_hdr_pair"
+    whole = read_layers(folder / "cropping - uncropped original.exr")["part 0"]
+    part = read_layers(folder / "cropping - data window differs display window.exr")["part 0"]
+    expected = np.zeros_like(whole)
+    expected[1097:1197, 1012:1327] = whole[1097:1197, 1012:1327]
+    np.testing.assert_array_equal(part, expected)
+
+
+def test_deep_and_luminance_chroma_files_are_refused_by_name(shared):
+    folder = shared / "data/formats/openexr"
+    with pytest.raises(UnreadableFile, match="deep EXR"):
+        read_radiance(folder / "deep/Trunks.exr")
+    with pytest.raises(UnreadableFile, match="'BY', 'RY' are subsampled"):
+        read_radiance(folder / "chromaticities/Rec709_YC.exr")
+    with pytest.raises(UnreadableFile, match="holds the channels R, Z; relume needs"):
+        read_radiance(folder / "compression/v1.7.test.interleaved.exr")
+
+
+@pytest.mark.filterwarnings("ignore:.*are left out", "ignore:.*alpha is left out")
+def test_the_first_colour_part_of_a_stereo_file_is_read(shared):
+    image = read_radiance(shared / "data/formats/openexr/multipart/multipart.0006.exr")
+    assert image.size == (2048, 1556)
+    assert not image.radiance[:224].any() and image.radiance[224:1086, 1176:2048].any()
+
+
+def test_a_full_disk_leaves_the_old_exr_and_no_temporary_file(tmp_path, numbered):
+    resource = pytest.importorskip("resource")
+    path = tmp_path / "a.exr"
+    write(path, RadianceMap(numbered))
+    old = path.read_bytes()
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    noise = np.random.default_rng(1).random((256, 256, 3), np.float32)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
+        with pytest.raises(OutputNotWritten, match=r"a\.exr: cannot be written: ") as raised:
+            write(path, RadianceMap(noise))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert "\n" not in str(raised.value)
+    assert path.read_bytes() == old
+    assert os.listdir(tmp_path) == ["a.exr"]
+
+
+def test_many_threads_may_read_at_once(tmp_path, numbered):
+    write(tmp_path / "a.exr", RadianceMap(numbered))
+    (tmp_path / "b.exr").write_bytes((tmp_path / "a.exr").read_bytes()[:-20])
+    results = []
+
+    def attempt(name):
+        try:
+            results.append(read_radiance(tmp_path / name).radiance.sum() == numbered.sum())
+        except UnreadableFile:
+            results.append(name == "b.exr")
+
+    threads = [threading.Thread(target=attempt, args=("ab"[i % 2] + ".exr",)) for i in range(16)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert results == [True] * 16
+
+
+def test_describing_an_exr_tells_range_unit_and_parts(tmp_path, numbered):
+    numbered[0, 0], numbered[4, 6, 0] = np.nan, np.inf
+    write(tmp_path / "a.exr", RadianceMap(numbered, numbered, None, "cd/m²", {"mapping": "latlong"}))
+    facts = describe(tmp_path / "a.exr")
+    assert facts["kind"] == "radiance map"
+    assert (facts["size"], facts["unit"], facts["dtype"], facts["format"]) == ([7, 5], "cd/m²", "float32", "EXR")
+    assert (facts["nan"], facts["infinite"], facts["minimum"], facts["maximum"]) == (3, 1, 1.0, 4006.5)
+    assert facts["attributes"] == {"mapping": "latlong"}
+    assert [part["name"] for part in facts["parts"]] == ["radiance", "variance"]  # pyright: ignore

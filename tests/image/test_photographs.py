@@ -1,0 +1,355 @@
+"""JPEG, PNG and TIFF photographs: whole pixels or none, upright, with the exposure their EXIF tells."""
+
+import io
+import os
+import shutil
+import struct
+import warnings
+import zlib
+from fractions import Fraction
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from PIL import Image
+
+from relume.errors import OutputNotWritten, UnreadableFile
+from relume.image.files import describe, read, read_photograph, write
+from relume.image.photograph import Exposure, Photograph
+
+
+@pytest.fixture
+def smooth() -> np.ndarray:
+    """(48, 64, 3) uint8 whose red tells x, green y and blue neither: smooth, so that a JPEG keeps it."""
+    y, x = np.mgrid[:48, :64]
+    return np.stack([3 * x, 5 * y, np.full_like(x, 77)], axis=-1).astype(np.uint8)
+
+
+@pytest.fixture
+def numbered16(numbered) -> np.ndarray:
+    return (numbered * 4).astype(np.uint16)
+
+
+def saved(path, pixels, tags=None, folder=None, **options):
+    """Save as Pillow does, with EXIF tags by number."""
+    exif = Image.Exif()
+    exif.update(tags or {})
+    exif.get_ifd(0x8769).update(folder or {})
+    Image.fromarray(pixels).save(path, exif=exif, **options)
+    return path
+
+
+def tiff(path, pixels):
+    """Save a TIFF of any depth as OpenImageIO does."""
+    oiio.ImageBuf(pixels).write(str(path))
+    return path
+
+
+def test_the_virtual_camera_tells_its_exposure_name_and_focal_length(shared):
+    path = sorted((shared / "shoots/room/plate").glob("*.jpg"))[0]
+    photograph = read_photograph(path)
+    assert photograph.exposure == Exposure(0.25, 8.0, 100.0)
+    assert photograph.camera == "Virtual curve_a"
+    assert photograph.focal_length == pytest.approx(1000.354, abs=1e-3)
+    assert (photograph.size, photograph.pixels.dtype, photograph.name) == ((768, 512), np.uint8, str(path))
+
+
+@pytest.mark.parametrize(
+    "exposure",
+    [
+        Exposure(1 / 60, 5.6, 100),
+        Exposure(1 / 8000, 1.4, 64),
+        Exposure(30.0, 22.0, 204800),
+        Exposure(0.0125, 2.8),
+        Exposure(1 / 3),
+        Exposure(4000.5, None, 65535),
+        None,
+    ],
+)
+@pytest.mark.parametrize("suffix", [".jpg", ".png"])
+def test_a_photograph_written_and_read_has_the_same_exposure(tmp_path, smooth, exposure, suffix):
+    write(
+        tmp_path / f"a{suffix}", Photograph(smooth, exposure=exposure, camera="Virtual curve_a", focal_length=1000.35)
+    )
+    again = read_photograph(tmp_path / f"a{suffix}")
+    assert again.exposure == exposure
+    assert again.camera == "Virtual curve_a"
+    assert again.focal_length == pytest.approx(1000.35, abs=1e-6)
+
+
+def test_another_reader_finds_the_exposure_as_exif_rationals(tmp_path, smooth):
+    write(tmp_path / "a.jpg", Photograph(smooth, exposure=Exposure(1 / 60, 5.6, 100), camera="Virtual curve_a"))
+    source = oiio.ImageInput.open(str(tmp_path / "a.jpg"))
+    assert source is not None
+    spec = source.spec()
+    assert spec.getattribute("ExposureTime") == pytest.approx(1 / 60)
+    assert spec.getattribute("FNumber") == pytest.approx(5.6)
+    assert spec.getattribute("Exif:PhotographicSensitivity") == 100
+    assert spec.getattribute("jpeg:subsampling") == "4:4:4"
+    source.close()
+
+
+def test_an_iso_that_exif_cannot_hold_is_refused(tmp_path, smooth):
+    with pytest.raises(ValueError, match=r"iso is 133\.3"):
+        write(tmp_path / "a.jpg", Photograph(smooth, exposure=Exposure(1, None, 133.3)))
+
+
+def test_a_jpeg_is_written_within_two_codes(tmp_path, smooth):
+    write(tmp_path / "a.jpg", Photograph(smooth))
+    assert np.abs(read_photograph(tmp_path / "a.jpg").pixels.astype(int) - smooth).max() <= 2
+
+
+def test_a_png_keeps_every_code_of_8_and_16_bits(tmp_path, smooth, numbered16):
+    for pixels in (smooth, numbered16):
+        write(tmp_path / "a.png", Photograph(pixels))
+        again = read_photograph(tmp_path / "a.png").pixels
+        assert again.dtype == pixels.dtype
+        np.testing.assert_array_equal(again, pixels)
+    assert again[3, 2].tolist() == [12008, 12009, 12010]
+    np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "a.png")), numbered16 >> 8)  # Pillow's 8 bits
+
+
+def test_a_tiff_of_16_bits_keeps_every_code(tmp_path, numbered16):
+    np.testing.assert_array_equal(read_photograph(tiff(tmp_path / "a.tif", numbered16)).pixels, numbered16)
+
+
+def test_grey_becomes_three_equal_channels(tmp_path, smooth):
+    photograph = read_photograph(saved(tmp_path / "a.png", smooth[..., 0]))
+    np.testing.assert_array_equal(photograph.pixels, np.repeat(smooth[..., :1], 3, axis=2))
+
+
+def test_opaque_alpha_goes_unsaid_and_other_alpha_does_not(tmp_path, smooth):
+    alpha = np.full((48, 64, 1), 255, np.uint8)
+    np.testing.assert_array_equal(
+        read_photograph(saved(tmp_path / "a.png", np.concatenate([smooth, alpha], axis=2))).pixels, smooth
+    )
+    alpha[3, :5] = 10
+    path = saved(tmp_path / "b.png", np.concatenate([smooth, alpha], axis=2))
+    with pytest.warns(UserWarning, match="alpha is left out, though 5 pixels are not opaque"):
+        np.testing.assert_array_equal(read_photograph(path).pixels, smooth)  # not multiplied by alpha
+
+
+@pytest.mark.parametrize(
+    ("orientation", "corners"),
+    [
+        (1, "abcd"),
+        (2, "badc"),
+        (3, "dcba"),
+        (4, "cdab"),
+        (5, "acbd"),
+        (6, "cadb"),
+        (7, "dbca"),
+        (8, "bdac"),
+    ],
+)
+@pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif"])
+def test_the_photograph_is_turned_upright(tmp_path, orientation, corners, suffix):
+    # Stored corners: a top left, b top right, c bottom left, d bottom right (EXIF 2.32, figure of tag 0x0112).
+    stored = np.zeros((16, 32, 3), np.uint8)
+    codes = dict(zip("abcd", (40, 100, 160, 220), strict=True))
+    stored[:8, :16], stored[:8, 16:], stored[8:, :16], stored[8:, 16:] = (codes[c] for c in "abcd")
+    seen = read_photograph(saved(tmp_path / f"a{suffix}", stored, {0x0112: orientation})).pixels
+    assert seen.shape == ((16, 32, 3) if orientation < 5 else (32, 16, 3))
+    found = [seen[0, 0, 0], seen[0, -1, 0], seen[-1, 0, 0], seen[-1, -1, 0]]
+    assert found == pytest.approx([codes[c] for c in corners], abs=3)
+
+
+@pytest.mark.parametrize(
+    ("folder", "pixels"),
+    [
+        ({}, None),
+        ({0x920A: 50.0}, None),
+        ({0x920A: 4.13, 0xA405: 33}, 33 / 36 * 64),
+        ({0x920A: 46.8916, 0xA405: 47}, 46.8916 / 36 * 64),
+        ({0x920A: 50.0, 0xA405: 0}, None),
+        ({0x920A: 10.0, 0xA20E: 254.0, 0xA210: 2, 0xA002: 64, 0x927C: b"note"}, 100.0),
+        ({0x920A: 10.0, 0xA20E: 100.0, 0xA210: 3, 0xA002: 64, 0x927C: b"note"}, 100.0),
+        ({0x920A: 10.0, 0xA20E: 254.0, 0xA210: 2, 0xA002: 640, 0x927C: b"note"}, None),  # resized since
+        ({0x920A: 10.0, 0xA20E: 254.0, 0xA210: 2, 0xA002: 64}, None),  # through an editor
+    ],
+)
+def test_the_focal_length_in_pixels_is_known_or_none(tmp_path, smooth, folder, pixels):
+    rational = {k: Fraction(v).limit_denominator(10_000) for k, v in folder.items() if isinstance(v, float)}
+    exact = {k: (v.numerator, v.denominator) for k, v in rational.items()}
+    from PIL.TiffImagePlugin import IFDRational
+
+    path = saved(tmp_path / "a.jpg", smooth, {}, {**folder, **{k: IFDRational(*v) for k, v in exact.items()}})
+    found = read_photograph(path).focal_length
+    assert found == (None if pixels is None else pytest.approx(pixels, rel=1e-6))
+
+
+def test_a_portrait_has_the_focal_length_of_the_landscape(tmp_path, smooth):
+    path = saved(tmp_path / "a.jpg", smooth, {0x0112: 6}, {0x920A: 4, 0xA405: 36})
+    photograph = read_photograph(path)
+    assert (photograph.size, photograph.focal_length) == ((48, 64), 64.0)
+
+
+def test_canon_copies_resized_by_an_editor_tell_no_focal_length(shared):
+    folder = shared / "data/brackets"
+    for file in [*(folder / "room").glob("*.jpg"), *(folder / "window").glob("*.jpg")]:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message=".*colour profile")
+            photograph = read_photograph(file)
+        assert photograph.exposure is not None
+        assert photograph.focal_length is None
+        assert photograph.camera.startswith("Canon EOS")
+
+
+def test_senseless_exif_numbers_are_taken_as_missing(tmp_path, smooth):
+    photograph = read_photograph(saved(tmp_path / "a.jpg", smooth, {0x0112: 9}, {0x829A: 0, 0x829D: 8}))
+    assert (photograph.exposure, photograph.size) == (None, (64, 48))
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.9, 0.99])
+@pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif"])
+def test_a_truncated_photograph_is_refused_in_one_line_and_silently(tmp_path, smooth, suffix, share, capfd):
+    noisy = np.random.default_rng(1).integers(0, 255, (200, 200, 3), np.uint8)
+    path = saved(tmp_path / f"a{suffix}", noisy)
+    path.write_bytes(path.read_bytes()[: int(path.stat().st_size * share)])
+    with pytest.raises(UnreadableFile, match=rf"a\{suffix}: ") as raised:
+        read(path)
+    assert "\n" not in str(raised.value)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_jpeg_cut_by_its_last_bytes_is_refused(tmp_path, smooth):
+    path = saved(tmp_path / "a.jpg", smooth)
+    path.write_bytes(path.read_bytes()[:-2])
+    with pytest.raises(UnreadableFile, match="Premature end"):
+        read(path)
+
+
+def test_a_hole_in_a_jpegs_data_is_refused(tmp_path):
+    noisy = np.random.default_rng(1).integers(0, 255, (200, 200, 3), np.uint8)
+    data = bytearray(saved(tmp_path / "a.jpg", noisy).read_bytes())
+    del data[len(data) // 2 : len(data) // 2 + 1000]
+    (tmp_path / "a.jpg").write_bytes(data)
+    with pytest.raises(UnreadableFile, match="Corrupt JPEG data: premature end of data segment"):
+        read(tmp_path / "a.jpg")
+
+
+def test_bytes_left_over_between_the_scans_of_a_progressive_jpeg_are_lost_pixels(tmp_path, smooth):
+    data = saved(tmp_path / "a.jpg", smooth, progressive=True).read_bytes()
+    place = data.rindex(b"\xff\xda")
+    (tmp_path / "a.jpg").write_bytes(data[:place] + b"stray" + data[place:])
+    with pytest.raises(UnreadableFile, match="extraneous bytes before marker"):
+        read(tmp_path / "a.jpg")
+
+
+def test_stray_bytes_among_the_headers_of_a_jpeg_are_told_and_do_no_harm(tmp_path, smooth):
+    path = saved(tmp_path / "a.jpg", smooth)
+    expected = read_photograph(path).pixels
+    data = path.read_bytes()
+    start = data.index(b"\xff\xdb")
+    path.write_bytes(data[:start] + b"stray" + data[start:])
+    with pytest.warns(UserWarning, match="stray bytes among its headers"):
+        np.testing.assert_array_equal(read_photograph(path).pixels, expected)
+
+
+def test_stray_bytes_do_not_hide_a_truncation(tmp_path):
+    noisy = np.random.default_rng(1).integers(0, 255, (200, 200, 3), np.uint8)
+    data = saved(tmp_path / "a.jpg", noisy).read_bytes()
+    start = data.index(b"\xff\xdb")
+    (tmp_path / "a.jpg").write_bytes(data[:start] + b"stray" + data[start : len(data) // 2])
+    with pytest.raises(UnreadableFile, match="truncated"):
+        read(tmp_path / "a.jpg")
+
+
+def test_an_altered_byte_in_a_png_is_refused_where_it_lies(tmp_path, smooth):
+    data = bytearray(saved(tmp_path / "a.png", smooth).read_bytes())
+    data[data.index(b"IDAT") + 20] ^= 1
+    (tmp_path / "a.png").write_bytes(data)
+    with pytest.raises(UnreadableFile, match="damaged in its PNG chunk 'IDAT' at byte"):
+        read(tmp_path / "a.png")
+
+
+def test_a_png_that_claims_an_absurd_size_is_refused_from_its_header(tmp_path, smooth):
+    data = bytearray(saved(tmp_path / "a.png", smooth).read_bytes())
+    struct.pack_into(">II", data, 16, 60_000, 60_000)
+    struct.pack_into(">I", data, 29, zlib.crc32(data[12:29]))
+    (tmp_path / "a.png").write_bytes(data)
+    with pytest.raises(UnreadableFile, match=r"60000 x 60000|claims a"):
+        read(tmp_path / "a.png")
+
+
+def test_floats_gain_maps_logluv_and_camera_raw_are_refused_by_name(shared):
+    data = shared / "data"
+    for path, what in {
+        "formats/float_tiff/float32.tif": "a TIFF of float pixels",
+        "formats/gainmap_jpeg/sky.jpg": "gain map",
+        "formats/logluv_tiff/off_luv24.tif": "LogLuv",
+        "formats/logluv_tiff/off_luv32.tif": "LogLuv",
+        "malformed/raw_stubs/IMG_1361.dng": "camera raw",
+    }.items():
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message=".*colour profile")
+            with pytest.raises(UnreadableFile, match=what):
+                read(data / path)
+
+
+def test_a_colour_profile_other_than_srgb_is_told(tmp_path, smooth):
+    from PIL import ImageCms
+
+    saved(tmp_path / "a.jpg", smooth, icc_profile=ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes())
+    read(tmp_path / "a.jpg")
+    lab = ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB")).tobytes()
+    saved(tmp_path / "b.jpg", smooth, icc_profile=lab)
+    with pytest.warns(UserWarning, match="colour profile"):
+        read(tmp_path / "b.jpg")
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_every_real_damaged_photograph_is_refused_in_one_line_or_read_whole(shared, capfd):
+    read_well = set()
+    for file in sorted((shared / "data/malformed").glob("*/*")):
+        if file.suffix not in (".jpg", ".tif", ".dng", ".nef", ".pgm"):
+            continue
+        try:
+            assert read_photograph(file).pixels.dtype == np.uint8
+            read_well.add(file.name)
+        except UnreadableFile as error:
+            assert str(error).startswith(f"{file}: ") and "\n" not in str(error)
+    # Sound pictures with broken EXIF; the .nef is a JPEG by content, 2000 x 3008 pixels.
+    assert read_well == {
+        "corrupt-exif-1626.jpg", "corrupt-exif-recursive-ifd.jpg", "corrupt-exif-utf8-type.jpg",
+        "crash-cmyk-1bit.tif", "Issue 247-1.nef"}  # fmt: skip
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_full_disk_leaves_the_old_photograph_and_no_temporary_file(tmp_path, smooth):
+    resource = pytest.importorskip("resource")
+    for name in ("a.jpg", "a.png"):
+        write(tmp_path / name, Photograph(smooth))
+        old = (tmp_path / name).read_bytes()
+        limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+        try:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (500, limits[1]))
+            with pytest.raises(OutputNotWritten, match="File too large"):
+                write(tmp_path / name, Photograph(np.random.default_rng(1).integers(0, 255, (99, 99, 3), np.uint8)))
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        assert (tmp_path / name).read_bytes() == old
+    assert sorted(os.listdir(tmp_path)) == ["a.jpg", "a.png"]
+
+
+def test_describing_a_photograph_tells_exposure_camera_and_codes(tmp_path, smooth):
+    write(tmp_path / "a.png", Photograph(smooth, exposure=Exposure(0.25, 8.0, 100), camera="Virtual curve_a"))
+    facts = describe(tmp_path / "a.png")
+    assert facts["kind"] == "photograph"
+    assert facts["exposure"] == {"seconds": 0.25, "f_number": 8.0, "iso": 100.0}
+    assert (facts["camera"], facts["size"], facts["dtype"], facts["unit"]) == (
+        "Virtual curve_a",
+        [64, 48],
+        "uint8",
+        "encoded",
+    )
+    assert (facts["minimum"], facts["maximum"], facts["nan"]) == (0.0, 235.0, 0)
+
+
+def test_a_file_is_told_by_its_content_and_not_by_its_suffix(tmp_path, smooth):
+    shutil.move(saved(tmp_path / "a.png", smooth), tmp_path / "a.jpg")
+    np.testing.assert_array_equal(read_photograph(tmp_path / "a.jpg").pixels, smooth)
+    buffer = io.BytesIO()
+    Image.fromarray(smooth).save(buffer, "TIFF")
+    (tmp_path / "b.exr").write_bytes(buffer.getvalue())
+    np.testing.assert_array_equal(read_photograph(tmp_path / "b.exr").pixels, smooth)
