@@ -30,12 +30,12 @@ class Calibration:
     residual: np.ndarray
 
 
-def recover_response(brackets: Bracket | Sequence[Bracket], *, smoothness: float = 30.0) -> Calibration:
+def recover_response(brackets: Bracket | Sequence[Bracket], *, smoothness: float = 10.0) -> Calibration:
     """Recover the response of the camera that took all `brackets`, minimising eq. 3 with the weights of eq. 4.
 
     brackets : 8-bit brackets of one camera; together they need two different exposures in at least one bracket
-    smoothness : λ of eq. 3 per observed pixel; at 30 the rounding of 8-bit values leaves no ripple and a camera's
-        knee and toe are still followed (from 10 to 100 the curve hardly moves)
+    smoothness : λ of eq. 3 per observed pixel; at 10 the noise of 8-bit values leaves little ripple and a camera's
+        knee and toe are still followed (from 3 to 100 the curve moves by less than a hundredth)
     Raises NotABracket when the photographs say nothing of the curve.
     """
     brackets = [brackets] if isinstance(brackets, Bracket) else list(brackets)

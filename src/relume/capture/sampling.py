@@ -8,11 +8,11 @@ from scipy.ndimage import maximum_filter, uniform_filter
 from relume.capture.bracket import Bracket
 
 LEVELS = 256
-TILES = 12
+TILES = 24
 """Tiles across the longer side; each gives at most one pixel for every frame and range of values."""
 RANGES = 16
 """Ranges of pixel values, so that every part of the curve is met."""
-EVEN = 1.5
+EVEN = 2.0
 """Greatest standard deviation of a 3×3 neighbourhood, in pixel values, for its middle to be believed."""
 NEAR_WHITE = 9
 """Side of the neighbourhood that must hold no saturated pixel: JPEG rings over its 8×8 blocks."""

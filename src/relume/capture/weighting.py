@@ -35,15 +35,18 @@ class Hat:
 
 @dataclass(frozen=True)
 class InverseVariance:
-    """The weights that leave the least noise: 1 / var(ln exposure), fading to 0 at the ends of the curve.
+    """The weights that leave the least noise: 1 / var(ln exposure), fading to 0 before the ends of the curve.
 
-    margin : the pixel values over which the weight fades at either end; 16 of 255 keeps values that JPEG ringing
-        beside clipped pixels has moved from deciding anything
+    guard : values at either end that never count; in saturated patches JPEG leaves 250 to 254 where 255 was, and a
+        value near white is the least noisy of all, so that it would decide
+    fade : the values over which the weight then rises, so that nothing jumps where a photograph begins to count
     """
 
-    margin: float = 16.0
+    guard: float = 6.0
+    fade: float = 16.0
 
     def table(self, response: Response) -> np.ndarray:
         """Weights (3, levels)."""
         deviation = np.gradient(response.log_exposure, axis=1) * response.noise[:, None]
-        return np.minimum(hat(response.levels) / self.margin, 1.0) / np.maximum(deviation, 1e-6) ** 2
+        counted = np.clip((hat(response.levels) - self.guard) / self.fade, 0.0, 1.0)
+        return counted / np.maximum(deviation, 1e-6) ** 2

@@ -110,12 +110,12 @@ def _matte(mi: Any, scene: Scene, camera: Camera, seed: int) -> np.ndarray:
     if not scene.objects:
         return matte.astype(np.float32)
     world = mi.load_dict(matte_dictionary(mi, scene, camera))
-    seen = mi.load_dict({"type": "path", "max_depth": 1})
+    whiteness = mi.load_dict({"type": "aov", "aovs": "albedo:albedo"})
     per_pass = max(1, min(MATTE_SAMPLES, PASS_RAYS // (camera.width * camera.height)))
     passes = -(-MATTE_SAMPLES // per_pass)
     for index in range(passes):
-        picture = np.array(mi.render(world, integrator=seen, spp=per_pass, seed=_pass_seed(seed, index)))
-        matte += picture[..., 0]
+        picture = np.array(mi.render(world, integrator=whiteness, spp=per_pass, seed=_pass_seed(seed, index)))
+        matte += picture[..., -3]
     return np.clip(matte / passes, 0, 1).astype(np.float32)
 
 

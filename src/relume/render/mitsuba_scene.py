@@ -28,16 +28,12 @@ def scene_dictionary(mi: Any, scene: Scene, camera: Camera) -> dict[str, Any]:
 
 
 def matte_dictionary(mi: Any, scene: Scene, camera: Camera) -> dict[str, Any]:
-    """The paper's mask image: objects shine white, real surfaces are black, and there is no other light (§5.2)."""
+    """The paper's mask image (§5.2) as albedo: objects white, real surfaces black; its mean is the coverage."""
     dictionary: dict[str, Any] = {"type": "scene", "sensor": sensor(mi, camera)}
-    black = {"type": "diffuse", "reflectance": 0.0}
-    for index, shape in enumerate(scene.local):
-        dictionary[f"local_{index:04d}"] = _shape(mi, shape, black)
-    for index, shape in enumerate(scene.objects):
-        # Emitters shine from one side; the lamp inside a closed or open mesh must be seen from both.
-        for side, mesh in enumerate((shape, _reversed(shape))):
-            white = {"type": "area", "radiance": {"type": "rgb", "value": 1.0}}
-            dictionary[f"object_{index:04d}_{side}"] = _mesh(mi, mesh, black, white)
+    for index, shape in enumerate((*scene.local, *scene.objects)):
+        white = index >= len(scene.local)
+        paint = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": float(white)}}
+        dictionary[f"shape_{index:04d}"] = _shape(mi, shape, paint)
     return dictionary
 
 
@@ -95,11 +91,9 @@ def _shape(mi: Any, shape: Shape, bsdf: dict[str, Any]) -> Any:
     return _mesh(mi, shape, bsdf)
 
 
-def _mesh(mi: Any, mesh: Mesh, bsdf: dict[str, Any], emitter: dict[str, Any] | None = None) -> Any:
+def _mesh(mi: Any, mesh: Mesh, bsdf: dict[str, Any]) -> Any:
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(bsdf)
-    if emitter is not None:
-        properties["emitter"] = mi.load_dict(emitter)
     built = mi.Mesh(
         mesh.name,
         len(mesh.vertices),
@@ -117,11 +111,6 @@ def _mesh(mi: Any, mesh: Mesh, bsdf: dict[str, Any], emitter: dict[str, Any] | N
         parameters["vertex_texcoords"] = np.ravel(mesh.uv).astype(np.float32)
     parameters.update()
     return built
-
-
-def _reversed(mesh: Mesh) -> Mesh:
-    normals = None if mesh.normals is None else -mesh.normals
-    return Mesh(mesh.vertices, mesh.faces[:, ::-1], mesh.material, normals, mesh.uv, mesh.name)
 
 
 def _bsdf(mi: Any, material: Material | Diffuse) -> dict[str, Any]:
