@@ -30,12 +30,12 @@ class Calibration:
     residual: np.ndarray
 
 
-def recover_response(brackets: Bracket | Sequence[Bracket], *, smoothness: float = 10.0) -> Calibration:
+def recover_response(brackets: Bracket | Sequence[Bracket], *, smoothness: float = 30.0) -> Calibration:
     """Recover the response of the camera that took all `brackets`, minimising eq. 3 with the weights of eq. 4.
 
     brackets : 8-bit brackets of one camera; together they need two different exposures in at least one bracket
-    smoothness : λ of eq. 3 per observed pixel; at 10 the noise of 8-bit values leaves little ripple and a camera's
-        knee and toe are still followed (from 3 to 100 the curve moves by less than a hundredth)
+    smoothness : λ of eq. 3 per observed pixel; at 30 the noise of 8-bit values leaves no ripple and a camera's
+        knee and toe are still followed (from 10 to 100 the curve moves by less than a hundredth)
     Raises NotABracket when the photographs say nothing of the curve.
     """
     brackets = [brackets] if isinstance(brackets, Bracket) else list(brackets)
@@ -101,19 +101,23 @@ def _rising(curve: np.ndarray) -> np.ndarray:
 
 
 def _misfit(curve: np.ndarray, observed: list[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.ndarray, float]:
+    """Noise in pixel values, the observations (ln exposure, value), and the weighted misfit."""
     slope = np.gradient(curve)
     noise, points, squares, weight_sum = [], [], 0.0, 0.0
     for values, log_times in observed:
-        weights = WEIGHT[values]
-        log_exposure = curve[values] - log_times
-        log_radiance = (weights**2 * log_exposure).sum(1) / (weights**2).sum(1)
-        difference = log_exposure - log_radiance[:, None]
-        squares += float((weights**2 * difference**2).sum())
-        weight_sum += float((weights**2).sum())
-        well = weights > LEVELS / 8
-        noise.append((difference / slope[values])[well])
-        seen = weights > 0
-        points.append(np.stack([(log_radiance[:, None] + log_times)[seen], values[seen]], axis=1))
-    spread = 1.4826 * float(np.median(np.abs(np.concatenate(noise)))) if any(len(n) for n in noise) else 1.0
+        log_radiance = curve[values] - log_times
+        weights = np.where(WEIGHT[values] > 0, slope[values] ** -2.0, 0)
+        share = weights / weights.sum(1, keepdims=True)
+        mean = (share * log_radiance).sum(1, keepdims=True)
+        difference = log_radiance - mean
+        squares += float((WEIGHT[values] ** 2 * difference**2).sum())
+        weight_sum += float((WEIGHT[values] ** 2).sum())
+        # A value pulls the mean it is compared with towards itself: its residual has 1 − share of its variance.
+        well = (WEIGHT[values] > LEVELS / 16) & (share < 0.9)
+        noise.append((difference / (slope[values] * np.sqrt(np.maximum(1 - share, 1e-3))))[well])
+        seen = WEIGHT[values] > 0
+        points.append(np.stack([(mean + log_times)[seen], values[seen]], axis=1))
+    residuals = np.concatenate(noise)
+    spread = 1.4826 * float(np.median(np.abs(residuals))) if len(residuals) else 1.0
     # Rounding alone scatters a pixel value by 1/√12.
     return max(spread, 12**-0.5), np.concatenate(points), float(np.sqrt(squares / weight_sum))

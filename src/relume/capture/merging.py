@@ -42,9 +42,7 @@ def merge(bracket: Bracket, response: Response, *, weighting: Weighting = Invers
     log_radiance = np.where(
         measured,
         weighted / safe,
-        np.where(
-            saturated, response.log_exposure[:, -1] - log_times[0], response.log_exposure[:, 0] - log_times[-1]
-        ),
+        np.where(saturated, response.log_exposure[:, -1] - log_times[0], response.log_exposure[:, 0] - log_times[-1]),
     )
     radiance = np.exp(log_radiance)
     variance = np.where(measured, radiance**2 * spread / safe**2, np.inf)

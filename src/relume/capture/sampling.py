@@ -12,7 +12,7 @@ TILES = 24
 """Tiles across the longer side; each gives at most one pixel for every frame and range of values."""
 RANGES = 16
 """Ranges of pixel values, so that every part of the curve is met."""
-EVEN = 2.0
+EVEN = 3.0
 """Greatest standard deviation of a 3×3 neighbourhood, in pixel values, for its middle to be believed."""
 NEAR_WHITE = 9
 """Side of the neighbourhood that must hold no saturated pixel: JPEG rings over its 8×8 blocks."""

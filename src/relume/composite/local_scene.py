@@ -48,14 +48,14 @@ def recover_reflectance(
     if plate.clipped is not None:
         looked_at &= plate.clipped == 0
     if looked_at.sum() < FEWEST_PIXELS:
-        raise ValueError(f"the camera sees {looked_at.sum()} measured pixels of the plane; give its reflectance instead")
+        raise ValueError(
+            f"the camera sees {looked_at.sum()} measured pixels of the plane; give its reflectance instead"
+        )
     irradiance = light.irradiance(UP)
     values = np.pi * plate.radiance[looked_at].astype(np.float64) / np.maximum(irradiance, 1e-30)
     low, middle, high = np.percentile(values, [16, 50, 84], axis=0)
     reflectance = np.clip(middle, 0, 1)
-    return Recovered(
-        _triple(reflectance), _triple(middle), _triple((high - low) / 2), int(np.count_nonzero(looked_at))
-    )
+    return Recovered(_triple(reflectance), _triple(middle), _triple((high - low) / 2), int(np.count_nonzero(looked_at)))
 
 
 def _points(camera: Camera, plane: Plane) -> np.ndarray:
@@ -79,7 +79,9 @@ def _round(objects: Sequence[Mesh], points: np.ndarray) -> np.ndarray:
         low, high = mesh.vertices.min(0), mesh.vertices.max(0)
         reach = max(float(high[1]), 1e-3)
         with np.errstate(invalid="ignore"):
-            near |= np.all((points[..., [0, 2]] > low[[0, 2]] - reach) & (points[..., [0, 2]] < high[[0, 2]] + reach), -1)
+            near |= np.all(
+                (points[..., [0, 2]] > low[[0, 2]] - reach) & (points[..., [0, 2]] < high[[0, 2]] + reach), -1
+            )
     return near
 
 

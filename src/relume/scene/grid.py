@@ -26,7 +26,9 @@ def camera_from_grid(
     if focal is None:
         raise GridNotFound(f"{photograph.name}: no focal length in its EXIF; give camera.focal_length in pixels")
     columns, rows = squares[0] - 1, squares[1] - 1
-    grey = (photograph.pixels.astype(np.float64).mean(2) * (255 / np.iinfo(photograph.pixels.dtype).max)).astype(np.uint8)
+    grey = (photograph.pixels.astype(np.float64).mean(2) * (255 / np.iinfo(photograph.pixels.dtype).max)).astype(
+        np.uint8
+    )
     found, corners = _corners(cv2, grey, columns, rows)
     if not found:
         raise GridNotFound(

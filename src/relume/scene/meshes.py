@@ -100,7 +100,9 @@ def _material(path: Path, description: dict[str, Any]) -> Material:
     pbr = description.get("pbrMetallicRoughness", {})
     extensions = description.get("extensions", {})
     name = description.get("name", "")
-    present = {*description, *extensions} | ({"emissiveTexture"} if any(description.get("emissiveFactor", [])) else set())
+    present = {*description, *extensions} | (
+        {"emissiveTexture"} if any(description.get("emissiveFactor", [])) else set()
+    )
     for key in present & set(IGNORED):
         warnings.warn(f'{path}: the {IGNORED[key]} of material "{name}" is not rendered', stacklevel=4)
     if description.get("alphaMode", "OPAQUE") != "OPAQUE":

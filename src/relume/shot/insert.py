@@ -122,9 +122,7 @@ class _Job:
             [b.times for b in shot.light.balls or ()],
         ]
         calibrations = lighting.calibrations_from(
-            self.stage(
-                "response", sources, lambda: lighting.calibration_arrays(lighting.calibrate(photographs))
-            )
+            self.stage("response", sources, lambda: lighting.calibration_arrays(lighting.calibrate(photographs)))
         )
         plate = self._plate(photographs, calibrations, sources)
         camera = self._camera(plate)
@@ -183,9 +181,7 @@ class _Job:
             except ValueError as error:
                 raise InvalidShot(f"camera.pose: {error}") from None
 
-    def _light(
-        self, photographs: lighting.Photographs, calibrations: dict[str, Calibration], sources: object
-    ) -> Probe:
+    def _light(self, photographs: lighting.Photographs, calibrations: dict[str, Calibration], sources: object) -> Probe:
         if self.shot.light.map is not None:
             with self.timed("light"):
                 return lighting.light_from_map(self.shot.folder / self.shot.light.map)
@@ -245,7 +241,9 @@ class _Job:
         arrays = self.stage("render", [sources, repr(chosen)], make)
         pair = []
         for name in ("with", "without"):
-            planes: dict[str, Any] = {k.removeprefix(f"{name}."): v for k, v in arrays.items() if k.startswith(f"{name}.")}
+            planes: dict[str, Any] = {
+                k.removeprefix(f"{name}."): v for k, v in arrays.items() if k.startswith(f"{name}.")
+            }
             pair.append(Render(**planes | {"samples": int(planes["samples"])}))
         return pair[0], pair[1]
 

@@ -41,7 +41,9 @@ def read_photographs(shot: Shot) -> Photographs:
     plate = plate_map = None
     if isinstance(first, RadianceMap):
         if len(paths) > 1:
-            raise InvalidShot(f"plate.photographs: {paths[0]} is a radiance map; give it alone, or a bracket without it")
+            raise InvalidShot(
+                f"plate.photographs: {paths[0]} is a radiance map; give it alone, or a bracket without it"
+            )
         plate_map = first
     else:
         plate = read_bracket(paths, times=shot.plate.times)

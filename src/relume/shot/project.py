@@ -193,7 +193,9 @@ def read_shot(path: str | Path) -> Shot:
 
 def _first_fault(error: ValidationError, table: dict[str, Any]) -> str:
     fault = error.errors()[0]
-    place = ".".join(str(part) for part in fault["loc"] if not str(part).startswith(("tuple", "literal", "constrained")))
+    place = ".".join(
+        str(part) for part in fault["loc"] if not str(part).startswith(("tuple", "literal", "constrained"))
+    )
     if fault["type"] == "extra_forbidden":
         near = difflib.get_close_matches(str(fault["loc"][-1]), _known_keys(fault["loc"]), 1)
         return f"{place}: unknown key" + (f"; did you mean {near[0]}?" if near else "; remove it or see the docs")

@@ -1,2 +1,5 @@
 """placeholder"""
-def write_report(r,p): pass
+
+
+def write_report(r, p):
+    pass
