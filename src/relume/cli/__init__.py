@@ -1,1 +1,41 @@
-"""The command line: one module a command."""
+"""The command line: one module a command, each imported only when its command is given."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+COMMANDS = {
+    "info": "What a picture or light file holds, or what this machine renders with.",
+    "merge": "Merge differently exposed photographs into one radiance map.",
+    "probe": "Turn photographs of a mirrored ball into an illumination map.",
+    "insert": "Insert objects into a photograph, lit by the light photographed there.",
+    "develop": "Develop a radiance map into a picture, through a camera's response or sRGB.",
+    "demo": "Run the main job on the example room and say where the pictures are.",
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit code: 0 done, 2 bad input, 3 output could not be written, 130 interrupted."""
+    from cyclopts import App, CycloptsError
+
+    from relume.cli import console
+
+    app = App(
+        name="relume",
+        help="Photographs in, light out; light in, photographs out.",
+        version=console.version,
+        help_epilogue="`relume COMMAND --help` tells each command's options. Angles are degrees, lengths metres.",
+    )
+    for name, help_text in COMMANDS.items():
+        app.command(f"relume.cli.{name}:{name}", name=name, help=help_text)
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        app(words, exit_on_error=False, print_error=False, result_action="return_value")
+    except CycloptsError as error:
+        return console.refuse(str(error).strip() or "wrong arguments", 2, hint="relume --help tells the commands")
+    except KeyboardInterrupt:
+        return console.refuse("interrupted; kept stages will be used when the same command is given again", 130)
+    except Exception as error:
+        return console.refuse_error(error, verbose="-v" in words or "--verbose" in words)
+    return 0

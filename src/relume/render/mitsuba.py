@@ -35,22 +35,26 @@ class Mitsuba:
         all samples
     depth : bounces before a path ends; 12 lets light into and out of glass before and behind glass
     variant : Mitsuba's variant; chosen for this machine unless given
+    threads : all cores unless given; the pixels do not depend on it
     """
 
     samples: int = 256
     noise: float | None = None
     depth: int = 12
     variant: str | None = None
+    threads: int | None = None
 
     def __post_init__(self) -> None:
         if self.samples < 2 or self.depth < 1 or (self.noise is not None and not self.noise > 0):
             raise ValueError(
                 f"samples {self.samples}, depth {self.depth}, noise {self.noise}; expected at least 2, 1 and above 0"
             )
+        if self.threads is not None and self.threads < 1:
+            raise ValueError(f"threads is {self.threads}; expected at least 1, or none for all cores")
 
     def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
         """Render in passes of equal size; the passes' scatter is the variance."""
-        with _mitsuba(self.variant) as mi:
+        with _mitsuba(self.variant, self.threads) as mi:
             world = mi.load_dict(scene_dictionary(mi, scene, camera))
             path = mi.load_dict({"type": "path", "max_depth": self.depth + 1, "rr_depth": 8})
             radiance, variance, samples = self._accumulated(
@@ -120,25 +124,28 @@ def _matte(mi: Any, scene: Scene, camera: Camera, seed: int) -> np.ndarray:
 
 
 @contextmanager
-def _mitsuba(variant: str | None) -> Iterator[Any]:
-    """Mitsuba with its variant set for as long as it is used."""
-    mi, chosen = _imported(variant)
-    before = mi.variant()
+def _mitsuba(variant: str | None, threads: int | None) -> Iterator[Any]:
+    """Mitsuba with its variant and threads set for as long as it is used."""
+    mi, dr, chosen = _imported(variant)
+    variant_before, threads_before = mi.variant(), dr.thread_count()
     mi.set_variant(chosen)
+    dr.set_thread_count(threads or threads_before)
     try:
         yield mi
     finally:
-        if before is not None and before != chosen:
-            mi.set_variant(before)
+        dr.set_thread_count(threads_before)
+        if variant_before is not None and variant_before != chosen:
+            mi.set_variant(variant_before)
 
 
 @lru_cache
-def _imported(variant: str | None) -> tuple[Any, str]:
+def _imported(variant: str | None) -> tuple[Any, Any, str]:
     choice = choose_variant()
     # Dr.Jit reads the path when it is imported.
     if choice.library is not None:
         os.environ["DRJIT_LIBLLVM_PATH"] = choice.library
+    import drjit
     import mitsuba
 
     mitsuba.set_log_level(mitsuba.LogLevel.Error)
-    return mitsuba, variant or choice.name
+    return mitsuba, drjit, variant or choice.name

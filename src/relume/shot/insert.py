@@ -67,12 +67,18 @@ class Inserted:
 
 
 def insert(
-    shot: Shot, out: str | Path, *, renderer: Renderer | None = None, report: Report = lambda stage, share: None
+    shot: Shot,
+    out: str | Path,
+    *,
+    renderer: Renderer | None = None,
+    threads: int | None = None,
+    report: Report = lambda stage, share: None,
 ) -> Inserted:
     """Do the whole job and write `composite.exr`, `composite.png`, `layers.exr`, `light.exr`, `response.json`, `report.html`.
 
     out : folder; stages kept there from an earlier run are used where nothing they depend on has changed
     renderer : Mitsuba with the shot's settings unless given
+    threads : to render with; all cores unless given. The pixels do not depend on it
     Raises RelumeError; nothing is written to `out` but kept stages before everything is computed.
     """
     from relume.shot.report import write_report
@@ -82,7 +88,8 @@ def insert(
     job = _Job(shot, Stages(out / "stages"), report)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        result = job.run(renderer)
+        table = shot.render
+        result = job.run(renderer or Mitsuba(table.samples, table.noise, table.depth, threads=threads))
     result = replace(result, notes=(*dict.fromkeys(str(w.message) for w in caught), *result.notes))
     with job.timed("write"):
         _write(result, out)
@@ -111,7 +118,7 @@ class _Job:
             self.kept.append(name)
         return arrays
 
-    def run(self, renderer: Renderer | None) -> Inserted:
+    def run(self, renderer: Renderer) -> Inserted:
         shot = self.shot
         meshes = placed_meshes(shot)
         with self.timed("photographs"):
@@ -218,11 +225,9 @@ class _Job:
             named.append(shot.folder / shot.light.map)
         return [named, shot.model_dump(exclude={"develop"}, mode="json")]
 
-    def _renders(
-        self, scene: Scene, camera: Camera, renderer: Renderer | None, sources: object
-    ) -> tuple[Render, Render]:
+    def _renders(self, scene: Scene, camera: Camera, chosen: Renderer, sources: object) -> tuple[Render, Render]:
         table = self.shot.render
-        chosen = renderer or Mitsuba(table.samples, table.noise, table.depth)
+        settings = replace(chosen, threads=None) if isinstance(chosen, Mitsuba) else chosen
 
         def make() -> Arrays:
             first = render(scene, camera, chosen, seed=table.seed, progress=lambda s: self.report("render", s / 2))
@@ -238,7 +243,7 @@ class _Job:
                 first, second = denoise_pair(first, second)
             return {f"{n}.{k}": v for n, r in (("with", first), ("without", second)) for k, v in _planes(r).items()}
 
-        arrays = self.stage("render", [sources, repr(chosen)], make)
+        arrays = self.stage("render", [sources, repr(settings)], make)
         pair = []
         for name in ("with", "without"):
             planes: dict[str, Any] = {

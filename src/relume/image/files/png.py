@@ -47,7 +47,7 @@ def encode(pixels: np.ndarray, exif: bytes) -> bytes:
     header = struct.pack(">IIBBBBB", width, height, 8 * pixels.itemsize, 2, 0, 0, 0)
     chunks = {
         b"IHDR": header,
-        b"eXIf": exif.removeprefix(b"Exif\0\0"),
+        **({b"eXIf": exif.removeprefix(b"Exif\0\0")} if exif else {}),
         b"IDAT": zlib.compress(filtered.tobytes()),
         b"IEND": b"",
     }

@@ -1,0 +1,57 @@
+"""Words of the command line that several commands share, and how they are read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from relume.errors import OutputNotWritten, UnreadableFile
+
+Times = Annotated[
+    str | None, Parameter(help="Exposure time of each photograph in seconds, like 1/30,1/60,1/125; replaces the EXIF.")
+]
+Threads = Annotated[int | None, Parameter(help="Threads to render with; all cores unless given.")]
+DryRun = Annotated[bool, Parameter(negative="", help="Say what would be done, and do nothing.")]
+
+
+def read_times(text: str | None) -> list[float] | None:
+    """Seconds from text like "1/30,1/60,0.5"; raises ValueError naming the word."""
+    if text is None:
+        return None
+    times = []
+    for word in text.replace(",", " ").split():
+        try:
+            times.append(float(Fraction(word)))
+        except (ValueError, ZeroDivisionError):
+            raise ValueError(f'--times: "{word}" is no exposure time; write seconds, like 1/30 or 0.5') from None
+        if times[-1] <= 0:
+            raise ValueError(f'--times: "{word}" is not above 0')
+    return times
+
+
+def read_point(text: str, option: str) -> tuple[float, float, float]:
+    """Three numbers from text like "0,0.17,1"; raises ValueError naming the option."""
+    try:
+        x, y, z = (float(word) for word in text.replace(",", " ").split())
+    except ValueError:
+        raise ValueError(f'{option}: "{text}" is no place; write three numbers in metres, like 0,0.17,1') from None
+    return x, y, z
+
+
+def require_files(paths: Sequence[Path]) -> None:
+    """Refuse paths that are not files, so that a dry run tells too."""
+    for path in paths:
+        if not path.is_file():
+            raise UnreadableFile(f"{path}: no such photograph; check the path")
+
+
+def require_suffix(out: Path, *suffixes: str) -> None:
+    """Refuse an output that cannot be written, before any work is done."""
+    if out.suffix.lower() not in suffixes:
+        raise ValueError(f"-o {out}: the file must end in {' or '.join(suffixes)}")
+    if not out.parent.is_dir():
+        raise OutputNotWritten(f"-o {out}: no folder {out.parent}; make it first or choose another")

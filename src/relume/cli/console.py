@@ -1,0 +1,112 @@
+"""What the commands say and how: one line an error, notes, JSON for machines, progress bars on a terminal only."""
+
+from __future__ import annotations
+
+import json
+import sys
+import traceback
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version as _version
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from relume.errors import OutputNotWritten, RelumeError
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Manner:
+    """How a command behaves, the same for every command."""
+
+    json: Annotated[bool, Parameter(negative="", help="Print the result as JSON, for machines.")] = False
+    verbose: Annotated[bool, Parameter(alias="-v", negative="", help="Say more; show where a fault arose.")] = False
+    quiet: Annotated[bool, Parameter(alias="-q", negative="", help="Say nothing but errors.")] = False
+
+
+def version() -> str:
+    """relume's version."""
+    return _version("relume")
+
+
+def refuse(message: str, code: int, hint: str = "") -> int:
+    """Print one line on standard error and return the exit code."""
+    line = " ".join(message.split())
+    print(f"relume: {line}" + (f" ({hint})" if hint else ""), file=sys.stderr)
+    return code
+
+
+def refuse_error(error: Exception, *, verbose: bool) -> int:
+    """Turn any error into one line and its exit code; with `verbose` where it arose comes before."""
+    if verbose:
+        traceback.print_exc()
+    if isinstance(error, OutputNotWritten):
+        return refuse(str(error), 3)
+    if isinstance(error, RelumeError | ValueError):
+        return refuse(str(error), 2)
+    if isinstance(error, MemoryError):
+        return refuse("not enough memory; use smaller pictures or fewer at a time", 2)
+    return refuse(
+        f"a fault in relume itself, please report it: {type(error).__name__}: {error}", 1, "-v shows where it arose"
+    )
+
+
+@contextmanager
+def speaking(manner: Manner) -> Iterator[None]:
+    """Show warnings as notes of one line."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", UserWarning)
+        warnings.showwarning = lambda message, *_, **__: note(manner, str(message))
+        yield
+
+
+def note(manner: Manner, line: str) -> None:
+    """A line the user should know, on standard error."""
+    if not manner.quiet:
+        print(f"relume: note: {' '.join(line.split())}", file=sys.stderr)
+
+
+def tell(manner: Manner, lines: Mapping[str, object], *, title: str = "") -> None:
+    """Print a result: JSON for machines, else a line a fact."""
+    if manner.json:
+        print(json.dumps(dict(lines), ensure_ascii=False, default=str))
+    elif not manner.quiet:
+        if title:
+            print(title)
+        width = max((len(k) for k in lines), default=0)
+        for key, value in lines.items():
+            print(f"  {key.ljust(width)}  {_shown(value)}")
+
+
+@contextmanager
+def progress(manner: Manner) -> Iterator[Callable[[str, float], None]]:
+    """A callback for the stages of a job, shown as bars on a terminal and as nothing elsewhere."""
+    if manner.quiet or manner.json or not sys.stderr.isatty():
+        yield lambda stage, share: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description:<12}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True)) as bars:
+        tasks: dict[str, Any] = {}
+
+        def report(stage: str, share: float) -> None:
+            if stage not in tasks:
+                tasks[stage] = bars.add_task(stage, total=1.0)
+            bars.update(tasks[stage], completed=share)
+
+        yield report
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k} {_shown(v)}" for k, v in value.items()) or "none"
+    if isinstance(value, list | tuple):
+        return ", ".join(_shown(v) for v in value) or "none"
+    return "none" if value is None else str(value)

@@ -1,0 +1,36 @@
+"""`relume demo`: the main job on the example room."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from relume.cli.arguments import Threads
+from relume.cli.console import Manner, speaking
+from relume.errors import UnreadableFile
+
+
+def demo(
+    *,
+    out: Annotated[Path, Parameter(alias="-o", help="The folder for the pictures.")] = Path("relume-demo"),
+    threads: Threads = None,
+    manner: Manner = Manner(),
+) -> None:
+    """Insert five objects into the photograph of a room, and say where the pictures are."""
+    from relume.cli.insert import run
+    from relume.shot.project import read_shot
+
+    with speaking(manner):
+        run(read_shot(_room() / "shot.toml"), out, manner, threads)
+
+
+def _room() -> Path:
+    """The example: beside the package in a checkout, inside it when installed from a wheel."""
+    package = Path(str(files("relume")))
+    for folder in (package / "examples" / "room", package.parents[1] / "examples" / "room"):
+        if (folder / "shot.toml").is_file():
+            return folder
+    raise UnreadableFile("the example room is not installed; use a checkout of relume, or its wheel")
