@@ -14,6 +14,7 @@ from relume.errors import NotABracket
 from relume.image.response import Response
 
 WEIGHT = hat(LEVELS)
+MIDDLE = (LEVELS - 1) // 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,12 +31,17 @@ class Calibration:
     residual: np.ndarray
 
 
-def recover_response(brackets: Bracket | Sequence[Bracket], *, smoothness: float = 30.0) -> Calibration:
+def recover_response(
+    brackets: Bracket | Sequence[Bracket], *, smoothness: float = 100.0, power_law: bool = True
+) -> Calibration:
     """Recover the response of the camera that took all `brackets`, minimising eq. 3 with the weights of eq. 4.
 
     brackets : 8-bit brackets of one camera; together they need two different exposures in at least one bracket
-    smoothness : λ of eq. 3 per observed pixel; at 30 the noise of 8-bit values leaves no ripple and a camera's
-        knee and toe are still followed (from 10 to 100 the curve moves by less than a hundredth)
+    smoothness : λ of eq. 3 per observed pixel; at 100 the noise of 8-bit values leaves no ripple and a camera's
+        knee and toe are still followed (from 30 to 300 the curve moves by less than a hundredth)
+    power_law : smooth the curve's departure from the power law that fits it best instead of the curve: encodings
+        are nearly power laws, whose own bend is no noise, and the little-seen ends then go on as they should. False
+        is the paper's own term
     Raises NotABracket when the photographs say nothing of the curve.
     """
     brackets = [brackets] if isinstance(brackets, Bracket) else list(brackets)
@@ -48,13 +54,13 @@ def recover_response(brackets: Bracket | Sequence[Bracket], *, smoothness: float
             f"{brackets[0].name}: no two photographs differ in exposure, so the response cannot be recovered; "
             "add differently exposed ones"
         )
-    channels = [_recover_channel(telling, channel, smoothness) for channel in range(3)]
+    channels = [_recover_channel(telling, channel, smoothness, power_law) for channel in range(3)]
     curves, noise, samples, residual = zip(*channels, strict=True)
     return Calibration(Response(np.stack(curves), np.array(noise)), tuple(samples), np.array(residual))
 
 
 def _recover_channel(
-    brackets: Sequence[Bracket], channel: int, smoothness: float
+    brackets: Sequence[Bracket], channel: int, smoothness: float, power_law: bool
 ) -> tuple[np.ndarray, float, np.ndarray, float]:
     observed = [observations(bracket, channel) for bracket in brackets]
     normal, right, pixels = np.zeros((LEVELS, LEVELS)), np.zeros(LEVELS), 0
@@ -65,20 +71,34 @@ def _recover_channel(
         raise NotABracket(
             f"{brackets[0].name}: no pixel is well exposed in two photographs; photograph at smaller exposure steps"
         )
+    # λ counts once a pixel, so that it does not depend on how many there are.
+    penalty = smoothness * pixels * _SECOND.T @ _SECOND
+    curve = _solved(normal + penalty, right)
+    if power_law:
+        values = np.maximum(np.arange(LEVELS), 0.5)
+        exponent, _ = np.polyfit(np.log(values), curve, 1, w=WEIGHT)
+        curve = _solved(normal + penalty, right + penalty @ (exponent * np.log(values / MIDDLE)))
+    curve = _rising(curve)
+    return curve, *_misfit(curve, observed)
 
-    # The smoothness term, λ Σ [w(z) g″(z)]², counted once a pixel so that λ does not depend on how many there are.
+
+def _solved(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """The least squares curve with g(Z_mid) = 0, which fixes the scale that eq. 3 leaves free."""
+    normal = normal.copy()
+    normal[MIDDLE, MIDDLE] += np.trace(normal)
+    curve = np.linalg.lstsq(normal, right, rcond=1e-13)[0]
+    return curve - curve[MIDDLE]
+
+
+def _weighted_second_differences() -> np.ndarray:
+    """The matrix of w(z) g″(z), g″ = g(z−1) − 2g(z) + g(z+1)."""
     inner = np.arange(1, LEVELS - 1)
     second = np.zeros((LEVELS - 2, LEVELS))
     second[inner - 1, inner - 1], second[inner - 1, inner], second[inner - 1, inner + 1] = 1, -2, 1
-    second *= WEIGHT[inner][:, None]
-    normal += smoothness * pixels * second.T @ second
+    return second * WEIGHT[inner][:, None]
 
-    # g(Z_mid) = 0 fixes the scale that eq. 3 leaves free.
-    middle = LEVELS // 2 - 1
-    normal[middle, middle] += np.trace(normal)
-    curve = np.linalg.lstsq(normal, right, rcond=1e-13)[0]
-    curve = _rising(curve)
-    return curve - curve[middle], *_misfit(curve - curve[middle], observed)
+
+_SECOND = _weighted_second_differences()
 
 
 def _add_data_term(normal: np.ndarray, right: np.ndarray, values: np.ndarray, log_times: np.ndarray) -> None:

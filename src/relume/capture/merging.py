@@ -17,42 +17,45 @@ def merge(bracket: Bracket, response: Response, *, weighting: Weighting = Invers
     weighting : w of eq. 6; the least noisy weights unless given, `Hat()` for the paper's own (eq. 4)
 
     The variance plane carries the response's noise through the average. A channel that no photograph measured
-    keeps its bound (the shortest exposure of white, the longest of black), has infinite variance, and marks its
-    pixel in the `clipped` mask; nothing is invented there.
+    keeps its bound (what its own value tells in the shortest exposure that shows it white, else in the longest,
+    where it is black), has infinite variance, and marks its pixel in the `clipped` mask; nothing is invented there.
     Raises NotABracket when hardly any pixel is measured.
     """
     photographs, log_times = bracket.photographs, np.log(bracket.exposures)
     shape = photographs[0].pixels.shape
     weighted, total, spread = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    bound, saturated = np.zeros(shape), np.zeros(shape, bool)
     slopes = np.gradient(response.log_exposure, axis=1)
     table, channels = weighting.table(response), np.arange(3)
     for photograph, log_time in zip(photographs, log_times, strict=True):
-        values = _values(photograph.pixels, response)
+        values = _values(bracket, photograph.pixels, response)
         weights = table[channels, values]
-        weighted += weights * (response.log_exposure[channels, values] - log_time)
+        log_radiance = response.log_exposure[channels, values] - log_time
+        # The shortest exposure that shows white sets a lower bound; until one does, the longest sets an upper one.
+        bound = np.where(saturated, bound, log_radiance)
+        saturated |= values > response.levels // 2
+        weighted += weights * log_radiance
         total += weights
         spread += (weights * slopes[channels, values] * response.noise) ** 2
 
     measured = total > 0
-    saturated = ~measured & (_values(photographs[0].pixels, response) > response.levels // 2)
+    saturated &= ~measured
     black = ~measured & ~saturated
     _require_light(bracket, measured, saturated)
 
     safe = np.where(measured, total, 1.0)
-    log_radiance = np.where(
-        measured,
-        weighted / safe,
-        np.where(saturated, response.log_exposure[:, -1] - log_times[0], response.log_exposure[:, 0] - log_times[-1]),
-    )
-    radiance = np.exp(log_radiance)
+    radiance = np.exp(np.where(measured, weighted / safe, bound))
     variance = np.where(measured, radiance**2 * spread / safe**2, np.inf)
     clipped = np.where(saturated.any(-1), SATURATED, np.where(black.any(-1), BLACK, 0)).astype(np.uint8)
     return RadianceMap(radiance.astype(np.float32), variance.astype(np.float32), clipped)
 
 
-def _values(pixels: np.ndarray, response: Response) -> np.ndarray:
+def _values(bracket: Bracket, pixels: np.ndarray, response: Response) -> np.ndarray:
     if pixels.dtype != np.uint8 or response.levels != 256:
-        raise NotABracket("merging needs 8-bit photographs and a response of 256 values")
+        raise NotABracket(
+            f"{bracket.name}: {pixels.dtype} photographs and a response of {response.levels} values; "
+            "merging needs 8-bit photographs and a response of 256 values"
+        )
     return pixels.astype(np.intp)
 
 

@@ -10,7 +10,7 @@ from relume.capture.bracket import Bracket
 LEVELS = 256
 TILES = 24
 """Tiles across the longer side; each gives at most one pixel for every frame and range of values."""
-RANGES = 16
+RANGES = 32
 """Ranges of pixel values, so that every part of the curve is met."""
 EVEN = 3.0
 """Greatest standard deviation of a 3×3 neighbourhood, in pixel values, for its middle to be believed."""
@@ -21,7 +21,7 @@ NEAR_WHITE = 9
 def _choose_pixels(bracket: Bracket, channel: int) -> np.ndarray:
     """Flat indices of the pixels of `channel` that enter the response's recovery (Debevec & Malik 1997, §2.1).
 
-    In each tile of the image, for each photograph and each of 16 ranges of values that occurs there, the pixel
+    In each tile of the image, for each photograph and each of 32 ranges of values that occurs there, the pixel
     whose 3×3 neighbourhood varies least is taken: values evenly covered, pixels spread, edges avoided.
     """
     width, height = bracket.photographs[0].size

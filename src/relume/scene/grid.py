@@ -39,8 +39,9 @@ def camera_from_grid(
     # Of the board's two readings take the one whose long side runs to the right of the photograph.
     if image[:, -1, 0].mean() < image[:, 0, 0].mean():
         image = image[::-1, ::-1]
-    # The far side is −Z; with rows counted from it, +Z comes towards the camera.
-    if image[-1, :, 1].mean() < image[0, :, 1].mean():
+    # Seen from above, +Z is a quarter turn clockwise from +X: it comes towards the camera.
+    across, along = image[:, -1].mean(0) - image[:, 0].mean(0), image[-1].mean(0) - image[0].mean(0)
+    if across[0] * along[1] < across[1] * along[0]:
         image = image[::-1]
     x = (np.arange(columns) - (columns - 1) / 2) * square
     z = (np.arange(rows) - (rows - 1) / 2) * square
@@ -61,10 +62,14 @@ def camera_from_grid(
 
 def _corners(cv2, grey: np.ndarray, columns: int, rows: int) -> tuple[bool, np.ndarray]:
     """Inner corners (columns·rows, 2), pixel centres at whole numbers; small boards are sought in an enlargement."""
-    flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
+    flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
     for scale in (1, 2, 4):
         picture = grey if scale == 1 else cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
-        found, corners = cv2.findChessboardCornersSB(picture, (columns, rows), flags=flags)
+        # Evening the histogram helps in dim light, but loses plain boards that are found without it.
+        for evened in (0, cv2.CALIB_CB_NORMALIZE_IMAGE):
+            found, corners = cv2.findChessboardCornersSB(picture, (columns, rows), flags=flags | evened)
+            if found:
+                break
         if found:
             corners = ((corners.reshape(-1, 1, 2) + 0.5) / scale - 0.5).astype(np.float32)
             # Saddle points of the photograph itself are steadier than those of an enlargement.

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from relume.capture.calibration import Calibration
+from relume.capture.denoising import denoise
 from relume.capture.merging import merge
 from relume.composite.differential import differential
 from relume.composite.local_scene import Recovered, recover_reflectance
@@ -159,6 +160,8 @@ class _Job:
 
         def make() -> Arrays:
             merged = merge(bracket, calibrations[bracket.photographs[0].camera].response)
+            if self.shot.plate.denoise:
+                merged = denoise(merged)
             assert merged.variance is not None and merged.clipped is not None
             return {"radiance": merged.radiance, "variance": merged.variance, "clipped": merged.clipped}
 

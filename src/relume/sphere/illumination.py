@@ -53,12 +53,13 @@ class IlluminationMap:
 
     def irradiance(self, normals: np.ndarray) -> np.ndarray:
         """E = ∫ L max(0, ω·n) dω on surfaces of unit normals (…, 3): (…, 3), π·L under constant light."""
-        directions = self.mapping.directions(pixel_points(self.mapping, self.size)).reshape(-1, 3)
-        solid_angles = self.mapping.solid_angles(self.size).ravel()
-        seen = solid_angles > 0
-        flux = self.radiance.reshape(-1, 3)[seen] * solid_angles[seen, None]
-        # The middle of a pixel that the rim cuts may lie outside the map; it counts as the nearest direction in it.
-        directions = np.nan_to_num(directions[seen])
+        points = pixel_points(self.mapping, self.size)
+        if self.mapping.aspect == 1:
+            # The middle of a pixel that the rim cuts may lie outside the disc; the nearest point of the rim counts.
+            middle = points - 0.5
+            points = 0.5 + middle / np.maximum(2.000001 * np.linalg.norm(middle, axis=-1, keepdims=True), 1)
+        directions = self.mapping.directions(points).reshape(-1, 3)
+        flux = self.radiance.reshape(-1, 3) * self.mapping.solid_angles(self.size).reshape(-1, 1)
         flat = np.atleast_2d(np.asarray(normals, np.float64).reshape(-1, 3))
         result = np.stack([np.maximum(directions @ n, 0) @ flux for n in flat])
         return result.reshape(np.shape(normals))

@@ -12,7 +12,9 @@ from scipy import sparse
 from relume.sphere.mappings import LatLong, Mapping, pixel_points
 
 ROUNDS = 60
-"""Balancing steps; the worst pixel, at a pole, is then within 1e-6 of its solid angle."""
+"""Balancing steps; the worst source pixel, near a pole, then gives within a thousandth of its solid angle."""
+RELAXATION = 1.8
+"""Power of each step, for plain steps (1) settle wide imbalances slowly: 1.8 leaves a tenth of the error or less."""
 
 
 def balanced_transport(
@@ -43,8 +45,8 @@ def balanced_transport(
     give = np.ones(shape[1])
     receive = np.ones(shape[0])
     for _ in range(ROUNDS):
-        receive = _ratio(target_solid_angle, plan @ give)
-        give = _ratio(source_solid_angle, transposed @ receive)
+        receive = _relaxed(receive, _ratio(target_solid_angle, plan @ give))
+        give = _relaxed(give, _ratio(source_solid_angle, transposed @ receive))
     receive = _ratio(target_solid_angle, plan @ give)
     scale = _ratio(receive, target_solid_angle)
     return sparse.csr_array(sparse.diags_array(scale) @ plan @ sparse.diags_array(give))
@@ -79,6 +81,11 @@ def _bilinear_taps(mapping: Mapping, size: int, points: np.ndarray) -> tuple[np.
             indices.append(row * width + column)
             weights.append(wy * wx)
     return np.stack(indices), np.stack(weights)
+
+
+def _relaxed(before: np.ndarray, balanced: np.ndarray) -> np.ndarray:
+    """From `before` past `balanced` (successive over-relaxation of the logarithms; Thibault et al. 2021)."""
+    return before * _ratio(balanced, before) ** RELAXATION
 
 
 def _ratio(wanted: np.ndarray, present: np.ndarray) -> np.ndarray:

@@ -1,0 +1,49 @@
+"""Statements about noisy pictures that can be false: z-tests on means and on single pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import stats
+
+from relume.render.renderer import Render
+
+LIMIT = 4.0
+"""Standard errors a mean may lie from the truth: beyond 4 once in 16 000 correct runs, and seeds are fixed."""
+
+
+def assert_mean_agrees(radiance: np.ndarray, variance: np.ndarray, truth: np.ndarray | float, *, near: float = 0.0):
+    """The mean over pixels (…, 3) lies within `LIMIT` standard errors of the truth's, channel by channel.
+
+    variance : of the pixels' values, which are independent
+    near : share of the truth allowed on top, for what the test knows to be approximate
+    """
+    pixels, spread = radiance.reshape(-1, 3).astype(np.float64), variance.reshape(-1, 3).astype(np.float64)
+    expected = np.broadcast_to(truth, radiance.shape).reshape(-1, 3).mean(0)
+    error = np.sqrt(spread.sum(0)) / len(pixels)
+    # float32 pixels: 1e-6 of the value is rounding, and a picture without noise has nothing else.
+    allowed = LIMIT * error + (near + 1e-6) * np.abs(expected)
+    found = pixels.mean(0)
+    assert np.all(np.abs(found - expected) <= allowed), f"mean {found}, expected {expected} ± {allowed}"
+
+
+def assert_renders_agree(one: Render, other: Render):
+    """Two renders of one scene from independent seeds: their means differ by no more than their noise."""
+    assert_mean_agrees(one.radiance, one.variance + other.variance, other.radiance)
+
+
+def assert_pixels_agree(
+    radiance: np.ndarray, variance: np.ndarray, truth: np.ndarray, *, passes: int, rounding: float = 1e-5
+):
+    """Every pixel agrees with the truth, at one chance in a thousand that any of a correct picture's does not.
+
+    Šidák's correction for the number of values; Student's t because each variance comes from `passes` pictures.
+    rounding : share of the picture's brightest value below which differences are float32's
+    """
+    level = 1 - (1 - 1e-3) ** (1 / radiance.size)
+    limit = stats.t.isf(level / 2, passes - 1)
+    error = np.abs(radiance.astype(np.float64) - truth)
+    # A variance that few passes happened to estimate far too low is brought up to half of its neighbourhood's.
+    floor = 0.5 * float(variance.mean()) if variance.any() else 0.0
+    allowed = limit * np.sqrt(np.maximum(variance, floor)) + rounding * np.abs(truth).max()
+    worst = np.unravel_index(int(np.argmax(error - allowed)), error.shape)
+    assert np.all(error <= allowed), f"pixel {worst}: {radiance[worst]}, expected {truth[worst]} ± {allowed[worst]}"
