@@ -1,18 +1,19 @@
-"""A virtual 8-bit camera whose response is known, and scenes to point it at.
+"""A virtual 8-bit camera whose response is known, scenes to point it at, and a ray-traced mirrored ball.
 
-The camera is none of relume's: its curve is written down here by itself, so that what is recovered from its
-photographs can be compared with what made them.
+Neither is relume's: the camera's curve and the ball's geometry are written down here by themselves, so that what is
+recovered from their photographs can be compared with what made them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from relume.capture.bracket import Bracket
 from relume.image.photograph import Exposure, Photograph
+from relume.image.radiance import RadianceMap
 
 STOPS = tuple(0.5 * 2.0**-k for k in range(9))
 """Shutter times of nine photographs, one stop apart; with scenes of `wide_scene` all of it is well exposed in two."""
@@ -89,3 +90,96 @@ def wide_scene(width: int = 192, height: int = 128, *, stops: float = 9.0, brigh
         height_of = 0.1 + 0.8 * u + sway
         channels.append(brightest * 2.0 ** (stops * (height_of - 1.0)))
     return np.stack(channels, axis=-1).astype(np.float32)
+
+
+Light = Callable[[np.ndarray], np.ndarray]
+"""Radiance (…, 3) from unit directions (…, 3)."""
+CENTRE, RADIUS = np.array([0.0, 0.05, 0.0]), 0.05
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def turned(vector: np.ndarray, axis: np.ndarray, degrees: float) -> np.ndarray:
+    """Rodrigues' formula, right-handed."""
+    k, a = unit(np.asarray(axis, float)), np.radians(degrees)
+    return vector * np.cos(a) + np.cross(k, vector) * np.sin(a) + k * (vector @ k)[..., None] * (1 - np.cos(a))
+
+
+LOBES = (
+    # towards, sharpness, colour: a window, a lamp, the sky and a warm wall
+    ((0.2, 0.5, -0.84), 60.0, (6.0, 7.0, 9.0)),
+    ((0.85, 0.45, 0.3), 150.0, (20.0, 15.0, 8.0)),
+    ((-0.3, 0.95, 0.1), 3.0, (0.8, 1.0, 1.4)),
+    ((-0.8, -0.1, 0.6), 12.0, (1.2, 0.7, 0.4)),
+    ((-0.7, 0.6, -0.4), 200.0, (12.0, 14.0, 12.0)),
+    ((0.3, 0.7, 0.65), 90.0, (3.0, 9.0, 5.0)),
+)
+
+LAMPS = tuple(towards for towards, sharpness, _ in LOBES if sharpness > 50)
+"""The directions of the lobes that are narrow enough to have a place."""
+
+
+def lobes(directions: np.ndarray) -> np.ndarray:
+    """A dim ground and six soft lamps, each exp(k (cos − 1)) about its own direction; no direction is dark."""
+    total = np.full((*directions.shape[:-1], 3), 0.25)
+    for towards, sharpness, colour in LOBES:
+        cosine = directions @ unit(np.array(towards))
+        total = total + np.exp(sharpness * (cosine - 1))[..., None] * np.array(colour)
+    return total
+
+
+def backdrop(directions: np.ndarray) -> np.ndarray:
+    """What the camera sees beside the ball: duller than what the ball mirrors, and nowhere like it."""
+    x, y = directions[..., 0], directions[..., 1]
+    return (0.06 + 0.03 * np.sin(90 * x + 40 * y) * np.cos(70 * y))[..., None] * np.array([1.0, 0.9, 0.8])
+
+
+def photograph_ball(
+    light: Light,
+    camera: np.ndarray,
+    *,
+    width: int = 360,
+    height: int = 360,
+    focal_length: float = 3400.0,
+    target: np.ndarray = CENTRE,
+    wall: float | None = None,
+    camera_blob: float = 0.0,
+    blob_light: float = 0.002,
+) -> RadianceMap:
+    """The mirrored ball, `RADIUS` round `CENTRE` in a world of +Y up, in the picture of a camera that looks at `target`, horizon level, four rays a pixel.
+
+    wall : radius of the sphere, round the ball's centre, that carries `light`; None for light at infinity
+    camera_blob : radius, metres, of the black photographer at the camera; 0 for none
+    """
+    backward = unit(camera - target)
+    right = unit(np.cross([0.0, 1.0, 0.0], backward))
+    up = np.cross(backward, right)
+    total = np.zeros((height, width, 3))
+    for dx, dy in ((0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)):
+        x = np.arange(width) + dx - width / 2
+        y = height / 2 - (np.arange(height) + dy)
+        ray = unit(x[None, :, None] * right + y[:, None, None] * up - focal_length * backward)
+        # |camera + t ray − centre| = radius
+        offset = camera - CENTRE
+        b = ray @ offset
+        discriminant = b * b - (offset @ offset - RADIUS**2)
+        hit = discriminant > 0
+        point = camera + (-b - np.sqrt(np.maximum(discriminant, 0)))[..., None] * ray
+        normal = unit(point - CENTRE)
+        mirrored = ray - 2 * (ray * normal).sum(-1, keepdims=True) * normal
+        seen = mirrored
+        if wall is not None:
+            start = point - CENTRE
+            c = (start * mirrored).sum(-1)
+            length = -c + np.sqrt(c * c + wall**2 - (start * start).sum(-1))
+            seen = unit(start + length[..., None] * mirrored)
+        radiance = light(seen)
+        if camera_blob:
+            towards = camera - point
+            along = (towards * mirrored).sum(-1)
+            miss = np.linalg.norm(towards - along[..., None] * mirrored, axis=-1)
+            radiance = np.where(((along > 0) & (miss < camera_blob))[..., None], blob_light, radiance)
+        total += np.where(hit[..., None], radiance, backdrop(ray))
+    return RadianceMap((total / 4).astype(np.float32))

@@ -161,10 +161,11 @@ def test_variance_is_what_repeated_brackets_scatter_by():
     told = np.stack([r.variance for r in repeats]).astype(np.float64)
     known = np.all([r.clipped == 0 for r in repeats], axis=0)
     assert known.mean() > 0.95
-    ratio = told.mean(0)[known] / radiance.var(0, ddof=1)[known]
-    print("variance", np.median(ratio, axis=0), ratio.mean(0), np.percentile(ratio, [5, 25, 75, 95]))
-    # A variance of 40 draws scatters by √(2/39) = 23 % itself; the median over 3000 pixels hardly does.
+    ratio = np.sqrt(told.mean(0)[known] / radiance.var(0, ddof=1)[known])
+    # The deviation of 40 draws scatters by 1/√78 = 11 % itself, the median over 3000 pixels hardly does. One noise a
+    # channel stands for all its values, so what is told is 0.99 to 1.17 of what is.
     assert np.median(ratio, axis=0) == pytest.approx(1.0, abs=0.25)
+    assert 0.6 < np.percentile(ratio, 5) and np.percentile(ratio, 95) < 1.7
 
 
 def test_more_photographs_leave_less_variance(bracket, calibration):
@@ -174,13 +175,22 @@ def test_more_photographs_leave_less_variance(bracket, calibration):
     assert np.all(all_of_it.variance <= few.variance)
 
 
-def test_what_no_photograph_measured_is_masked_and_bounded(calibration):
+def true_response() -> Response:
+    """The virtual camera's own curve; value 0 means the exposure of half a level, the most that is rounded to it."""
+    exposures = np.geomspace(1e-7, 1e-3, 100_001)
+    curves = NOISELESS.curve(np.repeat(exposures[:, None], 3, axis=1))
+    curve = NOISELESS.log_exposure()
+    curve[:, 0] = [np.log(np.interp(0.5 / 255, curves[:, c], exposures)) for c in range(3)]
+    return Response(curve, np.full(3, 0.3))
+
+
+def test_what_no_photograph_measured_is_masked_and_bounded():
     scene = wide_scene(64, 48)
     scene[4:12, 4:12] = 1e6
     scene[20:28, 4:12] = 1e-6
     scene[36:44, 4:12, 1] = 1e6
-    bracket = NOISELESS.bracket(scene)
-    merged = merge(bracket, calibration.response)
+    bracket, response = NOISELESS.bracket(scene), true_response()
+    merged = merge(bracket, response)
     assert merged.clipped is not None and merged.variance is not None
     expected = np.zeros((48, 64), np.uint8)
     expected[4:12, 4:12] = expected[36:44, 4:12] = SATURATED
@@ -191,17 +201,17 @@ def test_what_no_photograph_measured_is_masked_and_bounded(calibration):
     assert np.all(np.isinf(merged.variance[36:44, 4:12, 1])) and np.all(np.isfinite(merged.variance[36:44, 4:12, 0]))
     assert np.all(np.isfinite(merged.variance[expected == 0]))
 
-    # Bounds, on the scale that the middle value has unit exposure: white in the shortest, black in the longest.
-    truth = scene * np.exp(-NOISELESS.log_exposure()[:, 127])
-    g, times = calibration.response.log_exposure, bracket.exposures
+    # White in the shortest is a lower bound, black in the longest an upper one.
+    g, times = response.log_exposure, bracket.exposures
     np.testing.assert_allclose(merged.radiance[8, 8], np.exp(g[:, 255]) / times[0], rtol=1e-6)
     np.testing.assert_allclose(merged.radiance[24, 8], np.exp(g[:, 0]) / times[-1], rtol=1e-6)
-    assert np.all(merged.radiance[4:12, 4:12] <= truth[4:12, 4:12])
-    assert np.all(merged.radiance[20:28, 4:12] >= truth[20:28, 4:12])
+    assert np.all(merged.radiance[4:12, 4:12] <= scene[4:12, 4:12])
+    assert np.all(merged.radiance[20:28, 4:12] >= scene[20:28, 4:12])
+    assert np.all(merged.radiance[36:44, 4:12, 1] <= scene[36:44, 4:12, 1])
 
 
 @pytest.mark.parametrize("value", [249, 251, 254, 255])
-def test_the_bound_of_a_saturated_pixel_is_no_more_than_its_own_value_tells(value):
+def test_the_bound_of_a_saturated_pixel_is_what_its_own_value_tells(value):
     # Values near white have no weight, because in saturated patches JPEG writes them; they are bounds all the same.
     response = logarithmic_response()
     dark, bright = (flat(value, t, side=40) for t in (1.0, 2.0))
@@ -214,7 +224,7 @@ def test_the_bound_of_a_saturated_pixel_is_no_more_than_its_own_value_tells(valu
 
 
 @pytest.mark.parametrize("value", [0, 1, 6])
-def test_the_bound_of_a_black_pixel_is_no_less_than_its_own_value_tells(value):
+def test_the_bound_of_a_black_pixel_is_what_its_own_value_tells(value):
     response = logarithmic_response()
     dark, bright = (flat(value, t, side=40) for t in (1.0, 2.0))
     dark.pixels[:] = 0

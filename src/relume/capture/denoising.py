@@ -1,7 +1,7 @@
 """Removing photographic noise from a merged radiance map, as far as its variance plane tells that it is noise.
 
-Overlapping blocks are taken to frequencies; a frequency weaker than three standard deviations of the noise is noise
-(DCT image denoising: Yu & Sapiro 2011, doi 10.5201/ipol.2011.ys-dct). It works on ln radiance, where the noise of
+Overlapping blocks are taken to frequencies, and those too weak to stand out of the noise are set to 0 (DCT image
+denoising: Yu & Sapiro 2011, doi 10.5201/ipol.2011.ys-dct). It works on ln radiance, where the noise of
 neighbours is alike, and on channels turned into brightness and two colour differences, where detail is shared.
 """
 
@@ -15,10 +15,11 @@ from scipy.fft import dctn, idctn
 from relume.image.radiance import RadianceMap
 
 BLOCK = 16
-STEP = 4
-"""Blocks start every 4 pixels both ways, so that each pixel is the mean of 16 opinions and no grid shows."""
-THRESHOLD = 3.0
-"""Standard deviations below which a frequency is taken for noise; the cited paper's value."""
+STEP = 2
+"""Blocks start every 2 pixels both ways, so that each pixel is the mean of 64 opinions and no grid shows."""
+THRESHOLD = np.sqrt(2 * np.log(BLOCK**2))
+"""Standard deviations below which a frequency is noise: what the largest of a block of pure noise reaches
+(Donoho & Johnstone 1994), about 3.3."""
 OPPONENT = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]]) / np.sqrt([[3], [2], [6]])
 
 

@@ -12,9 +12,9 @@ from relume.render.renderer import Render
 def denoise_pair(with_: Render, without: Render) -> tuple[Render, Render]:
     """The same two renders with less noise.
 
-    The picture without objects is denoised alone. To it the difference of the two, in which the noise they share
-    has cancelled, is added, and the sum is denoised: so the two keep sharing what they share, and pixels where they
-    were equal stay equal to the bit.
+    The picture without objects is denoised alone, and so is what the objects cover. Beside them the light that they
+    take and the light that they add are denoised each on its own: the noise that both renders share has cancelled
+    there. Pixels where the two were equal stay equal to the bit.
     """
     import mitsuba_oidn
 
@@ -25,9 +25,10 @@ def denoise_pair(with_: Render, without: Render) -> tuple[Render, Render]:
 
     smooth = clean(without.radiance, without)
     difference = with_.radiance - without.radiance
-    changed = clean(smooth + difference, with_)
-    equal = np.all(difference == 0, axis=-1) & (with_.matte == 0)
-    return (
-        replace(with_, radiance=np.where(equal[..., None], smooth, changed)),
-        replace(without, radiance=smooth),
-    )
+    covered = clean(smooth + difference, with_)
+    cover = with_.matte[..., None]
+    outside = difference * (1 - cover)
+    beside = smooth + clean(np.maximum(outside, 0), with_) - clean(np.maximum(-outside, 0), with_)
+    equal = (cover == 0) & np.all(difference == 0, axis=-1, keepdims=True)
+    radiance = np.where(equal, smooth, cover * covered + (1 - cover) * beside)
+    return replace(with_, radiance=radiance.astype(np.float32)), replace(without, radiance=smooth)

@@ -108,7 +108,8 @@ def _mesh(mi: Any, mesh: Mesh, bsdf: dict[str, Any]) -> Any:
     if mesh.normals is not None:
         parameters["vertex_normals"] = np.ravel(mesh.normals).astype(np.float32)
     if mesh.uv is not None:
-        parameters["vertex_texcoords"] = np.ravel(mesh.uv).astype(np.float32)
+        # Mitsuba's images begin with the upper row at v = 0; ours have the lower left corner at (0, 0).
+        parameters["vertex_texcoords"] = np.ravel(mesh.uv * [1, -1] + [0, 1]).astype(np.float32)
     parameters.update()
     return built
 

@@ -32,8 +32,9 @@ class Material:
     def __post_init__(self) -> None:
         for field in ("base_color", "metallic", "roughness", "transmission"):
             value = np.asarray(getattr(self, field))
-            if value.size == 0 or value.min() < 0 or value.max() > 1:
-                raise ValueError(f"{field} of material {self.name!r} is {getattr(self, field)}; expected 0 to 1")
+            if value.size == 0 or not (value.min() >= 0 and value.max() <= 1):
+                got = value.tolist() if value.size <= 3 else f"an image from {value.min():g} to {value.max():g}"
+                raise ValueError(f"{field} of material {self.name!r} is {got}; expected 0 to 1")
         if not self.ior >= 1:
             raise ValueError(f"ior of material {self.name!r} is {self.ior}; expected 1 or more")
 

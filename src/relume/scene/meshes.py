@@ -19,6 +19,8 @@ from relume.scene.shapes import Mesh
 
 GREY = Material((0.5, 0.5, 0.5), roughness=1.0, name="grey")
 """What a mesh without a material is made of."""
+RENDERED = {"KHR_materials_transmission", "KHR_materials_ior"}
+"""Extensions of glTF that are read; a file that requires another, such as compressed vertices, is refused."""
 IGNORED = {
     "normalTexture": "normal map",
     "emissiveTexture": "emission",
@@ -51,6 +53,7 @@ def read_meshes(path: str | Path) -> tuple[Mesh, ...]:
         world_from_mesh, name = scene.graph[node]
         geometry = scene.geometry[name]
         if len(getattr(geometry, "faces", ())):
+            _check_extent(path, str(node), np.asarray(geometry.vertices), np.asarray(world_from_mesh)[:3])
             meshes.append(_mesh(geometry, np.asarray(world_from_mesh), materials, str(node)))
     if not meshes:
         raise UnreadableFile(f"{path}: holds no triangles; export the object's mesh")
@@ -83,6 +86,7 @@ def _with_numbered_materials(data: bytes, kind: str) -> tuple[bytes, dict[int, d
     else:
         text, rest = data, b""
     header = json.loads(text)
+    _check_readable(header)
     descriptions = dict(enumerate(header.get("materials", [])))
     header["materials"] = [d | {"name": str(index)} for index, d in descriptions.items()]
     if not descriptions:
@@ -93,6 +97,23 @@ def _with_numbered_materials(data: bytes, kind: str) -> tuple[bytes, dict[int, d
     text += b" " * (-len(text) % 4)
     size = 20 + len(text) + len(rest)
     return struct.pack("<4sIII4s", b"glTF", 2, size, len(text), b"JSON") + text + rest, descriptions
+
+
+def _check_readable(header: dict[str, Any]) -> None:
+    """Raises ValueError for what trimesh would read as zeros or as whole numbers, without a word."""
+    if lacking := sorted(set(header.get("extensionsRequired", [])) - RENDERED):
+        raise ValueError(f"it requires {', '.join(lacking)}, which is not read: leave it out")
+    accessors = header.get("accessors", [])
+    for primitive in (p for mesh in header.get("meshes", []) for p in mesh["primitives"]):
+        for name in {"POSITION", "NORMAL", "TEXCOORD_0"} & set(primitive["attributes"]):
+            if accessors[primitive["attributes"][name]].get("normalized"):
+                raise ValueError(f"its {name} is quantised, which is not read: store 32-bit floats")
+
+
+def _check_extent(path: Path, name: str, vertices: np.ndarray, placement: np.ndarray) -> None:
+    finite = np.all(np.isfinite(vertices)) and np.all(np.isfinite(placement))
+    if not finite or not np.ptp(vertices, axis=0).any() or np.linalg.det(placement[:, :3]) == 0:
+        raise UnreadableFile(f"{path}: mesh {name!r} has no extent, or not a finite one; check it and export it again")
 
 
 def _material(path: Path, description: dict[str, Any]) -> Material:

@@ -1,0 +1,79 @@
+"""Small glTF binaries written here by hand from the specification, so that no exporter's habits are tested."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+from typing import Any
+
+import numpy as np
+
+CORNERS = np.array([[-1, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]], np.float32)
+"""A square that faces +Z, from its upper left corner clockwise."""
+TRIANGLES = np.array([0, 3, 2, 0, 2, 1], np.uint16)
+TEXTURE_POINTS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
+"""glTF 2.0, §3.8.3: (0, 0) is the upper left corner of the image."""
+TYPES = {"float32": 5126, "uint16": 5123, "int16": 5122}
+
+
+def square_glb(
+    *,
+    image: np.ndarray | None = None,
+    material: dict[str, Any] | None = None,
+    node: dict[str, Any] | None = None,
+    corners: np.ndarray = CORNERS,
+    texture_points: np.ndarray = TEXTURE_POINTS,
+    top: dict[str, Any] | None = None,
+) -> bytes:
+    """A textured square as the bytes of a .glb file; `node` places it and `top` adds keys to the header."""
+    views: list[dict[str, int]] = []
+    blob = b""
+
+    def stored(data: bytes) -> int:
+        nonlocal blob
+        views.append({"buffer": 0, "byteOffset": len(blob), "byteLength": len(data)})
+        blob += data + b"\0" * (-len(data) % 4)
+        return len(views) - 1
+
+    def accessor(array: np.ndarray, kind: str) -> dict[str, Any]:
+        return {
+            "bufferView": stored(array.tobytes()),
+            "componentType": TYPES[array.dtype.name],
+            "count": len(array),
+            "type": kind,
+            "normalized": kind != "SCALAR" and array.dtype.name != "float32",
+        }
+
+    accessors = [accessor(corners, "VEC3"), accessor(texture_points, "VEC2"), accessor(TRIANGLES, "SCALAR")]
+    header: dict[str, Any] = {
+        "asset": {"version": "2.0"},
+        "accessors": accessors,
+        "materials": [material or {"name": "paint", "pbrMetallicRoughness": {"metallicFactor": 0}}],
+        "meshes": [
+            {"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}]},
+        ],
+        "nodes": [{"mesh": 0, "name": "square"} | (node or {})],
+        "scenes": [{"nodes": [0]}],
+        "scene": 0,
+    }
+    if image is not None:
+        from PIL import Image
+
+        png = io.BytesIO()
+        Image.fromarray(image).save(png, "PNG")
+        header["images"] = [{"bufferView": stored(png.getvalue()), "mimeType": "image/png"}]
+        header["textures"] = [{"source": 0}]
+        header["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
+    header |= {"bufferViews": views, "buffers": [{"byteLength": len(blob)}]} | (top or {})
+    return as_glb(header, blob)
+
+
+def as_glb(header: dict[str, Any], blob: bytes = b"") -> bytes:
+    """A header and its buffer in one file (glTF 2.0, §4.4)."""
+    text = json.dumps(header).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    if blob:
+        chunks += struct.pack("<I4s", len(blob), b"BIN\0") + blob
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks

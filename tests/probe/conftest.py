@@ -1,0 +1,15 @@
+"""The sample photographs beside the repository."""
+
+from pathlib import Path
+
+import pytest
+
+SHARED = Path(__file__).resolve().parents[3] / "shared"
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """The folder of sample files beside the repository; the test is skipped where there is none."""
+    if not SHARED.is_dir():
+        pytest.skip(f"the sample files in {SHARED} are not here")
+    return SHARED

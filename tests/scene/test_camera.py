@@ -1,0 +1,58 @@
+"""The pinhole camera: rays and projection are inverses, and right is right."""
+
+import numpy as np
+import pytest
+
+from relume.scene.camera import Camera
+from relume.sphere.directions import rotation_about
+
+ASKEW = Camera(7, 5, 9.0, np.array([1.0, 2.0, 3.0]), rotation_about([1, -2, 0.5], 2.1))
+
+
+def pixel_centres(camera):
+    y, x = np.indices((camera.height, camera.width)) + 0.5
+    return np.stack([x, y], axis=-1)
+
+
+@pytest.mark.parametrize("distance", [0.01, 1.0, 1e4])
+def test_a_point_on_a_pixels_ray_projects_to_that_pixels_centre(distance):
+    points = ASKEW.position + distance * ASKEW.rays()
+    # Rounding of the position against the distance.
+    np.testing.assert_allclose(ASKEW.project(points), pixel_centres(ASKEW), atol=1e-11)
+
+
+def test_rays_are_unit_vectors():
+    np.testing.assert_allclose(np.linalg.norm(ASKEW.rays(), axis=-1), 1, rtol=1e-14)
+
+
+def test_a_camera_looks_along_minus_z_with_plus_x_right_and_plus_y_up():
+    camera = Camera(8, 6, 10.0, np.zeros(3), np.eye(3))
+    assert camera.project(np.array([0, 0, -5.0])).tolist() == [4, 3]  # the middle
+    assert camera.project(np.array([1.0, 0, -5.0])).tolist() == [6, 3]  # f X/Z = 10 / 5 to the right
+    assert camera.project(np.array([0, 1.0, -5.0])).tolist() == [4, 1]  # rows run down
+
+
+def test_the_corner_ray_of_a_pinned_camera():
+    camera = Camera(4, 2, 2.0, np.zeros(3), np.eye(3))
+    # Upper left pixel centre: (−1.5, +0.5, −2) scaled to length 1; |·| = √6.5.
+    np.testing.assert_allclose(camera.rays()[0, 0], np.array([-1.5, 0.5, -2]) / np.sqrt(6.5), rtol=1e-15)
+    assert camera.rays().shape == (2, 4, 3)
+
+
+def test_what_is_behind_the_camera_projects_nowhere():
+    camera = Camera(8, 6, 10.0, np.zeros(3), np.eye(3))
+    assert np.isnan(camera.project(np.array([[0, 0, 5.0], [1, 1, 0.0]]))).all()
+
+
+def test_looking_at_puts_the_target_in_the_middle_with_a_level_horizon():
+    camera = Camera.looking_at([2, 3, 4], [0.5, 0, 1], width=30, height=20, focal_length=40)
+    np.testing.assert_allclose(camera.project(np.array([0.5, 0, 1])), [15, 10], atol=1e-12)
+    higher = camera.project(np.array([0.5, 0.1, 1]))
+    assert higher[0] == pytest.approx(15, abs=1e-12)
+    assert higher[1] < 10
+
+
+@pytest.mark.parametrize(("width", "height", "focal"), [(0, 4, 5.0), (4, -1, 5.0), (4, 4, 0.0), (4, 4, float("nan"))])
+def test_an_impossible_camera_is_refused_with_its_numbers(width, height, focal):
+    with pytest.raises(ValueError, match=f"{width}×{height} pixels and focal length {focal}"):
+        Camera(width, height, focal, np.zeros(3), np.eye(3))
