@@ -14,11 +14,5 @@ def sphere(
 ) -> Mesh:
     """A sphere of 20·4^fine triangles with smooth normals."""
     ball = trimesh.creation.icosphere(subdivisions=fine)
-    vertices = np.asarray(centre) + radius * ball.vertices
-    return Mesh(
-        vertices.astype(np.float32),
-        ball.faces.astype(np.int32),
-        material,
-        ball.vertices.astype(np.float32),
-        name="ball",
-    )
+    vertices, normals = np.asarray(centre) + radius * ball.vertices, ball.vertices.astype(np.float32)
+    return Mesh(vertices.astype(np.float32), ball.faces.astype(np.int32), material, normals, name="ball")

@@ -148,8 +148,10 @@ def photograph_ball(
     camera_blob: float = 0.0,
     blob_light: float = 0.002,
 ) -> RadianceMap:
-    """The mirrored ball, `RADIUS` round `CENTRE` in a world of +Y up, in the picture of a camera that looks at `target`, horizon level, four rays a pixel.
+    """The mirrored ball, `RADIUS` round `CENTRE`, in the picture of a camera at `camera`; four rays a pixel.
 
+    light : what it mirrors; the world is +Y up
+    target : where the camera looks, horizon level
     wall : radius of the sphere, round the ball's centre, that carries `light`; None for light at infinity
     camera_blob : radius, metres, of the black photographer at the camera; 0 for none
     """

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from synthetic import NOISELESS, wide_scene
 
 from relume.capture.bracket import Bracket
 from relume.capture.calibration import Calibration, recover_response
+from synthetic import NOISELESS, wide_scene
 
 SHARED = Path(__file__).resolve().parents[3] / "shared"
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic import NOISELESS, wide_scene
 
 from relume.capture.bracket import Bracket, read_bracket
 from relume.capture.calibration import recover_response
@@ -13,6 +12,7 @@ from relume.errors import NotABracket, UnreadableFile
 from relume.image import files
 from relume.image.photograph import Exposure, Photograph
 from relume.image.response import Response
+from synthetic import NOISELESS, wide_scene
 
 
 def grey(

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from synthetic import NOISELESS, wide_scene
 
 from relume.capture.bracket import Bracket
 from relume.capture.calibration import recover_response
 from relume.capture.sampling import _choose_pixels, observations
 from relume.image.photograph import Exposure, Photograph
+from synthetic import NOISELESS, wide_scene
 
 
 def bracket_of(*pictures: np.ndarray) -> Bracket:

@@ -4,13 +4,13 @@ import functools
 
 import numpy as np
 import pytest
-from synthetic import NOISELESS, wide_scene
 
 from relume.capture.bracket import read_bracket
 from relume.capture.calibration import recover_response
 from relume.capture.merging import merge
 from relume.develop.film import Film, develop
 from relume.image.response import Response
+from synthetic import NOISELESS, wide_scene
 
 
 def grey(*values: float) -> np.ndarray:

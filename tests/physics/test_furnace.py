@@ -9,8 +9,10 @@ from relume.render.renderer import render
 from relume.scene.camera import Camera
 from relume.scene.materials import Diffuse, Material
 from relume.scene.scene import Scene
-from relume.scene.shapes import Plane
+from relume.scene.shapes import Mesh, Plane
+from relume.sphere.directions import rotation_about
 from relume.sphere.illumination import IlluminationMap
+from relume.sphere.mappings import LatLong, pixel_points
 from solids import sphere
 
 LIGHT = np.array([1.0, 2.0, 0.5])
@@ -50,30 +52,30 @@ def test_clear_glass_cannot_be_seen(ior):
 def test_coloured_glass_tints_light_once_for_both_crossings():
     seen = seen_on_a_sphere(Material((0.25, 1.0, 1.0), roughness=0.0, transmission=1.0))
     red, green = seen.radiance[5:7, 5:7, 0].mean() / LIGHT[0], seen.radiance[5:7, 5:7, 1].mean() / LIGHT[1]
-    # At the middle, A23: R = 0.04 outside; through both surfaces 0.96² · 0.25; then what is reflected within,
-    # each leg another √0.25: 0.96² Σ 0.25^{(k+1)/2·…} stays within R of it.
+    # At the middle, A23: R = 0.04 outside, 0.96² · 0.25 through both surfaces, and 4 % of that again from within.
     assert red == pytest.approx(0.04 + 0.96**2 * 0.25, abs=0.02)
     assert green == pytest.approx(1.0, rel=1e-3)
 
 
 @pytest.mark.parametrize(
-    ("material", "darkest"),
+    ("material", "darkest", "brightest"),
     [
-        # Measured once, a few per cent below: single-scattering microfacets lose what bounces between facets.
-        (Material(metallic=1.0, roughness=0.25), 0.98),
-        (Material(metallic=1.0, roughness=1.0), 0.4),
-        (Material(metallic=0.0, roughness=1.0), 0.7),
-        (Material(metallic=0.0, roughness=0.15), 0.85),
-        (Material(roughness=0.3, transmission=1.0), 0.9),
-        (Material(roughness=0.5, transmission=0.5), 0.7),
+        # Single-scattering microfacets lose what bounces between facets: two thirds of it at full roughness.
+        (Material(metallic=1.0, roughness=0.25), 0.97, 1.0),
+        (Material(metallic=1.0, roughness=1.0), 0.3, 1.0),
+        # Disney's diffuse lobe returns light towards where it came from and so gains a few per cent when rough.
+        (Material(metallic=0.0, roughness=1.0), 0.95, 1.06),
+        (Material(metallic=0.0, roughness=0.15), 0.85, 1.0),
+        (Material(roughness=0.3, transmission=1.0), 0.9, 1.0),
+        (Material(roughness=0.5, transmission=0.5), 0.7, 1.0),
     ],
     ids=["brushed metal", "rough metal", "chalk", "plastic", "frosted glass", "half glass"],
 )
-def test_no_white_material_gives_back_more_light_than_it_gets(material, darkest):
+def test_white_materials_give_back_the_light_they_get_within_what_their_model_loses(material, darkest, brightest):
     seen = seen_on_a_sphere(material)
     share = seen.radiance.reshape(-1, 3).mean(0) / LIGHT
     error = np.sqrt(seen.variance.sum((0, 1))) / 144 / LIGHT
-    assert np.all(share <= 1.0 + 4 * error + 0.01)
+    assert np.all(share <= brightest + 4 * error)
     assert np.all(share >= darkest)
 
 
@@ -84,9 +86,8 @@ def test_a_black_ball_takes_its_form_factor_from_the_floor(height, foot, expecte
     # A19: 1 − h r²/(h² + x²)^{3/2} for a ball of radius 1 at height h, at x from its foot.
     ball = sphere(Diffuse((0, 0, 0)), centre=(0, height, 0))
     target = np.array([foot, 0, 0])
-    camera = Camera.looking_at(
-        target + [2.5, 0.5, 1.0] if foot else target + [0, 0.4, 4.0], target, width=8, height=8, focal_length=800
-    )
+    stand = (target[0] + 2.5, 0.5, 1.0) if foot else (0, 0.4, 4.0)
+    camera = Camera.looking_at(np.array(stand), target, width=8, height=8, focal_length=800)
     seen = render(
         Scene(CONSTANT, local=(Plane(Diffuse((0.5, 0.5, 0.5))),), objects=(ball,)), camera, Mitsuba(samples=512), seed=3
     )
@@ -97,11 +98,7 @@ def test_a_black_ball_takes_its_form_factor_from_the_floor(height, foot, expecte
 
 @pytest.mark.parametrize(("tilt", "expected"), [(0, 5.235988), (180, 1.047198), (90, np.pi)])
 def test_a_renderer_and_irradiance_agree_on_light_that_brightens_upwards(tilt, expected):
-    # A3 through the whole chain: a white floor, ceiling or wall is E/π. A large square mesh stands for each.
-    from relume.scene.shapes import Mesh
-    from relume.sphere.directions import rotation_about
-    from relume.sphere.mappings import LatLong, pixel_points
-
+    # A3 through the whole chain: a white floor, ceiling or wall is E/π. A square mesh stands for each.
     values = 1 + LatLong().directions(pixel_points(LatLong(), 64))[..., 1]
     light = IlluminationMap(np.repeat(values[..., None], 3, 2).astype(np.float32))
     turn = rotation_about([0, 0, 1], np.radians(tilt))

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from synthetic import CENTRE, LAMPS, RADIUS, lobes, photograph_ball, turned, unit
 
 from relume.errors import BallNotFound
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.probe.ball import BallView, view_ball
 from relume.probe.blending import Probe, assemble
 from relume.sphere.mappings import LatLong, pixel_points
+from synthetic import CENTRE, LAMPS, RADIUS, lobes, photograph_ball, turned, unit
 
 FRONT, SIDE = np.array([0.0, 0.17, 1.0]), np.array([1.0, 0.17, 0.0])
 SIZE = 96

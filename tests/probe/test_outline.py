@@ -26,7 +26,7 @@ def texture(x: np.ndarray, y: np.ndarray, period: float, seed: int) -> np.ndarra
 def drawing(
     width: int, height: int, centre: tuple[float, float], radius: float, *, faint: bool = False, noise: float = 0.01
 ) -> np.ndarray:
-    """A disc like a mirrored ball, squeezed blotches and a bright lamp in it, on a blotchy ground; edges antialiased."""
+    """A disc like a mirrored ball, blotches and a lamp squeezed into it, on a blotchy ground; antialiased."""
     subdivision = 4
     x = (np.arange(width * subdivision) + 0.5) / subdivision
     y = ((np.arange(height * subdivision) + 0.5) / subdivision)[:, None]
@@ -56,7 +56,7 @@ def drawing(
     ],
 )
 def test_a_drawn_ball_is_found_within_half_a_pixel(size, centre, radius):
-    outline = find_outline(drawing(*size, centre, radius))
+    outline = find_outline(drawing(size[0], size[1], centre, radius))
     assert outline.centre == pytest.approx(centre, abs=0.5)
     assert outline.radius == pytest.approx(radius, abs=0.5)
     assert outline.coverage >= 1 / 3

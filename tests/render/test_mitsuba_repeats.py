@@ -52,15 +52,15 @@ def test_the_number_of_threads_is_as_before_afterwards():
 
 
 def test_pixels_far_from_the_objects_are_equal_to_the_bit_with_and_without_them():
-    # A ball of 2 cm lies 6 m from a camera that sees floor and sky: few paths ever meet it.
-    pebble = sphere(Material((0.9, 0.3, 0.1)), centre=(0.0, 0.01, 0.0), radius=0.01, fine=2)
+    # A ball of 16 cm lies 6 m from a camera that sees floor and sky: few paths ever meet it.
+    pebble = sphere(Material((0.9, 0.3, 0.1)), centre=(0.0, 0.08, 0.0), radius=0.08, fine=2)
     with_, without = (render(s, CAMERA, Mitsuba(samples=32), seed=2) for s in (SCENE, SCENE.without_objects()))
     sky = with_.depth == 0
     assert sky.any()
     assert np.array_equal(with_.radiance[sky], without.radiance[sky])
     small = render(Scene(LIGHT, (FLOOR,), (pebble,)), CAMERA, Mitsuba(samples=32), seed=2)
     unchanged = np.all(small.radiance == without.radiance, axis=-1)
-    assert np.mean(unchanged) > 0.98
+    assert np.mean(unchanged) > 0.9
     assert small.matte.any()
 
 

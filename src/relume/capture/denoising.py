@@ -52,7 +52,7 @@ def _shrunk(channels: np.ndarray, variance: np.ndarray) -> np.ndarray:
         for left in range(0, BLOCK, STEP):
             rows = slice(top, top + (channels.shape[0] - top) // BLOCK * BLOCK)
             columns = slice(left, left + (channels.shape[1] - left) // BLOCK * BLOCK)
-            frequencies = dctn(_blocks(channels[rows, columns]), axes=(2, 3), norm="ortho")
+            frequencies = np.asarray(dctn(_blocks(channels[rows, columns]), axes=(2, 3), norm="ortho"))
             deviation = np.sqrt(_blocks(variance[rows, columns]).mean((2, 3), keepdims=True))
             kept = np.abs(frequencies) > THRESHOLD * deviation
             kept[:, :, 0, 0] = True

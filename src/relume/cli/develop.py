@@ -29,7 +29,7 @@ def develop(
     dry_run: DryRun = False,
     manner: Manner = Manner(),
 ) -> None:
-    """Develop a radiance map by a camera's own response or the sRGB curve, bright parts just below white unless told."""
+    """Develop a radiance map by a camera's own response or the sRGB curve, bright parts near white unless told."""
     import numpy as np
 
     from relume.develop.film import Film
@@ -53,5 +53,5 @@ def develop(
         if dry_run:
             tell(manner, {"would write": str(out), "exposure": film.exposure})
             return
-        files.write(out, developed(np.nan_to_num(radiance, posinf=np.finfo(np.float32).max), film))
+        files.write(out, developed(np.nan_to_num(radiance, posinf=3.4e38), film))
         tell(manner, {"written": str(out), "exposure": film.exposure})

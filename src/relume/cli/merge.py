@@ -25,7 +25,7 @@ def merge(
     dry_run: DryRun = False,
     manner: Manner = Manner(),
 ) -> None:
-    """Recover the camera's response from a bracket and merge it into one radiance map with variance and clipped mask."""
+    """Recover the camera's response from a bracket and merge it into a radiance map with variance and clipped mask."""
     from relume.capture.bracket import read_bracket
     from relume.capture.calibration import recover_response
     from relume.capture.merging import merge as merged

@@ -121,7 +121,7 @@ def view_ball(
         if radius is None:
             raise ValueError(f"{name}: no focal length in its EXIF; give the ball's radius, so that it can be found")
         sine = radius / float(np.linalg.norm(camera - centre))
-        focal_length = outline.radius * np.sqrt(1 - sine**2) / sine
+        focal_length = outline.radius * float(np.sqrt(1 - sine**2)) / sine
     axis, distance = _cone(outline, picture.size, focal_length)
     # The camera that looks straight at the ball, then turned in itself so that the ball lies where it is seen.
     straight = look_at(camera, centre) @ CAMERA_FROM_PIXELS

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 from scipy.optimize import least_squares
 
 from relume.image.colour import luminance
@@ -124,12 +125,10 @@ def _spread_directions(count: int) -> np.ndarray:
 
 def _filled(radiance: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Unknown pixels take the nearest known one's radiance; the map wraps round."""
-    from scipy.ndimage import distance_transform_edt
-
     if known.all() or not known.any():
         return radiance
     width = known.shape[1]
     tiled = np.concatenate([known, known, known], axis=1)
-    _, (rows, columns) = distance_transform_edt(~tiled, return_indices=True)
+    rows, columns = np.asarray(distance_transform_edt(~tiled, return_distances=False, return_indices=True))
     middle = slice(width, 2 * width)
     return radiance[rows[:, middle], columns[:, middle] % width]

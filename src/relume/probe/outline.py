@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import gaussian_filter, map_coordinates, maximum_filter, zoom
+from scipy.ndimage import gaussian_filter, gaussian_filter1d, map_coordinates, maximum_filter, zoom
 from scipy.optimize import minimize
 
 from relume.errors import BallNotFound
@@ -65,11 +65,11 @@ def _evened(image: np.ndarray) -> np.ndarray:
 def _circles(picture: np.ndarray, count: int = 12) -> list[tuple[float, float, float]]:
     """The likeliest circles (x, y, radius), in pixels of `picture`."""
     scale = min(1.0, SEARCH_SIDE / max(picture.shape))
-    small = zoom(gaussian_filter(picture, 0.4 / scale), scale, order=1) if scale < 1 else picture
+    small = np.asarray(zoom(gaussian_filter(picture, 0.4 / scale), scale, order=1)) if scale < 1 else picture
     side = min(small.shape)
     margin = side // 8
     padded = np.pad(small, margin, mode="edge")
-    gx, gy = gaussian_filter(padded, 1.0, order=(0, 1)), gaussian_filter(padded, 1.0, order=(1, 0))
+    gx, gy = _gradient(padded, 1.0)
     strength = gx**2 + gy**2
     # Each direction of change counts alike once it stands out of the noise.
     level = strength + np.percentile(strength, 50) + 1e-8
@@ -109,7 +109,13 @@ def _slopes(picture: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
     """Blur in pixels, and how the picture so blurred changes to the right and down; coarse to fine."""
     step = max(2.0, max(picture.shape) / SEARCH_SIDE)
     blurs = (step, step / 2, max(step / 4, 0.8))
-    return [(b, gaussian_filter(picture, b, order=(0, 1)), gaussian_filter(picture, b, order=(1, 0))) for b in blurs]
+    return [(b, *_gradient(picture, b)) for b in blurs]
+
+
+def _gradient(picture: np.ndarray, blur: float) -> tuple[np.ndarray, np.ndarray]:
+    """The derivative of the blurred picture to the right and down."""
+    right, down = (np.asarray(gaussian_filter1d(picture, blur, axis=axis, order=1)) for axis in (1, 0))
+    return gaussian_filter1d(right, blur, axis=0), gaussian_filter1d(down, blur, axis=1)
 
 
 def _fitted(

@@ -68,7 +68,7 @@ class Constant:
         if scene.objects:
             rows, columns = shape[0] // 3, shape[1] // 3
             matte[rows : shape[0] - rows, columns : shape[1] - columns] = 1
-        flat = np.broadcast_to(np.float32(self.radiance), (*shape, 3)).copy()
+        flat = np.broadcast_to(np.array(self.radiance, np.float32), (*shape, 3)).copy()
         if progress:
             progress(1.0)
         empty = np.zeros((*shape, 3), np.float32)

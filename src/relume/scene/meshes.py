@@ -63,6 +63,7 @@ def read_meshes(path: str | Path) -> tuple[Mesh, ...]:
 def _loaded(path: Path) -> tuple[Any, dict[int, dict[str, Any]]]:
     """The file as a trimesh scene, and the glTF descriptions of its materials by their index."""
     import trimesh
+    from trimesh.resolvers import FilePathResolver
 
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)
     kind, data = path.suffix.lower().lstrip("."), path.read_bytes()
@@ -71,7 +72,7 @@ def _loaded(path: Path) -> tuple[Any, dict[int, dict[str, Any]]]:
     descriptions: dict[int, dict[str, Any]] = {}
     if kind in ("glb", "gltf"):
         data, descriptions = _with_numbered_materials(data, kind)
-    resolver = trimesh.resolvers.FilePathResolver(str(path))
+    resolver = FilePathResolver(str(path))
     scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=resolver)
     return scene, descriptions
 

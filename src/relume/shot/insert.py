@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -75,7 +74,7 @@ def insert(
     threads: int | None = None,
     report: Report = lambda stage, share: None,
 ) -> Inserted:
-    """Do the whole job and write `composite.exr`, `composite.png`, `layers.exr`, `light.exr`, `response.json`, `report.html`.
+    """Do the whole job and write composite.exr and .png, layers.exr, light.exr, response.json and report.html.
 
     out : folder; stages kept there from an earlier run are used where nothing they depend on has changed
     renderer : Mitsuba with the shot's settings unless given
@@ -247,13 +246,7 @@ class _Job:
             return {f"{n}.{k}": v for n, r in (("with", first), ("without", second)) for k, v in _planes(r).items()}
 
         arrays = self.stage("render", [sources, repr(settings)], make)
-        pair = []
-        for name in ("with", "without"):
-            planes: dict[str, Any] = {
-                k.removeprefix(f"{name}."): v for k, v in arrays.items() if k.startswith(f"{name}.")
-            }
-            pair.append(Render(**planes | {"samples": int(planes["samples"])}))
-        return pair[0], pair[1]
+        return _render_from(arrays, "with"), _render_from(arrays, "without")
 
     def _film(
         self, photographs: lighting.Photographs, calibrations: dict[str, Calibration], plate: RadianceMap
@@ -274,6 +267,12 @@ def _planes(render: Render) -> Arrays:
         "radiance": render.radiance, "variance": render.variance, "matte": render.matte, "depth": render.depth,
         "normal": render.normal, "albedo": render.albedo, "samples": np.array(render.samples),
     }  # fmt: skip
+
+
+def _render_from(arrays: Arrays, name: str) -> Render:
+    planes = {key.removeprefix(f"{name}."): value for key, value in arrays.items() if key.startswith(f"{name}.")}
+    samples = int(planes.pop("samples"))
+    return Render(**planes, samples=samples)
 
 
 def _notes(

@@ -102,7 +102,7 @@ def measure_light(shot: Shot, brackets: Sequence[Bracket], calibrations: dict[st
         picture = merge(bracket, calibrations[bracket.photographs[0].camera].response)
         if picture.clipped is not None and (picture.clipped == 0).mean() < 0.01:
             raise NotABracket(f"{bracket.name}: almost nothing is measured; add longer and shorter exposures")
-        reflectance = np.float32(ball.reflectance)
+        reflectance = np.array(ball.reflectance, np.float32)
         picture = RadianceMap(picture.radiance / reflectance, None, picture.clipped, picture.unit)
         views.append(
             view_ball(

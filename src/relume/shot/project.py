@@ -161,7 +161,7 @@ class Shot(_Table):
     folder: Path = Field(default=Path("."), exclude=True)
 
     def files(self, patterns: Sequence[str]) -> list[Path]:
-        """The files that names and glob patterns stand for, in order; raises UnreadableFile where one stands for none."""
+        """The files that names and patterns stand for, in order; raises UnreadableFile where one is none."""
         found: list[Path] = []
         for pattern in patterns:
             path = self.folder / pattern

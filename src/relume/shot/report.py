@@ -21,7 +21,7 @@ figure { margin: 0; } figcaption { color: #555; font-size: 13px; padding: .3rem 
 .three { display: grid; grid-template-columns: repeat(3, 1fr); gap: 1rem; }
 .note { background: #fff4d6; padding: .5rem .8rem; border-left: 4px solid #e0a800; margin: .4rem 0; }
 .slide { position: relative; } .slide img + img { position: absolute; top: 0; left: 0; clip-path: inset(0 50% 0 0); }
-.slide input { width: 100%; } table { border-collapse: collapse; } td, th { padding: .15rem 1rem .15rem 0; text-align: left; }
+.slide input { width: 100%; } table { border-collapse: collapse; } td { padding: .15rem 1rem .15rem 0; }
 """
 SLIDE = "this.previousElementSibling.style.clipPath = 'inset(0 ' + (100 - this.value) + '% 0 0)'"
 
@@ -75,7 +75,7 @@ def _light(result: Inserted) -> str:
     light = result.probe.light.radiance
     white = float(np.percentile(light, 95))
     shown = [
-        _figure(plots.exposed(light, white * 2.0**stops), f"{-stops:+.0f} stops" if stops else "+0 stops")
+        _figure(plots.exposed(light, white * 2.0**stops), f"{-stops:+g} stops" if stops else "as it is")
         for stops in (0.0, 3.5, 7.0)
     ]
     turned = ", ".join(f"{np.degrees(c):.2f}°" for c in result.probe.corrections[1:])

@@ -30,7 +30,8 @@ def balanced_transport(
     points = pixel_points(target, target_size, subdivision)
     directions = target.directions(points) @ rotation
     inside = ~np.isnan(directions[..., 0])
-    rows, columns = np.indices(points.shape[:2]) // subdivision
+    down, across = points.shape[:2]
+    rows, columns = np.arange(down)[:, None] // subdivision, np.arange(across)[None, :] // subdivision
     cell_pixel = (rows * target.aspect * target_size + columns)[inside]
     cell_weight = _cell_solid_angles(target, points)[inside]
 
