@@ -40,7 +40,8 @@ if TYPE_CHECKING:
     from relume.scene.meshes import read_meshes
     from relume.scene.scene import Scene
     from relume.scene.shapes import Mesh, Plane
-    from relume.shot.insert import Inserted, insert
+    from relume.shot.insert import insert
+    from relume.shot.outcome import Inserted
     from relume.shot.project import Shot, read_shot
     from relume.sphere.illumination import IlluminationMap, as_illumination, as_radiance_map
     from relume.sphere.mappings import Angular, LatLong, MirrorBall
@@ -77,7 +78,8 @@ _HOMES = {
     "scene.meshes": ("read_meshes",),
     "scene.scene": ("Scene",),
     "scene.shapes": ("Mesh", "Plane"),
-    "shot.insert": ("Inserted", "insert"),
+    "shot.insert": ("insert",),
+    "shot.outcome": ("Inserted",),
     "shot.project": ("Shot", "read_shot"),
     "sphere.illumination": ("IlluminationMap", "as_illumination", "as_radiance_map"),
     "sphere.mappings": ("Angular", "LatLong", "MirrorBall"),

@@ -6,7 +6,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +17,8 @@ from relume.capture.merging import merge
 from relume.composite.differential import differential
 from relume.composite.local_scene import Recovered, recover_reflectance
 from relume.develop.film import Film, develop
-from relume.errors import InvalidShot, OutputNotWritten
+from relume.errors import InvalidShot
 from relume.image import files
-from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.probe.blending import Probe
 from relume.render.mitsuba import Mitsuba
@@ -31,39 +30,12 @@ from relume.scene.scene import Scene
 from relume.scene.shapes import Mesh, Plane
 from relume.shot import lighting
 from relume.shot.objects import placed_meshes
+from relume.shot.outcome import Inserted, notes_on, require_folder, write_outcome
 from relume.shot.project import Local, Shot
 from relume.shot.stages import Arrays, Stages
-from relume.sphere.illumination import as_radiance_map
 
 Report = Callable[[str, float], None]
 """Told the name of a stage and the share of it that is done."""
-
-
-@dataclass(frozen=True, eq=False)
-class Inserted:
-    """What the job made.
-
-    composite : (H, W, 3) float32 scene-linear
-    picture, before : the developed composite and the plate developed alike
-    plate, camera, probe, calibrations, recovered, with_, without : what it was made from
-    seconds : of each stage; kept stages take next to none
-    kept : the stages that an earlier run had made
-    notes : what the user should know, a line each
-    """
-
-    composite: np.ndarray
-    picture: Photograph
-    before: Photograph
-    plate: RadianceMap
-    camera: Camera
-    probe: Probe
-    calibrations: dict[str, Calibration]
-    recovered: tuple[Recovered | None, ...]
-    with_: Render
-    without: Render
-    seconds: dict[str, float]
-    kept: tuple[str, ...]
-    notes: tuple[str, ...]
 
 
 def insert(
@@ -84,7 +56,7 @@ def insert(
     from relume.shot.report import write_report
 
     out = Path(out)
-    _require_folder(out)
+    require_folder(out)
     job = _Job(shot, Stages(out / "stages"), report)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
@@ -92,7 +64,7 @@ def insert(
         result = job.run(renderer or Mitsuba(table.samples, table.noise, table.depth, threads=threads))
     result = replace(result, notes=(*dict.fromkeys(str(w.message) for w in caught), *result.notes))
     with job.timed("write"):
-        _write(result, out)
+        write_outcome(result, out)
         write_report(result, out / "report.html")
     return result
 
@@ -143,7 +115,7 @@ class _Job:
             composite = differential(plate.radiance, with_.radiance, without.radiance, with_.matte)
             film = self._film(photographs, calibrations, plate)
             picture, before = develop(composite, film), develop(plate.radiance, film)
-        notes = _notes(plate, probe, recovered, calibrations)
+        notes = notes_on(plate, probe, recovered, calibrations)
         return Inserted(
             composite, picture, before, plate, camera, probe, calibrations, recovered, with_, without,
             self.seconds, tuple(self.kept), notes,
@@ -152,10 +124,12 @@ class _Job:
     def _plate(
         self, photographs: lighting.Photographs, calibrations: dict[str, Calibration], sources: object
     ) -> RadianceMap:
-        if photographs.plate_map is not None:
-            return photographs.plate_map
         bracket = photographs.plate
-        assert bracket is not None  # read_photographs gives one of the two
+        if photographs.plate_map is not None or bracket is None:
+            if self.shot.plate.denoise:
+                raise InvalidShot("plate.denoise: only a bracket's noise is known; leave it out for a radiance map")
+            assert photographs.plate_map is not None  # read_photographs gives one of the two
+            return photographs.plate_map
 
         def make() -> Arrays:
             merged = merge(bracket, calibrations[bracket.photographs[0].camera].response)
@@ -273,66 +247,3 @@ def _render_from(arrays: Arrays, name: str) -> Render:
     planes = {key.removeprefix(f"{name}."): value for key, value in arrays.items() if key.startswith(f"{name}.")}
     samples = int(planes.pop("samples"))
     return Render(**planes, samples=samples)
-
-
-def _notes(
-    plate: RadianceMap,
-    probe: Probe,
-    recovered: tuple[Recovered | None, ...],
-    calibrations: dict[str, Calibration],
-) -> tuple[str, ...]:
-    notes = []
-    if plate.clipped is not None and plate.clipped.any():
-        notes.append(f"{int((plate.clipped > 0).sum())} pixels of the plate are clipped in every photograph")
-    if probe.clipped_solid_angle > 0:
-        notes.append(
-            f"{probe.clipped_solid_angle:.2g} sr of the light are saturated in every photograph: the light is a lower "
-            "bound there; add shorter exposures of the ball"
-        )
-    for found in recovered:
-        if found is not None and max(found.measured) > 1:
-            notes.append(
-                f"the surface reflects {max(found.measured):.2f} times the light that was measured; the light is too "
-                "weak (was the ball's reflectance given? were its lamps saturated?)"
-            )
-    if len(calibrations) > 1:
-        notes.append("plate and light come from different cameras; their scales are not tied to each other")
-    return tuple(notes)
-
-
-def _require_folder(out: Path) -> None:
-    existing = next((p for p in (out, *out.parents) if p.exists()), Path("."))
-    if not existing.is_dir():
-        raise OutputNotWritten(f"{out}: {existing} is not a folder; choose another -o")
-    import os
-
-    if not os.access(existing, os.W_OK | os.X_OK):
-        raise OutputNotWritten(f"{out}: no permission to write in {existing}; choose another -o")
-
-
-def _write(result: Inserted, out: Path) -> None:
-    unit, with_, without = result.plate.unit, result.with_, result.without
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputNotWritten(f"{out}: cannot be made ({error.strerror}); choose another -o") from None
-    files.write(out / "composite.exr", RadianceMap(result.composite, unit=unit))
-    files.write(out / "composite.png", result.picture)
-    files.write_layers(
-        out / "layers.exr",
-        {
-            "with": with_.radiance,
-            "without": without.radiance,
-            "difference": with_.radiance - without.radiance,
-            "matte": with_.matte,
-            "depth": with_.depth,
-            "normal": with_.normal,
-            "albedo": with_.albedo,
-            "variance": with_.variance,
-        },
-        unit=unit,
-    )
-    files.write(out / "light.exr", as_radiance_map(result.probe.light))
-    for index, calibration in enumerate(result.calibrations.values()):
-        name = "response.json" if index == 0 else f"response_{index}.json"
-        files.write_text(out / name, calibration.response.to_json())

@@ -10,7 +10,7 @@ import numpy as np
 
 from relume.image import files
 from relume.shot import plots
-from relume.shot.insert import Inserted
+from relume.shot.outcome import Inserted
 from relume.sphere.directions import UP
 
 STYLE = """

@@ -1,0 +1,111 @@
+"""What the main job made, and how it is written to the output folder."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from relume.capture.calibration import Calibration
+from relume.composite.local_scene import Recovered
+from relume.errors import OutputNotWritten
+from relume.image import files
+from relume.image.photograph import Photograph
+from relume.image.radiance import RadianceMap
+from relume.probe.blending import Probe
+from relume.render.renderer import Render
+from relume.scene.camera import Camera
+from relume.sphere.illumination import as_radiance_map
+
+
+@dataclass(frozen=True, eq=False)
+class Inserted:
+    """What the job made.
+
+    composite : (H, W, 3) float32 scene-linear
+    picture, before : the developed composite and the plate developed alike
+    plate, camera, probe, calibrations, recovered, with_, without : what it was made from
+    seconds : of each stage; kept stages take next to none
+    kept : the stages that an earlier run had made
+    notes : what the user should know, a line each
+    """
+
+    composite: np.ndarray
+    picture: Photograph
+    before: Photograph
+    plate: RadianceMap
+    camera: Camera
+    probe: Probe
+    calibrations: dict[str, Calibration]
+    recovered: tuple[Recovered | None, ...]
+    with_: Render
+    without: Render
+    seconds: dict[str, float]
+    kept: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def notes_on(
+    plate: RadianceMap,
+    probe: Probe,
+    recovered: tuple[Recovered | None, ...],
+    calibrations: dict[str, Calibration],
+) -> tuple[str, ...]:
+    """What the user should know of the measurements, a line each."""
+    notes = []
+    if plate.clipped is not None and plate.clipped.any():
+        notes.append(f"{int((plate.clipped > 0).sum())} pixels of the plate are clipped in every photograph")
+    if probe.clipped_solid_angle > 0:
+        notes.append(
+            f"{probe.clipped_solid_angle:.2g} sr of the light are saturated in every photograph: the light is a lower "
+            "bound there; add shorter exposures of the ball"
+        )
+    for found in recovered:
+        if found is not None and max(found.measured) > 1:
+            notes.append(
+                f"the surface reflects {max(found.measured):.2f} times the light that was measured; the light is too "
+                "weak (was the ball's reflectance given? were its lamps saturated?)"
+            )
+    if len(calibrations) > 1:
+        notes.append("plate and light come from different cameras; their scales are not tied to each other")
+    return tuple(notes)
+
+
+def require_folder(out: Path) -> None:
+    """Refuse an output folder that cannot be written, before any work is done."""
+    existing = next((p for p in (out, *out.parents) if p.exists()), Path("."))
+    if not existing.is_dir():
+        raise OutputNotWritten(f"{out}: {existing} is not a folder; choose another -o")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise OutputNotWritten(f"{out}: no permission to write in {existing}; choose another -o")
+
+
+def write_outcome(result: Inserted, out: Path) -> None:
+    """Write everything but the report."""
+    unit, with_, without = result.plate.unit, result.with_, result.without
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputNotWritten(f"{out}: cannot be made ({error.strerror}); choose another -o") from None
+    files.write(out / "composite.exr", RadianceMap(result.composite, unit=unit))
+    files.write(out / "composite.png", result.picture)
+    files.write_layers(
+        out / "layers.exr",
+        {
+            "with": with_.radiance,
+            "without": without.radiance,
+            "difference": with_.radiance - without.radiance,
+            "matte": with_.matte,
+            "depth": with_.depth,
+            "normal": with_.normal,
+            "albedo": with_.albedo,
+            "variance": with_.variance,
+        },
+        unit=unit,
+    )
+    files.write(out / "light.exr", as_radiance_map(result.probe.light))
+    for index, calibration in enumerate(result.calibrations.values()):
+        name = "response.json" if index == 0 else f"response_{index}.json"
+        files.write_text(out / name, calibration.response.to_json())
