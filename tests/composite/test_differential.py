@@ -20,6 +20,7 @@ def test_adding_nothing_returns_the_plate_to_the_byte():
     plate = plate_of()
     plate[0, 0] = [0.0, 1e-38, 1e-45]
     plate[0, 1] = [3e38, np.float32(1) / 3, 7e-12]
+    plate[0, 2] = [-0.0, -0.25, -1e-40]  # a filtered plate may fall below zero; that is not ours to mend
     # The renders are of another scale and may be anything, as long as they are the same.
     for render in (np.zeros_like(plate), plate, plate_of() * np.float32(1e6), plate_of()[::-1].copy()):
         result = differential(plate, render, render.copy(), np.zeros(plate.shape[:2], np.float32))

@@ -45,7 +45,9 @@ def light():
 @pytest.fixture(scope="module")
 def probe(light):
     # It reflects a little less than all, as silver does; else its rim would look like the light behind it.
-    ball = sphere(Material((SILVER,) * 3, metallic=1.0, roughness=0.0), centre=tuple(CENTRE), radius=RADIUS, fine=6)
+    ball = sphere(
+        Material((SILVER, SILVER, SILVER), metallic=1.0, roughness=0.0), centre=tuple(CENTRE), radius=RADIUS, fine=6
+    )
     views = []
     for position in CAMERAS:
         camera = Camera.looking_at(position, CENTRE, width=256, height=256, focal_length=256 * 8.4)

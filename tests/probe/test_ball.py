@@ -63,8 +63,9 @@ def test_a_photographed_mirror_ball_unwraps_to_the_light_it_was_rendered_under(b
     error = np.abs(np.log(both.light.radiance / truth)).max(-1)
     # Bilinear look-up in a ball 340 pixels wide; lamps a few degrees across are blurred by a percent or two.
     assert sure.mean() > 0.9
-    assert np.median(error[sure]) < 0.005
-    assert np.percentile(error[sure], 99) < 0.06
+    # Measured: 0.0002 at the median, 0.017 at the 99th percentile, 0.054 in the narrowest lamp.
+    assert np.median(error[sure]) < 0.001
+    assert np.percentile(error[sure], 99) < 0.03
     weight = LatLong().solid_angles(SIZE)[..., None]
     total = (truth * weight).sum((0, 1))
     assert both.light.total() == pytest.approx(total, rel=0.01)
@@ -73,7 +74,8 @@ def test_a_photographed_mirror_ball_unwraps_to_the_light_it_was_rendered_under(b
 @pytest.mark.parametrize("towards", LAMPS)
 def test_each_lamp_is_where_it_was(both, towards):
     truth = peak_of(lobes(directions()), towards)
-    assert angle_between(peak_of(both.light.radiance, towards), truth) < 0.3
+    # Measured: 0.02° to 0.08°; a pixel of the map is 1.9°. The goal is 0.3°.
+    assert angle_between(peak_of(both.light.radiance, towards), truth) < 0.15
 
 
 def test_a_direction_is_looked_up_where_the_ray_tracer_saw_it(front):
@@ -161,16 +163,23 @@ def test_neither_camera_is_seen_in_the_blended_light():
         assert np.abs(np.log(light[near] / truth[near])).max() < 0.1  # but not in the light
 
 
-def test_a_lone_view_trusts_neither_its_blind_cone_nor_its_own_camera(front):
+def test_a_lone_view_does_not_trust_what_lies_behind_the_ball(front):
     probe = assemble([front], size=SIZE)
     assert probe.corrections == (0.0,) and probe.nearness == 0.0
     assert np.all(np.isfinite(probe.light.radiance)) and probe.light.radiance.min() > 0
     ahead = directions() @ unit(FRONT - CENTRE)
     assert probe.confidence[ahead < np.cos(np.radians(178))].max() < 0.1
-    assert probe.confidence[ahead > np.cos(np.radians(10))].max() < 0.01
-    clear = (ahead < np.cos(np.radians(25))) & (ahead > np.cos(np.radians(100)))
-    assert probe.confidence[clear].min() > 0.5
+    assert probe.confidence[ahead > np.cos(np.radians(100))].min() > 0.5
     assert 0 <= probe.confidence.min() and probe.confidence.max() <= 1
+
+
+def test_a_lone_view_keeps_its_own_camera():
+    # Nothing else could stand there; the light stays what the photograph shows.
+    lone = view(FRONT, camera_blob=0.15)
+    probe = assemble([lone], size=SIZE)
+    near = directions() @ unit(FRONT - CENTRE) > np.cos(np.radians(4))
+    assert probe.confidence[near].min() > 0.9
+    assert probe.light.radiance[near].max() < 0.05
 
 
 def test_what_one_view_is_blind_to_comes_from_the_other(both):

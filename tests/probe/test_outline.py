@@ -51,7 +51,7 @@ def drawing(
         pytest.param((320, 240), (231.6, 92.2), 40.4, id="to one side"),
         pytest.param((480, 320), (140.25, 170.5), 31.3, id="small"),
         pytest.param((300, 300), (150.0, 150.0), 141.0, id="filling the picture"),
-        pytest.param((900, 700), (501.4, 333.8), 222.2, id="large"),
+        pytest.param((640, 480), (351.4, 233.8), 152.2, id="large"),
         pytest.param((320, 240), (60.5, 120.25), 75.0, id="partly outside the picture"),
     ],
 )

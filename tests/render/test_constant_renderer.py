@@ -19,7 +19,7 @@ def test_every_pixel_has_the_radiance_asked_for():
     picture = render(EMPTY, CAMERA, Constant((1.0, 2.0, 3.0)))
     assert picture.radiance.shape == (6, 9, 3)
     assert picture.radiance.dtype == np.float32
-    assert np.all(picture.radiance == np.float32([1, 2, 3]))
+    assert np.all(picture.radiance == np.array([1, 2, 3], np.float32))
     assert not picture.variance.any()
 
 

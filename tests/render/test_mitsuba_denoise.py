@@ -20,7 +20,7 @@ def flat_pair(level=0.5, noise=0.1):
     planes = {
         "variance": np.full_like(floor, noise**2),
         "depth": np.ones((HEIGHT, WIDTH), np.float32),
-        "normal": np.broadcast_to(np.float32([0, 1, 0]), floor.shape).copy(),
+        "normal": np.broadcast_to(np.array([0, 1, 0], np.float32), floor.shape).copy(),
         "albedo": np.full_like(floor, 0.5),
     }
     without = Render(floor, matte=np.zeros_like(matte), **planes)

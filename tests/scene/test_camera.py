@@ -45,8 +45,9 @@ def test_what_is_behind_the_camera_projects_nowhere():
 
 
 def test_looking_at_puts_the_target_in_the_middle_with_a_level_horizon():
-    camera = Camera.looking_at([2, 3, 4], [0.5, 0, 1], width=30, height=20, focal_length=40)
-    np.testing.assert_allclose(camera.project(np.array([0.5, 0, 1])), [15, 10], atol=1e-12)
+    target = np.array([0.5, 0, 1])
+    camera = Camera.looking_at(np.array([2, 3, 4]), target, width=30, height=20, focal_length=40)
+    np.testing.assert_allclose(camera.project(target), [15, 10], atol=1e-12)
     higher = camera.project(np.array([0.5, 0.1, 1]))
     assert higher[0] == pytest.approx(15, abs=1e-12)
     assert higher[1] < 10

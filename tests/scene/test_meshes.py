@@ -8,6 +8,7 @@ import trimesh
 
 import gltf_files
 from relume.errors import UnreadableFile
+from relume.scene.materials import Material
 from relume.scene.meshes import GREY, read_meshes
 
 OBJECTS = Path(__file__).resolve().parents[2] / "examples" / "room" / "objects"
@@ -32,6 +33,13 @@ def refusal(path):
     assert message.startswith(str(path))
     assert "\n" not in message
     return message
+
+
+def lone_mesh(path):
+    """The only mesh of a file, and its material, which is never a mere `Diffuse`."""
+    (mesh,) = read_meshes(path)
+    assert isinstance(mesh.material, Material)
+    return mesh, mesh.material
 
 
 # --- what is read ----------------------------------------------------------------------------------------------------
@@ -95,18 +103,18 @@ def test_a_mirrored_node_still_faces_outwards(written):
 def test_a_texture_is_decoded_and_multiplied_by_its_factor(written):
     image = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [128, 128, 128]]], np.uint8)
     material = {"pbrMetallicRoughness": {"metallicFactor": 0, "baseColorFactor": [0.5, 1, 1, 1]}}
-    (mesh,) = read_meshes(written(gltf_files.square_glb(image=image, material=material)))
+    mesh, paint = lone_mesh(written(gltf_files.square_glb(image=image, material=material)))
     # 128/255 by the sRGB curve is 0.2158605 (IEC 61966-2-1).
     expected = [[[0.5, 0, 0], [0, 1, 0]], [[0, 0, 1], [0.10793, 0.2158605, 0.2158605]]]
-    np.testing.assert_allclose(mesh.material.base_color, expected, atol=1e-6)
+    np.testing.assert_allclose(paint.base_color, expected, atol=1e-6)
     assert mesh.uv is not None
     # Ours has (0, 0) in the lower left corner; the first vertex is the upper left one.
     assert mesh.uv.tolist() == [[0, 1], [1, 1], [1, 0], [0, 0]]
 
 
 def test_a_metal_by_default_is_what_gltf_says(written):
-    (mesh,) = read_meshes(written(gltf_files.square_glb(material={"name": "plain"})))
-    assert (mesh.material.metallic, mesh.material.roughness, mesh.material.name) == (1.0, 1.0, "plain")
+    _, material = lone_mesh(written(gltf_files.square_glb(material={"name": "plain"})))
+    assert (material.metallic, material.roughness, material.name) == (1.0, 1.0, "plain")
 
 
 def test_index_of_refraction_and_transmission_are_read(written):
@@ -118,8 +126,8 @@ def test_index_of_refraction_and_transmission_are_read(written):
         },
     }
     required = {"extensionsRequired": ["KHR_materials_ior", "KHR_materials_transmission"]}
-    (mesh,) = read_meshes(written(gltf_files.square_glb(material=material, top=required)))
-    assert (mesh.material.ior, mesh.material.transmission) == (1.33, 0.75)
+    _, paint = lone_mesh(written(gltf_files.square_glb(material=material, top=required)))
+    assert (paint.ior, paint.transmission) == (1.33, 0.75)
 
 
 @pytest.mark.parametrize(
@@ -140,9 +148,9 @@ def test_what_is_not_rendered_is_warned_of_by_name(written, extra, said):
 def test_shapes_without_materials_are_grey(tmp_path, kind):
     path = tmp_path / f"box.{kind}"
     trimesh.creation.box((1, 2, 3)).export(path)
-    (mesh,) = read_meshes(path)
+    mesh, material = lone_mesh(path)
     np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), [1, 2, 3], atol=1e-6)
-    assert mesh.material.base_color == GREY.base_color == (0.5, 0.5, 0.5)
+    assert material.base_color == GREY.base_color == (0.5, 0.5, 0.5)
 
 
 @needs_shared

@@ -8,6 +8,7 @@ from relume.image.radiance import RadianceMap
 from relume.sphere.directions import normalised, rotation_about
 from relume.sphere.illumination import IlluminationMap, as_illumination, as_radiance_map
 from relume.sphere.mappings import MAPPINGS, Angular, LatLong, MirrorBall, pixel_points
+from relume.sphere.transport import _bilinear_taps
 
 EVERY = pytest.mark.parametrize("mapping", MAPPINGS.values(), ids=MAPPINGS.keys())
 X, Y, Z = np.eye(3)
@@ -246,6 +247,24 @@ def test_a_lone_bright_pixel_goes_where_the_rotation_takes_it(rotation, place):
     turned = light.rotated(rotation)
     assert degrees_between(first_moment(turned), rotation @ first_moment(light)) < 0.5 * 180 / 32
     np.testing.assert_allclose(turned.total(), light.total(), rtol=LONE)
+
+
+@EVERY
+def test_the_taps_that_move_light_are_those_that_look_it_up(mapping):
+    # Over the seam and the poles as well: a tap that stays on its own side moves light unnoticed by any total.
+    light = noise(mapping, 6)
+    directions = np.concatenate([spread(2000, seed=2), normalised(spread(200) * [0.1, 0, 0.1] + [0, 1, 0])])
+    taps, weights = _bilinear_taps(mapping, 6, mapping.image_points(directions))
+    pixels = light.radiance.reshape(-1, 3).astype(np.float64)
+    np.testing.assert_allclose(weights.sum(0), 1, atol=1e-12)
+    np.testing.assert_allclose(np.einsum("kn,knc->nc", weights, pixels[taps]), light.look_up(directions), atol=1e-6)
+
+
+def test_turning_by_half_a_pixel_is_the_same_at_the_seam_as_elsewhere():
+    light = noise(LatLong(), 8)
+    turn = rotation_about(Y, np.pi / 16)
+    rolled = IlluminationMap(np.roll(light.radiance, 5, axis=1))
+    np.testing.assert_allclose(rolled.rotated(turn).radiance, np.roll(light.rotated(turn).radiance, 5, 1), atol=1e-5)
 
 
 def test_turning_about_up_by_whole_pixels_moves_the_map_to_the_left():

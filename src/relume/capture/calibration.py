@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve
 
 from relume.capture.bracket import Bracket
 from relume.capture.sampling import LEVELS, observations
@@ -79,6 +80,7 @@ def _recover_channel(
         exponent, _ = np.polyfit(np.log(values), curve, 1, w=WEIGHT)
         curve = _solved(normal + penalty, right + penalty @ (exponent * np.log(values / MIDDLE)))
     curve = _rising(curve)
+    curve -= curve[MIDDLE]
     return curve, *_misfit(curve, observed)
 
 
@@ -86,7 +88,7 @@ def _solved(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
     """The least squares curve with g(Z_mid) = 0, which fixes the scale that eq. 3 leaves free."""
     normal = normal.copy()
     normal[MIDDLE, MIDDLE] += np.trace(normal)
-    curve = np.linalg.lstsq(normal, right, rcond=1e-13)[0]
+    curve = solve(normal, right, assume_a="pos")
     return curve - curve[MIDDLE]
 
 

@@ -68,7 +68,11 @@ def assemble(views: Sequence[BallView], *, size: int = 512) -> Probe:
     for rows in np.array_split(np.arange(2 * size), 16):
         directions = LatLong().directions(points[rows])
         seen = [view.look_up(directions, near) for view in registered]
-        trust = [_trust(view, directions, cosine) for view, (_, cosine) in zip(registered, seen, strict=True)]
+        # A lone view keeps its camera in the picture: nothing else could stand there.
+        trust = [
+            _trust(view, directions, cosine) if len(registered) > 1 else cosine**SHARPNESS
+            for view, (_, cosine) in zip(registered, seen, strict=True)
+        ]
         for view, (radiance, _), share in zip(registered, seen, trust, strict=True):
             clipped += float((view.saturated(directions, near) * share / sum(trust, 1e-300)).sum(1) @ cell[rows])
             total[rows] += radiance * share[..., None]

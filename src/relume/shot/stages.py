@@ -63,7 +63,7 @@ def _content(value: object) -> Any:
 
 def _kept(path: Path, key: str) -> Arrays | None:
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
             if str(file["_key"]) != key:
                 return None
             return {name: file[name] for name in file.files if name != "_key"}

@@ -1,0 +1,41 @@
+"""The example room, inserted once with the fake renderer: everything but light transport is real."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from relume.render.renderer import Constant
+from relume.shot.insert import insert
+from relume.shot.outcome import Inserted
+from relume.shot.project import read_shot
+
+ROOM = Path(__file__).parents[2] / "examples" / "room"
+
+
+def copy_of_room(folder: Path) -> Path:
+    """The shot file of a copy of the room in which the render is not denoised: the fake has no noise."""
+    shutil.copytree(ROOM, folder)
+    shot = folder / "shot.toml"
+    plate, render = shot.read_text().split("[render]")
+    shot.write_text(plate + "[render]" + render.replace("denoise = true", "denoise = false"))
+    return shot
+
+
+@pytest.fixture(scope="session")
+def room(tmp_path_factory: pytest.TempPathFactory) -> tuple[Inserted, Path]:
+    """The outcome and its folder."""
+    folder = tmp_path_factory.mktemp("room")
+    out = folder / "out"
+    return insert(read_shot(copy_of_room(folder / "room")), out, renderer=Constant((3.0, 2.0, 1.0))), out
+
+
+@pytest.fixture
+def copied_room(room: tuple[Inserted, Path], tmp_path: Path) -> tuple[Path, Path]:
+    """A shot file that may be changed, and an output folder that already holds the kept stages."""
+    shot = copy_of_room(tmp_path / "room")
+    out = tmp_path / "out"
+    shutil.copytree(room[1], out)
+    return shot, out
