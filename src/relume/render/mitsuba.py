@@ -8,8 +8,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import isqrt
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,8 @@ from relume.scene.scene import Scene
 
 PASS_RAYS = 4_000_000
 """Rays traced at once; 4 million keep a pass under about half a gigabyte."""
+PASSES = 16
+"""Passes at least, where the samples allow it: the scatter of 16 tells a pixel's variance to a third of itself."""
 MATTE_SAMPLES = 64
 """Rays a pixel for the matte and the other planes: coverage to about a hundredth at edges."""
 
@@ -55,30 +58,28 @@ class Mitsuba:
     def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
         """Render in passes of equal size; the passes' scatter is the variance."""
         with _mitsuba(self.variant, self.threads) as mi:
-            world = mi.load_dict(scene_dictionary(mi, scene, camera))
+            side = _side(camera, max(self.samples // PASSES, 1))
+            world = mi.load_dict(scene_dictionary(mi, scene, _finer(camera, side)))
             path = mi.load_dict({"type": "path", "max_depth": self.depth + 1, "rr_depth": 8})
             radiance, variance, samples = self._accumulated(
-                lambda spp, s: np.array(mi.render(world, integrator=path, spp=spp, seed=s), np.float64),
-                camera,
-                seed,
-                progress or (lambda share: None),
+                lambda s: _cells_mean(_traced(mi, world, path, s), side), side, seed, progress or (lambda share: None)
             )
+            world = mi.load_dict(scene_dictionary(mi, scene, _finer(camera, _side(camera, MATTE_SAMPLES))))
             depth, normal, albedo = _planes(mi, world, camera, seed)
             matte = _matte(mi, scene, camera, seed)
         return Render(radiance, variance, matte, depth, normal, albedo, samples)
 
     def _accumulated(
-        self, trace: Callable[[int, int], np.ndarray], camera: Camera, seed: int, progress: Progress
+        self, trace: Callable[[int], np.ndarray], side: int, seed: int, progress: Progress
     ) -> tuple[np.ndarray, np.ndarray, int]:
-        per_pass = max(1, min(self.samples // 2, PASS_RAYS // (camera.width * camera.height)))
-        passes = -(-self.samples // per_pass)
-        total = np.zeros((camera.height, camera.width, 3))
-        squares = np.zeros_like(total)
+        """Mean, variance of the mean and rays a pixel of passes of side² rays a pixel."""
+        passes = max(self.samples // side**2, 2)
+        total = squares = np.zeros(())
         done = 0
         for index in range(passes):
-            picture = trace(per_pass, _pass_seed(seed, index))[..., :3]
-            total += picture
-            squares += picture**2
+            picture = trace(_pass_seed(seed, index))
+            total = total + picture
+            squares = squares + picture**2
             done = index + 1
             progress(done / passes)
             if self.noise is not None and done >= 4 and _relative_error(total, squares, done) < self.noise:
@@ -86,7 +87,7 @@ class Mitsuba:
         mean = total / done
         variance = np.maximum(squares / done - mean**2, 0) / max(done - 1, 1)
         progress(1.0)
-        return mean.astype(np.float32), variance.astype(np.float32), done * per_pass
+        return mean.astype(np.float32), variance.astype(np.float32), done * side**2
 
 
 def _relative_error(total: np.ndarray, squares: np.ndarray, count: int) -> float:
@@ -100,27 +101,55 @@ def _pass_seed(seed: int, index: int) -> int:
     return int(np.random.SeedSequence([seed, index]).generate_state(1)[0])
 
 
+def _side(camera: Camera, samples: int) -> int:
+    """Cells along each side of a pixel, so that a pass of one ray a cell has no more than `samples` and PASS_RAYS."""
+    return max(1, isqrt(min(samples, PASS_RAYS // (camera.width * camera.height))))
+
+
+def _finer(camera: Camera, side: int) -> Camera:
+    """The same camera with side² pixels for each of its own.
+
+    One ray goes through each of them, so that no two threads ever add to the same pixel, in whatever order.
+    """
+    width, height, focal_length = camera.width * side, camera.height * side, camera.focal_length * side
+    return replace(camera, width=width, height=height, focal_length=focal_length)
+
+
+def _traced(mi: Any, world: Any, integrator: Any, seed: int) -> np.ndarray:
+    return np.array(mi.render(world, integrator=integrator, spp=1, seed=seed))
+
+
+def _cells_mean(picture: np.ndarray, side: int, hit: np.ndarray | None = None) -> np.ndarray:
+    """The mean over each pixel's cells in a fixed order; over those that `hit` something only, where that is given."""
+    total, count = 0.0, 0.0
+    for row in range(side):
+        for column in range(side):
+            cell = picture[row::side, column::side].astype(np.float64)
+            total = total + cell
+            count = count + (1.0 if hit is None else hit[row::side, column::side])
+    return np.asarray(total / np.maximum(count, 1))
+
+
 def _planes(mi: Any, world: Any, camera: Camera, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     integrator = mi.load_dict({"type": "aov", "aovs": "depth:depth,normal:sh_normal,albedo:albedo"})
-    spp = max(1, min(MATTE_SAMPLES, PASS_RAYS // (camera.width * camera.height)))
-    planes = np.array(mi.render(world, integrator=integrator, spp=spp, seed=_pass_seed(seed, 0)), np.float32)
+    side = _side(camera, MATTE_SAMPLES)
     # The first three channels are the nested integrator's picture where there is one.
-    depth, normal, albedo = np.split(planes[..., -7:], [1, 4], axis=-1)
-    return depth[..., 0], normal, albedo
+    planes = _traced(mi, world, integrator, _pass_seed(seed, 0))[..., -7:]
+    depth = _cells_mean(planes[..., 0], side, planes[..., 0] > 0)
+    normal, albedo = np.split(_cells_mean(planes[..., 1:], side), 2, axis=-1)
+    return depth.astype(np.float32), normal.astype(np.float32), albedo.astype(np.float32)
 
 
 def _matte(mi: Any, scene: Scene, camera: Camera, seed: int) -> np.ndarray:
-    matte = np.zeros((camera.height, camera.width))
     if not scene.objects:
-        return matte.astype(np.float32)
-    world = mi.load_dict(matte_dictionary(mi, scene, camera))
+        return np.zeros((camera.height, camera.width), np.float32)
+    side = _side(camera, MATTE_SAMPLES)
+    world = mi.load_dict(matte_dictionary(mi, scene, _finer(camera, side)))
     whiteness = mi.load_dict({"type": "aov", "aovs": "albedo:albedo"})
-    per_pass = max(1, min(MATTE_SAMPLES, PASS_RAYS // (camera.width * camera.height)))
-    passes = -(-MATTE_SAMPLES // per_pass)
-    for index in range(passes):
-        picture = np.array(mi.render(world, integrator=whiteness, spp=per_pass, seed=_pass_seed(seed, index)))
-        matte += picture[..., -3]
-    return np.clip(matte / passes, 0, 1).astype(np.float32)
+    passes = -(-MATTE_SAMPLES // side**2)
+    pictures = (_traced(mi, world, whiteness, _pass_seed(seed, index))[..., -3] for index in range(passes))
+    matte = sum(_cells_mean(picture, side) for picture in pictures) / passes
+    return np.clip(matte, 0, 1).astype(np.float32)
 
 
 @contextmanager

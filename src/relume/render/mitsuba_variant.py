@@ -44,7 +44,8 @@ class Variant:
 
 def choose_variant() -> Variant:
     """The fastest variant that is sure not to abort on this machine."""
-    return _choice(_cuda_answers(), _libraries(os.environ))
+    libraries = _libraries(os.environ)
+    return _choice(_cuda_answers(), (p for p in libraries if (llvm_version(p) or 0) < OLDEST_LLVM or _loads(p)))
 
 
 def _choice(cuda: bool, libraries: Iterable[str]) -> Variant:
@@ -81,6 +82,15 @@ def _libraries(environment: Mapping[str, str]) -> list[str]:
     pattern = {"darwin": "libLLVM*.dylib", "win32": "LLVM-C.dll"}.get(sys.platform, "libLLVM*.so*")
     root = Path("/")
     return sorted(str(file) for folder in FOLDERS for file in root.glob(f"{folder[1:]}/{pattern}") if file.is_file())
+
+
+def _loads(path: str) -> bool:
+    """Whether the library is one for this machine, whole, and everything that it needs is there."""
+    try:
+        ctypes.CDLL(path)
+    except OSError:
+        return False
+    return True
 
 
 def _cuda_answers() -> bool:
