@@ -49,6 +49,11 @@ class Bracket:
         return np.array([_factor(p) for p in self.photographs])
 
     @property
+    def focal_length(self) -> float | None:
+        """Of the lens, in pixels; None where the photographs tell none."""
+        return next((p.focal_length for p in self.photographs if p.focal_length is not None), None)
+
+    @property
     def name(self) -> str:
         """The photographs' names, short, for messages."""
         names = [p.name for p in self.photographs]

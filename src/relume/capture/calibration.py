@@ -42,7 +42,8 @@ def recover_response(
         knee and toe are still followed (from 30 to 300 the curve moves by less than a hundredth)
     power_law : smooth the curve's departure from the power law that fits it best instead of the curve: encodings
         are nearly power laws, whose own bend is no noise, and the little-seen ends then go on as they should. False
-        is the paper's own term
+        is the paper's own term. Values below about 10 are hardly observed either way: with the power law a camera's
+        toe comes out too dark there, with the paper's term too light
     Raises NotABracket when the photographs say nothing of the curve.
     """
     brackets = [brackets] if isinstance(brackets, Bracket) else list(brackets)
@@ -75,10 +76,11 @@ def _recover_channel(
     # λ counts once a pixel, so that it does not depend on how many there are.
     penalty = smoothness * pixels * _SECOND.T @ _SECOND
     curve = _solved(normal + penalty, right)
-    if power_law:
-        values = np.maximum(np.arange(LEVELS), 0.5)
-        exponent, _ = np.polyfit(np.log(values), curve, 1, w=WEIGHT)
-        curve = _solved(normal + penalty, right + penalty @ (exponent * np.log(values / MIDDLE)))
+    logarithm = np.log(np.maximum(np.arange(LEVELS), 0.5))
+    # The exponent and the curve depend on each other; three rounds settle them.
+    for _ in range(3 if power_law else 0):
+        exponent, _ = np.polyfit(logarithm, curve, 1, w=WEIGHT)
+        curve = _solved(normal + penalty, right + penalty @ (exponent * (logarithm - logarithm[MIDDLE])))
     curve = _rising(curve)
     curve -= curve[MIDDLE]
     return curve, *_misfit(curve, observed)

@@ -66,7 +66,7 @@ def probe(
                 continue
             given = None if seconds is None else [seconds.pop(0) for _ in paths if seconds]
             bracket = read_bracket(paths, times=given)
-            pictures.append((bracket, bracket.photographs[0].focal_length, bracket.name))
+            pictures.append((bracket, bracket.focal_length, bracket.name))
         if dry_run:
             tell(manner, {"would write": str(out), "views": [name for _, _, name in pictures]})
             return

@@ -109,7 +109,7 @@ def measure_light(shot: Shot, brackets: Sequence[Bracket], calibrations: dict[st
                 picture,
                 camera=np.array(table.camera),
                 centre=np.array(ball.centre),
-                focal_length=table.focal_length or bracket.photographs[0].focal_length,
+                focal_length=table.focal_length or bracket.focal_length,
                 radius=ball.radius,
                 name=bracket.name,
             )
