@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -72,6 +73,12 @@ def _recover_channel(
     if pixels == 0:
         raise NotABracket(
             f"{brackets[0].name}: no pixel is well exposed in two photographs; photograph at smaller exposure steps"
+        )
+    if sum(int((WEIGHT[v] > 0).sum()) - len(v) for v, _ in observed) < LEVELS:
+        warnings.warn(
+            f"{brackets[0].name}: only {pixels} pixels tell of the {('red', 'green', 'blue')[channel]} response; it is "
+            "uncertain, so use larger photographs or a response recovered before",
+            stacklevel=3,
         )
     # λ counts once a pixel, so that it does not depend on how many there are.
     penalty = smoothness * pixels * _SECOND.T @ _SECOND
