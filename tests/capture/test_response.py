@@ -58,10 +58,11 @@ def test_noise_is_told_in_pixel_values(calibration):
     assert told == pytest.approx(true, rel=0.25)
 
 
+@pytest.mark.filterwarnings("ignore:.*pixels tell of")  # the noisiest camera leaves few even pixels
 def test_the_curve_rises_everywhere():
     for seed, electrons in [(1, 12_000.0), (2, 1_500.0), (3, 400.0)]:
         camera = VirtualCamera(electrons=electrons, read_noise=10.0)
-        response = recover_response(camera.bracket(wide_scene(192, 128), seed=seed)).response
+        response = recover_response(camera.bracket(wide_scene(96, 64), seed=seed)).response
         assert np.all(np.diff(response.log_exposure, axis=1) > 0)
 
 
