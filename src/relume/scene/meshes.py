@@ -125,6 +125,8 @@ def _material(path: Path, description: dict[str, Any]) -> Material:
     present = {*description, *extensions} | (
         {"emissiveTexture"} if any(description.get("emissiveFactor", [])) else set()
     )
+    if "KHR_texture_transform" in json.dumps(pbr):
+        warnings.warn(f'{path}: the texture transform of material "{name}" is not applied', stacklevel=4)
     for key in present & set(IGNORED):
         warnings.warn(f'{path}: the {IGNORED[key]} of material "{name}" is not rendered', stacklevel=4)
     if description.get("alphaMode", "OPAQUE") != "OPAQUE":

@@ -109,7 +109,7 @@ class _Job:
 
         planes, recovered = self._local(plate, camera, probe, meshes)
         scene = Scene(probe.light, planes, meshes)
-        with_, without = self._renders(scene, camera, renderer, [sources, self._scene_sources()])
+        with_, without = self._renders(scene, camera, renderer)
 
         with self.timed("composite"):
             composite = differential(plate.radiance, with_.radiance, without.radiance, with_.matte)
@@ -192,16 +192,7 @@ class _Job:
             pairs = [one(table) for table in self.shot.local]
         return tuple(p for p, _ in pairs), tuple(r for _, r in pairs)
 
-    def _scene_sources(self) -> list[object]:
-        shot = self.shot
-        named = [shot.folder / o.mesh for o in shot.objects]
-        if shot.camera.grid is not None:
-            named.append(shot.folder / shot.camera.grid.photograph)
-        if shot.light.map is not None:
-            named.append(shot.folder / shot.light.map)
-        return [named, shot.model_dump(exclude={"develop"}, mode="json")]
-
-    def _renders(self, scene: Scene, camera: Camera, chosen: Renderer, sources: object) -> tuple[Render, Render]:
+    def _renders(self, scene: Scene, camera: Camera, chosen: Renderer) -> tuple[Render, Render]:
         table = self.shot.render
         settings = replace(chosen, threads=None) if isinstance(chosen, Mitsuba) else chosen
 
@@ -219,7 +210,7 @@ class _Job:
                 first, second = denoise_pair(first, second)
             return {f"{n}.{k}": v for n, r in (("with", first), ("without", second)) for k, v in _planes(r).items()}
 
-        arrays = self.stage("render", [sources, repr(settings)], make)
+        arrays = self.stage("render", [scene, camera, repr(settings), table.seed, table.denoise], make)
         return _render_from(arrays, "with"), _render_from(arrays, "without")
 
     def _film(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import zipfile
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,7 @@ class Stages:
     def get(self, name: str, made_from: object, make: Callable[[], Arrays]) -> tuple[Arrays, bool]:
         """The arrays of stage `name`, and whether they were kept from an earlier run.
 
-        made_from : everything the result depends on, as JSON-able values; paths stand for their contents
+        made_from : everything the result depends on: JSON-able values, paths, arrays and dataclasses of them
         """
         key = fingerprint([version("relume"), name, made_from])
         path = self.folder / f"{name}.npz"
@@ -49,15 +49,17 @@ class Stages:
 
 
 def fingerprint(value: object) -> str:
-    """A SHA-256 of JSON-able values in which each Path counts as the bytes it holds."""
+    """A SHA-256 of values in which a Path counts as the bytes it holds, an array as its own, a dataclass as its fields."""
     return hashlib.sha256(json.dumps(value, default=_content, sort_keys=True).encode()).hexdigest()
 
 
 def _content(value: object) -> Any:
     if isinstance(value, Path):
         return hashlib.sha256(value.read_bytes()).hexdigest()
-    if isinstance(value, Iterable):
-        return list(value)
+    if isinstance(value, np.ndarray):
+        return [str(value.dtype), value.shape, hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()]
+    if is_dataclass(value):
+        return [type(value).__name__, {field.name: getattr(value, field.name) for field in fields(value)}]
     raise TypeError(f"{type(value).__name__} cannot be part of a fingerprint")
 
 
