@@ -61,7 +61,11 @@ def recover_reflectance(
 def _points(camera: Camera, plane: Plane) -> np.ndarray:
     """Where the ray of each pixel meets the plane's level, (H, W, 3); NaN where it goes up."""
     rays = camera.rays()
-    fall = np.where(rays[..., 1] < -1e-6, (plane.height - camera.position[1]) / np.minimum(rays[..., 1], -1e-6), np.nan)
+    fall = np.where(
+        (rays[..., 1] < -1e-6) & (camera.position[1] > plane.height),
+        (plane.height - camera.position[1]) / np.minimum(rays[..., 1], -1e-6),
+        np.nan,
+    )
     return camera.position + fall[..., None] * rays
 
 

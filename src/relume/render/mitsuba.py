@@ -39,6 +39,7 @@ class Mitsuba:
     depth : bounces before a path ends; 12 lets light into and out of glass before and behind glass
     variant : Mitsuba's variant; chosen for this machine unless given
     threads : all cores unless given; the pixels do not depend on it
+    passes : exactly this many passes of the `samples` are traced, to repeat what a render with `noise` traced
     """
 
     samples: int = 256
@@ -46,6 +47,7 @@ class Mitsuba:
     depth: int = 12
     variant: str | None = None
     threads: int | None = None
+    passes: int | None = None
 
     def __post_init__(self) -> None:
         if self.samples < 2 or self.depth < 1 or (self.noise is not None and not self.noise > 0):
@@ -61,19 +63,19 @@ class Mitsuba:
             side = _side(camera, max(self.samples // PASSES, 1))
             world = mi.load_dict(scene_dictionary(mi, scene, _finer(camera, side)))
             path = mi.load_dict({"type": "path", "max_depth": self.depth + 1, "rr_depth": 8})
-            radiance, variance, samples = self._accumulated(
+            radiance, variance, samples, passes = self._accumulated(
                 lambda s: _cells_mean(_traced(mi, world, path, s), side), side, seed, progress or (lambda share: None)
             )
             world = mi.load_dict(scene_dictionary(mi, scene, _finer(camera, _side(camera, MATTE_SAMPLES))))
             depth, normal, albedo = _planes(mi, world, camera, seed)
             matte = _matte(mi, scene, camera, seed)
-        return Render(radiance, variance, matte, depth, normal, albedo, samples)
+        return Render(radiance, variance, matte, depth, normal, albedo, samples, passes)
 
     def _accumulated(
         self, trace: Callable[[int], np.ndarray], side: int, seed: int, progress: Progress
-    ) -> tuple[np.ndarray, np.ndarray, int]:
-        """Mean, variance of the mean and rays a pixel of passes of side² rays a pixel."""
-        passes = max(self.samples // side**2, 2)
+    ) -> tuple[np.ndarray, np.ndarray, int, int]:
+        """Mean, variance of the mean, rays a pixel and number of passes of side² rays a pixel."""
+        passes = self.passes or max(self.samples // side**2, 2)
         total = squares = np.zeros(())
         done = 0
         for index in range(passes):
@@ -82,12 +84,17 @@ class Mitsuba:
             squares = squares + picture**2
             done = index + 1
             progress(done / passes)
-            if self.noise is not None and done >= 4 and _relative_error(total, squares, done) < self.noise:
+            if (
+                self.noise is not None
+                and self.passes is None
+                and done >= 4
+                and _relative_error(total, squares, done) < self.noise
+            ):
                 break
         mean = total / done
         variance = np.maximum(squares / done - mean**2, 0) / max(done - 1, 1)
         progress(1.0)
-        return mean.astype(np.float32), variance.astype(np.float32), done * side**2
+        return mean.astype(np.float32), variance.astype(np.float32), done * side**2, done
 
 
 def _relative_error(total: np.ndarray, squares: np.ndarray, count: int) -> float:

@@ -25,7 +25,7 @@ def denoise_pair(with_: Render, without: Render) -> tuple[Render, Render]:
 
     smooth = clean(without.radiance, without)
     difference = with_.radiance - without.radiance
-    covered = clean(smooth + difference, with_)
+    covered = clean(with_.radiance, with_)
     cover = with_.matte[..., None]
     outside = difference * (1 - cover)
     beside = smooth + clean(np.maximum(outside, 0), with_) - clean(np.maximum(-outside, 0), with_)

@@ -26,6 +26,7 @@ class Render:
     normal : (H, W, 3) float32, world, mean over the pixel
     albedo : (H, W, 3) float32
     samples : rays a pixel that were traced
+    passes : in how many passes
     """
 
     radiance: np.ndarray
@@ -35,6 +36,7 @@ class Render:
     normal: np.ndarray
     albedo: np.ndarray
     samples: int = 1
+    passes: int = 1
 
 
 class Renderer(Protocol):

@@ -199,7 +199,7 @@ class _Job:
         def make() -> Arrays:
             first = render(scene, camera, chosen, seed=table.seed, progress=lambda s: self.report("render", s / 2))
             # The same rays again without the objects: what they leave alone cancels to the bit.
-            again = replace(chosen, samples=first.samples, noise=None) if isinstance(chosen, Mitsuba) else chosen
+            again = replace(chosen, passes=first.passes) if isinstance(chosen, Mitsuba) else chosen
             second = render(
                 scene.without_objects(), camera, again, seed=table.seed,
                 progress=lambda s: self.report("render", 0.5 + s / 2),
@@ -230,11 +230,11 @@ class _Job:
 def _planes(render: Render) -> Arrays:
     return {
         "radiance": render.radiance, "variance": render.variance, "matte": render.matte, "depth": render.depth,
-        "normal": render.normal, "albedo": render.albedo, "samples": np.array(render.samples),
+        "normal": render.normal, "albedo": render.albedo, "samples": np.array(render.samples), "passes": np.array(render.passes),
     }  # fmt: skip
 
 
 def _render_from(arrays: Arrays, name: str) -> Render:
     planes = {key.removeprefix(f"{name}."): value for key, value in arrays.items() if key.startswith(f"{name}.")}
-    samples = int(planes.pop("samples"))
-    return Render(**planes, samples=samples)
+    counts = {key: int(planes.pop(key)) for key in ("samples", "passes")}
+    return Render(**planes, **counts)

@@ -6,6 +6,7 @@ Paths are relative to the file; lengths are metres, angles degrees. An unknown k
 from __future__ import annotations
 
 import difflib
+import re
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +19,7 @@ from relume.errors import InvalidShot, UnreadableFile
 Vector = tuple[float, float, float]
 Share = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
+Mirrored = Annotated[float, Field(gt=0, le=1)]
 
 
 class _Table(BaseModel):
@@ -56,6 +58,10 @@ class CameraTable(_Table):
 
     @model_validator(mode="after")
     def _one_source(self) -> CameraTable:
+        if self.grid is not None and self.grid.squares[0] <= self.grid.squares[1]:
+            raise ValueError(
+                f"grid.squares is {list(self.grid.squares)}; the long side comes first, and must be longer"
+            )
         if (self.grid is None) == (self.pose is None):
             raise ValueError("give one of grid and pose")
         return self
@@ -75,7 +81,7 @@ class Ball(_Table):
 
     centre: Vector
     radius: Positive
-    reflectance: Share | tuple[Share, Share, Share] = 1.0
+    reflectance: Mirrored | tuple[Mirrored, Mirrored, Mirrored] = 1.0
 
 
 class Distant(_Table):
@@ -165,11 +171,16 @@ class Shot(_Table):
         found: list[Path] = []
         for pattern in patterns:
             path = self.folder / pattern
-            matches = sorted(self.folder.glob(pattern)) if any(c in pattern for c in "*?[") else [path]
+            matches = sorted(self.folder.glob(pattern), key=_natural) if any(c in pattern for c in "*?[") else [path]
             if not matches:
                 raise UnreadableFile(f"{path}: no such photographs; check the pattern in the shot file")
             found.extend(matches)
         return found
+
+
+def _natural(path: Path) -> list[tuple[int, int | str]]:
+    """IMG_2 before IMG_10, as a person counts, so that a list of times goes to the right photographs."""
+    return [(0, int(part)) if part.isdigit() else (1, part) for part in re.split(r"(\d+)", str(path))]
 
 
 def read_shot(path: str | Path) -> Shot:
