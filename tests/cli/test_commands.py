@@ -107,7 +107,7 @@ def test_wrong_words_are_refused_in_one_line(tmp_path: Path, capsys: pytest.Capt
     out = str(tmp_path / "a.exr")
     assert "bogus" in refused(["bogus"], capsys)
     assert "--out" in refused(["merge", PLATE[0]], capsys)
-    assert "none.jpg: no such photograph" in refused(["merge", "none.jpg", "-o", out], capsys)
+    assert "none.jpg: no such file" in refused(["merge", "none.jpg", "-o", out], capsys)
     assert "1/x" in refused(["merge", *PLATE, "-o", out, "--times", "1/x"], capsys)
     assert "2 times were given for 4" in refused(["merge", *PLATE, "-o", out, "--times", "1,2"], capsys)
     assert ".exr or .hdr" in refused(["merge", *PLATE, "-o", str(tmp_path / "a.png")], capsys)

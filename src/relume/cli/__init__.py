@@ -33,7 +33,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         app(words, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
-        return console.refuse(str(error).strip() or "wrong arguments", 2, hint="relume --help tells the commands")
+        return console.refuse(
+            str(error).strip() or "wrong arguments",
+            2,
+            hint=f"see relume {words[0]} --help" if words[:1] and words[0] in COMMANDS else "see relume --help",
+        )
     except KeyboardInterrupt:
         return console.refuse("interrupted; kept stages will be used when the same command is given again", 130)
     except Exception as error:

@@ -45,8 +45,10 @@ def read_point(text: str, option: str) -> tuple[float, float, float]:
 def require_files(paths: Sequence[Path]) -> None:
     """Refuse paths that are not files, so that a dry run tells too."""
     for path in paths:
+        if path.is_dir():
+            raise UnreadableFile(f"{path}: a folder; name the files in it, like {path}/*.jpg")
         if not path.is_file():
-            raise UnreadableFile(f"{path}: no such photograph; check the path")
+            raise UnreadableFile(f"{path}: no such file; check the path")
 
 
 def require_suffix(out: Path, *suffixes: str) -> None:

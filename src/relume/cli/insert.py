@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from relume.cli.arguments import DryRun, Threads
+from relume.cli.arguments import DryRun, Threads, require_files
 from relume.cli.console import Manner, note, progress, speaking, tell
 
 if TYPE_CHECKING:
@@ -39,9 +39,14 @@ def insert(
         table = read_shot(shot)
         changes = {k: v for k, v in (("samples", samples), ("seed", seed)) if v is not None}
         if changes:
+            if samples is not None and samples < 2:
+                raise ValueError(f"--samples is {samples}; give at least 2")
+            if seed is not None and seed < 0:
+                raise ValueError(f"--seed is {seed}; give 0 or more")
             render = type(table.render).model_validate(table.render.model_dump() | changes)
             table = table.model_copy(update={"render": render})
         if dry_run:
+            require_files([*table.files(table.plate.photographs), *(table.folder / o.mesh for o in table.objects)])
             balls = [len(table.files(b.photographs)) for b in table.light.balls or ()]
             tell(
                 manner,

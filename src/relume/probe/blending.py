@@ -25,6 +25,8 @@ TURN_LIMIT = np.radians(6)
 """The farthest that registration turns a view: what a tape measure and a level leave uncertain."""
 NEAREST = 0.2
 """The greatest nearness registration may find: walls five ball radii away."""
+BRIGHTNESS_LIMIT = 0.1
+"""Natural logarithm of the brightness ratio of two views above which it is told."""
 SHARPNESS = 8
 """Power of the weights: high, so that a near lamp that two views show in two places is taken from one of them."""
 
@@ -38,6 +40,7 @@ class Probe:
     nearness : ball radius over the distance of what surrounds it, as registration found it; 0 for a lone view
     clipped_solid_angle : steradians whose light was saturated in every photograph of the view it came from
     confidence : (size, 2·size) float32, 0 where no view saw the direction well, 1 where one faced it squarely
+    notes : doubts about the views, a line each
     """
 
     light: IlluminationMap
@@ -45,6 +48,7 @@ class Probe:
     nearness: float
     clipped_solid_angle: float
     confidence: np.ndarray
+    notes: tuple[str, ...] = ()
 
 
 def assemble(views: Sequence[BallView], *, size: int = 512) -> Probe:
@@ -54,18 +58,23 @@ def assemble(views: Sequence[BallView], *, size: int = 512) -> Probe:
     A direction that no view sees takes the light of the nearest that one does, and its confidence is 0.
     """
     registered, corrections, nearness = [views[0]], [0.0], []
-    for view in views[1:]:
-        turn, near = _registration(views[0], view)
+    notes: list[str] = []
+    for number, view in enumerate(views[1:], start=2):
+        turn, near, doubts = _registration(views[0], view)
         registered.append(view.turned(rotation_from_vector(turn)))
         corrections.append(float(np.linalg.norm(turn)))
         nearness.append(near)
+        notes.extend(f"view {number} of the ball {doubt}" for doubt in doubts)
     near = float(np.median(nearness)) if nearness else 0.0
 
-    subdivision = 2
+    # Cells no wider than a pixel of the ball, or a lamp falls between them.
+    ball_pixel = 2 / max(view.outline.radius for view in views)
+    subdivision = max(2, int(np.ceil(np.pi / size / ball_pixel)))
     points = pixel_points(LatLong(), size, subdivision)
-    total, weight, clipped = np.zeros((2 * size, 4 * size, 3)), np.zeros((2 * size, 4 * size)), 0.0
-    cell = LatLong().solid_angles(2 * size)[:, 0]
-    for rows in np.array_split(np.arange(2 * size), 16):
+    cell = LatLong().solid_angles(size * subdivision)[:, 0]
+    total, weight, clipped = np.zeros((size, 2 * size, 3)), np.zeros((size, 2 * size)), 0.0
+    for chosen in np.array_split(np.arange(size), min(size, 8 * subdivision)):
+        rows = slice(chosen[0] * subdivision, (chosen[-1] + 1) * subdivision)
         directions = LatLong().directions(points[rows])
         seen = [view.look_up(directions, near) for view in registered]
         # A lone view keeps its camera in the picture: nothing else could stand there.
@@ -73,17 +82,15 @@ def assemble(views: Sequence[BallView], *, size: int = 512) -> Probe:
             _trust(view, directions, cosine) if len(registered) > 1 else cosine**SHARPNESS
             for view, (_, cosine) in zip(registered, seen, strict=True)
         ]
+        cells = (len(chosen), subdivision, 2 * size, subdivision)
         for view, (radiance, _), share in zip(registered, seen, trust, strict=True):
             clipped += float((view.saturated(directions, near) * share / sum(trust, 1e-300)).sum(1) @ cell[rows])
-            total[rows] += radiance * share[..., None]
-            weight[rows] += share
-    cells = (size, subdivision, 2 * size, subdivision)
-    total = total.reshape(*cells, 3).sum((1, 3))
-    weight = weight.reshape(cells).sum((1, 3)) / subdivision**2
-    confidence = np.minimum(weight, 1) ** (1 / SHARPNESS)
-    radiance = total / np.maximum(weight, 1e-300)[..., None] / subdivision**2
+            total[chosen] += (radiance * share[..., None]).reshape(*cells, 3).sum((1, 3))
+            weight[chosen] += share.reshape(cells).sum((1, 3))
+    confidence = np.minimum(weight / subdivision**2, 1) ** (1 / SHARPNESS)
+    radiance = total / np.maximum(weight, 1e-300)[..., None]
     light = IlluminationMap(_filled(radiance, confidence > 0.05).astype(np.float32))
-    return Probe(light, tuple(corrections), near, clipped, confidence.astype(np.float32))
+    return Probe(light, tuple(corrections), near, clipped, confidence.astype(np.float32), tuple(notes))
 
 
 def _trust(view: BallView, directions: np.ndarray, incidence: np.ndarray) -> np.ndarray:
@@ -93,8 +100,8 @@ def _trust(view: BallView, directions: np.ndarray, incidence: np.ndarray) -> np.
     return (incidence * clear * clear * (3 - 2 * clear)) ** SHARPNESS
 
 
-def _registration(reference: BallView, view: BallView) -> tuple[np.ndarray, float]:
-    """The rotation vector that lays `view` on `reference`, and the nearness of what both see.
+def _registration(reference: BallView, view: BallView) -> tuple[np.ndarray, float, list[str]]:
+    """The rotation vector that lays `view` on `reference`, the nearness of what both see, and doubts.
 
     Robust least squares on the logarithm of luminance. Rays to a near wall leave the ball in different places for
     different cameras, which looks like a turn; so the walls' distance is found together with the turn. Only
@@ -116,7 +123,15 @@ def _registration(reference: BallView, view: BallView) -> tuple[np.ndarray, floa
     bounds = [(-TURN_LIMIT,) * 3 + (0.0,), (TURN_LIMIT,) * 3 + (NEAREST,)]
     start = np.array([0, 0, 0, 0.01])
     solution = least_squares(misfit, start, bounds=bounds, loss="soft_l1", f_scale=0.1, diff_step=0.01, x_scale=0.02)
-    return solution.x[:3], float(solution.x[3])
+    turned = view.turned(rotation_from_vector(solution.x[:3]))
+    ours, theirs = (luminance(v.look_up(directions, solution.x[3])[0]) + 1e-9 for v in (reference, turned))
+    ratio = float(np.median(theirs / ours))
+    doubts = []
+    if np.any(np.abs(solution.x[:3]) > 0.98 * TURN_LIMIT) or solution.x[3] > 0.98 * NEAREST:
+        doubts.append("does not fit the first one; check where its camera stood")
+    if abs(np.log(ratio)) > BRIGHTNESS_LIMIT:
+        doubts.append(f"is {ratio:.2f} times as bright as the first; did the light or the exposure change?")
+    return solution.x[:3], float(solution.x[3]), doubts
 
 
 def _spread_directions(count: int) -> np.ndarray:

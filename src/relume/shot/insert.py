@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from relume.capture.bracket import Bracket
 from relume.capture.calibration import Calibration
 from relume.capture.denoising import denoise
 from relume.capture.merging import merge
@@ -19,6 +20,7 @@ from relume.composite.local_scene import Recovered, recover_reflectance
 from relume.develop.film import Film, develop
 from relume.errors import InvalidShot
 from relume.image import files
+from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.probe.blending import Probe
 from relume.render.mitsuba import Mitsuba
@@ -104,18 +106,21 @@ class _Job:
             self.stage("response", sources, lambda: lighting.calibration_arrays(lighting.calibrate(photographs)))
         )
         plate = self._plate(photographs, calibrations, sources)
-        camera = self._camera(plate)
+        camera = self._camera(plate, photographs.plate)
         probe = self._light(photographs, calibrations, sources)
 
+        if plate.unit != probe.light.unit:
+            raise InvalidShot(
+                f"plate.photographs: the plate is in {plate.unit} and the light in {probe.light.unit}; give both alike"
+            )
         planes, recovered = self._local(plate, camera, probe, meshes)
         scene = Scene(probe.light, planes, meshes)
         with_, without = self._renders(scene, camera, renderer)
 
         with self.timed("composite"):
             composite = differential(plate.radiance, with_.radiance, without.radiance, with_.matte)
-            film = self._film(photographs, calibrations, plate)
-            picture, before = develop(composite, film), develop(plate.radiance, film)
-        notes = notes_on(plate, probe, recovered, calibrations)
+            picture, before = self._developed(composite, photographs, calibrations, plate, with_.matte)
+        notes = notes_on(plate, probe, recovered, calibrations, with_.matte if meshes else None)
         return Inserted(
             composite, picture, before, plate, camera, probe, calibrations, recovered, with_, without,
             self.seconds, tuple(self.kept), notes,
@@ -141,7 +146,7 @@ class _Job:
         arrays = self.stage("plate", [sources, self.shot.plate.model_dump()], make)
         return RadianceMap(arrays["radiance"], arrays["variance"], arrays["clipped"])
 
-    def _camera(self, plate: RadianceMap) -> Camera:
+    def _camera(self, plate: RadianceMap, bracket: Bracket | None) -> Camera:
         table, (width, height) = self.shot.camera, plate.size
         with self.timed("camera"):
             if table.grid is not None:
@@ -154,12 +159,13 @@ class _Job:
                 return camera_from_grid(
                     photograph, squares=table.grid.squares, square=table.grid.square, focal_length=table.focal_length
                 )
-            if table.pose is None or table.focal_length is None:
-                raise InvalidShot("camera.focal_length: missing; a pose needs it, in pixels")
+            focal_length = table.focal_length or (bracket.focal_length if bracket is not None else None)
+            if table.pose is None or focal_length is None:
+                raise InvalidShot("camera.focal_length: missing, and the plate's EXIF has none; give it in pixels")
             try:
                 return Camera.looking_at(
                     np.array(table.pose.position), np.array(table.pose.look_at),
-                    width=width, height=height, focal_length=table.focal_length,
+                    width=width, height=height, focal_length=focal_length,
                 )  # fmt: skip
             except ValueError as error:
                 raise InvalidShot(f"camera.pose: {error}") from None
@@ -213,28 +219,44 @@ class _Job:
         arrays = self.stage("render", [scene, camera, repr(settings), table.seed, table.denoise], make)
         return _render_from(arrays, "with"), _render_from(arrays, "without")
 
-    def _film(
-        self, photographs: lighting.Photographs, calibrations: dict[str, Calibration], plate: RadianceMap
-    ) -> Film:
+    def _developed(
+        self,
+        composite: np.ndarray,
+        photographs: lighting.Photographs,
+        calibrations: dict[str, Calibration],
+        plate: RadianceMap,
+        matte: np.ndarray,
+    ) -> tuple[Photograph, Photograph]:
+        """The developed composite and the plate it sits in: the photograph itself where there is one."""
         table, bracket = self.shot.develop, photographs.plate
         if bracket is None or table.response == "srgb":
-            # Without a camera's curve, a fifth of the picture's bright end is shown as middle grey.
-            white = float(np.percentile(plate.radiance, 99))
-            return Film(1 / max(white, 1e-30)).brighter(table.exposure)
+            # Without a camera's curve, the plate's bright end is put just below white.
+            film = Film(1 / max(float(np.percentile(plate.radiance, 99)), 1e-30)).brighter(table.exposure)
+            return develop(composite, film), develop(plate.radiance, film)
         # The photograph whose middle value is nearest to middle grey is the one the picture sits in.
-        middles = [abs(float(np.median(p.pixels)) - 118) for p in bracket.photographs]
-        exposure = float(bracket.exposures[int(np.argmin(middles))])
-        return Film(exposure, calibrations[bracket.photographs[0].camera].response).brighter(table.exposure)
+        index = int(np.argmin([abs(float(np.median(p.pixels)) - 118) for p in bracket.photographs]))
+        response = calibrations[bracket.photographs[index].camera].response
+        film = Film(float(bracket.exposures[index]), response).brighter(table.exposure)
+        picture, before = develop(composite, film), develop(plate.radiance, film)
+        if table.exposure:
+            return picture, before
+        # Outside the objects the photograph keeps its grain: it is changed only by what the objects change.
+        photograph = bracket.photographs[index].pixels
+        changed = np.clip(photograph.astype(int) + picture.pixels - before.pixels, 0, 255)
+        cover = matte[..., None]
+        pixels = np.rint(cover * picture.pixels + (1 - cover) * changed).astype(np.uint8)
+        return replace(picture, pixels=pixels), replace(before, pixels=photograph)
 
 
 def _planes(render: Render) -> Arrays:
     return {
         "radiance": render.radiance, "variance": render.variance, "matte": render.matte, "depth": render.depth,
-        "normal": render.normal, "albedo": render.albedo, "samples": np.array(render.samples), "passes": np.array(render.passes),
+        "normal": render.normal, "albedo": render.albedo, "samples": np.array(render.samples),
+        "passes": np.array(render.passes),
     }  # fmt: skip
 
 
 def _render_from(arrays: Arrays, name: str) -> Render:
     planes = {key.removeprefix(f"{name}."): value for key, value in arrays.items() if key.startswith(f"{name}.")}
     counts = {key: int(planes.pop(key)) for key in ("samples", "passes")}
-    return Render(**planes, **counts)
+    return Render(**planes, samples=counts["samples"], passes=counts["passes"])

@@ -48,7 +48,19 @@ def read_photographs(shot: Shot) -> Photographs:
     else:
         plate = read_bracket(paths, times=shot.plate.times)
     balls = tuple(read_bracket(shot.files(b.photographs), times=b.times) for b in shot.light.balls or ())
+    _require_one_scale([*([plate] if plate else []), *balls])
     return Photographs(plate, plate_map, balls)
+
+
+def _require_one_scale(brackets: list[Bracket]) -> None:
+    """Refuse brackets of which only some tell aperture or ISO: their scales would differ by what the others tell."""
+    for attribute in ("f_number", "iso"):
+        tells = [getattr(b.photographs[0].exposure, attribute) is not None for b in brackets]
+        if any(tells) and not all(tells):
+            known, unknown = brackets[tells.index(True)].name, brackets[tells.index(False)].name
+            raise NotABracket(
+                f"{unknown} tells no {attribute} and {known} does, so their scales differ; give times for all or none"
+            )
 
 
 def calibrate(photographs: Photographs) -> dict[str, Calibration]:
@@ -125,6 +137,7 @@ def probe_arrays(probe: Probe) -> Arrays:
         "nearness": np.array(probe.nearness),
         "clipped": np.array(probe.clipped_solid_angle),
         "confidence": probe.confidence,
+        "notes": np.array(probe.notes, dtype=np.str_),
     }
 
 
@@ -136,6 +149,7 @@ def probe_from(arrays: Arrays) -> Probe:
         float(arrays["nearness"]),
         float(arrays["clipped"]),
         arrays["confidence"],
+        tuple(map(str, arrays["notes"])),
     )
 
 

@@ -19,6 +19,9 @@ from relume.render.renderer import Render
 from relume.scene.camera import Camera
 from relume.sphere.illumination import as_radiance_map
 
+DOUBTFUL_MISFIT = 0.25
+"""Misfit of ln exposure above which times or alignment are doubtful; good brackets show 0.02 to 0.1."""
+
 
 @dataclass(frozen=True, eq=False)
 class Inserted:
@@ -52,9 +55,10 @@ def notes_on(
     probe: Probe,
     recovered: tuple[Recovered | None, ...],
     calibrations: dict[str, Calibration],
+    matte_of_objects: np.ndarray | None = None,
 ) -> tuple[str, ...]:
     """What the user should know of the measurements, a line each."""
-    notes = []
+    notes = list(probe.notes)
     if plate.clipped is not None and plate.clipped.any():
         notes.append(f"{int((plate.clipped > 0).sum())} pixels of the plate are clipped in every photograph")
     if probe.clipped_solid_angle > 0:
@@ -63,6 +67,11 @@ def notes_on(
             "bound there; add shorter exposures of the ball"
         )
     for found in recovered:
+        if found is not None and max(found.measured) < 0.01:
+            notes.append(
+                f"the surface reflects only {max(found.measured):.2g} of the light that was measured; the light is far "
+                "too strong for the plate (are the exposures of both right?)"
+            )
         if found is not None and max(found.measured) > 1:
             notes.append(
                 f"the surface reflects {max(found.measured):.2f} times the light that was measured; the light is too "
@@ -70,6 +79,14 @@ def notes_on(
             )
     if len(calibrations) > 1:
         notes.append("plate and light come from different cameras; their scales are not tied to each other")
+    if matte_of_objects is not None and not matte_of_objects.any():
+        notes.append("no object is seen in the picture; are they in metres, and in the frame that the camera is in?")
+    for camera, calibration in calibrations.items():
+        if calibration.residual.max() > DOUBTFUL_MISFIT:
+            notes.append(
+                f"the response of {camera or 'the camera'} fits badly (misfit {calibration.residual.max():.2f}); are "
+                "the exposure times right, and did nothing move?"
+            )
     return tuple(notes)
 
 

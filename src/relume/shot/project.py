@@ -12,13 +12,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from relume.errors import InvalidShot, UnreadableFile
 
 Vector = tuple[float, float, float]
 Share = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
+Names = Annotated[list[str], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
 Mirrored = Annotated[float, Field(gt=0, le=1)]
 
 
@@ -29,7 +30,7 @@ class _Table(BaseModel):
 class Plate(_Table):
     """The photograph that receives the objects: a bracket, a single photograph or one radiance map."""
 
-    photographs: list[str] = Field(min_length=1)
+    photographs: Names = Field(min_length=1)
     times: list[Positive] | None = None
     denoise: bool = False
 
@@ -70,7 +71,7 @@ class CameraTable(_Table):
 class BallPhotographs(_Table):
     """A bracket of the mirrored ball and where its camera stood."""
 
-    photographs: list[str] = Field(min_length=1)
+    photographs: Names = Field(min_length=1)
     camera: Vector
     times: list[Positive] | None = None
     focal_length: Positive | None = None

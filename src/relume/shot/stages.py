@@ -7,6 +7,7 @@ import json
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
+from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import numpy as np
 
 from relume.errors import OutputNotWritten
 from relume.image.files import replacing
+from relume.render.mitsuba_variant import choose_variant
 
 Arrays = dict[str, np.ndarray]
 
@@ -33,7 +35,7 @@ class Stages:
 
         made_from : everything the result depends on: JSON-able values, paths, arrays and dataclasses of them
         """
-        key = fingerprint([version("relume"), name, made_from])
+        key = fingerprint([_program(), name, made_from])
         path = self.folder / f"{name}.npz"
         kept = _kept(path, key)
         if kept is not None:
@@ -48,8 +50,17 @@ class Stages:
         return arrays, False
 
 
+@lru_cache
+def _program() -> list[object]:
+    """What computes: every module of relume as it is now, and the libraries whose numbers it passes on."""
+    package = Path(__file__).parents[1]
+    modules = [path.read_bytes() for path in sorted(package.rglob("*.py"))]
+    libraries = ("numpy", "scipy", "mitsuba", "mitsuba-oidn", "opencv-python-headless", "trimesh")
+    return [hashlib.sha256(b"".join(modules)).hexdigest(), choose_variant().name, *map(version, libraries)]
+
+
 def fingerprint(value: object) -> str:
-    """A SHA-256 of values in which a Path counts as the bytes it holds, an array as its own, a dataclass as its fields."""
+    """A SHA-256 of values; a Path counts as the bytes it holds, an array as its own, a dataclass as its fields."""
     return hashlib.sha256(json.dumps(value, default=_content, sort_keys=True).encode()).hexdigest()
 
 
