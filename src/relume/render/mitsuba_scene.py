@@ -138,8 +138,6 @@ def _opaque(mi: Any, material: Material) -> dict[str, Any]:
         "metallic": _texture(mi, material.metallic),
         "roughness": _texture(mi, material.roughness),
         "eta": max(material.ior, 1.0001),
-        # Disney's retro-reflection, which glTF has not, makes light: a white ball would show 8 % more than falls on it.
-        "flatness": 1.0,
     }
     return {"type": "twosided", "bsdf": principled}
 

@@ -21,17 +21,11 @@ GREY = Material((0.5, 0.5, 0.5), roughness=1.0, name="grey")
 """What a mesh without a material is made of."""
 RENDERED = {"KHR_materials_transmission", "KHR_materials_ior"}
 """Extensions of glTF that are read; a file that requires another, such as compressed vertices, is refused."""
-IGNORED = {
-    "normalTexture": "normal map",
-    "emissiveTexture": "emission",
-    "KHR_materials_clearcoat": "clearcoat",
-    "KHR_materials_volume": "volume",
-    "KHR_materials_sheen": "sheen",
-    "KHR_materials_specular": "specular",
-    "KHR_materials_anisotropy": "anisotropy",
-    "KHR_materials_iridescence": "iridescence",
-}
-"""Parts of a glTF material that are not rendered; each is warned of, never dropped in silence."""
+UNDERSTOOD = {
+    "name", "extras", "doubleSided", "pbrMetallicRoughness", "extensions", "alphaMode", "alphaCutoff", "emissiveFactor",
+    "occlusionTexture", "KHR_materials_transmission", "KHR_materials_ior", "KHR_materials_emissive_strength",
+}  # fmt: skip
+"""Parts of a glTF material that are rendered or mean nothing to light transport; a warning names any other."""
 
 
 def read_meshes(path: str | Path) -> tuple[Mesh, ...]:
@@ -48,10 +42,20 @@ def read_meshes(path: str | Path) -> tuple[Mesh, ...]:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise UnreadableFile(f"{path}: not a readable mesh ({reason}); export it again as .glb") from None
     materials = {index: _material(path, d) for index, d in descriptions.items()}
+    wanted = {
+        (str(index), key): f"{key} of its material {d.get('name', index)!r}"
+        for index, d in descriptions.items()
+        for key in ("baseColorTexture", "metallicRoughnessTexture")
+        if key in d.get("pbrMetallicRoughness", {})
+    }
     meshes = []
     for node in sorted(scene.graph.nodes_geometry):
         world_from_mesh, name = scene.graph[node]
         geometry = scene.geometry[name]
+        source = getattr(geometry.visual, "material", None)
+        for (index, key), words in wanted.items():
+            if getattr(source, "name", None) == index and getattr(source, key, None) is None:
+                raise UnreadableFile(f"{path}: the {words} cannot be read; is its picture beside the file?")
         if len(getattr(geometry, "faces", ())):
             _check_extent(path, str(node), np.asarray(geometry.vertices), np.asarray(world_from_mesh)[:3])
             meshes.append(_mesh(geometry, np.asarray(world_from_mesh), materials, str(node)))
@@ -71,13 +75,14 @@ def _loaded(path: Path) -> tuple[Any, dict[int, dict[str, Any]]]:
         raise ValueError(f"files of kind .{kind} are not read; use .glb, .gltf, .obj, .ply or .stl")
     descriptions: dict[int, dict[str, Any]] = {}
     if kind in ("glb", "gltf"):
-        data, descriptions = _with_numbered_materials(data, kind)
+        data, descriptions, header = _with_numbered_materials(data, kind)
+        _warn_of_primitives(path, header)
     resolver = FilePathResolver(str(path))
     scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=resolver)
     return scene, descriptions
 
 
-def _with_numbered_materials(data: bytes, kind: str) -> tuple[bytes, dict[int, dict[str, Any]]]:
+def _with_numbered_materials(data: bytes, kind: str) -> tuple[bytes, dict[int, dict[str, Any]], dict[str, Any]]:
     """The file with each material named by its index, since trimesh keeps names but not extensions."""
     if kind == "glb":
         if data[:4] != b"glTF" or len(data) < 20:
@@ -94,10 +99,10 @@ def _with_numbered_materials(data: bytes, kind: str) -> tuple[bytes, dict[int, d
         del header["materials"]
     text = json.dumps(header).encode()
     if kind == "gltf":
-        return text, descriptions
+        return text, descriptions, header
     text += b" " * (-len(text) % 4)
     size = 20 + len(text) + len(rest)
-    return struct.pack("<4sIII4s", b"glTF", 2, size, len(text), b"JSON") + text + rest, descriptions
+    return struct.pack("<4sIII4s", b"glTF", 2, size, len(text), b"JSON") + text + rest, descriptions, header
 
 
 def _check_readable(header: dict[str, Any]) -> None:
@@ -122,15 +127,17 @@ def _material(path: Path, description: dict[str, Any]) -> Material:
     pbr = description.get("pbrMetallicRoughness", {})
     extensions = description.get("extensions", {})
     name = description.get("name", "")
-    present = {*description, *extensions} | (
-        {"emissiveTexture"} if any(description.get("emissiveFactor", [])) else set()
-    )
-    if "KHR_texture_transform" in json.dumps(pbr):
-        warnings.warn(f'{path}: the texture transform of material "{name}" is not applied', stacklevel=4)
-    for key in present & set(IGNORED):
-        warnings.warn(f'{path}: the {IGNORED[key]} of material "{name}" is not rendered', stacklevel=4)
+    lost = {*description, *extensions} - UNDERSTOOD
+    if any(description.get("emissiveFactor", [])):
+        lost.add("emission")
     if description.get("alphaMode", "OPAQUE") != "OPAQUE":
-        warnings.warn(f'{path}: the alpha of material "{name}" is not rendered; it is opaque', stacklevel=4)
+        lost.add("alpha")
+    if "transmissionTexture" in extensions.get("KHR_materials_transmission", {}):
+        lost.add("transmissionTexture")
+    for texture in (pbr.get("baseColorTexture", {}), pbr.get("metallicRoughnessTexture", {})):
+        lost |= {key for key in texture.get("extensions", {})} | ({"texCoord"} if texture.get("texCoord") else set())
+    if lost:
+        warnings.warn(f'{path}: not rendered of material "{name}": {", ".join(sorted(lost))}', stacklevel=4)
     transmission = extensions.get("KHR_materials_transmission", {})
     return Material(
         base_color=tuple(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3]),
@@ -162,6 +169,14 @@ def _mesh(geometry: Any, world_from_mesh: np.ndarray, materials: dict[int, Mater
             uv = np.asarray(visual.uv, np.float32)
             material = _with_images(material, source)
     return Mesh(vertices.astype(np.float32), faces.astype(np.int32), material, normals, uv, name)
+
+
+def _warn_of_primitives(path: Path, header: dict[str, Any]) -> None:
+    attributes = {name for mesh in header.get("meshes", []) for p in mesh["primitives"] for name in p["attributes"]}
+    lost = {name for name in attributes if name.startswith(("COLOR_", "JOINTS_"))}
+    lost |= {"morph targets" for mesh in header.get("meshes", []) for p in mesh["primitives"] if p.get("targets")}
+    if lost:
+        warnings.warn(f"{path}: not rendered of its meshes: {', '.join(sorted(lost))}", stacklevel=5)
 
 
 def _with_images(material: Material, source: Any) -> Material:
