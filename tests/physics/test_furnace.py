@@ -109,3 +109,9 @@ def test_a_renderer_and_irradiance_agree_on_light_that_brightens_upwards(tilt, e
     camera = Camera.looking_at(normal * 3 + [0.3, 0.4, 2], np.zeros(3), width=8, height=8, focal_length=60)
     seen = render(Scene(light, objects=(square,)), camera, Mitsuba(samples=256), seed=7)
     assert_mean_agrees(seen.radiance, seen.variance, expected / np.pi, near=1e-3)
+
+
+def test_a_metal_is_opaque_whatever_its_transmission():
+    solid = seen_on_a_sphere(Material((0.9, 0.6, 0.3), metallic=1.0, roughness=0.3))
+    clear = seen_on_a_sphere(Material((0.9, 0.6, 0.3), metallic=1.0, roughness=0.3, transmission=1.0))
+    np.testing.assert_array_equal(clear.radiance, solid.radiance)

@@ -32,6 +32,7 @@ def merge(
     from relume.capture.weighting import Hat, InverseVariance
     from relume.errors import UnreadableFile
     from relume.image import files
+    from relume.image.radiance import BLACK, SATURATED
     from relume.image.response import Response
 
     with speaking(manner):
@@ -59,7 +60,7 @@ def merge(
             facts["response"] = str(save_response)
         clipped = picture.clipped
         if clipped is not None and clipped.any():
-            saturated, black = int((clipped == 1).sum()), int((clipped == 2).sum())
+            saturated, black = int((clipped == SATURATED).sum()), int((clipped == BLACK).sum())
             note(
                 manner, f"{saturated} pixels are saturated and {black} black in every photograph; they hold bounds only"
             )

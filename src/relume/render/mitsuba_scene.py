@@ -119,12 +119,14 @@ def _bsdf(mi: Any, material: Material | Diffuse) -> dict[str, Any]:
         diffuse = {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(material.reflectance)}}
         return {"type": "twosided", "bsdf": diffuse}
     opaque = _opaque(mi, material)
-    if material.transmission == 0:
+    # Light goes through the dielectric share alone; a metal is opaque whatever its transmission.
+    through = material.transmission * (1 - np.asarray(material.metallic))
+    if not np.any(through):
         return opaque
     clear = _clear(mi, material)
-    if material.transmission == 1:
+    if np.all(through == 1):
         return clear
-    return {"type": "blendbsdf", "weight": material.transmission, "first": opaque, "second": clear}
+    return {"type": "blendbsdf", "weight": _texture(mi, through), "first": opaque, "second": clear}
 
 
 def _opaque(mi: Any, material: Material) -> dict[str, Any]:

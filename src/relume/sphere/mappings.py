@@ -6,6 +6,7 @@ Image points (…, 2) are (u, v) in [0, 1]², u to the right and v down; the cen
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
@@ -61,18 +62,20 @@ class LatLong:
         return np.repeat(rows[:, None], 2 * size, axis=1)
 
 
-class _Disc:
+class _Disc(ABC):
     """A mapping whose polar angle from the image's centre depends on the radius alone: θ(r), r = 1 at the rim."""
 
     aspect: ClassVar[int] = 1
     pole: ClassVar[float]
     """The z of the direction at the image's centre."""
 
+    @abstractmethod
     def _angle(self, radius: np.ndarray) -> np.ndarray:
-        raise NotImplementedError
+        """The polar angle of a radius."""
 
+    @abstractmethod
     def _radius(self, angle: np.ndarray) -> np.ndarray:
-        raise NotImplementedError
+        """The radius of a polar angle."""
 
     def image_points(self, directions: np.ndarray) -> np.ndarray:
         x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
