@@ -77,6 +77,14 @@ def test_merge_takes_times_instead_of_exif_and_scales_by_them(tmp_path: Path) ->
     assert np.median(ratio) == pytest.approx(2, rel=1e-5)
 
 
+def test_times_given_to_the_wrong_photographs_are_doubted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["merge", *PLATE, "-o", str(tmp_path / "a.exr"), "--times"]
+    assert main([*words, "1/4,1,4,16"]) == 0
+    assert "fits badly" not in capsys.readouterr().err
+    assert main([*words, "4,1/4,16,1"]) == 0
+    assert "fits badly" in capsys.readouterr().err
+
+
 def test_probe_finds_the_ball_and_writes_a_map_that_remembers_its_mapping(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

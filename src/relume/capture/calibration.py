@@ -17,6 +17,8 @@ from relume.image.response import Response
 
 WEIGHT = hat(LEVELS)
 MIDDLE = (LEVELS - 1) // 2
+DOUBTFUL_MISFIT = 0.25
+"""Misfit of ln exposure above which times or alignment are doubtful; good brackets show 0.02 to 0.1."""
 
 
 @dataclass(frozen=True, eq=False)

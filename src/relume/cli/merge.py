@@ -27,7 +27,7 @@ def merge(
 ) -> None:
     """Recover the camera's response from a bracket and merge it into a radiance map with variance and clipped mask."""
     from relume.capture.bracket import read_bracket
-    from relume.capture.calibration import recover_response
+    from relume.capture.calibration import DOUBTFUL_MISFIT, recover_response
     from relume.capture.merging import merge as merged
     from relume.capture.weighting import Hat, InverseVariance
     from relume.errors import UnreadableFile
@@ -52,6 +52,8 @@ def merge(
         else:
             calibration = recover_response(bracket)
             curve = calibration.response.balanced_at(calibration.response.levels - 1)
+            if calibration.residual.max() > DOUBTFUL_MISFIT:
+                note(manner, "the response fits badly; are the exposure times right, and did nothing move?")
             facts |= {"residual": calibration.residual.round(4).tolist(), "noise": curve.noise.round(3).tolist()}
         picture = merged(bracket, curve, weighting=Hat() if paper_weights else InverseVariance())
         files.write(out, picture)

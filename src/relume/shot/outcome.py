@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.capture.calibration import Calibration
+from relume.capture.calibration import DOUBTFUL_MISFIT, Calibration
 from relume.composite.local_scene import Recovered
 from relume.errors import OutputNotWritten
 from relume.image import files
@@ -18,9 +18,6 @@ from relume.probe.blending import Probe
 from relume.render.renderer import Render
 from relume.scene.camera import Camera
 from relume.sphere.illumination import as_radiance_map
-
-DOUBTFUL_MISFIT = 0.25
-"""Misfit of ln exposure above which times or alignment are doubtful; good brackets show 0.02 to 0.1."""
 
 
 @dataclass(frozen=True, eq=False)
