@@ -1,19 +1,7 @@
-"""Self-identifying pictures and the shared sample files that the tests of image files use."""
-
-from pathlib import Path
+"""Self-identifying pictures that the tests of image files use."""
 
 import numpy as np
 import pytest
-
-SHARED = Path(__file__).resolve().parents[3] / "shared"
-
-
-@pytest.fixture(scope="session")
-def shared() -> Path:
-    """The folder of sample files beside the repository; the test is skipped where there is none."""
-    if not SHARED.is_dir():
-        pytest.skip(f"the sample files in {SHARED} are not here")
-    return SHARED
 
 
 @pytest.fixture

@@ -1,10 +1,10 @@
-"""The sample photographs beside the repository."""
+"""The sample files beside the repository, for every test that wants real photographs."""
 
 from pathlib import Path
 
 import pytest
 
-SHARED = Path(__file__).resolve().parents[3] / "shared"
+SHARED = Path(__file__).resolve().parents[2] / "shared"
 
 
 @pytest.fixture(scope="session")
