@@ -13,7 +13,7 @@ import numpy as np
 from relume.scene.camera import Camera
 from relume.scene.materials import Diffuse, Material
 from relume.scene.scene import Scene
-from relume.scene.shapes import Mesh, Plane, Shape
+from relume.scene.shapes import Mesh, Plane, Shape, Sphere
 from relume.sphere.illumination import IlluminationMap
 from relume.sphere.mappings import LatLong
 
@@ -88,6 +88,12 @@ def _shape(mi: Any, shape: Shape, bsdf: dict[str, Any]) -> Any:
         pose[:3, :3] = np.array([[x / 2, 0, 0], [0, 0, 1], [0, -z / 2, 0]])
         pose[1, 3] = shape.height
         return {"type": "rectangle", "to_world": mi.ScalarTransform4f(pose), "bsdf": bsdf}
+    if isinstance(shape, Sphere):
+        # Mitsuba's own sphere has its texture's poles on the z axis; ours stand up.
+        upright = np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]])
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = shape.radius * upright, shape.centre
+        return {"type": "sphere", "to_world": mi.ScalarTransform4f(pose), "bsdf": bsdf}
     return _mesh(mi, shape, bsdf)
 
 

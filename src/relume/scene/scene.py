@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from relume.scene.shapes import Mesh, Shape
+from relume.scene.shapes import Shape, Solid
 from relume.sphere.illumination import IlluminationMap
 
 
@@ -20,9 +20,9 @@ class Scene:
 
     light: IlluminationMap
     local: tuple[Shape, ...] = ()
-    objects: tuple[Mesh, ...] = ()
+    objects: tuple[Solid, ...] = ()
 
-    def adding(self, *objects: Mesh) -> Scene:
+    def adding(self, *objects: Solid) -> Scene:
         """The same scene with more objects."""
         return replace(self, objects=(*self.objects, *objects))
 

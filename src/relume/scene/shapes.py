@@ -58,4 +58,30 @@ class Plane:
         return self.size if self.size is not None else (1000.0, 1000.0)
 
 
-Shape = Mesh | Plane
+@dataclass(frozen=True)
+class Sphere:
+    """A sphere, exactly.
+
+    centre : metres, world
+    radius : metres
+    material : what it is made of
+    name : for messages
+
+    Texture coordinates are a lat-long map's: (0, 0) the lower left corner, the middle towards −Z, the top row at +Y.
+    """
+
+    centre: tuple[float, float, float]
+    radius: float
+    material: Material | Diffuse
+    name: str = "sphere"
+
+    def __post_init__(self) -> None:
+        if len(self.centre) != 3 or not np.all(np.isfinite(self.centre)):
+            raise ValueError(f"centre of {self.name!r} is {self.centre}; expected three lengths in metres")
+        if not 0 < self.radius < np.inf:
+            raise ValueError(f"radius of {self.name!r} is {self.radius}; expected a positive length in metres")
+
+
+Shape = Mesh | Plane | Sphere
+Solid = Mesh | Sphere
+"""What an object may be; a plane is a real surface of the local scene."""

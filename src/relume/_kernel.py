@@ -1,0 +1,41 @@
+"""How every Numba kernel here is compiled, and how kernels share the cores.
+
+A kernel is a private loop beside the friendly function that validates and allocates; its slow twin is in
+`tests/naive.py`. Import this module only where a kernel is used: it imports Numba.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numba
+
+# Sums may be reordered and products fused, but nothing may assume that there is no NaN or infinity: a NaN has to
+# arrive where it can be seen, and a ray that misses is at infinity.
+_FLAGS = {"nsz", "arcp", "contract", "afn", "reassoc"}
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a loop: cached on disk, without the interpreter's lock, division by zero as in NumPy."""
+    return numba.njit(cache=True, nogil=True, fastmath=_FLAGS, error_model="numpy")(function)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """Compile a small function into the kernels that call it."""
+    return numba.njit(cache=True, nogil=True, fastmath=_FLAGS, error_model="numpy", inline="always")(function)
+
+
+def in_threads(work: Callable[[int, int], Any], count: int, threads: int | None = None, *, chunk: int = 16384) -> list:
+    """Call `work(begin, end)` for chunks of 0…count on every core; the results, in the chunks' order.
+
+    The chunks do not depend on the number of threads, so neither do sums over their results.
+    """
+    begins = range(0, count, chunk)
+    workers = min(threads or os.cpu_count() or 1, len(begins))
+    if workers <= 1:
+        return [work(begin, min(begin + chunk, count)) for begin in begins]
+    with ThreadPoolExecutor(workers) as pool:
+        return list(pool.map(lambda begin: work(begin, min(begin + chunk, count)), begins))
