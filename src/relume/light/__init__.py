@@ -1,0 +1,1 @@
+"""Illumination map → the forms of light a scene can hold: reflection maps, harmonics."""

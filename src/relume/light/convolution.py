@@ -1,0 +1,115 @@
+"""Sums over all directions of light, Σ I[L] · Area[L] · f(N·L), for every entry of a table (Miller & Hoffman 1984, §6).
+
+Three ways to the same sums: hemispheres for Lambert (exact), zonal harmonics for smooth lobes (to a bound that is
+told), and transforms along the longitude for any other function of the cosine (exact, slower).
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from scipy.fft import irfft, rfft
+
+from relume.light.lobes import Lambert, Lobe, SelfLuminous, quadrature
+from relume.sphere.harmonics import analysed, synthesised, wigner
+from relume.sphere.illumination import IlluminationMap
+from relume.sphere.mappings import LatLong
+
+TOLERANCE = 1e-4
+"""Zonal harmonics are used where their error is surely below this share of every table entry."""
+HIGHEST_DEGREE = 400
+"""Beyond it the transforms along the longitude are as fast."""
+ROUNDING = 1e-14
+"""Coefficients below this share of the first are the quadrature's rounding, not the lobe's."""
+
+
+def convolved(light: IlluminationMap, lobe: Lobe, rows: int) -> tuple[np.ndarray, float]:
+    """The sums for a table of (rows, 2·rows, 3) float64 at its pixel centres, and the bound of their relative error.
+
+    light : a lat-long map; its radiance is taken at pixel centres, its areas are exact
+    lobe : f; its mirror's share is left out
+    rows : the table's height
+
+    The bound is on the largest error of any entry against the sum itself; 0 for the exact ways.
+    """
+    flux = light.radiance * light.mapping.solid_angles(light.size)[..., None]
+    if isinstance(lobe, SelfLuminous):
+        return np.broadcast_to(lobe.k * flux.sum((0, 1)), (rows, 2 * rows, 3)).copy(), 0.0
+    if isinstance(lobe, Lambert):
+        # Numba is imported only where the kernel is used.
+        from relume.light.hemisphere import hemisphere_sums
+
+        return lobe.k * hemisphere_sums(flux, rows), 0.0
+    return _by_zonal_harmonics(flux, lobe, rows) or (_by_longitude(flux, lobe, rows), 0.0)
+
+
+def zonal_coefficients(lobe: Lobe, degree: int) -> np.ndarray:
+    """f_l = 2π ∫ f(cos θ) P_l(cos θ) sin θ dθ for l = 0 … degree; row A4's factors for Lambert."""
+    theta, weights = quadrature(lobe.width, degree)
+    values = 2 * np.pi * weights * lobe(np.cos(theta))
+    return np.array([legendre[0] @ values for legendre in wigner(np.zeros(1), 0, theta, degree)])
+
+
+def _by_zonal_harmonics(flux: np.ndarray, lobe: Lobe, rows: int) -> tuple[np.ndarray, float] | None:
+    """The table and its bound, or None where the lobe needs more degrees than are worth it."""
+    coefficients = zonal_coefficients(lobe, 2 * HIGHEST_DEGREE)
+    coefficients[np.abs(coefficients) < ROUNDING * np.abs(coefficients[0])] = 0
+    # |f(x) − f_L(x)| ≤ Σ_{l>L} (2l+1)/4π |f_l|, since |P_l| ≤ 1.
+    degrees = np.arange(len(coefficients))
+    missed = np.cumsum(((2 * degrees + 1) / (4 * np.pi) * np.abs(coefficients))[::-1])[::-1]
+    missed = np.append(missed[1:], 0.0)[: HIGHEST_DEGREE + 1]
+    kernel, total = coefficients * np.sqrt((2 * degrees + 1) / (4 * np.pi)), flux.sum((0, 1))
+    for wanted in (1e-7, 1e-11):
+        enough = np.flatnonzero(missed <= wanted * max(float(lobe(np.array([1.0]))[0]), 1e-300))
+        if not enough.size:
+            return None
+        degree = int(enough[0])
+        table = synthesised(analysed(flux, degree), kernel[None, : degree + 1], 0, rows)[0].real
+        if (bound := _relative(missed[degree] * total, table.min((0, 1)))) <= TOLERANCE:
+            return table, bound
+    return None
+
+
+def _relative(error: np.ndarray, lowest: np.ndarray) -> float:
+    """The largest of the channels' errors as a share of their lowest entries; a channel without light has none."""
+    return float(np.where(error == 0, 0, np.where(lowest > 0, error / np.maximum(lowest, 1e-300), np.inf)).max())
+
+
+def _by_longitude(flux: np.ndarray, lobe: Lobe, rows: int) -> np.ndarray:
+    """Circular convolution along the longitude for every pair of rows; exact for any f."""
+    size, columns = flux.shape[:2]
+    waves = rfft(flux, axis=1, workers=-1)
+    phases = 2 * rows // np.gcd(2 * rows, columns)
+    longitudes = (np.arange(columns) + 0.5) * 2 * np.pi / columns
+    angles = np.pi * (np.arange(size) + 0.5) / size
+    reach = _reach(lobe)
+    table = np.empty((rows, 2 * rows, 3))
+
+    def fill(row: int) -> None:
+        polar = np.pi * (row + 0.5) / rows
+        near = np.flatnonzero(np.abs(angles - polar) <= reach)
+        up, across = np.cos(polar) * np.cos(angles[near]), np.sin(polar) * np.sin(angles[near])
+        for phase in range(phases):
+            # Entries `phases` apart lie whole columns of the map apart: one convolution serves them all.
+            turned = np.cos(longitudes - np.pi * (phase + 0.5) / rows)
+            seen = np.conj(rfft(lobe(np.clip(up[:, None] + across[:, None] * turned, -1, 1)), axis=1))
+            for entry, sources in ((row, near), (rows - 1 - row, size - 1 - near)):
+                rolled = irfft(np.einsum("im,imc->mc", seen, waves[sources]), n=columns, axis=0)
+                table[entry, phase::phases] = rolled[:: columns * phases // (2 * rows)]
+
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(fill, range((rows + 1) // 2)))
+    return np.maximum(table, 0)
+
+
+def _reach(lobe: Lobe) -> float:
+    """The angle beyond which a lobe holds nothing that double precision would notice."""
+    angles = np.linspace(0, np.pi, 20001)
+    values = lobe(np.cos(angles))
+    return float(angles[np.flatnonzero(values > 1e-18 * values.max())[-1]]) + np.pi / 20000 if values.any() else 0.0
+
+
+def as_latlong(light: IlluminationMap) -> IlluminationMap:
+    """The light as a lat-long map, energy kept; itself where it is one."""
+    return light if isinstance(light.mapping, LatLong) else light.remapped(LatLong())
