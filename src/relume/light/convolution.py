@@ -79,7 +79,7 @@ def _relative(error: np.ndarray, lowest: np.ndarray) -> float:
 def _by_longitude(flux: np.ndarray, lobe: Lobe, rows: int) -> np.ndarray:
     """Circular convolution along the longitude for every pair of rows; exact for any f."""
     size, columns = flux.shape[:2]
-    waves = rfft(flux, axis=1, workers=-1)
+    waves = np.asarray(rfft(flux, axis=1, workers=-1))
     phases = 2 * rows // np.gcd(2 * rows, columns)
     longitudes = (np.arange(columns) + 0.5) * 2 * np.pi / columns
     angles = np.pi * (np.arange(size) + 0.5) / size
@@ -93,9 +93,10 @@ def _by_longitude(flux: np.ndarray, lobe: Lobe, rows: int) -> np.ndarray:
         for phase in range(phases):
             # Entries `phases` apart lie whole columns of the map apart: one convolution serves them all.
             turned = np.cos(longitudes - np.pi * (phase + 0.5) / rows)
-            seen = np.conj(rfft(lobe(np.clip(up[:, None] + across[:, None] * turned, -1, 1)), axis=1))
+            lobes = lobe(np.clip(up[:, None] + across[:, None] * turned, -1, 1))
+            seen = np.conj(np.asarray(rfft(lobes, axis=1)))
             for entry, sources in ((row, near), (rows - 1 - row, size - 1 - near)):
-                rolled = irfft(np.einsum("im,imc->mc", seen, waves[sources]), n=columns, axis=0)
+                rolled = np.asarray(irfft(np.einsum("im,imc->mc", seen, waves[sources]), n=columns, axis=0))
                 table[entry, phase::phases] = rolled[:: columns * phases // (2 * rows)]
 
     with ThreadPoolExecutor() as pool:

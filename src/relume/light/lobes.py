@@ -9,26 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
-
-
-class Lobe(Protocol):
-    """What a table is convolved with."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def k(self) -> float: ...
-    @property
-    def mirror(self) -> float: ...
-    @property
-    def width(self) -> float: ...
-    @property
-    def integral(self) -> float: ...
-
-    def __call__(self, cosine: np.ndarray) -> np.ndarray: ...
 
 
 def _check_k(name: str, k: float) -> None:
@@ -235,6 +219,10 @@ class Cosine:
         return _integral(self, self.width)
 
 
+Lobe = Lambert | SelfLuminous | Mirror | Phong | GGXLobe | WardLobe | Cosine
+"""What a table is convolved with."""
+
+
 def quadrature(width: float, degree: int) -> tuple[np.ndarray, np.ndarray]:
     """Angles and weights (sin θ dθ) on [0, π], dense about a peak of that width, fit for harmonics up to `degree`.
 
@@ -244,7 +232,7 @@ def quadrature(width: float, degree: int) -> tuple[np.ndarray, np.ndarray]:
     inner = width * 2.0 ** np.arange(-1, 40)
     edges = np.concatenate([[0.0], inner[inner < np.pi / 2 * 0.9], [np.pi / 2, 3 * np.pi / 4, np.pi]])
     angles, weights = [], []
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         nodes, shares = np.polynomial.legendre.leggauss(24 + int(degree * (high - low) / 2))
         angles.append((low + high) / 2 + (high - low) / 2 * nodes)
         weights.append((high - low) / 2 * shares)

@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from relume.errors import UnsupportedScene
 from relume.scene.camera import Camera
 from relume.scene.materials import Diffuse, Material
+from relume.scene.reflective import Reflective
 from relume.scene.scene import Scene
 from relume.scene.shapes import Mesh, Plane, Shape, Sphere
 from relume.sphere.illumination import IlluminationMap
@@ -120,7 +122,12 @@ def _mesh(mi: Any, mesh: Mesh, bsdf: dict[str, Any]) -> Any:
     return built
 
 
-def _bsdf(mi: Any, material: Material | Diffuse) -> dict[str, Any]:
+def _bsdf(mi: Any, material: Material | Diffuse | Reflective) -> dict[str, Any]:
+    if isinstance(material, Reflective):
+        raise UnsupportedScene(
+            f"Mitsuba cannot shade the reflection maps of {material.name or 'a Reflective surface'!r}; "
+            "use rl.Mapped, or a Material"
+        )
     if isinstance(material, Diffuse):
         diffuse = {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(material.reflectance)}}
         return {"type": "twosided", "bsdf": diffuse}

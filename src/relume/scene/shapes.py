@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.scene.materials import Diffuse, Material
+from relume.scene.reflective import Reflective
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +24,7 @@ class Mesh:
 
     vertices: np.ndarray
     faces: np.ndarray
-    material: Material | Diffuse
+    material: Material | Diffuse | Reflective
     normals: np.ndarray | None = None
     uv: np.ndarray | None = None
     name: str = "mesh"
@@ -72,7 +73,7 @@ class Sphere:
 
     centre: tuple[float, float, float]
     radius: float
-    material: Material | Diffuse
+    material: Material | Diffuse | Reflective
     name: str = "sphere"
 
     def __post_init__(self) -> None:

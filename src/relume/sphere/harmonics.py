@@ -7,10 +7,14 @@ those of the complex harmonics Y_lm = √((2l+1)/4π) d^l_m0(θ) e^{imφ} with t
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
 from scipy.fft import ifft, rfft
 from scipy.special import gammaln
+
+_BLOCK = 16
+"""Degrees summed in one product of matrices."""
 
 
 def wigner(orders: np.ndarray, spin: int, angles: np.ndarray, degree: int) -> Iterator[np.ndarray]:
@@ -69,7 +73,7 @@ def analysed(flux: np.ndarray, degree: int) -> np.ndarray:
     """
     rows, columns = flux.shape[:2]
     orders = np.arange(degree + 1)
-    waves = np.moveaxis(rfft(flux, axis=1, workers=-1), 1, 0)
+    waves = np.moveaxis(np.asarray(rfft(flux, axis=1, workers=-1)), 1, 0)
     # Beyond the map's own frequencies the sum over its columns repeats itself.
     folded = orders % columns
     mirrored = (folded > columns // 2)[:, None, None]
@@ -97,24 +101,24 @@ def synthesised(coefficients: np.ndarray, kernels: np.ndarray, spin: int, rows: 
     # ∫ I g e^{i·spin·χ} dω = Σ a_lm e^{imφ} d^l_{m,−spin}(θ) (−1)^spin g_l, by Y_lm turned to the entry's frame.
     orders = np.arange(-degree if spin else 0, degree + 1)
     negative = orders < 0
-    rings = np.zeros((len(orders), rows, len(kernels) * channels), complex)
-    for l, values in enumerate(wigner(orders, -spin, angles, degree)):  # noqa: E741
-        if not np.any(kernels[:, l]):
-            continue
-        used = np.flatnonzero(np.abs(orders) <= l)
-        a = coefficients[l, np.abs(orders[used])]
-        a = np.where(negative[used, None], (-1.0) ** orders[used, None] * np.conj(a), a)
-        weights = (-1.0) ** spin * kernels[:, l]
-        term = (weights[None, :, None] * a[:, None, :]).reshape(len(used), -1)
-        rings[used] += values[used, :, None] * term[:, None, :]
+    parity = np.where(negative, (-1.0) ** orders, 1.0)
+    rings = np.zeros((len(orders), rows, 2 * len(kernels) * channels))
+    weights = (-1.0) ** spin * kernels.T
+    degrees = enumerate(wigner(orders, -spin, angles, degree))
+    while block := list(islice(degrees, _BLOCK)):
+        first, last = block[0][0], block[-1][0] + 1
+        a = coefficients[first:last, np.abs(orders)]
+        a = np.where(negative[:, None], np.conj(a), a) * parity[:, None]
+        # One product of real matrices an order: angles × degrees by degrees × (kernels, channels, parts).
+        terms = np.einsum("lmc,lk->mlkc", a, weights[first:last]).view(float).reshape(len(orders), last - first, -1)
+        rings += np.stack([values for _, values in block], axis=-1) @ terms
+    rings = rings.view(complex)
     rings *= np.exp(1j * np.pi * orders / columns)[:, None, None]
     if spin == 0:
         # The light is real: what negative orders hold is the conjugate of the positive ones.
         rings[1:] *= 2
     waves = np.zeros((columns, rows, rings.shape[2]), complex)
     np.add.at(waves, orders % columns, rings)
-    table = ifft(waves, axis=0, workers=-1) * columns
+    table = np.asarray(ifft(waves, axis=0, workers=-1)) * columns
     table = table.reshape(columns, rows, len(kernels), channels)
     return np.moveaxis(table, (0, 1, 2), (2, 1, 0))
-
-

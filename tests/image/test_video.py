@@ -1,0 +1,136 @@
+"""Movies read back by PyAV: their number of frames, size, colours and rate, and what failure leaves behind."""
+
+import sys
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from relume.errors import OutputNotWritten
+from relume.image.files.video import Movie
+
+av = pytest.importorskip("av")
+
+TOP, BOTTOM = (200, 60, 30), (20, 120, 240)
+
+
+def halves(height=48, width=64, shift=0):
+    """Two colours above each other, the lower one brighter by `shift`."""
+    frame = np.empty((height, width, 3), np.uint8)
+    frame[: height // 2] = TOP
+    frame[height // 2 :] = np.add(BOTTOM, (shift, 0, 0))
+    return frame
+
+
+def written(path, frames, **options):
+    with Movie(path, **options) as movie:
+        for frame in frames:
+            movie.add(frame)
+    return path
+
+
+def played(path):
+    """The frames (N, H, W, 3) as a player shows them, and the video stream's own description."""
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        frames = [frame.reformat(format="rgb24").to_ndarray() for frame in container.decode(stream)]
+        codec = stream.codec_context
+        tags = codec.color_primaries, codec.color_trc, codec.colorspace, codec.color_range
+        return np.stack(frames), {"rate": stream.average_rate, "codec": codec.name, "format": codec.pix_fmt}, tags
+
+
+def test_frames_come_back_in_number_order_size_and_colour(tmp_path):
+    frames, about, tags = played(written(tmp_path / "a.mp4", [halves(shift=8 * i) for i in range(10)]))
+    assert frames.shape == (10, 48, 64, 3)
+    assert about == {"rate": 24, "codec": "h264", "format": "yuv420p"}
+    assert tags == (1, 1, 1, 1)  # BT.709 primaries, transfer and matrix, limited range
+    for i, frame in enumerate(frames):
+        assert frame[:20].mean((0, 1)) == pytest.approx(TOP, abs=3)
+        assert frame[28:].mean((0, 1)) == pytest.approx((20 + 8 * i, 120, 240), abs=3)
+
+
+@pytest.mark.parametrize("colour", [(0, 0, 0), (255, 255, 255), (255, 0, 0), (0, 255, 0), (0, 0, 255), (119, 119, 119)])
+def test_primaries_black_and_white_keep_their_colour(tmp_path, colour):
+    frames, _, _ = played(written(tmp_path / "a.mp4", [np.full((32, 32, 3), colour, np.uint8)] * 2))
+    assert frames.mean((0, 1, 2)) == pytest.approx(colour, abs=3)
+
+
+@pytest.mark.parametrize("rate", [30, 12.5, Fraction(24000, 1001)])
+def test_the_rate_is_kept(tmp_path, rate):
+    _, about, _ = played(written(tmp_path / "a.mp4", [halves()] * 5, frames_per_second=rate))
+    assert about["rate"] == Fraction(rate)
+
+
+def test_an_odd_size_gains_a_row_and_a_column_like_the_last(tmp_path):
+    frame = halves(47, 63)
+    frame[-1] = 255
+    frames, _, _ = played(written(tmp_path / "a.mp4", [frame] * 3))
+    assert frames.shape == (3, 48, 64, 3)
+    assert frames[:, -2:].mean() == pytest.approx(255, abs=6)
+
+
+def test_an_error_in_the_block_leaves_nothing_behind_and_passes_through(tmp_path):
+    for error in (RuntimeError("render"), FileNotFoundError(2, "no such frame"), KeyboardInterrupt()):
+        with pytest.raises(type(error)) as caught, Movie(tmp_path / "a.mp4") as movie:
+            movie.add(halves())
+            raise error
+        assert caught.value is error
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failed_movie_leaves_the_old_one(tmp_path):
+    path = written(tmp_path / "a.mp4", [halves()])
+    before = path.read_bytes()
+    with pytest.raises(RuntimeError), Movie(path) as movie:
+        movie.add(halves())
+        raise RuntimeError
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_nothing_is_seen_under_the_name_before_the_end(tmp_path):
+    with Movie(tmp_path / "a.mp4") as movie:
+        movie.add(halves())
+        assert not (tmp_path / "a.mp4").exists()
+    assert (tmp_path / "a.mp4").exists()
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [halves(48, 62), halves(46, 64), halves().astype(np.float32), halves()[..., 0], np.zeros((0, 64, 3), np.uint8)],
+)
+def test_a_frame_that_does_not_fit_is_refused(tmp_path, frame):
+    with pytest.raises(ValueError, match="a frame is"), Movie(tmp_path / "a.mp4") as movie:
+        movie.add(halves())
+        movie.add(frame)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_movie_without_frames_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="without frames"), Movie(tmp_path / "a.mp4"):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_place_that_cannot_be_written_is_told(tmp_path):
+    with pytest.raises(OutputNotWritten, match="does not exist"), Movie(tmp_path / "none" / "a.mp4"):
+        pass
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="/dev/full is Linux's")
+def test_a_full_disk_is_told(tmp_path):
+    with pytest.raises(OutputNotWritten, match=r"a\.mp4: cannot be written"), Movie(tmp_path / "a.mp4") as movie:
+        movie._temporary.unlink()
+        movie._temporary.symlink_to("/dev/full")
+        movie.add(halves())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_wrong_call_is_told(tmp_path, monkeypatch):
+    with pytest.raises(ValueError, match=r"written to \.mp4"):
+        Movie(tmp_path / "a.avi")
+    with pytest.raises(ValueError, match="frames_per_second is 0"):
+        Movie(tmp_path / "a.mp4", frames_per_second=0)
+    monkeypatch.setitem(sys.modules, "av", None)
+    with pytest.raises(ValueError, match=r'pip install "relume\[video\]"'):
+        Movie(tmp_path / "a.mp4")

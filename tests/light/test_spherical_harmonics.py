@@ -1,0 +1,125 @@
+"""Nine harmonics of a light: known integrals, the frame, and a document that is enough by itself."""
+
+import json
+
+import numpy as np
+import pytest
+
+from relume.light.spherical_harmonics import (
+    COSINE,
+    as_json,
+    basis,
+    irradiance_from_harmonics,
+    irradiance_harmonics,
+)
+from relume.sphere.cube import directions as cube_directions
+from relume.sphere.cube import solid_angles as cube_solid_angles
+from relume.sphere.directions import normalised
+from relume.sphere.illumination import IlluminationMap
+from relume.sphere.mappings import MAPPINGS, LatLong, pixel_points
+
+X, Y, Z = np.eye(3)
+
+
+def of_directions(function, size=256, mapping=LatLong()):
+    values = function(np.nan_to_num(mapping.directions(pixel_points(mapping, size))))
+    return IlluminationMap(np.repeat(values[..., None], 3, axis=-1).astype(np.float32), mapping)
+
+
+def directional(row, column, size=64):
+    """Light of one pixel that gives E = 1 on a surface facing it, and the direction to it."""
+    radiance = np.zeros((size, 2 * size, 3), np.float32)
+    radiance[row, column] = 1 / LatLong().solid_angles(size)[row, column]
+    return IlluminationMap(radiance), LatLong().directions(np.array([(column + 0.5) / (2 * size), (row + 0.5) / size]))
+
+
+def spread(count, seed=0):
+    return normalised(np.random.default_rng(seed).normal(size=(count, 3)))
+
+
+def test_the_cosine_s_factors():
+    assert pytest.approx([3.141593] + [2.094395] * 3 + [0.785398] * 5, abs=1e-6) == COSINE
+
+
+def test_the_basis_is_the_literal_polynomials_of_x_y_z():
+    x, y, z = normalised([0.3, -0.5, 0.7])
+    expected = [0.282095, 0.488603 * y, 0.488603 * z, 0.488603 * x, 1.092548 * x * y, 1.092548 * y * z]
+    expected += [0.315392 * (3 * z * z - 1), 1.092548 * x * z, 0.546274 * (x * x - y * y)]
+    assert basis(np.array([x, y, z])) == pytest.approx(expected, abs=1e-6)
+
+
+def test_the_basis_is_orthonormal_over_the_sphere():
+    values, weights = basis(cube_directions(64)).reshape(-1, 9), cube_solid_angles(64).ravel()
+    assert values.T @ (values * weights[:, None]) == pytest.approx(np.eye(9), abs=1e-3)
+
+
+@pytest.mark.parametrize("mapping", MAPPINGS.values(), ids=MAPPINGS.keys())
+def test_constant_light_gives_pi(mapping):
+    light = of_directions(lambda d: np.ones(d.shape[:-1]), mapping=mapping)
+    coefficients = irradiance_harmonics(light)
+    assert coefficients.shape == (9, 3)
+    assert coefficients[0] == pytest.approx(4 * np.pi * 0.282095, rel=1e-5)
+    assert coefficients[1:] == pytest.approx(0, abs=2e-3)
+    assert irradiance_from_harmonics(coefficients, spread(20)) == pytest.approx(np.pi, rel=1e-3)
+
+
+@pytest.mark.parametrize("axis", [X, Y, Z])
+def test_light_that_grows_towards_an_axis(axis):
+    coefficients = irradiance_harmonics(of_directions(lambda d: 1 + d @ axis))
+    side = np.roll(axis, 1)
+    found = irradiance_from_harmonics(coefficients, np.stack([axis, side, -axis]))[:, 0]
+    assert found == pytest.approx([5.235988, 3.141593, 1.047198], abs=2e-4)
+
+
+def test_each_harmonic_of_degree_two_is_multiplied_by_a_quarter_of_pi():
+    coefficients = irradiance_harmonics(of_directions(lambda d: 1 + (3 * d[..., 2] ** 2 - 1) / 2))
+    found = irradiance_from_harmonics(coefficients, np.stack([Z, X]))[:, 1]
+    assert found == pytest.approx([np.pi + 0.785398, np.pi - 0.785398 / 2], abs=2e-4)
+
+
+def test_a_directional_light_is_blurred_by_nine_harmonics():
+    for row, column in ((31, 64), (10, 3), (50, 100)):
+        light, towards = directional(row, column)
+        side = normalised(np.cross(towards, spread(1, row)[0]))
+        coefficients = irradiance_harmonics(light)
+        assert coefficients[:, 2] == pytest.approx(basis(towards), rel=1e-6)
+        assert irradiance_from_harmonics(coefficients, towards) == pytest.approx(1.0625, rel=1e-6)
+        assert irradiance_from_harmonics(coefficients, side) == pytest.approx(0.09375, rel=1e-5)
+
+
+def test_light_without_finer_detail_is_lit_exactly():
+    random = np.random.default_rng(2).normal(size=(3, 3))
+    light = of_directions(lambda d: 8 + d @ random[0] + (d @ random[1]) * (d @ random[2]))
+    normals = spread(10)
+    assert irradiance_from_harmonics(irradiance_harmonics(light), normals) == pytest.approx(
+        light.irradiance(normals), rel=1e-4
+    )
+
+
+def test_colours_stay_apart():
+    light, _ = directional(20, 20)
+    tinted = IlluminationMap(light.radiance * np.array([1, 2, 4], np.float32))
+    assert irradiance_harmonics(tinted)[:, 2] == pytest.approx(4 * irradiance_harmonics(tinted)[:, 0])
+
+
+def test_the_document_is_enough_to_light_a_surface():
+    random = np.random.default_rng(5).normal(size=(9, 3))
+    document = json.loads(as_json(random, "cd/m²"))
+    assert document["unit"] == {"radiance": "cd/m² · sr", "irradiance": "lx"}
+    assert [(term["l"], term["m"]) for term in document["terms"][:5]] == [(0, 0), (1, -1), (1, 0), (1, 1), (2, -2)]
+    assert document["terms"][3]["polynomial"] == "0.48860251 * x"
+    for x, y, z in spread(5):
+        factors = [eval(term["polynomial"], {"x": x, "y": y, "z": z}) for term in document["terms"]]
+        lit = np.array(factors) @ np.array([term["irradiance"] for term in document["terms"]])
+        assert lit == pytest.approx(irradiance_from_harmonics(random, np.array([x, y, z])), abs=1e-6)
+        assert np.array(factors) == pytest.approx(basis(np.array([x, y, z])), abs=1e-7)
+    assert np.array([term["radiance"] for term in document["terms"]]) == pytest.approx(random, rel=1e-7)
+
+
+def test_a_wrong_call_is_told():
+    with pytest.raises(ValueError, match=r"expected \(9, 3\)"):
+        irradiance_from_harmonics(np.zeros((4, 3)), Z)
+    with pytest.raises(ValueError, match=r"expected \(9, 3\)"):
+        as_json(np.zeros(9), "relative")
+    with pytest.raises(ValueError, match="unit is"):
+        as_json(np.zeros((9, 3)), "nits")
