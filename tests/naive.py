@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
+
+from relume.scene.shapes import Mesh, Shape, Sphere
 
 
 def look_up(radiance: np.ndarray, mapping: str, direction: np.ndarray) -> np.ndarray:
@@ -31,3 +34,114 @@ def look_up(radiance: np.ndarray, mapping: str, direction: np.ndarray) -> np.nda
                 pixel = radiance[min(max(j, 0), height - 1), min(max(i, 0), width - 1)]
             total += vertical * horizontal * pixel
     return total
+
+
+def nearest_hit(shapes: Sequence[Shape], origin: np.ndarray, direction: np.ndarray) -> tuple[float, int, int]:
+    """Distance, shape and triangle that a ray meets first; ∞, −1 and 0 if none."""
+    best = (math.inf, -1, 0)
+    for number, shape in enumerate(shapes):
+        distance, face = math.inf, 0
+        if isinstance(shape, Mesh):
+            distances = distances_to_triangles(shape.vertices.astype(np.float64)[shape.faces], origin, direction)
+            face = int(np.argmin(distances))
+            distance = float(distances[face])
+        elif isinstance(shape, Sphere):
+            # |o + t d − c|² = r², a quadratic in t.
+            from_centre = origin - np.asarray(shape.centre)
+            half, constant = float(from_centre @ direction), float(from_centre @ from_centre) - shape.radius**2
+            if half**2 >= constant:
+                root = math.sqrt(half**2 - constant)
+                distance = next((t for t in (-half - root, -half + root) if t > 0), math.inf)
+        elif direction[1]:
+            to_plane = float((shape.height - origin[1]) / direction[1])
+            x, _, z = origin + to_plane * direction
+            if to_plane > 0 and abs(x) <= shape.extent[0] / 2 and abs(z) <= shape.extent[1] / 2:
+                distance = to_plane
+        if distance < best[0]:
+            best = (distance, number, face)
+    return best
+
+
+def distances_to_triangles(corners: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Where a ray meets each of the triangles (M, 3, 3); ∞ where it does not."""
+    a, b, c = np.moveaxis(corners, 1, 0)
+    normals = np.cross(b - a, c - a)
+    slopes = normals @ direction
+    heights = np.sum(normals * (a - origin), axis=-1)
+    distances = np.divide(heights, slopes, out=np.full(len(slopes), -1.0), where=slopes != 0)
+    points = origin + distances[:, None] * direction
+    inside = distances > 0
+    for start, end in ((a, b), (b, c), (c, a)):
+        inside &= np.sum(np.cross(end - start, points - start) * normals, axis=-1) >= 0
+    return np.where(inside, distances, np.inf)
+
+
+def latlong_pixels(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where each pixel of a lat-long map points, (H·W, 3), and its radiance × solid angle, (H·W, 3)."""
+    height, width = radiance.shape[:2]
+    directions, flux = [], []
+    for j in range(height):
+        top, bottom = math.pi * j / height, math.pi * (j + 1) / height
+        area = math.tau / width * (math.cos(top) - math.cos(bottom))
+        polar = (top + bottom) / 2
+        for i in range(width):
+            longitude = math.tau * (i + 0.5) / width - math.pi
+            ring = math.sin(polar)
+            directions.append((ring * math.sin(longitude), math.cos(polar), -ring * math.cos(longitude)))
+            flux.append(radiance[j, i].astype(np.float64) * area)
+    return np.array(directions), np.array(flux)
+
+
+def reflection_sums(radiance: np.ndarray, function: Callable[[np.ndarray], np.ndarray], rows: int) -> np.ndarray:
+    """Σ I[L] · Area[L] · f(N·L) of Miller & Hoffman (1984, §6), entry by entry: (rows, 2·rows, 3)."""
+    directions, flux = latlong_pixels(radiance)
+    entries, _ = latlong_pixels(np.zeros((rows, 2 * rows, 3)))
+    table = np.stack([function(np.clip(directions @ n, -1, 1)) @ flux for n in entries])
+    return table.reshape(rows, 2 * rows, 3)
+
+
+def wigner(degree: int, order: int, spin: int, angle: float) -> float:
+    """d^l_{m,k}(θ) by Wigner's own sum of factorials."""
+    factorial, total = math.factorial, 0.0
+    for s in range(max(0, spin - order), min(degree + spin, degree - order) + 1):
+        below = (
+            factorial(degree + spin - s) * factorial(s) * factorial(order - spin + s) * factorial(degree - order - s)
+        )
+        cosine, sine = math.cos(angle / 2), math.sin(angle / 2)
+        powers = cosine ** (2 * degree + spin - order - 2 * s) * sine ** (order - spin + 2 * s)
+        total += (-1) ** (order - spin + s) / below * powers
+    scale = factorial(degree + order) * factorial(degree - order) * factorial(degree + spin) * factorial(degree - spin)
+    return math.sqrt(scale) * total
+
+
+def ggx(alpha: float, normal: np.ndarray, eye: np.ndarray, light: np.ndarray) -> float:
+    """f_r · N·L of white GGX with separable Smith masking (Walter et al. 2007, eqs. 20, 33 and 34)."""
+    n_l, n_e = float(normal @ light), float(normal @ eye)
+    if n_l <= 0 or n_e <= 0:
+        return 0.0
+    half = (light + eye) / np.linalg.norm(light + eye)
+    cosine = float(normal @ half)
+    tangent2 = 1 / cosine**2 - 1
+    distribution = alpha**2 / (math.pi * cosine**4 * (alpha**2 + tangent2) ** 2)
+    masking = 1.0
+    for c in (n_l, n_e):
+        masking *= 2 / (1 + math.sqrt(1 + alpha**2 * (1 / c**2 - 1)))
+    return distribution * masking / (4 * n_e)
+
+
+def ward(alpha: float, normal: np.ndarray, eye: np.ndarray, light: np.ndarray) -> float:
+    """f_r · N·L of Ward's isotropic gaussian (Ward 1992, eq. 4)."""
+    n_l, n_e = float(normal @ light), float(normal @ eye)
+    if n_l <= 0 or n_e <= 0:
+        return 0.0
+    half = (light + eye) / np.linalg.norm(light + eye)
+    delta = math.acos(min(1.0, float(normal @ half)))
+    gaussian = math.exp(-(math.tan(delta) ** 2) / alpha**2) / (4 * math.pi * alpha**2)
+    return gaussian / math.sqrt(n_l * n_e) * n_l
+
+
+def phong(n: float, normal: np.ndarray, eye: np.ndarray, light: np.ndarray) -> float:
+    """f_r · N·L of the Phong lobe that keeps energy, (n + 2)/2π · (R·L)ⁿ (Lewis 1994)."""
+    reflected = 2 * float(eye @ normal) * normal - eye
+    n_l = float(normal @ light)
+    return (n + 2) / math.tau * max(0.0, float(reflected @ light)) ** n * n_l if n_l > 0 else 0.0

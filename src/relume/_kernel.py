@@ -1,7 +1,8 @@
 """How every Numba kernel here is compiled, and how kernels share the cores.
 
 A kernel is a private loop beside the friendly function that validates and allocates; its slow twin is in
-`tests/naive.py`. Import this module only where a kernel is used: it imports Numba.
+`tests/naive.py`. Tuples of arrays are unpacked before the loop: inside it every access would count references.
+Import this module only where a kernel is used: it imports Numba.
 """
 
 from __future__ import annotations
@@ -17,15 +18,15 @@ import numba
 # arrive where it can be seen, and a ray that misses is at infinity.
 _FLAGS = {"nsz", "arcp", "contract", "afn", "reassoc"}
 
+# Compiled on first use, cached on disk, without the interpreter's lock, division by zero as in NumPy.
+kernel = numba.njit(cache=True, nogil=True, fastmath=_FLAGS, error_model="numpy")
+inlined = numba.njit(nogil=True, fastmath=_FLAGS, error_model="numpy", inline="always")
 
-def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a loop: cached on disk, without the interpreter's lock, division by zero as in NumPy."""
-    return numba.njit(cache=True, nogil=True, fastmath=_FLAGS, error_model="numpy")(function)
-
-
-def inlined(function: Callable[..., Any]) -> Any:
-    """Compile a small function into the kernels that call it."""
-    return numba.njit(cache=True, nogil=True, fastmath=_FLAGS, error_model="numpy", inline="always")(function)
+# A partition must repeat the rounding of its bins, and two triangles that share an edge must agree on which side of it
+# a ray passes: reordered sums and fused products break both. `fastmath` has to be named, or a function would take its
+# caller's; one compiled into its caller always does.
+exact_kernel = numba.njit(cache=True, nogil=True, fastmath=False, error_model="numpy")
+exact_inlined = numba.njit(nogil=True, fastmath=False, error_model="numpy", inline="always")
 
 
 def in_threads(work: Callable[[int, int], Any], count: int, threads: int | None = None, *, chunk: int = 16384) -> list:

@@ -6,6 +6,7 @@
     ├── BallNotFound        no mirrored ball is seen in the photograph
     ├── GridNotFound        no calibration grid is seen in the photograph
     ├── InvalidShot         the shot file has an unknown key, a missing one or a wrong value
+    ├── InvalidScene        the scene file has an unknown key, a missing one or a wrong value
     ├── UnsupportedScene    a renderer was given something it cannot render
     └── OutputNotWritten    a file or folder could not be written
 
@@ -35,6 +36,10 @@ class GridNotFound(RelumeError):
 
 class InvalidShot(RelumeError):
     """The shot file has an unknown key, a missing one or a wrong value."""
+
+
+class InvalidScene(RelumeError):
+    """The scene file has an unknown key, a missing one or a wrong value, or names a file that cannot be used."""
 
 
 class UnsupportedScene(RelumeError):

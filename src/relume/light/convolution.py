@@ -21,7 +21,7 @@ TOLERANCE = 1e-4
 HIGHEST_DEGREE = 400
 """Beyond it the transforms along the longitude are as fast."""
 ROUNDING = 1e-14
-"""Coefficients below this share of the first are the quadrature's rounding, not the lobe's."""
+"""Coefficients below this share of the first are the quadrature's rounding, not the lobe's; sums round by as much."""
 
 
 def convolved(light: IlluminationMap, lobe: Lobe, rows: int) -> tuple[np.ndarray, float]:
@@ -57,8 +57,8 @@ def _by_zonal_harmonics(flux: np.ndarray, lobe: Lobe, rows: int) -> tuple[np.nda
     coefficients[np.abs(coefficients) < ROUNDING * np.abs(coefficients[0])] = 0
     # |f(x) − f_L(x)| ≤ Σ_{l>L} (2l+1)/4π |f_l|, since |P_l| ≤ 1.
     degrees = np.arange(len(coefficients))
-    missed = np.cumsum(((2 * degrees + 1) / (4 * np.pi) * np.abs(coefficients))[::-1])[::-1]
-    missed = np.append(missed[1:], 0.0)[: HIGHEST_DEGREE + 1]
+    held = np.cumsum(((2 * degrees + 1) / (4 * np.pi) * np.abs(coefficients))[::-1])[::-1]
+    missed = np.append(held[1:], 0.0)[: HIGHEST_DEGREE + 1] + ROUNDING * held[0]
     kernel, total = coefficients * np.sqrt((2 * degrees + 1) / (4 * np.pi)), flux.sum((0, 1))
     for wanted in (1e-7, 1e-11):
         enough = np.flatnonzero(missed <= wanted * max(float(lobe(np.array([1.0]))[0]), 1e-300))

@@ -22,7 +22,8 @@ def hemisphere_sums(flux: np.ndarray, rows: int) -> np.ndarray:
     size = flux.shape[0]
     flux = np.ascontiguousarray(flux, np.float64)
     parts = in_threads(lambda begin, end: _sums(flux, begin, end, rows), size, chunk=_ROWS)
-    return np.sum(parts, axis=0)
+    # At grazing angles rounding leaves a little less than nothing.
+    return np.maximum(np.sum(parts, axis=0), 0)
 
 
 @kernel

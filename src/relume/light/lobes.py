@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import ClassVar
 
@@ -146,7 +147,11 @@ class GGXLobe:
         return a2 / (np.pi * (half * (a2 - 1) + 1) ** 2) * masking / 4
 
     def __call__(self, cosine: np.ndarray) -> np.ndarray:
-        return self.k * self._shape(cosine) / _integral(self._shape, self.width)
+        return self._scale * self._shape(cosine)
+
+    @cached_property
+    def _scale(self) -> float:
+        return self.k / _integral(self._shape, self.width)
 
     @property
     def width(self) -> float:
@@ -180,7 +185,11 @@ class WardLobe:
         return np.sqrt(x) * np.exp(-tangent2 / self.alpha**2)
 
     def __call__(self, cosine: np.ndarray) -> np.ndarray:
-        return self.k * self._shape(cosine) / _integral(self._shape, self.width)
+        return self._scale * self._shape(cosine)
+
+    @cached_property
+    def _scale(self) -> float:
+        return self.k / _integral(self._shape, self.width)
 
     @property
     def width(self) -> float:
@@ -209,7 +218,13 @@ class Cosine:
         _check_k(self.name, self.k)
         values = np.asarray(self.function(np.linspace(-1, 1, 2001)))
         if values.shape != (2001,) or not np.all(np.isfinite(values)) or values.min() < 0:
-            raise ValueError(f"the function of {self.name} must return finite values of 0 or more, one for each cosine")
+            found = (
+                f"values from {values.min()} to {values.max()}" if values.shape == (2001,) else f"shape {values.shape}"
+            )
+            raise ValueError(
+                f"the function of {self.name} returned {found} for 2001 cosines; "
+                "it must return an array of that shape, of finite values of 0 or more"
+            )
 
     def __call__(self, cosine: np.ndarray) -> np.ndarray:
         return self.k * np.asarray(self.function(cosine), np.float64)

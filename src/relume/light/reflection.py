@@ -43,7 +43,7 @@ class ReflectionMap:
     light : the table, a lat-long map in the illumination map's unit; `look_up` is bilinear over seam and poles
     lobe : what the illumination map was convolved with
     normalisation : what the sums were divided by
-    error_bound : no entry is further from the exact sum than this share of it
+    error_bound : no entry is further from the exact sum than this share of it, rounding aside
     """
 
     light: IlluminationMap

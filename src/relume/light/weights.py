@@ -76,6 +76,17 @@ class Fresnel:
 
 
 @dataclass(frozen=True)
+class ByAngle:
+    """Values at angles of view evenly spaced from 0 to π/2, interpolated."""
+
+    values: tuple[float, ...]
+
+    def __call__(self, cosine: np.ndarray) -> np.ndarray:
+        angles = np.arccos(np.clip(cosine, 0, 1))
+        return np.interp(angles, np.linspace(0, np.pi / 2, len(self.values)), self.values)
+
+
+@dataclass(frozen=True)
 class Complement:
     """What a weight leaves for the layer below: 1 − weight."""
 

@@ -37,9 +37,13 @@ class Camera:
 
     def rays(self) -> np.ndarray:
         """Unit directions (H, W, 3), world, through the pixel centres."""
-        x = np.arange(self.width) + 0.5 - self.width / 2
-        y = self.height / 2 - (np.arange(self.height) + 0.5)
-        local = np.stack(np.broadcast_arrays(x[None, :], y[:, None], -self.focal_length), axis=-1)
+        x, y = np.arange(self.width) + 0.5, np.arange(self.height) + 0.5
+        return self.rays_through(np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1))
+
+    def rays_through(self, points: np.ndarray) -> np.ndarray:
+        """Unit directions (…, 3), world, through pixel coordinates (…, 2), x right and y down from the corner."""
+        x, y = points[..., 0] - self.width / 2, self.height / 2 - points[..., 1]
+        local = np.stack(np.broadcast_arrays(x, y, -self.focal_length), axis=-1)
         local = local / np.linalg.norm(local, axis=-1, keepdims=True)
         return local @ self.rotation.T
 

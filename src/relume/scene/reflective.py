@@ -31,13 +31,14 @@ class Towards(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """One term of line 9 (§3): weight(E·N) · colour · table[direction].
+    """One term of line 9 (§3): (weight(E·N) · colour + grazing(E·N)) · table[direction].
 
     lobe : what the illumination map is convolved with; a BRDF (`relume.light.brdf`) takes the three-dimensional map,
         which is looked up by N and E whatever `towards` says
     towards : which direction the table is looked up by
     weight : W_d or W_s
     colour : multiplies it; a triple, or an image (H, W, 3) float32 over the texture coordinates
+    grazing : a second weight that the colour does not touch, as metals lose their colour at grazing angles
     ior : index of refraction, for Towards.REFRACTED
     """
 
@@ -45,6 +46,7 @@ class Layer:
     towards: Towards = Towards.REFLECTED
     weight: Weight = Even(1.0)
     colour: Colour | np.ndarray = (1.0, 1.0, 1.0)
+    grazing: Weight = Even(0.0)
     ior: float = 1.5
 
     def __post_init__(self) -> None:
@@ -105,5 +107,5 @@ def glass(
     ior: float = 1.5, colour: Colour = (1.0, 1.0, 1.0), *, bumps: Bumps | None = None, name: str = ""
 ) -> Reflective:
     """Light refracted at a single surface, as in §9, below its exact Fresnel reflection."""
-    through = Layer(Mirror(), Towards.REFRACTED, Complement(Fresnel(ior)), colour, ior)
+    through = Layer(Mirror(), Towards.REFRACTED, Complement(Fresnel(ior)), colour, ior=ior)
     return Reflective((Layer(Mirror(), Towards.REFLECTED, Fresnel(ior)), through), bumps, name)

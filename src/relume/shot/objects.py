@@ -10,21 +10,31 @@ import numpy as np
 from relume.scene.materials import Material
 from relume.scene.meshes import read_meshes
 from relume.scene.shapes import Mesh
-from relume.shot.project import Object, Shot
+from relume.shot.project import Object, Placement, Shot
 from relume.sphere.directions import rotation_about
 
 
 def placed_meshes(shot: Shot) -> tuple[Mesh, ...]:
     """Every mesh of every object of the shot, in world coordinates."""
-    return tuple(_placed(mesh, table) for table in shot.objects for mesh in read_meshes(shot.folder / table.mesh))
+    return tuple(
+        _overridden(placed(mesh, table), table)
+        for table in shot.objects
+        for mesh in read_meshes(shot.folder / table.mesh)
+    )
 
 
-def _placed(mesh: Mesh, table: Object) -> Mesh:
-    # Angles turn about x, then y, then z.
-    x, y, z = np.radians(table.rotate)
+def placed(mesh: Mesh, placement: Placement) -> Mesh:
+    """The mesh scaled, then turned about x, then y, then z, then moved."""
+    x, y, z = np.radians(placement.rotate)
     turn = rotation_about([0, 0, 1], z) @ rotation_about([0, 1, 0], y) @ rotation_about([1, 0, 0], x)
-    vertices = table.scale * (mesh.vertices @ turn.T) + np.array(table.translate)
+    vertices = placement.scale * (mesh.vertices @ turn.T) + np.array(placement.translate)
     normals = None if mesh.normals is None else (mesh.normals @ turn.T).astype(np.float32)
+    return replace(mesh, vertices=vertices.astype(np.float32), normals=normals)
+
+
+def _overridden(mesh: Mesh, table: Object) -> Mesh:
+    """The mesh with what the shot changes of its own material."""
     changes: dict[str, Any] = table.material.model_dump(exclude_none=True)
-    material = replace(mesh.material, **changes) if isinstance(mesh.material, Material) else mesh.material
-    return replace(mesh, vertices=vertices.astype(np.float32), normals=normals, material=material)
+    if not isinstance(mesh.material, Material):
+        return mesh
+    return replace(mesh, material=replace(mesh.material, **changes))

@@ -5,29 +5,20 @@ Paths are relative to the file; lengths are metres, angles degrees. An unknown k
 
 from __future__ import annotations
 
-import difflib
 import re
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from relume.errors import InvalidShot, UnreadableFile
+from relume.shot.schema import Names, Positive, Share, Table, Vector, checked, read_toml
 
-Vector = tuple[float, float, float]
-Share = Annotated[float, Field(ge=0, le=1)]
-Positive = Annotated[float, Field(gt=0)]
-Names = Annotated[list[str], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
 Mirrored = Annotated[float, Field(gt=0, le=1)]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Plate(_Table):
+class Plate(Table):
     """The photograph that receives the objects: a bracket, a single photograph or one radiance map."""
 
     photographs: Names = Field(min_length=1)
@@ -35,7 +26,7 @@ class Plate(_Table):
     denoise: bool = False
 
 
-class Grid(_Table):
+class Grid(Table):
     """A chequered board on the ground, photographed by the plate's camera."""
 
     photograph: str
@@ -43,14 +34,14 @@ class Grid(_Table):
     square: Positive
 
 
-class Pose(_Table):
+class Pose(Table):
     """Where the plate's camera stood and looked, horizon level."""
 
     position: Vector
     look_at: Vector
 
 
-class CameraTable(_Table):
+class CameraTable(Table):
     """The plate's camera: from a grid, or given."""
 
     grid: Grid | None = None
@@ -68,7 +59,7 @@ class CameraTable(_Table):
         return self
 
 
-class BallPhotographs(_Table):
+class BallPhotographs(Table):
     """A bracket of the mirrored ball and where its camera stood."""
 
     photographs: Names = Field(min_length=1)
@@ -77,7 +68,7 @@ class BallPhotographs(_Table):
     focal_length: Positive | None = None
 
 
-class Ball(_Table):
+class Ball(Table):
     """The mirrored ball; `reflectance` of its surface, 1 unless measured."""
 
     centre: Vector
@@ -85,13 +76,13 @@ class Ball(_Table):
     reflectance: Mirrored | tuple[Mirrored, Mirrored, Mirrored] = 1.0
 
 
-class Distant(_Table):
+class Distant(Table):
     """The shape of the distant scene."""
 
     shape: Literal["infinite"] = "infinite"
 
 
-class Light(_Table):
+class Light(Table):
     """The light of the place: photographs of a mirrored ball, or a finished map."""
 
     balls: list[BallPhotographs] | None = None
@@ -109,16 +100,21 @@ class Light(_Table):
         return self
 
 
-class Local(_Table):
-    """A real surface that the objects affect."""
+class Surface(Table):
+    """The shape of a real surface."""
 
     shape: Literal["plane"]
     size: tuple[Positive, Positive] | None = None
     height: float = 0.0
+
+
+class Local(Surface):
+    """A real surface that the objects affect."""
+
     reflectance: Literal["recover"] | tuple[Share, Share, Share] = "recover"
 
 
-class MaterialTable(_Table):
+class MaterialTable(Table):
     """What to change of a mesh's own material."""
 
     base_color: tuple[Share, Share, Share] | None = None
@@ -128,17 +124,22 @@ class MaterialTable(_Table):
     ior: Annotated[float, Field(ge=1)] | None = None
 
 
-class Object(_Table):
-    """A mesh to insert, placed by its own transform and then scaled, turned and moved."""
+class Placement(Table):
+    """How a mesh is scaled, then turned about x, y and z, then moved, after its own transform."""
 
-    mesh: str
     scale: Positive = 1.0
     rotate: Vector = (0.0, 0.0, 0.0)
     translate: Vector = (0.0, 0.0, 0.0)
+
+
+class Object(Placement):
+    """A mesh to insert."""
+
+    mesh: str
     material: MaterialTable = MaterialTable()
 
 
-class RenderTable(_Table):
+class RenderTable(Table):
     """How long to render."""
 
     samples: Annotated[int, Field(ge=2, le=1_000_000)] = 256
@@ -148,21 +149,21 @@ class RenderTable(_Table):
     denoise: bool = False
 
 
-class DevelopTable(_Table):
+class DevelopTable(Table):
     """How the composite becomes a picture: the plate's response, or the sRGB curve; exposure in stops on top."""
 
     response: Literal["plate", "srgb"] = "plate"
     exposure: float = 0.0
 
 
-class Shot(_Table):
+class Shot(Table):
     """A whole shot file; `folder` is where its relative paths start."""
 
     plate: Plate
     camera: CameraTable
     light: Light
-    local: list[Local] = [Local(shape="plane")]
-    objects: list[Object] = []
+    local: list[Local] = Field(default_factory=lambda: [Local(shape="plane")])
+    objects: list[Object] = Field(default_factory=list)
     render: RenderTable = RenderTable()
     develop: DevelopTable = DevelopTable()
     folder: Path = Field(default=Path("."), exclude=True)
@@ -187,46 +188,7 @@ def _natural(path: Path) -> list[tuple[int, int | str]]:
 def read_shot(path: str | Path) -> Shot:
     """Read a shot file; raises InvalidShot naming the key and what it should be."""
     path = Path(path)
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InvalidShot(f"{path}: no such shot file; check the path") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InvalidShot(f"{path}: cannot be read ({error.__class__.__name__}); is it a text file?") from None
-    except tomllib.TOMLDecodeError as error:
-        raise InvalidShot(f"{path}: not valid TOML: {error}") from None
+    table = read_toml(path, "shot file", InvalidShot)
     if "folder" in table:
         raise InvalidShot(f"{path}: folder: unknown key; remove it")
-    try:
-        return Shot.model_validate(table | {"folder": path.parent})
-    except ValidationError as error:
-        raise InvalidShot(f"{path}: {_first_fault(error, table)}") from None
-
-
-def _first_fault(error: ValidationError, table: dict[str, Any]) -> str:
-    fault = error.errors()[0]
-    place = ".".join(
-        str(part) for part in fault["loc"] if not str(part).startswith(("tuple", "literal", "constrained"))
-    )
-    if fault["type"] == "extra_forbidden":
-        near = difflib.get_close_matches(str(fault["loc"][-1]), _known_keys(fault["loc"]), 1)
-        return f"{place}: unknown key" + (f"; did you mean {near[0]}?" if near else "; remove it or see the docs")
-    if fault["type"] == "missing":
-        return f"{place}: missing; the shot file must have it"
-    message = fault["msg"].removeprefix("Value error, ")
-    return f"{place}: {message[:1].lower()}{message[1:]}" + (f" (got {fault['input']!r})" if fault["loc"] else "")
-
-
-def _known_keys(place: tuple[int | str, ...]) -> list[str]:
-    """The keys of the table that `place` lies in."""
-    model: Any = Shot
-    for part in place[:-1]:
-        if isinstance(part, str) and part in model.model_fields:
-            model = _model_within(model.model_fields[part].annotation) or model
-    return list(model.model_fields)
-
-
-def _model_within(annotation: Any) -> Any:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    return next((m for a in getattr(annotation, "__args__", ()) if (m := _model_within(a)) is not None), None)
+    return checked(Shot, table, path, "shot file", InvalidShot).model_copy(update={"folder": path.parent})

@@ -31,7 +31,9 @@ class IlluminationMap:
                 f"radiance has shape {shape}; a {self.mapping.name} map is {aspect} times as wide as high, "
                 f"so ({shape[0]}, {aspect * shape[0]}, 3)"
             )
-        if not np.all(np.isfinite(self.radiance)) or self.radiance.min(initial=0) < 0:
+        if self.radiance.size == 0:
+            raise ValueError(f"radiance has shape {shape}; a map has at least one row")
+        if not np.all(np.isfinite(self.radiance)) or self.radiance.min() < 0:
             raise ValueError("radiance holds negative or non-finite values; light must be finite and not below 0")
 
     @property

@@ -1,0 +1,347 @@
+"""The loops of `relume.render.filters`: each looks a table up for some samples, the three channels of each.
+
+They write to `seen` (Q, 3) in the order of `chosen`; `add_weighed` then adds that to the light.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from relume._kernel import inlined, kernel
+from relume.render.terms import key, weighed
+from relume.sphere.polar import blended, cell, polar_point
+
+
+class Sums(NamedTuple):
+    """A table's running sums.
+
+    sums : (H + 1, 2H + 1, 3) float64, radiance × solid angle of all entries above and to the left
+    areas : (H + 1,) float64, solid angle of one column above
+    table : the padded table itself, for pixels that reflect less than an entry
+    """
+
+    sums: np.ndarray
+    areas: np.ndarray
+    table: np.ndarray
+
+
+class Pyramid(NamedTuple):
+    """A table and its ever smaller means, padded, one behind the other.
+
+    values : float32
+    begins : where each level begins
+    rows : of each level, without the padding
+    """
+
+    values: np.ndarray
+    begins: np.ndarray
+    rows: np.ndarray
+
+
+@kernel
+def plain(light, chosen, samples, term, table):
+    """Look up at the middles and add, in one go: the way that has to be fastest."""
+    normals, views, kind, ratio = samples.normal, samples.to_eye, term.kind, term.ratio
+    weight, grazing, colour, rim = term.weight, term.grazing, term.colour, term.rim
+    for place in range(len(chosen)):
+        index = chosen[place]
+        nx, ny, nz = normals[index, 0], normals[index, 1], normals[index, 2]
+        ex, ey, ez = views[index, 0], views[index, 1], views[index, 2]
+        x, y, z = key(kind, ratio, nx, ny, nz, ex, ey, ez)
+        u, v = polar_point(x, y, z)
+        row, column, down, right = cell(table, u, v)
+        red, green, blue = weighed(weight, grazing, colour, rim, index, nx * ex + ny * ey + nz * ez)
+        light[index, 0] += red * blended(table, row, column, down, right, 0)
+        light[index, 1] += green * blended(table, row, column, down, right, 1)
+        light[index, 2] += blue * blended(table, row, column, down, right, 2)
+
+
+@kernel
+def add_weighed(light, chosen, seen, samples, term):
+    """Add what was looked up, weighed as the samples' middles see it."""
+    normals, views = samples.normal, samples.to_eye
+    weight, grazing, colour, rim = term.weight, term.grazing, term.colour, term.rim
+    for place in range(len(chosen)):
+        index = chosen[place]
+        facing = normals[index, 0] * views[index, 0] + normals[index, 1] * views[index, 1]
+        facing += normals[index, 2] * views[index, 2]
+        red, green, blue = weighed(weight, grazing, colour, rim, index, facing)
+        light[index, 0] += red * seen[place, 0]
+        light[index, 1] += green * seen[place, 1]
+        light[index, 2] += blue * seen[place, 2]
+
+
+@kernel
+def directions(keys, normals, views, kind, ratio, begin, end):
+    """The directions (M, 3) by which the table is looked up, of normals and views."""
+    for index in range(begin, end):
+        x, y, z = key(
+            kind, ratio, normals[index, 0], normals[index, 1], normals[index, 2],
+            views[index, 0], views[index, 1], views[index, 2],
+        )  # fmt: skip
+        keys[index, 0], keys[index, 1], keys[index, 2] = x, y, z
+
+
+@kernel
+def image_points(points, keys, begin, end):
+    """Their image points (M, 2)."""
+    for index in range(begin, end):
+        points[index, 0], points[index, 1] = polar_point(keys[index, 0], keys[index, 1], keys[index, 2])
+
+
+@kernel
+def quadrilaterals(quads, chosen, samples, middles, keys):
+    """The corners' directions (Q, 4, 3); a corner on another surface mirrors its opposite about the middle."""
+    corners, surface, corner_surface = samples.corners, samples.surface, samples.corner_surface
+    for place in range(len(chosen)):
+        index = chosen[place]
+        for corner in range(4):
+            own = corner_surface[corners[index, corner]] == surface[index]
+            opposite = corners[index, (corner + 2) % 4]
+            mirrored = corner_surface[opposite] == surface[index]
+            for axis in range(3):
+                if own:
+                    quads[place, corner, axis] = keys[corners[index, corner], axis]
+                elif mirrored:
+                    quads[place, corner, axis] = np.float32(2) * middles[index, axis] - keys[opposite, axis]
+                else:
+                    quads[place, corner, axis] = middles[index, axis]
+
+
+@inlined
+def _distance(quad, first, second):
+    x, y, z = quad[first, 0] - quad[second, 0], quad[first, 1] - quad[second, 1], quad[first, 2] - quad[second, 2]
+    return x * x + y * y + z * z
+
+
+@kernel
+def subdivided(seen, quads, table, depth):
+    """§8.1: halve the quadrilateral until its corners index the same or adjacent entries."""
+    entry = np.float32((np.pi / (table.shape[0] - 2)) ** 2)
+    stack = np.empty((depth + 2, 4, 3), np.float32)
+    levels = np.empty(depth + 2, np.int64)
+    quad = np.empty((4, 3), np.float32)
+    for place in range(len(quads)):
+        stack[0] = quads[place]
+        levels[0] = 0
+        height = 1
+        red = green = blue = 0.0
+        while height > 0:
+            height -= 1
+            quad[:] = stack[height]
+            level = levels[height]
+            across = max(_distance(quad, 0, 1), _distance(quad, 3, 2))
+            along = max(_distance(quad, 0, 3), _distance(quad, 1, 2))
+            # Step 2. Adjacency is an angle here, so that it means the same at the poles.
+            if level >= depth or (across <= entry and along <= entry):
+                share = 0.25 * 0.5**level
+                for corner in range(4):
+                    u, v = polar_point(quad[corner, 0], quad[corner, 1], quad[corner, 2])
+                    row, column, down, right = cell(table, u, v)
+                    red += share * blended(table, row, column, down, right, 0)
+                    green += share * blended(table, row, column, down, right, 1)
+                    blue += share * blended(table, row, column, down, right, 2)
+                continue
+            # Steps 3 and 4: halve the longer way, with interpolated directions.
+            second, third = (1, 3) if across >= along else (3, 1)
+            for half in range(2):
+                stack[height + half] = quad
+                levels[height + half] = level + 1
+            for near, far in ((0, second), (third, 2)):
+                x, y, z = quad[near, 0] + quad[far, 0], quad[near, 1] + quad[far, 1], quad[near, 2] + quad[far, 2]
+                scale = np.float32(1) / max(np.sqrt(x * x + y * y + z * z), np.float32(1e-12))
+                for half, corner in ((0, far), (1, near)):
+                    stack[height + half, corner, 0] = x * scale
+                    stack[height + half, corner, 1] = y * scale
+                    stack[height + half, corner, 2] = z * scale
+            height += 2
+        seen[place, 0], seen[place, 1], seen[place, 2] = red, green, blue
+
+
+@inlined
+def _short_way(turn):
+    """A difference of longitudes, in turns, the short way round."""
+    return turn - np.floor(turn + 0.5)
+
+
+@kernel
+def spanned(seen, quads, table):
+    """§8.2: the mean of the entries inside the quadrilateral."""
+    rows, columns = table.shape[0] - 2, table.shape[1] - 2
+    u, v = np.empty(4), np.empty(4)
+    for place in range(len(quads)):
+        for corner in range(4):
+            x, y = polar_point(quads[place, corner, 0], quads[place, corner, 1], quads[place, corner, 2])
+            u[corner] = x if corner == 0 else u[corner - 1] + _short_way(x - u[corner - 1])
+            v[corner] = y * rows - 0.5
+        around = u[3] + _short_way(u[0] - u[3]) - u[0]
+        for corner in range(4):
+            u[corner] = u[corner] * columns - 0.5
+        low, high = max(int(np.ceil(v.min())), 0), min(int(np.floor(v.max())), rows - 1)
+        if abs(around) > 0.5:
+            # The quadrilateral goes round a pole: all rows from there to its edge are in it.
+            low, high = (0, high) if v.mean() < rows / 2 else (low, rows - 1)
+        total = red = green = blue = 0.0
+        count = 0
+        for row in range(low, high + 1):
+            left, right = (0.0, columns - 1.0) if abs(around) > 0.5 else (np.inf, -np.inf)
+            if abs(around) <= 0.5:
+                for corner in range(4):
+                    after = (corner + 1) % 4
+                    if (v[corner] <= row) != (v[after] <= row):
+                        crossing = u[corner] + (u[after] - u[corner]) * (row - v[corner]) / (v[after] - v[corner])
+                        left, right = min(left, crossing), max(right, crossing)
+                if left > right:
+                    continue
+            area = np.sin(np.pi * (row + 0.5) / rows)
+            for step in range(int(np.ceil(left)), int(np.floor(right)) + 1):
+                column = step % columns + 1
+                red += area * table[row + 1, column, 0]
+                green += area * table[row + 1, column, 1]
+                blue += area * table[row + 1, column, 2]
+                total += area
+                count += 1
+        if count < 4:
+            # It spans no more than adjacent entries: their interpolation is all there is.
+            red = green = blue = total = 0.0
+            for corner in range(4):
+                x, y = polar_point(quads[place, corner, 0], quads[place, corner, 1], quads[place, corner, 2])
+                row, column, down, farther = cell(table, x, y)
+                red += blended(table, row, column, down, farther, 0)
+                green += blended(table, row, column, down, farther, 1)
+                blue += blended(table, row, column, down, farther, 2)
+                total += 1
+        seen[place, 0], seen[place, 1], seen[place, 2] = red / total, green / total, blue / total
+
+
+@inlined
+def _sum_at(sums, x, y):
+    """The running sums at a place between entries; x may lie turns away, the table goes on round the seam."""
+    columns = sums.shape[1] - 1
+    turns = np.floor(x / columns)
+    x -= turns * columns
+    column, row = min(int(x), columns - 1), min(int(y), sums.shape[0] - 2)
+    right, down = x - column, y - row
+    a, b, c, d = (1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down
+    e, f = turns * (1 - down), turns * down
+    red = a * sums[row, column, 0] + b * sums[row, column + 1, 0]
+    red += c * sums[row + 1, column, 0] + d * sums[row + 1, column + 1, 0]
+    green = a * sums[row, column, 1] + b * sums[row, column + 1, 1]
+    green += c * sums[row + 1, column, 1] + d * sums[row + 1, column + 1, 1]
+    blue = a * sums[row, column, 2] + b * sums[row, column + 1, 2]
+    blue += c * sums[row + 1, column, 2] + d * sums[row + 1, column + 1, 2]
+    if turns != 0:
+        red += e * sums[row, columns, 0] + f * sums[row + 1, columns, 0]
+        green += e * sums[row, columns, 1] + f * sums[row + 1, columns, 1]
+        blue += e * sums[row, columns, 2] + f * sums[row + 1, columns, 2]
+    return red, green, blue
+
+
+@inlined
+def _area_at(areas, y):
+    row = min(int(y), len(areas) - 2)
+    return areas[row] + (areas[row + 1] - areas[row]) * (y - row)
+
+
+@kernel
+def preintegrated(seen, chosen, samples, points, middles, prepared):
+    """§8.3: the mean over a rectangle that has the quadrilateral's mean place and its second moments.
+
+    points : (M, 2) image points of the corners
+    middles : (P, 2) of the samples' middles, read only where a corner lies on another surface
+    """
+    sums, areas, table = prepared.sums, prepared.areas, prepared.table
+    corners, surface, corner_surface = samples.corners, samples.surface, samples.corner_surface
+    rows, columns = sums.shape[0] - 1, sums.shape[1] - 1
+    u, v = np.empty(4), np.empty(4)
+    for place in range(len(chosen)):
+        index = chosen[place]
+        for corner in range(4):
+            own = corners[index, corner]
+            if corner_surface[own] == surface[index]:
+                u[corner], v[corner] = points[own, 0], points[own, 1]
+                continue
+            u[corner], v[corner] = middles[index, 0], middles[index, 1]
+            opposite = corners[index, (corner + 2) % 4]
+            if corner_surface[opposite] == surface[index]:
+                u[corner] -= _short_way(points[opposite, 0] - middles[index, 0])
+                v[corner] -= points[opposite, 1] - middles[index, 1]
+        top, right_side = _short_way(u[1] - u[0]), _short_way(u[2] - u[1])
+        bottom, left_side = _short_way(u[3] - u[2]), _short_way(u[0] - u[3])
+        left = 0.0
+        if abs(top + right_side + bottom + left_side) > 0.5:
+            # The quadrilateral goes round a pole: the rectangle is the cap down to its edge.
+            width = columns * 1.0
+            upper, lower = (0.0, v.max() * rows) if v[0] < 0.5 else (v.min() * rows, rows * 1.0)
+        else:
+            # As wide as both pairs of opposite sides together, by Pythagoras.
+            width = np.sqrt((0.5 * (top - bottom)) ** 2 + (0.5 * (right_side - left_side)) ** 2) * columns
+            along, across = 0.5 * (v[1] - v[0] + v[2] - v[3]), 0.5 * (v[3] - v[0] + v[2] - v[1])
+            height = np.sqrt(along * along + across * across) * rows
+            middle_u = u[0] + 0.25 * (3 * top + 2 * right_side + bottom)
+            middle_v = 0.25 * (v[0] + v[1] + v[2] + v[3])
+            if width <= 1 and height <= 1:
+                middle_u -= np.floor(middle_u)
+                row, column, down, right = cell(table, np.float32(middle_u), np.float32(middle_v))
+                for c in range(3):
+                    seen[place, c] = blended(table, row, column, down, right, c)
+                continue
+            # One entry wide at least: a box of one entry over entries is their interpolation.
+            width, height = min(max(width, 1.0), columns * 1.0), max(height, 1.0)
+            left = middle_u * columns - 0.5 * width
+            upper, lower = middle_v * rows - 0.5 * height, middle_v * rows + 0.5 * height
+        upper = min(max(upper, 0.0), rows - 0.5)
+        lower = min(max(lower, upper + 0.5), rows * 1.0)
+        area = width * (_area_at(areas, lower) - _area_at(areas, upper))
+        first, second = _sum_at(sums, left + width, lower), _sum_at(sums, left, lower)
+        third, fourth = _sum_at(sums, left + width, upper), _sum_at(sums, left, upper)
+        seen[place, 0] = max(first[0] - second[0] - third[0] + fourth[0], 0.0) / area
+        seen[place, 1] = max(first[1] - second[1] - third[1] + fourth[1], 0.0) / area
+        seen[place, 2] = max(first[2] - second[2] - third[2] + fourth[2], 0.0) / area
+
+
+@inlined
+def _level_at(values, begin, rows, u, v):
+    """The three channels of one level."""
+    x = u * np.float32(2 * rows) + np.float32(0.5)
+    y = v * np.float32(rows) + np.float32(0.5)
+    column, row = min(max(int(x), 0), 2 * rows), min(max(int(y), 0), rows)
+    right, down = x - np.float32(column), y - np.float32(row)
+    left, above = np.float32(1) - right, np.float32(1) - down
+    first = begin + (row * (2 * rows + 2) + column) * 3
+    second = first + (2 * rows + 2) * 3
+    red = (values[first] * left + values[first + 3] * right) * above
+    green = (values[first + 1] * left + values[first + 4] * right) * above
+    blue = (values[first + 2] * left + values[first + 5] * right) * above
+    red += (values[second] * left + values[second + 3] * right) * down
+    green += (values[second + 1] * left + values[second + 4] * right) * down
+    blue += (values[second + 2] * left + values[second + 5] * right) * down
+    return red, green, blue
+
+
+@kernel
+def from_pyramid(seen, quads, points, pyramid):
+    """Williams 1983: between the two levels whose entries are as large as what the pixel reflects.
+
+    points : (Q, 2) image points of the middles
+    """
+    values, begins, rows = pyramid.values, pyramid.begins, pyramid.rows
+    last, one = len(rows) - 1, np.float32(1)
+    for place in range(len(quads)):
+        quad = quads[place]
+        across = max(_distance(quad, 0, 1), _distance(quad, 3, 2))
+        along = max(_distance(quad, 0, 3), _distance(quad, 1, 2))
+        spread = max(np.sqrt(max(across, along)) * np.float32(rows[0] / np.pi), one)
+        level = min(np.log2(spread), np.float32(last))
+        lower = min(int(level), last)
+        share = level - np.float32(lower)
+        u, v = points[place, 0], points[place, 1]
+        red, green, blue = _level_at(values, begins[lower], rows[lower], u, v)
+        if share > 0:
+            upper = _level_at(values, begins[lower + 1], rows[lower + 1], u, v)
+            red = red * (one - share) + upper[0] * share
+            green = green * (one - share) + upper[1] * share
+            blue = blue * (one - share) + upper[2] * share
+        seen[place, 0], seen[place, 1], seen[place, 2] = red, green, blue

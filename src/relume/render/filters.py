@@ -1,0 +1,194 @@
+"""How a pixel reads a reflection map: at its middle, or over all that it reflects (Miller & Hoffman 1984, §§7.1, 8).
+
+Each is a frozen value for `Mapped(filter=…)`. `prepared(table)` makes of a table (H, 2H, 3) what the filter reads;
+`add` adds a layer's light to the chosen samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from relume._kernel import in_threads
+from relume.render import filter_kernels as kernels
+from relume.render.samples import Samples
+from relume.render.terms import Term
+from relume.sphere.mappings import LatLong
+from relume.sphere.polar import padded
+
+
+class Filter(Protocol):
+    """A way to read a table."""
+
+    def prepared(self, table: np.ndarray) -> Any:
+        """What is kept of a table (H, 2H, 3)."""
+        ...
+
+    def add(
+        self, light: np.ndarray, chosen: np.ndarray, samples: Samples, term: Term, prepared: Any, threads: int | None
+    ) -> None:
+        """Add the term of the `chosen` samples, (Q,) indices, to `light` (P, 3) float32."""
+        ...
+
+
+@dataclass(frozen=True)
+class Plain:
+    """Bilinear interpolation at the pixel's middle (§7.1); highlights on curved surfaces break up."""
+
+    def prepared(self, table: np.ndarray) -> np.ndarray:
+        return padded(table)
+
+    def add(
+        self, light: np.ndarray, chosen: np.ndarray, samples: Samples, term: Term, prepared: Any, threads: int | None
+    ) -> None:
+        in_threads(
+            lambda begin, end: kernels.plain(light, chosen[begin:end], samples, term, prepared), len(chosen), threads
+        )
+
+
+@dataclass(frozen=True)
+class Subdivision:
+    """Recursive subdivision of the pixel's reflected corners (§8.1), the most exact and the slowest.
+
+    depth : halvings at most; a piece of 2⁻¹⁶ of a pixel is "inconsequentially small"
+    """
+
+    depth: int = 16
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.depth <= 30:
+            raise ValueError(f"depth of the subdivision is {self.depth}; expected 0 to 30")
+
+    def prepared(self, table: np.ndarray) -> np.ndarray:
+        return padded(table)
+
+    def add(
+        self, light: np.ndarray, chosen: np.ndarray, samples: Samples, term: Term, prepared: Any, threads: int | None
+    ) -> None:
+        _add_spans(
+            light, chosen, samples, term, threads,
+            lambda seen, quads, middles: kernels.subdivided(seen, quads, prepared, self.depth),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Quadrilateral:
+    """The mean over the quadrilateral that the pixel's reflected corners span (§8.2)."""
+
+    def prepared(self, table: np.ndarray) -> np.ndarray:
+        return padded(table)
+
+    def add(
+        self, light: np.ndarray, chosen: np.ndarray, samples: Samples, term: Term, prepared: Any, threads: int | None
+    ) -> None:
+        _add_spans(
+            light, chosen, samples, term, threads,
+            lambda seen, quads, middles: kernels.spanned(seen, quads, prepared),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Preintegrated:
+    """The mean over a rectangle of the map, by differences in a table of its sums (§8.3; summed areas, Crow 1984).
+
+    The sums are in double precision: the highest value times the number of entries must leave the lowest its digits.
+    """
+
+    def prepared(self, table: np.ndarray) -> kernels.Sums:
+        rows, columns = table.shape[:2]
+        areas = LatLong().solid_angles(rows)[:, :1]
+        sums = np.zeros((rows + 1, columns + 1, 3))
+        np.cumsum(np.cumsum(table * areas[..., None], axis=0, dtype=np.float64), axis=1, out=sums[1:, 1:])
+        return kernels.Sums(sums, np.concatenate([[0.0], np.cumsum(areas)]), padded(table))
+
+    def add(
+        self, light: np.ndarray, chosen: np.ndarray, samples: Samples, term: Term, prepared: Any, threads: int | None
+    ) -> None:
+        points = _image_points(_corner_directions(samples, term, threads), threads)
+        # Middles are asked for only beside other surfaces, but an array is always there.
+        alone = samples.corner_surface[samples.corners[chosen]] != samples.surface[chosen, None]
+        middles = np.zeros((len(light), 2), np.float32)
+        beside = chosen[alone.any(1)]
+        middles[beside] = _image_points(_directions(samples.normal[beside], samples.to_eye[beside], term, 1), 1)
+
+        def work(begin: int, end: int) -> None:
+            here = chosen[begin:end]
+            seen = np.empty((len(here), 3), np.float32)
+            kernels.preintegrated(seen, here, samples, points, middles, prepared)
+            kernels.add_weighed(light, here, seen, samples, term)
+
+        in_threads(work, len(chosen), threads)
+
+
+@dataclass(frozen=True)
+class Mip:
+    """Pyramids of ever smaller tables, interpolated between two of them (Williams 1983)."""
+
+    def prepared(self, table: np.ndarray) -> kernels.Pyramid:
+        levels = [np.asarray(table, np.float64)]
+        while levels[-1].shape[0] % 2 == 0 and levels[-1].shape[0] > 2:
+            below = levels[-1]
+            areas = LatLong().solid_angles(below.shape[0])[:, :1, None]
+            weighed = (below * areas).reshape(below.shape[0] // 2, 2, below.shape[1] // 2, 2, 3).sum((1, 3))
+            levels.append(weighed / (areas.reshape(-1, 2, 1, 1).sum(1) * 2))
+        flat = [padded(level) for level in levels]
+        begins = np.cumsum([0, *(level.size for level in flat)])[:-1]
+        rows = np.array([level.shape[0] for level in levels])
+        return kernels.Pyramid(np.concatenate([level.reshape(-1) for level in flat]), begins, rows)
+
+    def add(
+        self, light: np.ndarray, chosen: np.ndarray, samples: Samples, term: Term, prepared: Any, threads: int | None
+    ) -> None:
+        _add_spans(
+            light, chosen, samples, term, threads,
+            lambda seen, quads, middles: kernels.from_pyramid(seen, quads, _image_points(middles, 1), prepared),
+            chunk=16384,
+        )  # fmt: skip
+
+
+def _add_spans(
+    light: np.ndarray,
+    chosen: np.ndarray,
+    samples: Samples,
+    term: Term,
+    threads: int | None,
+    look_up: Callable[[np.ndarray, np.ndarray, np.ndarray], None],
+    *,
+    chunk: int = 1024,
+) -> None:
+    """Add what `look_up(seen, quads, middles)` sees in the directions (Q, 4, 3) that the samples' corners span."""
+    keys = _corner_directions(samples, term, threads)
+    middles = _directions(samples.normal, samples.to_eye, term, threads)
+
+    def work(begin: int, end: int) -> None:
+        here = chosen[begin:end]
+        quads = np.empty((len(here), 4, 3), np.float32)
+        kernels.quadrilaterals(quads, here, samples, middles, keys)
+        seen = np.empty((len(here), 3), np.float32)
+        look_up(seen, quads, middles[here])
+        kernels.add_weighed(light, here, seen, samples, term)
+
+    in_threads(work, len(chosen), threads, chunk=chunk)
+
+
+def _corner_directions(samples: Samples, term: Term, threads: int | None) -> np.ndarray:
+    """The corners' directions (M, 3) float32: shared by up to four samples, they are found once."""
+    return _directions(samples.corner_normal, samples.corner_to_eye, term, threads)
+
+
+def _directions(normals: np.ndarray, views: np.ndarray, term: Term, threads: int | None) -> np.ndarray:
+    keys = np.empty_like(normals)
+    in_threads(
+        lambda begin, end: kernels.directions(keys, normals, views, term.kind, term.ratio, begin, end),
+        len(keys), threads,
+    )  # fmt: skip
+    return keys
+
+
+def _image_points(keys: np.ndarray, threads: int | None) -> np.ndarray:
+    points = np.empty((len(keys), 2), np.float32)
+    in_threads(lambda begin, end: kernels.image_points(points, keys, begin, end), len(keys), threads)
+    return points

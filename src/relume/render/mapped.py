@@ -1,0 +1,216 @@
+"""The renderer `Mapped`: shading by look-up in reflection maps (Miller & Hoffman 1984, §3).
+
+What it cannot show, as the paper says: objects do not see themselves or each other, neither in mirrors nor as shadow,
+and all of a scene's light comes from infinity.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from relume._kernel import in_threads
+from relume.light.brdf import Reflectance
+from relume.light.glossy import GlossyMap, glossy_map
+from relume.light.reflection import reflection_map
+from relume.render.filters import Filter, Plain, Preintegrated
+from relume.render.glossy_kernel import add_glossy
+from relume.render.mapped_materials import ShadedLayer, layers_of
+from relume.render.renderer import Progress, Render
+from relume.render.samples import GBuffer, Samples
+from relume.render.terms import term
+from relume.render.visibility import Seen, Stage
+from relume.scene.camera import Camera
+from relume.scene.materials import Diffuse, Material
+from relume.scene.reflective import Reflective
+from relume.scene.scene import Scene
+from relume.scene.shapes import Solid, Sphere
+from relume.sphere.illumination import IlluminationMap
+
+LOOK_UPS = 8
+"""Look-ups in a glossy map along each side of a pixel, at most, where the normal turns within it."""
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """Reflection maps: a few look-ups a pixel, however much the surroundings hold.
+
+    filter : how pixels read the maps (`relume.render.filters`); pre-integrated sums keep small lights whole
+    background : show the light behind the objects, as the other renderers do; False leaves black, for matting over a
+        plate
+    threads : all cores unless given; the pixels do not depend on it
+    """
+
+    filter: Filter = Preintegrated()
+    background: bool = True
+    threads: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.threads is not None and self.threads < 1:
+            raise ValueError(f"threads is {self.threads}; expected at least 1, or none for all cores")
+
+    def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
+        """Make the tables and render one picture; there is no noise, and `seed` changes nothing."""
+        return self.prepared(scene).render(camera, progress=progress)
+
+    def prepared(self, scene: Scene) -> Prepared:
+        """Everything that does not depend on the camera, for many pictures of one scene (§3, lines 1 to 3)."""
+        shapes = (*scene.local, *scene.objects)
+        if len(shapes) > 1 or not all(_is_convex(shape) for shape in scene.objects):
+            names = ", ".join(shape.name for shape in scene.objects[:4]) + ("…" if len(scene.objects) > 4 else "")
+            warnings.warn(
+                f"reflection maps show no shadows and no reflections of objects in themselves or each other ({names}); "
+                "use rl.Mitsuba for those",
+                stacklevel=2,
+            )
+        shading = Shading.of([shape.material for shape in shapes], scene.light, self.filter, self.threads)
+        return Prepared(self, scene, Stage.of(shapes), shading)
+
+
+@dataclass(frozen=True, eq=False)
+class Shading:
+    """The tables of several materials under one light.
+
+    layers : for each material its layers, each with its table as the filter reads it
+    """
+
+    layers: tuple[tuple[tuple[ShadedLayer, Any], ...], ...]
+    filter: Filter
+    threads: int | None = None
+
+    @staticmethod
+    def of(
+        materials: Sequence[Material | Diffuse | Reflective],
+        light: IlluminationMap,
+        filter: Filter = Plain(),
+        threads: int | None = None,
+    ) -> Shading:
+        """Make the tables; materials with the same lobe share one."""
+        tables: dict[object, Any] = {}
+
+        def table(layer: ShadedLayer) -> Any:
+            lobe = layer.layer.lobe
+            if lobe not in tables:
+                if isinstance(lobe, Reflectance):
+                    tables[lobe] = glossy_map(light, lobe)
+                else:
+                    tables[lobe] = filter.prepared(reflection_map(light, lobe).table)
+            return tables[lobe]
+
+        layers = tuple(tuple((layer, table(layer)) for layer in layers_of(material)) for material in materials)
+        return Shading(layers, filter, threads)
+
+    def shade(self, pixels: GBuffer) -> np.ndarray:
+        """Line 9 for every pixel of a G-buffer: radiance (H, W, 3) float32, 0 where it holds no surface.
+
+        Raises ValueError where a pixel names a material that is not there.
+        """
+        if pixels.surface.size and pixels.surface.max() >= len(self.layers):
+            raise ValueError(
+                f"the G-buffer names material {pixels.surface.max()} of {len(self.layers)}; they are numbered from 0"
+            )
+        uv = np.zeros((pixels.surface.size, 2)) if pixels.uv is None else pixels.uv.reshape(-1, 2)
+        return self.light(pixels.samples(), uv).reshape(*pixels.surface.shape, 3)
+
+    def light(self, samples: Samples, uv: np.ndarray) -> np.ndarray:
+        """Radiance (P, 3) float32 of samples with texture coordinates (P, 2)."""
+        light = np.zeros_like(samples.normal)
+        for index, layers in enumerate(self.layers):
+            chosen = np.flatnonzero(samples.surface == index).astype(np.int32)
+            if not chosen.size:
+                continue
+            for layer, table in layers:
+                colours = (_scattered(shade(uv[chosen]), chosen, len(light)) for shade in (layer.colour, layer.rim))
+                part = term(layer.layer, *colours)
+                if isinstance(table, GlossyMap):
+                    self._add_glossy(light, chosen, samples, part, table)
+                else:
+                    self.filter.add(light, chosen, samples, part, table, self.threads)
+        return light
+
+    def _add_glossy(self, light: np.ndarray, chosen: np.ndarray, samples: Samples, part: Any, table: GlossyMap) -> None:
+        most = 1 if isinstance(self.filter, Plain) else LOOK_UPS
+        tilts = table.tilts.astype(np.float32)
+        in_threads(
+            lambda begin, end: add_glossy(light, chosen[begin:end], samples, part, table.padded, tilts, most),
+            len(chosen), self.threads, chunk=4096,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A scene with its tables and its tree of bounding boxes: pictures from here on cost their pixels only."""
+
+    renderer: Mapped
+    scene: Scene
+    stage: Stage
+    shading: Shading
+
+    def render(self, camera: Camera, *, turn: np.ndarray | None = None, progress: Progress | None = None) -> Render:
+        """One picture (§3, lines 5 to 9).
+
+        turn : (3, 3) rotation of all objects about the world's origin, under the same light; none unless given
+        """
+        seen = self.stage.seen(camera, np.eye(3) if turn is None else turn, self.renderer.threads)
+        light = self.shading.light(seen.samples, seen.uv)
+        missed = seen.samples.surface < 0
+        if self.renderer.background and missed.any():
+            light[missed] = self.scene.light.look_up(seen.rays[missed])
+        if progress:
+            progress(1.0)
+        return self._render(seen, light, camera)
+
+    def _render(self, seen: Seen, light: np.ndarray, camera: Camera) -> Render:
+        hit = (seen.samples.surface >= 0) * seen.share
+        objects = (seen.samples.surface >= len(self.scene.local)) * seen.share
+        covered = _gathered(hit, seen, camera)
+        distance = _gathered(np.where(hit > 0, seen.distance, 0) * hit, seen, camera)
+        albedo = np.zeros_like(light)
+        for index, layers in enumerate(self.shading.layers):
+            here = np.flatnonzero(seen.samples.surface == index)
+            for layer, _ in layers if here.size else ():
+                albedo[here] += layer.colour(seen.uv[here]) * layer.layer.weight(np.ones((1, 1)))
+        radiance = _gathered(light * seen.share[:, None], seen, camera)
+        return Render(
+            radiance,
+            np.zeros_like(radiance),
+            np.minimum(_gathered(objects, seen, camera), 1),
+            (distance / np.maximum(covered, 1e-12)).astype(np.float32),
+            _gathered(seen.samples.normal * hit[:, None], seen, camera),
+            _gathered(albedo * hit[:, None], seen, camera),
+        )
+
+
+def _is_convex(shape: Solid) -> bool:
+    """Whether a solid fills its convex hull, or is flat."""
+    if isinstance(shape, Sphere):
+        return True
+    a, b, c = np.moveaxis(np.asarray(shape.vertices, np.float64)[shape.faces], 1, 0)
+    try:
+        hull = ConvexHull(np.unique(shape.vertices, axis=0)).volume
+    except QhullError:
+        return True
+    return bool(abs(np.einsum("ij,ij->", a, np.cross(b, c)) / 6) > 0.999 * hull)
+
+
+def _gathered(values: np.ndarray, seen: Seen, camera: Camera) -> np.ndarray:
+    """Sums of samples' values over their pixels, (H, W) or (H, W, 3) float32."""
+    shape, count = (camera.height, camera.width), camera.height * camera.width
+    if values.ndim == 1:
+        return np.bincount(seen.pixel, values, count).reshape(shape).astype(np.float32)
+    planes = [np.bincount(seen.pixel, plane, count) for plane in values.T]
+    return np.stack(planes, axis=-1).reshape(*shape, 3).astype(np.float32)
+
+
+def _scattered(colours: np.ndarray, chosen: np.ndarray, count: int) -> np.ndarray:
+    """Colours of the chosen samples in their places among all; a single one stays single."""
+    if len(colours) == 1:
+        return colours
+    everywhere = np.zeros((count, 3), np.float32)
+    everywhere[chosen] = colours
+    return everywhere

@@ -1,0 +1,212 @@
+"""The surface where a ray meets it: point, normals, texture coordinates and how the surface runs along them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from relume._kernel import in_threads, inlined, kernel
+from relume.render.raycast import Hits, checked_rays
+from relume.scene.shapes import Mesh, Plane, Shape, Sphere
+
+_MESH, _SPHERE, _PLANE = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class SurfacePoints:
+    """The surface at N hits; zeros in the rows of rays that met nothing.
+
+    point : (N, 3) float64, metres, world
+    geometric_normal : (N, 3) float64 unit vectors, outward: towards those who see the face counter-clockwise, +Y of
+        a plane
+    shading_normal : (N, 3) float64 unit vectors, the mesh's own interpolated, or else the geometric ones
+    uv : (N, 2) float32 texture coordinates, (0, 0) the lower left corner; on a plane +X is right and −Z is up;
+        0 where a mesh has none
+    dp_du, dp_dv : (N, 3) float64, metres to a unit of u and of v; 0 where a mesh has no texture coordinates
+    """
+
+    point: np.ndarray
+    geometric_normal: np.ndarray
+    shading_normal: np.ndarray
+    uv: np.ndarray
+    dp_du: np.ndarray
+    dp_dv: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """Shapes made ready to be asked about hits: the F faces and V vertices of all meshes, one after the other.
+
+    kind : (S,) int8, what each shape is
+    first_face : (S,) int64, a mesh's first row in `faces`
+    measures : (S, 4) float64, metres: a sphere's centre and radius, a plane's lengths along x and z
+    smooth, textured : (S,) bool, whether a mesh has normals, and texture coordinates
+    faces : (F, 3) int32, rows in the next three
+    vertices : (V, 3) float32, metres
+    normals : (V, 3) float32, 0 where there are none
+    uv : (V, 2) float32, 0 where there are none
+    """
+
+    kind: np.ndarray
+    first_face: np.ndarray
+    measures: np.ndarray
+    smooth: np.ndarray
+    textured: np.ndarray
+    faces: np.ndarray
+    vertices: np.ndarray
+    normals: np.ndarray
+    uv: np.ndarray
+
+    @staticmethod
+    def of(shapes: Sequence[Shape]) -> Surfaces:
+        """The surfaces of these shapes, in the order that was given to `RayCaster.of`.
+
+        Raises ValueError where a mesh has not a normal, or not a texture coordinate, for each vertex.
+        """
+        kind, measures = np.zeros(len(shapes), np.int8), np.zeros((len(shapes), 4))
+        first_face, face, vertex = np.zeros(len(shapes), np.int64), 0, 0
+        smooth, textured = np.zeros(len(shapes), bool), np.zeros(len(shapes), bool)
+        faces, vertices = [np.zeros((0, 3), np.int32)], [np.zeros((0, 3), np.float32)]
+        normals, uv = [np.zeros((0, 3), np.float32)], [np.zeros((0, 2), np.float32)]
+        for i, shape in enumerate(shapes):
+            if isinstance(shape, Sphere):
+                kind[i], measures[i] = _SPHERE, (*shape.centre, shape.radius)
+            elif isinstance(shape, Plane):
+                kind[i], measures[i, :2] = _PLANE, shape.extent
+            else:
+                first_face[i], smooth[i], textured[i] = face, shape.normals is not None, shape.uv is not None
+                faces.append(np.asarray(shape.faces + vertex, np.int32))
+                vertices.append(np.asarray(shape.vertices, np.float32))
+                normals.append(_of_each_vertex(shape, "normals", 3))
+                uv.append(_of_each_vertex(shape, "uv", 2))
+                face, vertex = face + len(shape.faces), vertex + len(shape.vertices)
+        tables = (np.concatenate(table) for table in (faces, vertices, normals, uv))
+        return Surfaces(kind, first_face, measures, smooth, textured, *tables)
+
+    def at(self, origins: ArrayLike, directions: ArrayLike, hits: Hits, *, threads: int | None = None) -> SurfacePoints:
+        """The surface where these rays met it.
+
+        origins, directions : as given to `RayCaster.nearest`
+        hits : what it answered
+        threads : at most this many; as many as there are cores for None
+        """
+        origins, directions = checked_rays(origins, directions)
+        count = len(hits.shape)
+        if len(directions) != count:
+            raise ValueError(f"there are {count} hits of {len(directions)} rays; expected those of the same rays")
+        if count and hits.shape.max() >= len(self.kind):
+            raise ValueError(f"a hit is on shape {hits.shape.max()} of {len(self.kind)}; expected hits on these shapes")
+        point, geometric, shading, dp_du, dp_dv = (np.zeros((count, 3)) for _ in range(5))
+        points = SurfacePoints(point, geometric, shading, np.zeros((count, 2), np.float32), dp_du, dp_dv)
+        met = (hits.distance, hits.shape, hits.primitive, hits.barycentric)
+        shapes = (self.kind, self.first_face, self.measures, self.smooth, self.textured)
+        meshes = (self.faces, self.vertices, self.normals, self.uv)
+        told = (point, geometric, shading, points.uv, dp_du, dp_dv)
+
+        def work(begin: int, end: int) -> None:
+            _describe((origins, directions), met, shapes, meshes, begin, end, told)
+
+        in_threads(work, count, threads)
+        return points
+
+
+def _of_each_vertex(mesh: Mesh, name: str, width: int) -> np.ndarray:
+    """A mesh's `normals` or `uv` as float32, zeros where it has none."""
+    values = getattr(mesh, name)
+    expected = (len(mesh.vertices), width)
+    if values is None:
+        return np.zeros(expected, np.float32)
+    if values.shape != expected:
+        raise ValueError(f"{name} of {mesh.name!r} are {values.shape}; expected {expected}, one for each vertex")
+    return np.asarray(values, np.float32)
+
+
+@kernel
+def _describe(rays, hits, shapes, meshes, begin, end, points):
+    """Write the surface at hits begin … end."""
+    origins, directions = rays
+    distance, shape, primitive, barycentric = hits
+    kind, first_face, measures, smooth, textured = shapes
+    faces, vertices, normals, mesh_uv = meshes
+    point, geometric_normal, shading_normal, uv, dp_du, dp_dv = points
+    for i in range(begin, end):
+        s = shape[i]
+        if s < 0:
+            continue
+        j = i if len(origins) > 1 else 0
+        x = origins[j, 0] + distance[i] * directions[i, 0]
+        y = origins[j, 1] + distance[i] * directions[i, 1]
+        z = origins[j, 2] + distance[i] * directions[i, 2]
+        point[i, 0], point[i, 1], point[i, 2] = x, y, z
+
+        if kind[s] == _PLANE:
+            along_x, along_z = measures[s, 0], measures[s, 1]
+            geometric_normal[i, 1] = shading_normal[i, 1] = 1.0
+            uv[i, 0], uv[i, 1] = 0.5 + x / along_x, 0.5 - z / along_z
+            dp_du[i, 0], dp_dv[i, 2] = along_x, -along_z
+            continue
+
+        if kind[s] == _SPHERE:
+            radius = measures[s, 3]
+            x, y, z = _unit(x - measures[s, 0], y - measures[s, 1], z - measures[s, 2])
+            ring = np.sqrt(x * x + z * z)
+            # At a pole every longitude is right; 0 is taken.
+            sine, cosine = (x / ring, -z / ring) if ring > 0 else (0.0, 1.0)
+            geometric_normal[i, 0], geometric_normal[i, 1], geometric_normal[i, 2] = x, y, z
+            shading_normal[i, 0], shading_normal[i, 1], shading_normal[i, 2] = x, y, z
+            uv[i, 0] = max(0.5 + np.arctan2(sine, cosine) / (2 * np.pi), 0.0)
+            uv[i, 1] = np.arctan2(ring, -y) / np.pi
+            dp_du[i, 0], dp_du[i, 2] = -2 * np.pi * radius * z, 2 * np.pi * radius * x
+            dp_dv[i, 0], dp_dv[i, 2] = -np.pi * radius * y * sine, np.pi * radius * y * cosine
+            dp_dv[i, 1] = np.pi * radius * ring
+            continue
+
+        face = first_face[s] + primitive[i]
+        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+        second, third = np.float64(barycentric[i, 0]), np.float64(barycentric[i, 1])
+        first = 1 - second - third
+        bx, by, bz = _edge(vertices, a, b)
+        cx, cy, cz = _edge(vertices, a, c)
+        x, y, z = _unit(by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx)
+        geometric_normal[i, 0], geometric_normal[i, 1], geometric_normal[i, 2] = x, y, z
+        if smooth[s]:
+            smooth_x, smooth_y, smooth_z = _unit(
+                first * normals[a, 0] + second * normals[b, 0] + third * normals[c, 0],
+                first * normals[a, 1] + second * normals[b, 1] + third * normals[c, 1],
+                first * normals[a, 2] + second * normals[b, 2] + third * normals[c, 2],
+            )
+            if smooth_x != 0 or smooth_y != 0 or smooth_z != 0:
+                x, y, z = smooth_x, smooth_y, smooth_z
+        shading_normal[i, 0], shading_normal[i, 1], shading_normal[i, 2] = x, y, z
+        if textured[s]:
+            for k in range(2):
+                uv[i, k] = first * mesh_uv[a, k] + second * mesh_uv[b, k] + third * mesh_uv[c, k]
+            # The edges are dp/du Δu + dp/dv Δv; Cramer's rule.
+            bu, bv = np.float64(mesh_uv[b, 0]) - mesh_uv[a, 0], np.float64(mesh_uv[b, 1]) - mesh_uv[a, 1]
+            cu, cv = np.float64(mesh_uv[c, 0]) - mesh_uv[a, 0], np.float64(mesh_uv[c, 1]) - mesh_uv[a, 1]
+            determinant = bu * cv - bv * cu
+            if determinant != 0:
+                bu, bv, cu, cv = bu / determinant, bv / determinant, cu / determinant, cv / determinant
+                dp_du[i, 0], dp_du[i, 1], dp_du[i, 2] = cv * bx - bv * cx, cv * by - bv * cy, cv * bz - bv * cz
+                dp_dv[i, 0], dp_dv[i, 1], dp_dv[i, 2] = bu * cx - cu * bx, bu * cy - cu * by, bu * cz - cu * bz
+
+
+@inlined
+def _edge(vertices, a, b):
+    """From vertex a to vertex b."""
+    return (
+        np.float64(vertices[b, 0]) - vertices[a, 0],
+        np.float64(vertices[b, 1]) - vertices[a, 1],
+        np.float64(vertices[b, 2]) - vertices[a, 2],
+    )
+
+
+@inlined
+def _unit(x, y, z):
+    """The vector at unit length; 0 where it has none."""
+    length = np.sqrt(x * x + y * y + z * z)
+    scale = 1 / length if length > 0 else 0.0
+    return x * scale, y * scale, z * scale

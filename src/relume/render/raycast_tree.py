@@ -1,0 +1,183 @@
+"""A tree of boxes over primitives (bounding volume hierarchy), so that a ray meets only the few that are near it.
+
+Each split is the cheapest of a few by the surface area heuristic (Wald 2007, "On fast construction of SAH-based
+bounding volume hierarchies").
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from relume._kernel import exact_kernel
+
+BINS = 16
+"""Candidate splits along each axis, and one."""
+LARGEST_LEAF = 4
+"""Primitives in a leaf; at most 7, for a leaf's reference has three bits for them."""
+STEP_COST = 1.0
+"""Time to test a node's two boxes, in primitives tested."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """Boxes within boxes.
+
+    boxes : (M, 12) float32, two children's each, as low and high x, low and high y, low and high z
+    children : (M, 2) int32, references to the two: a node's number, or of a leaf ~(8·first + count)
+    order : (P,) int32, the primitives' numbers as the leaves hold them, first … first + count
+    root : reference to the whole
+    depth : nodes above the deepest leaf
+    """
+
+    boxes: np.ndarray
+    children: np.ndarray
+    order: np.ndarray
+    root: int
+    depth: int
+
+
+def build_tree(boxes: np.ndarray) -> Tree:
+    """The tree over primitives with these boxes.
+
+    boxes : (P, 6) float32, low x, y, z and high x, y, z; finite. P may be 0
+    """
+    if boxes.ndim != 2 or boxes.shape[1] != 6 or boxes.dtype != np.float32:
+        raise ValueError(f"boxes are {boxes.dtype} {boxes.shape}; expected float32 (P, 6)")
+    if not len(boxes):
+        none = np.zeros((0, 12), np.float32), np.zeros((0, 2), np.int32), np.zeros(0, np.int32)
+        return Tree(*none, root=~0, depth=0)
+    order = np.arange(len(boxes), dtype=np.int32)
+    nodes = np.empty((len(boxes) - 1, 12), np.float32)
+    children = np.empty((len(boxes) - 1, 2), np.int32)
+    root, count, depth = _build(boxes.copy(), order, nodes, children)
+    return Tree(nodes[:count].copy(), children[:count].copy(), order, int(root), int(depth))
+
+
+@exact_kernel
+def _build(boxes, order, nodes, children):
+    """Sort boxes and order into leaves and write the nodes; the root's reference, the nodes' number and the depth."""
+    # The smaller half is always taken first, so the halves that wait number log₂ of the primitives at most.
+    waiting = np.empty((64, 4), np.int64)
+    bins = np.empty((3, BINS, 6), np.float32)
+    counts = np.empty((3, BINS), np.int64)
+    areas = np.empty(BINS)
+    low, scale = np.empty(3, np.float32), np.empty(3)
+    root, made, deepest = 0, 0, 0
+    waiting[0] = (0, len(order), -1, 0)
+    top = 1
+    while top > 0:
+        top -= 1
+        begin, end, parent, depth = waiting[top]
+        box = _measure(boxes, begin, end, low, scale)
+        axis, cut, cost = -1, 0, np.inf
+        if end - begin > 1:
+            _fill_bins(boxes, begin, end, low, scale, bins, counts)
+            for candidate in range(3):
+                cheapest, here = _cheapest_cut(bins[candidate], counts[candidate], areas)
+                if cheapest < cost:
+                    axis, cut, cost = candidate, here, cheapest
+        size = end - begin
+        if size == 1 or (size <= LARGEST_LEAF and cost + STEP_COST * _half_area(box) >= size * _half_area(box)):
+            reference = ~(begin * 8 + size)
+            deepest = max(deepest, depth)
+        else:
+            reference = made
+            made += 1
+            # Where all centres coincide no plane divides them: any half is as good as another.
+            middle = begin + size // 2
+            if axis >= 0:
+                middle = _partition(boxes, order, begin, end, axis, cut, low[axis], scale[axis])
+            left, right = (begin, middle, 2 * reference, depth + 1), (middle, end, 2 * reference + 1, depth + 1)
+            larger_first = middle - begin > end - middle
+            waiting[top] = left if larger_first else right
+            waiting[top + 1] = right if larger_first else left
+            top += 2
+        if parent < 0:
+            root = reference
+        else:
+            children[parent >> 1, parent & 1] = reference
+            for i in range(6):
+                nodes[parent >> 1, (parent & 1) * 6 + i] = box[i]
+    return root, made, deepest
+
+
+@exact_kernel
+def _measure(boxes, begin, end, low, scale):
+    """The box round all; writes where the bins of each axis begin and how many there are to a metre.
+
+    Centres are told as the sum of both ends. An axis along which all coincide has scale 0.
+    """
+    infinity = np.float32(np.inf)
+    lx, ly, lz, hx, hy, hz = infinity, infinity, infinity, -infinity, -infinity, -infinity
+    first_x, first_y, first_z, last_x, last_y, last_z = lx, ly, lz, hx, hy, hz
+    for i in range(begin, end):
+        x, y, z = boxes[i, 0] + boxes[i, 3], boxes[i, 1] + boxes[i, 4], boxes[i, 2] + boxes[i, 5]
+        lx, ly, lz = min(lx, boxes[i, 0]), min(ly, boxes[i, 1]), min(lz, boxes[i, 2])
+        hx, hy, hz = max(hx, boxes[i, 3]), max(hy, boxes[i, 4]), max(hz, boxes[i, 5])
+        first_x, first_y, first_z = min(first_x, x), min(first_y, y), min(first_z, z)
+        last_x, last_y, last_z = max(last_x, x), max(last_y, y), max(last_z, z)
+    low[0], low[1], low[2] = first_x, first_y, first_z
+    for axis, width in enumerate((last_x - first_x, last_y - first_y, last_z - first_z)):
+        scale[axis] = 0.9999 * BINS / width if width > 0 else 0.0
+    return lx, hx, ly, hy, lz, hz
+
+
+@exact_kernel
+def _fill_bins(boxes, begin, end, low, scale, bins, counts):
+    """Count the primitives whose centre falls into each bin of each axis, and the box round them."""
+    bins[:, :, :3] = np.inf
+    bins[:, :, 3:] = -np.inf
+    counts[:] = 0
+    for i in range(begin, end):
+        for axis in range(3):
+            here = int((boxes[i, axis] + boxes[i, axis + 3] - low[axis]) * scale[axis])
+            counts[axis, here] += 1
+            for j in range(3):
+                bins[axis, here, j] = min(bins[axis, here, j], boxes[i, j])
+                bins[axis, here, j + 3] = max(bins[axis, here, j + 3], boxes[i, j + 3])
+
+
+@exact_kernel
+def _cheapest_cut(bins, counts, areas):
+    """The least cost of a cut after one of the bins (∞ where none divides), and that bin; areas is scratch."""
+    infinity = np.float32(np.inf)
+    lx, ly, lz, hx, hy, hz, above = infinity, infinity, infinity, -infinity, -infinity, -infinity, 0
+    for i in range(BINS - 1, 0, -1):
+        above += counts[i]
+        lx, ly, lz = min(lx, bins[i, 0]), min(ly, bins[i, 1]), min(lz, bins[i, 2])
+        hx, hy, hz = max(hx, bins[i, 3]), max(hy, bins[i, 4]), max(hz, bins[i, 5])
+        areas[i] = above * _half_area((lx, hx, ly, hy, lz, hz)) if above > 0 else np.inf
+    cost, cut = np.inf, 0
+    lx, ly, lz, hx, hy, hz, below = infinity, infinity, infinity, -infinity, -infinity, -infinity, 0
+    for i in range(BINS - 1):
+        below += counts[i]
+        lx, ly, lz = min(lx, bins[i, 0]), min(ly, bins[i, 1]), min(lz, bins[i, 2])
+        hx, hy, hz = max(hx, bins[i, 3]), max(hy, bins[i, 4]), max(hz, bins[i, 5])
+        if below > 0:
+            here = below * _half_area((lx, hx, ly, hy, lz, hz)) + areas[i + 1]
+            if here < cost:
+                cost, cut = here, i
+    return cost, cut
+
+
+@exact_kernel
+def _half_area(box):
+    x, y, z = np.float64(box[1]) - box[0], np.float64(box[3]) - box[2], np.float64(box[5]) - box[4]
+    return x * y + y * z + z * x
+
+
+@exact_kernel
+def _partition(boxes, order, begin, end, axis, cut, low, scale):
+    """Swap the primitives whose bin is at most `cut` to the front; where the others begin."""
+    i, j = begin, end - 1
+    while i <= j:
+        if int((boxes[i, axis] + boxes[i, axis + 3] - low) * scale) <= cut:
+            i += 1
+        else:
+            for k in range(6):
+                boxes[i, k], boxes[j, k] = boxes[j, k], boxes[i, k]
+            order[i], order[j] = order[j], order[i]
+            j -= 1
+    return i

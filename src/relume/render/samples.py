@@ -1,0 +1,98 @@
+"""What shading by reflection maps needs of a pixel: normal, view and surface, in the middle and at the corners."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Samples(NamedTuple):
+    """Points to shade, in whatever order; kernels read it.
+
+    normal, to_eye : (P, 3) float32 unit vectors, world, at the middle
+    surface : (P,) int32, which material; −1 where nothing is seen
+    corners : (P, 4) int32, rows of the next three: upper left, upper right, lower right, lower left
+    corner_normal, corner_to_eye : (M, 3) float32
+    corner_surface : (M,) int32
+    """
+
+    normal: np.ndarray
+    to_eye: np.ndarray
+    surface: np.ndarray
+    corners: np.ndarray
+    corner_normal: np.ndarray
+    corner_to_eye: np.ndarray
+    corner_surface: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class GBuffer:
+    """Normals and views of a picture, by this package's ray casting or from any other program (§3, lines 6 and 7).
+
+    normal : (H, W, 3) unit vectors in world space
+    view : (H, W, 3) unit vectors from the surface to the eye
+    surface : (H, W) integers, the index of each pixel's material, −1 where there is none
+    uv : (H, W, 2) texture coordinates, where a material has images
+
+    Raises ValueError for sizes that differ and for vectors of a surface that are not of unit length.
+    """
+
+    normal: np.ndarray
+    view: np.ndarray
+    surface: np.ndarray
+    uv: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        shape = np.shape(self.surface)
+        if len(shape) != 2 or not np.issubdtype(np.asarray(self.surface).dtype, np.integer):
+            raise ValueError(f"surface is {shape} {np.asarray(self.surface).dtype}; expected integers (H, W)")
+        wanted = {"normal": (self.normal, 3), "view": (self.view, 3)} | (
+            {} if self.uv is None else {"uv": (self.uv, 2)}
+        )
+        for name, (plane, channels) in wanted.items():
+            if np.shape(plane) != (*shape, channels):
+                raise ValueError(
+                    f"{name} is {np.shape(plane)} beside a surface of {shape}; expected {(*shape, channels)}: "
+                    "render all planes at one size"
+                )
+        seen = np.asarray(self.surface) >= 0
+        for name, plane in (("normal", self.normal), ("view", self.view)):
+            lengths = np.linalg.norm(np.asarray(plane, np.float64)[seen], axis=-1)
+            wrong = ~(np.abs(lengths - 1) < 1e-2)
+            if np.any(wrong):
+                row, column = np.argwhere(seen)[np.flatnonzero(wrong)[0]]
+                raise ValueError(
+                    f"{np.count_nonzero(wrong)} vectors of {name} are not of unit length, the first at row {row}, "
+                    f"column {column} ({lengths[wrong][0]:.3g}); normalise them, or give surface −1 there"
+                )
+
+    def samples(self) -> Samples:
+        """The pixels in rows; their corners are the means of the pixels of the same surface round them."""
+        height, width = self.surface.shape
+        surface = np.ascontiguousarray(self.surface, np.int32)
+        normal = np.ascontiguousarray(self.normal, np.float32)
+        view = np.ascontiguousarray(self.view, np.float32)
+        framed = np.full((height + 2, width + 2), -1, np.int32)
+        framed[1:-1, 1:-1] = surface
+        around = np.stack([framed[i : i + height + 1, j : j + width + 1] for i in (0, 1) for j in (0, 1)])
+        corner_surface = around.max(0)
+        same = (around == corner_surface) & (corner_surface >= 0)
+        planes = []
+        for plane in (normal, view):
+            wide = np.pad(plane, ((1, 1), (1, 1), (0, 0)))
+            near = (wide[i : i + height + 1, j : j + width + 1] for i in (0, 1) for j in (0, 1))
+            total = sum(np.where(mine[..., None], part, 0) for mine, part in zip(same, near, strict=True))
+            length = np.linalg.norm(total, axis=-1, keepdims=True)
+            planes.append((total / np.maximum(length, 1e-12)).astype(np.float32).reshape(-1, 3))
+        return Samples(
+            normal.reshape(-1, 3), view.reshape(-1, 3), surface.reshape(-1),
+            grid_corners(height, width), planes[0], planes[1], corner_surface.reshape(-1),
+        )  # fmt: skip
+
+
+def grid_corners(height: int, width: int) -> np.ndarray:
+    """The corners of a picture's pixels among (height + 1)·(width + 1) points in rows: (height·width, 4) int32."""
+    upper = (np.arange(height)[:, None] * (width + 1) + np.arange(width)).reshape(-1)
+    return np.stack([upper, upper + 1, upper + width + 2, upper + width + 1], axis=1).astype(np.int32)
