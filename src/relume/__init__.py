@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from relume.errors import (
         BallNotFound,
         GridNotFound,
+        InvalidScene,
         InvalidShot,
         NotABracket,
         OutputNotWritten,
@@ -30,19 +31,23 @@ if TYPE_CHECKING:
     from relume.image.photograph import Exposure, Photograph
     from relume.image.radiance import RadianceMap
     from relume.image.response import Response
+    from relume.light.reflection import ReflectionMap, reflection_map, reflection_maps
     from relume.probe.ball import BallView, view_ball
     from relume.probe.blending import Probe, assemble
+    from relume.render.mapped import Mapped
     from relume.render.mitsuba import Mitsuba
     from relume.render.renderer import Constant, Render, Renderer, render
     from relume.scene.camera import Camera
     from relume.scene.grid import camera_from_grid
     from relume.scene.materials import Diffuse, Material
     from relume.scene.meshes import read_meshes
+    from relume.scene.reflective import Reflective
     from relume.scene.scene import Scene
-    from relume.scene.shapes import Mesh, Plane
+    from relume.scene.shapes import Mesh, Plane, Sphere
     from relume.shot.insert import insert
     from relume.shot.outcome import Inserted
     from relume.shot.project import Shot, read_shot
+    from relume.shot.scene_file import SceneFile, read_scene
     from relume.sphere.illumination import IlluminationMap, as_illumination, as_radiance_map
     from relume.sphere.mappings import Angular, LatLong, MirrorBall
 
@@ -57,9 +62,12 @@ _HOMES = {
     "errors": (
         "BallNotFound",
         "GridNotFound",
+        "InvalidScene",
+        "InvalidScene",
         "InvalidShot",
         "NotABracket",
         "OutputNotWritten",
+        "Reflective",
         "RelumeError",
         "UnreadableFile",
         "UnsupportedScene",
@@ -68,19 +76,23 @@ _HOMES = {
     "image.photograph": ("Exposure", "Photograph"),
     "image.radiance": ("RadianceMap",),
     "image.response": ("Response",),
+    "light.reflection": ("ReflectionMap", "reflection_map", "reflection_maps"),
     "probe.ball": ("BallView", "view_ball"),
     "probe.blending": ("Probe", "assemble"),
+    "render.mapped": ("Mapped",),
     "render.mitsuba": ("Mitsuba",),
     "render.renderer": ("Constant", "Render", "Renderer", "render"),
     "scene.camera": ("Camera",),
     "scene.grid": ("camera_from_grid",),
     "scene.materials": ("Diffuse", "Material"),
     "scene.meshes": ("read_meshes",),
+    "scene.reflective": ("Reflective",),
     "scene.scene": ("Scene",),
-    "scene.shapes": ("Mesh", "Plane"),
+    "scene.shapes": ("Mesh", "Plane", "Sphere"),
     "shot.insert": ("insert",),
     "shot.outcome": ("Inserted",),
     "shot.project": ("Shot", "read_shot"),
+    "shot.scene_file": ("SceneFile", "read_scene"),
     "sphere.illumination": ("IlluminationMap", "as_illumination", "as_radiance_map"),
     "sphere.mappings": ("Angular", "LatLong", "MirrorBall"),
 }
@@ -104,6 +116,7 @@ __all__ = [
     "InvalidShot",
     "InverseVariance",
     "LatLong",
+    "Mapped",
     "Material",
     "Mesh",
     "MirrorBall",
@@ -115,12 +128,16 @@ __all__ = [
     "Probe",
     "RadianceMap",
     "Recovered",
+    "ReflectionMap",
+    "Reflective",
     "RelumeError",
     "Render",
     "Renderer",
     "Response",
     "Scene",
+    "SceneFile",
     "Shot",
+    "Sphere",
     "UnreadableFile",
     "UnsupportedScene",
     "as_illumination",
@@ -136,9 +153,12 @@ __all__ = [
     "read_meshes",
     "read_photograph",
     "read_radiance",
+    "read_scene",
     "read_shot",
     "recover_reflectance",
     "recover_response",
+    "reflection_map",
+    "reflection_maps",
     "render",
     "view_ball",
     "write",

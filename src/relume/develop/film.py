@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.image.colour import encode_srgb
+from relume.image.colour import encode_srgb, luminance
 from relume.image.photograph import Photograph
 from relume.image.response import Response
+from relume.sphere.illumination import IlluminationMap
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +30,15 @@ class Film:
     def brighter(self, stops: float) -> Film:
         """The same film exposed longer by `stops` factors of two."""
         return Film(self.exposure * 2.0**stops, self.response)
+
+
+def metered(light: IlluminationMap) -> Film:
+    """The film of a photographer with an incident light meter in that light, one stop under.
+
+    The mean radiance, which a grey card would show at its own grey, becomes ½: reflected lights keep room above it.
+    """
+    mean = float(luminance(light.total())) / (4 * np.pi)
+    return Film(0.5 / mean) if mean > 0 else Film()
 
 
 def develop(radiance: np.ndarray, film: Film) -> Photograph:

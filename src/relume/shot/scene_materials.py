@@ -93,8 +93,8 @@ class BumpMapTable(Table):
 
 
 BumpsTable = Annotated[
-    Annotated[WrinklesTable, Tag("wrinkles")] | Annotated[BumpMapTable, Tag("map")],
-    Discriminator(lambda value: "map" if isinstance(value, dict) and "map" in value else "wrinkles"),
+    Annotated[WrinklesTable, Tag("of waves")] | Annotated[BumpMapTable, Tag("of an image")],
+    Discriminator(lambda value: "of an image" if isinstance(value, dict) and "map" in value else "of waves"),
 ]
 
 

@@ -66,11 +66,13 @@ def checked(
 
 
 def _first_fault(error: ValidationError, model: type[Table], table: dict[str, Any], what: str) -> str:
-    fault = error.errors()[0]
+    faults = error.errors()
+    # A key that is misspelt is missing too; the misspelling is what helps.
+    fault = next((f for f in faults if f["type"] == "extra_forbidden" and _nearest(model, f["loc"])), faults[0])
     kind, loc, context = fault["type"], fault["loc"], fault.get("ctx", {})
     place = _place(loc, table, with_last=kind == "missing" and isinstance(loc[-1], str))
     if kind == "extra_forbidden":
-        near = difflib.get_close_matches(str(loc[-1]), _known_keys(model, loc), 1)
+        near = _nearest(model, loc)
         return f"{place}: unknown key" + (f"; did you mean {near[0]}?" if near else "; remove it or see the docs")
     if kind == "union_tag_invalid":
         return f"{place}.kind: {_unknown_kind(context['tag'], context['expected_tags'])}"
@@ -101,13 +103,18 @@ def _place(loc: Sequence[int | str], table: Any, with_last: bool) -> str:
     """The keys of a fault: pydantic's path without what the file does not have, such as names of types."""
     parts: list[str] = []
     for part in loc:
-        entries = dict(enumerate(table)) if isinstance(table, list) else table
+        entries: Any = dict(enumerate(table)) if isinstance(table, list) else table
         if isinstance(entries, dict) and part in entries:
             table = entries[part]
             parts.append(str(part))
     if with_last:
         parts.append(str(loc[-1]))
     return ".".join(parts)
+
+
+def _nearest(model: type[BaseModel], loc: Sequence[int | str]) -> list[str]:
+    """The known key that an unknown one is most like, if any."""
+    return difflib.get_close_matches(str(loc[-1]), _known_keys(model, loc), 1)
 
 
 def _known_keys(model: type[BaseModel], loc: Sequence[int | str]) -> list[str]:
