@@ -16,12 +16,11 @@ if TYPE_CHECKING:
 def look_up(table: GlossyMap, normals: np.ndarray, views: np.ndarray) -> np.ndarray:
     """Reflected radiance (…, 3) float32 for unit normals and unit directions to the eye (…, 3)."""
     shape = np.broadcast_shapes(np.shape(normals), np.shape(views))
-    flat = [
+    facing, towards = (
         np.ascontiguousarray(np.broadcast_to(vectors, shape).reshape(-1, 3), np.float32) for vectors in (normals, views)
-    ]
-    seen = np.empty_like(flat[0])
-    tilts = table.tilts.astype(np.float32)
-    in_threads(lambda begin, end: _look_up(table.padded, tilts, *flat, seen, begin, end), len(seen))
+    )
+    seen, tilts = np.empty_like(facing), table.tilts.astype(np.float32)
+    in_threads(lambda begin, end: _look_up(table.padded, tilts, facing, towards, seen, begin, end), len(seen))
     return seen.reshape(shape)
 
 

@@ -85,10 +85,14 @@ def directions(keys, normals, views, kind, ratio, begin, end):
 
 
 @kernel
-def image_points(points, keys, begin, end):
-    """Their image points (M, 2)."""
+def image_points(points, normals, views, kind, ratio, begin, end):
+    """The image points (M, 2) of these directions."""
     for index in range(begin, end):
-        points[index, 0], points[index, 1] = polar_point(keys[index, 0], keys[index, 1], keys[index, 2])
+        x, y, z = key(
+            kind, ratio, normals[index, 0], normals[index, 1], normals[index, 2],
+            views[index, 0], views[index, 1], views[index, 2],
+        )  # fmt: skip
+        points[index, 0], points[index, 1] = polar_point(x, y, z)
 
 
 @kernel
@@ -246,28 +250,43 @@ def _area_at(areas, y):
 
 
 @kernel
-def preintegrated(seen, chosen, samples, points, middles, prepared):
+def _mirror_corners(u, v, own, x, y, z):
+    """Put a corner that lies on another surface opposite its opposite, about the middle's direction."""
+    middle_u, middle_v = polar_point(x, y, z)
+    for corner in range(4):
+        if not own[corner]:
+            opposite = (corner + 2) % 4
+            u[corner], v[corner] = middle_u, middle_v
+            if own[opposite]:
+                u[corner] -= _short_way(u[opposite] - middle_u)
+                v[corner] -= v[opposite] - middle_v
+
+
+@kernel
+def preintegrated(seen, chosen, samples, kind, ratio, points, prepared):
     """§8.3: the mean over a rectangle that has the quadrilateral's mean place and its second moments.
 
     points : (M, 2) image points of the corners
-    middles : (P, 2) of the samples' middles, read only where a corner lies on another surface
     """
     sums, areas, table = prepared.sums, prepared.areas, prepared.table
+    normals, views = samples.normal, samples.to_eye
     corners, surface, corner_surface = samples.corners, samples.surface, samples.corner_surface
     rows, columns = sums.shape[0] - 1, sums.shape[1] - 1
-    u, v = np.empty(4), np.empty(4)
+    u, v, own = np.empty(4), np.empty(4), np.empty(4, np.bool_)
     for place in range(len(chosen)):
         index = chosen[place]
+        whole = True
         for corner in range(4):
-            own = corners[index, corner]
-            if corner_surface[own] == surface[index]:
-                u[corner], v[corner] = points[own, 0], points[own, 1]
-                continue
-            u[corner], v[corner] = middles[index, 0], middles[index, 1]
-            opposite = corners[index, (corner + 2) % 4]
-            if corner_surface[opposite] == surface[index]:
-                u[corner] -= _short_way(points[opposite, 0] - middles[index, 0])
-                v[corner] -= points[opposite, 1] - middles[index, 1]
+            point = corners[index, corner]
+            own[corner] = corner_surface[point] == surface[index]
+            whole &= own[corner]
+            u[corner], v[corner] = points[point, 0], points[point, 1]
+        if not whole:
+            x, y, z = key(
+                kind, ratio, normals[index, 0], normals[index, 1], normals[index, 2],
+                views[index, 0], views[index, 1], views[index, 2],
+            )  # fmt: skip
+            _mirror_corners(u, v, own, x, y, z)
         top, right_side = _short_way(u[1] - u[0]), _short_way(u[2] - u[1])
         bottom, left_side = _short_way(u[3] - u[2]), _short_way(u[0] - u[3])
         left = 0.0

@@ -16,7 +16,7 @@ from relume.light.weights import ByAngle, Complement, Fresnel, Schlick
 from relume.scene.materials import Colour, Diffuse, Material
 from relume.scene.reflective import Layer, Reflective, Towards
 
-SMOOTHEST = 0.05
+SMOOTHEST = 0.07
 """Below this α the three-dimensional map would need hundreds of megabytes; the lobe about R is taken."""
 MIRROR = 0.002
 """Below this α the lobe is narrower than an entry of any map: a mirror."""
@@ -59,7 +59,7 @@ def _metallic_roughness(material: Material) -> Iterator[ShadedLayer]:
     base, metallic = _shade(material.base_color), _shade(material.metallic)
     dielectric = ((material.ior - 1) / (material.ior + 1)) ** 2
     roughness = np.asarray(material.roughness, np.float64)
-    white, rim = _albedos(float(roughness.mean()) ** 2)
+    white, rim = facet_albedos(float(roughness.mean()) ** 2)
     coat = ByAngle(tuple(dielectric * (white - rim) + rim))
     below = Layer(Lambert(), Towards.NORMAL, Complement(coat))
     yield ShadedLayer(below, lambda uv: base(uv) * (1 - metallic(uv)) * (1 - material.transmission), _shade(0.0))
@@ -78,14 +78,14 @@ def _specular(alpha: float) -> Layer:
     """Schlick's F0·(1 − s) + s under the facets' sum: its share by angle, times white facets (Karis 2013)."""
     if alpha < MIRROR:
         return Layer(Mirror(), weight=Complement(Schlick(0.0)), grazing=Schlick(0.0))
-    white, rim = _albedos(alpha)
+    white, rim = facet_albedos(alpha)
     if alpha < SMOOTHEST:
         return Layer(GGXLobe(alpha), weight=ByAngle(tuple(white - rim)), grazing=ByAngle(tuple(rim)))
     return Layer(GGX(alpha), weight=ByAngle(tuple(1 - rim / white)), grazing=ByAngle(tuple(rim / white)))
 
 
 @lru_cache(64)
-def _albedos(alpha: float) -> tuple[np.ndarray, np.ndarray]:
+def facet_albedos(alpha: float) -> tuple[np.ndarray, np.ndarray]:
     """What facets reflect by the angle of view, 0 to π/2, when white and when black along their normal."""
     angles = np.linspace(0, np.pi / 2, ANGLES)
     if alpha < MIRROR:

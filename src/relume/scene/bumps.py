@@ -63,7 +63,7 @@ class BumpMap:
     heights: np.ndarray
 
     def __post_init__(self) -> None:
-        if self.heights.ndim != 2 or not np.all(np.isfinite(self.heights)):
+        if self.heights.ndim != 2 or not self.heights.size or not np.all(np.isfinite(self.heights)):
             raise ValueError(f"heights are {self.heights.shape}; expected an image (H, W) of finite metres")
 
     def turned(
