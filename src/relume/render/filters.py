@@ -14,7 +14,7 @@ import numpy as np
 
 from relume._kernel import in_threads
 from relume.render import filter_kernels as kernels
-from relume.render.samples import Samples
+from relume.render.spans import Spans
 from relume.render.terms import Term
 from relume.sphere.mappings import LatLong
 from relume.sphere.polar import padded
@@ -27,9 +27,7 @@ class Filter(Protocol):
         """What is kept of a table (H, 2H, 3)."""
         ...
 
-    def add(
-        self, light: np.ndarray, chosen: np.ndarray, samples: Samples, term: Term, prepared: Any, threads: int | None
-    ) -> None:
+    def add(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
         """Add the term of the `chosen` samples, (Q,) indices, to `light` (P, 3) float32."""
         ...
 
@@ -41,12 +39,11 @@ class Plain:
     def prepared(self, table: np.ndarray) -> np.ndarray:
         return padded(table)
 
-    def add(
-        self, light: np.ndarray, chosen: np.ndarray, samples: Samples, term: Term, prepared: Any, threads: int | None
-    ) -> None:
+    def add(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
         in_threads(
-            lambda begin, end: kernels.plain(light, chosen[begin:end], samples, term, prepared), len(chosen), threads
-        )
+            lambda begin, end: kernels.plain(light, chosen[begin:end], spans.samples, term, prepared),
+            len(chosen), spans.threads,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -66,11 +63,9 @@ class Subdivision:
     def prepared(self, table: np.ndarray) -> np.ndarray:
         return padded(table)
 
-    def add(
-        self, light: np.ndarray, chosen: np.ndarray, samples: Samples, term: Term, prepared: Any, threads: int | None
-    ) -> None:
+    def add(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
         _add_spans(
-            light, chosen, samples, term, threads,
+            light, chosen, spans, term,
             lambda seen, quads, here: kernels.subdivided(seen, quads, prepared, self.depth),
         )  # fmt: skip
 
@@ -82,11 +77,9 @@ class Quadrilateral:
     def prepared(self, table: np.ndarray) -> np.ndarray:
         return padded(table)
 
-    def add(
-        self, light: np.ndarray, chosen: np.ndarray, samples: Samples, term: Term, prepared: Any, threads: int | None
-    ) -> None:
+    def add(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
         _add_spans(
-            light, chosen, samples, term, threads,
+            light, chosen, spans, term,
             lambda seen, quads, here: kernels.spanned(seen, quads, prepared),
         )  # fmt: skip
 
@@ -105,19 +98,16 @@ class Preintegrated:
         np.cumsum(np.cumsum(table * areas[..., None], axis=0, dtype=np.float64), axis=1, out=sums[1:, 1:])
         return kernels.Sums(sums, np.concatenate([[0.0], np.cumsum(areas)]), padded(table))
 
-    def add(
-        self, light: np.ndarray, chosen: np.ndarray, samples: Samples, term: Term, prepared: Any, threads: int | None
-    ) -> None:
-        # Shared by up to four samples, the corners' points are found once.
-        points = _image_points(samples.corner_normal, samples.corner_to_eye, term, threads)
+    def add(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
+        points = spans.corner_points(term)
 
         def work(begin: int, end: int) -> None:
             here = chosen[begin:end]
             seen = np.empty((len(here), 3), np.float32)
-            kernels.preintegrated(seen, here, samples, term.kind, term.ratio, points, prepared)
-            kernels.add_weighed(light, here, seen, samples, term)
+            kernels.preintegrated(seen, here, spans.samples, term.kind, term.ratio, points, prepared)
+            kernels.add_weighed(light, here, seen, spans.samples, term)
 
-        in_threads(work, len(chosen), threads)
+        in_threads(work, len(chosen), spans.threads)
 
 
 @dataclass(frozen=True)
@@ -133,12 +123,10 @@ class Mip:
         rows = np.array([level.shape[0] for level in levels])
         return kernels.Pyramid(np.concatenate([level.reshape(-1) for level in flat]), begins, rows)
 
-    def add(
-        self, light: np.ndarray, chosen: np.ndarray, samples: Samples, term: Term, prepared: Any, threads: int | None
-    ) -> None:
-        points = _image_points(samples.normal, samples.to_eye, term, threads)
+    def add(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
+        points = spans.middle_points(term)
         _add_spans(
-            light, chosen, samples, term, threads,
+            light, chosen, spans, term,
             lambda seen, quads, here: kernels.from_pyramid(seen, quads, points[here], prepared),
             chunk=16384,
         )  # fmt: skip
@@ -166,41 +154,21 @@ def _pairs(values: np.ndarray, axis: int) -> np.ndarray:
 def _add_spans(
     light: np.ndarray,
     chosen: np.ndarray,
-    samples: Samples,
+    spans: Spans,
     term: Term,
-    threads: int | None,
     look_up: Callable[[np.ndarray, np.ndarray, np.ndarray], None],
     *,
     chunk: int = 1024,
 ) -> None:
     """Add what `look_up(seen, quads, samples' indices)` sees in the directions (Q, 4, 3) that their corners span."""
-    keys = _directions(samples.corner_normal, samples.corner_to_eye, term, threads)
-    middles = _directions(samples.normal, samples.to_eye, term, threads)
+    keys, middles = spans.corner_directions(term), spans.middle_directions(term)
 
     def work(begin: int, end: int) -> None:
         here = chosen[begin:end]
         quads = np.empty((len(here), 4, 3), np.float32)
-        kernels.quadrilaterals(quads, here, samples, middles, keys)
+        kernels.quadrilaterals(quads, here, spans.samples, middles, keys)
         seen = np.empty((len(here), 3), np.float32)
         look_up(seen, quads, here)
-        kernels.add_weighed(light, here, seen, samples, term)
+        kernels.add_weighed(light, here, seen, spans.samples, term)
 
-    in_threads(work, len(chosen), threads, chunk=chunk)
-
-
-def _directions(normals: np.ndarray, views: np.ndarray, term: Term, threads: int | None) -> np.ndarray:
-    keys = np.empty_like(normals)
-    in_threads(
-        lambda begin, end: kernels.directions(keys, normals, views, term.kind, term.ratio, begin, end),
-        len(keys), threads,
-    )  # fmt: skip
-    return keys
-
-
-def _image_points(normals: np.ndarray, views: np.ndarray, term: Term, threads: int | None) -> np.ndarray:
-    points = np.empty((len(normals), 2), np.float32)
-    in_threads(
-        lambda begin, end: kernels.image_points(points, normals, views, term.kind, term.ratio, begin, end),
-        len(points), threads,
-    )  # fmt: skip
-    return points
+    in_threads(work, len(chosen), spans.threads, chunk=chunk)

@@ -23,6 +23,7 @@ from relume.render.glossy_kernel import add_glossy
 from relume.render.mapped_materials import ShadedLayer, layers_of
 from relume.render.renderer import Progress, Render
 from relume.render.samples import GBuffer, Samples
+from relume.render.spans import Spans
 from relume.render.terms import term
 from relume.render.visibility import Seen, Stage
 from relume.scene.camera import Camera
@@ -77,9 +78,11 @@ class Shading:
     """The tables of several materials under one light.
 
     layers : for each material its layers, each with its table as the filter reads it
+    first : (materials,) the index of the first material that is the same one
     """
 
     layers: tuple[tuple[tuple[ShadedLayer, Any], ...], ...]
+    first: np.ndarray
     filter: Filter
     threads: int | None = None
 
@@ -103,7 +106,9 @@ class Shading:
             return tables[lobe]
 
         layers = tuple(tuple((layer, table(layer)) for layer in layers_of(material)) for material in materials)
-        return Shading(layers, filter, threads)
+        # Objects of one material are shaded together.
+        first = np.array([[other is material for other in materials].index(True) for material in materials], np.int32)
+        return Shading(layers, first, filter, threads)
 
     def shade(self, pixels: GBuffer) -> np.ndarray:
         """Line 9 for every pixel of a G-buffer: radiance (H, W, 3) float32, 0 where it holds no surface.
@@ -120,8 +125,11 @@ class Shading:
     def light(self, samples: Samples, uv: np.ndarray) -> np.ndarray:
         """Radiance (P, 3) float32 of samples with texture coordinates (P, 2)."""
         light = np.zeros_like(samples.normal)
+        spans = Spans(samples, self.threads)
+        # Of samples that see nothing, −1, the last entry tells that they belong to no material.
+        material = np.append(self.first, -1)[samples.surface]
         for index, layers in enumerate(self.layers):
-            chosen = np.flatnonzero(samples.surface == index).astype(np.int32)
+            chosen = np.flatnonzero(material == index).astype(np.int32)
             if not chosen.size:
                 continue
             for layer, table in layers:
@@ -130,7 +138,7 @@ class Shading:
                 if isinstance(table, GlossyMap):
                     self._add_glossy(light, chosen, samples, part, table)
                 else:
-                    self.filter.add(light, chosen, samples, part, table, self.threads)
+                    self.filter.add(light, chosen, spans, part, table)
         return light
 
     def _add_glossy(self, light: np.ndarray, chosen: np.ndarray, samples: Samples, part: Any, table: GlossyMap) -> None:
@@ -174,7 +182,7 @@ class Prepared:
         for index, layers in enumerate(self.shading.layers):
             here = np.flatnonzero(seen.samples.surface == index)
             for layer, _ in layers if here.size else ():
-                albedo[here] += layer.colour(seen.uv[here]) * layer.layer.weight(np.ones((1, 1)))
+                albedo[here] += layer.colour(seen.uv[here]) * np.reshape(layer.layer.weight(np.ones(1)), (1, -1))
         radiance = _gathered(light * seen.share[:, None], seen, camera)
         return Render(
             radiance,

@@ -12,7 +12,7 @@ from relume.image.resample import bilinear
 from relume.light.brdf import GGX
 from relume.light.glossy import albedo
 from relume.light.lobes import GGXLobe, Lambert, Mirror
-from relume.light.weights import ByAngle, Complement, Fresnel, Schlick
+from relume.light.weights import ByAngle, Complement, Schlick
 from relume.scene.materials import Colour, Diffuse, Material
 from relume.scene.reflective import Layer, Reflective, Towards
 
@@ -64,7 +64,7 @@ def _metallic_roughness(material: Material) -> Iterator[ShadedLayer]:
     below = Layer(Lambert(), Towards.NORMAL, Complement(coat))
     yield ShadedLayer(below, lambda uv: base(uv) * (1 - metallic(uv)) * (1 - material.transmission), _shade(0.0))
     if material.transmission > 0:
-        through = Layer(Mirror(), Towards.REFRACTED, Complement(Fresnel(material.ior)), ior=material.ior)
+        through = Layer(Mirror(), Towards.REFRACTED, Complement(coat), ior=material.ior)
         yield ShadedLayer(through, lambda uv: base(uv) * (1 - metallic(uv)) * material.transmission, _shade(0.0))
 
     def reflectance(uv: np.ndarray) -> np.ndarray:

@@ -60,30 +60,30 @@ class Stage:
         height, width = camera.height, camera.width
         x, y = np.meshgrid(np.arange(width + 1.0), np.arange(height + 1.0))
         corners = np.stack([x, y], axis=-1)
-        whole = self._samples(camera, turn, corners[None], threads)
+        whole = self.samples(camera, turn, corners[None], threads)
         edges = _edges(whole, height, width)
         fine = np.stack(np.meshgrid(*[np.arange(EDGE + 1.0) / EDGE] * 2), axis=-1)
-        detail = self._samples(camera, turn, corners[:-1, :-1][edges][:, None, None] + fine, threads)
+        detail = self.samples(camera, turn, corners[:-1, :-1][edges][:, None, None] + fine, threads)
         inside = np.flatnonzero(~edges.reshape(-1))
         pixel = np.concatenate([inside, np.repeat(np.flatnonzero(edges.reshape(-1)), EDGE**2)])
         share = np.full(len(pixel), 1 / EDGE**2, np.float32)
         share[: len(inside)] = 1
         return _joined(_chosen(whole, inside), detail, pixel, share)
 
-    def _samples(self, camera: Camera, turn: np.ndarray, corners: np.ndarray, threads: int | None) -> Seen:
+    def samples(self, camera: Camera, turn: np.ndarray, corners: np.ndarray, threads: int | None) -> Seen:
         """Samples of grids whose corners stand at pixel coordinates (G, R + 1, C + 1, 2), in their order."""
         grids, rows, columns = corners.shape[0], corners.shape[1] - 1, corners.shape[2] - 1
         middles = 0.25 * (corners[:, :-1, :-1] + corners[:, 1:, :-1] + corners[:, :-1, 1:] + corners[:, 1:, 1:])
         rays = camera.rays_through(middles.reshape(-1, 2))
-        normal, to_eye, surface, uv, distance = self._look(camera.position, rays, turn, threads)
-        around = self._look(camera.position, camera.rays_through(corners.reshape(-1, 2)), turn, threads)
+        normal, to_eye, surface, uv, distance = self.look(camera.position, rays, turn, threads)
+        around = self.look(camera.position, camera.rays_through(corners.reshape(-1, 2)), turn, threads)
         index = grid_corners(rows, columns)
         shift = np.arange(grids)[:, None, None] * (rows + 1) * (columns + 1)
         samples = Samples(normal, to_eye, surface, (index + shift).reshape(-1, 4).astype(np.int32), *around[:3])
         pixel = np.arange(len(rays))
         return Seen(samples, uv, pixel, np.ones(len(rays), np.float32), distance, rays)
 
-    def _look(
+    def look(
         self, eye: np.ndarray, rays: np.ndarray, turn: np.ndarray, threads: int | None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Normal, direction to the eye, shape, texture coordinates and distance along every ray."""
