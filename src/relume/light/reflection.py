@@ -6,6 +6,7 @@ or by the view direction for a retro-reflector, or by the refracted direction (�
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from enum import Enum
 
@@ -21,6 +22,8 @@ LAMBERT_ROWS = 36
 ROWS_PER_WIDTH = 12
 """Rows for each π·width⁻¹ of a lobe: bilinear look-up is then within about 0.2 % of its peak."""
 MOST_ROWS = 1024
+FINEST = 4096
+"""Rows to which a light may be cut up for narrow lobes."""
 
 
 class Normalisation(Enum):
@@ -83,7 +86,7 @@ def reflection_map(
     source = as_latlong(light)
     table, bound = np.zeros((rows, 2 * rows, 3)), 0.0
     if lobe.integral > 0:
-        sums, bound = convolved(source, lobe, rows)
+        sums, bound = convolved(cut_up(source, lobe), lobe, rows)
         table = sums / _divisor(lobe, normalisation)
     if lobe.mirror > 0:
         # A perfect mirror's map is the illumination map (§6.2), whatever the sums are divided by.
@@ -107,6 +110,22 @@ def rows_for(lobe: Lobe, light_rows: int) -> int:
     if lobe.mirror > 0:
         return light_rows
     return int(np.clip(2 ** np.round(np.log2(ROWS_PER_WIDTH * np.pi / max(lobe.width, 1e-6))), 16, MOST_ROWS))
+
+
+def cut_up(light: IlluminationMap, lobe: Lobe) -> IlluminationMap:
+    """The light, its pixels cut up where they are wider than the lobe, so that middles of pixels sample it.
+
+    Warns where that would take more than FINEST rows.
+    """
+    spacing = np.pi / light.size
+    if spacing <= lobe.width or lobe.width > 0.5:
+        return light
+    times = int(np.ceil(2 * spacing / lobe.width))
+    if times * light.size > FINEST:
+        times = max(FINEST // light.size, 1)
+        warnings.warn(f"{lobe} is far narrower than the map's pixels; Mirror() looks the same", stacklevel=3)
+    fine = np.repeat(np.repeat(light.radiance, times, axis=0), times, axis=1)
+    return IlluminationMap(fine, light.mapping, light.unit)
 
 
 def _divisor(lobe: Lobe, normalisation: Normalisation) -> float:
