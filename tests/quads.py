@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from relume.light.lobes import Mirror
 from relume.render.filters import Filter
@@ -34,7 +35,7 @@ def filtered(
     middles = normalised(quads.mean(1)) if middles is None else middles
     own = np.ones((count, 4), bool) if own is None else own
     # A table looked up by the view is looked up by the directions themselves.
-    views, corners = np.float32(middles), np.float32(quads.reshape(-1, 3))
+    views, corners = middles.astype(np.float32), quads.reshape(-1, 3).astype(np.float32)
     samples = Samples(
         views, views, np.zeros(count, np.int32), np.arange(4 * count, dtype=np.int32).reshape(-1, 4),
         corners, corners, np.where(own.reshape(-1), 0, -1).astype(np.int32),
@@ -56,7 +57,7 @@ def supersampled(light: IlluminationMap, quads: np.ndarray, side: int = 32) -> n
     return light.look_up(normalised(upper * (1 - down) + lower * down)).mean((0, 1))
 
 
-def around(middles: np.ndarray, across: float, along: float | None = None, turn: float = 0.0) -> np.ndarray:
+def around(middles: ArrayLike, across: float, along: float | None = None, turn: float = 0.0) -> np.ndarray:
     """Rectangular pixels (P, 4, 3) about directions (P, 3), so many radians wide and high, turned about the middle."""
     middles = np.atleast_2d(middles)
     right = normalised(np.cross(middles, [0.31, 0.44, -0.84]))

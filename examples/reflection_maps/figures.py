@@ -1,7 +1,7 @@
 """The pictures of docs/reflection-maps.md, made by relume under any illumination map.
 
-    relume demo -o out/demo
-    python examples/reflection_maps/figures.py out/demo/light.exr docs/images
+relume demo -o out/demo
+python examples/reflection_maps/figures.py out/demo/light.exr docs/images
 """
 
 from __future__ import annotations

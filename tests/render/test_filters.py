@@ -83,7 +83,7 @@ def test_plain_look_up_reads_one_place_whatever_the_pixel_spans():
 @pytest.mark.parametrize(
     ("width", "allowed"),
     [
-        # Subdivision, quadrilateral, pre-integrated, MIP; measured 0.3, 2.3, 1.0, 1.6 % and so on. Plain: 1.2, 15, 37 %.
+        # Subdivision, quadrilateral, pre-integrated, MIP: for the first 0.3, 2.3, 1.0 and 1.6 %. Plain: 1.2, 15, 37 %.
         (0.05, [0.005, 0.035, 0.015, 0.025]),
         (0.3, [0.002, 0.012, 0.035, 0.17]),
         (1.0, [0.02, 0.08, 0.10, 0.19]),

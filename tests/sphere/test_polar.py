@@ -7,17 +7,15 @@ import pytest
 from lights import spiky, spread
 from relume.sphere.directions import normalised
 from relume.sphere.illumination import IlluminationMap
-from relume.sphere.polar import arctangent2, blended, cell, padded, polar_point
+from relume.sphere.polar import arctangent2, looked_up, padded, polar_point
 
 
 @numba.njit
-def looked_up(table, directions):
-    seen = np.empty_like(directions)
+def at_directions(table, directions):
+    seen, entries = np.empty_like(directions), table.reshape(-1)
     for i in range(len(directions)):
         u, v = polar_point(directions[i, 0], directions[i, 1], directions[i, 2])
-        row, column, down, right = cell(table, u, v)
-        for c in range(3):
-            seen[i, c] = blended(table, row, column, down, right, c)
+        seen[i, 0], seen[i, 1], seen[i, 2] = looked_up(entries, 0, table.shape[0] - 2, u, v)
     return seen
 
 
@@ -30,7 +28,7 @@ def angles_of(y, x):
 
 
 def seen(light, directions):
-    return looked_up(padded(light.radiance), directions.astype(np.float32))
+    return at_directions(padded(light.radiance), directions.astype(np.float32))
 
 
 def smooth(size):

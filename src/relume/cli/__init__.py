@@ -9,6 +9,7 @@ COMMANDS = {
     "info": "What a picture or light file holds, or what this machine renders with.",
     "merge": "Merge differently exposed photographs into one radiance map.",
     "probe": "Turn photographs of a mirrored ball into an illumination map.",
+    "reflect": "Turn an illumination map into reflection maps, cubes for game engines and a contact sheet.",
     "render": "Render a scene or a mesh under an illumination map: a picture, frames or a movie.",
     "insert": "Insert objects into a photograph, lit by the light photographed there.",
     "develop": "Develop a radiance map into a picture, through a camera's response or sRGB.",

@@ -11,7 +11,7 @@ import numpy as np
 
 from relume._kernel import inlined, kernel
 from relume.render.terms import key, weighed
-from relume.sphere.polar import blended, cell, polar_point
+from relume.sphere.polar import looked_up, polar_point
 
 
 class Sums(NamedTuple):
@@ -40,22 +40,35 @@ class Pyramid(NamedTuple):
     rows: np.ndarray
 
 
+_BLOCK = 256
+"""Samples whose image points are found together, by vector instructions, before they are looked up one by one."""
+
+
 @kernel
 def plain(light, chosen, samples, term, table):
     """Look up at the middles and add, in one go: the way that has to be fastest."""
     normals, views, kind, ratio = samples.normal, samples.to_eye, term.kind, term.ratio
     weight, grazing, colour, rim = term.weight, term.grazing, term.colour, term.rim
-    for place in range(len(chosen)):
-        index = chosen[place]
-        nx, ny, nz = normals[index, 0], normals[index, 1], normals[index, 2]
-        ex, ey, ez = views[index, 0], views[index, 1], views[index, 2]
-        x, y, z = key(kind, ratio, nx, ny, nz, ex, ey, ez)
-        u, v = polar_point(x, y, z)
-        row, column, down, right = cell(table, u, v)
-        red, green, blue = weighed(weight, grazing, colour, rim, index, nx * ex + ny * ey + nz * ez)
-        light[index, 0] += red * blended(table, row, column, down, right, 0)
-        light[index, 1] += green * blended(table, row, column, down, right, 1)
-        light[index, 2] += blue * blended(table, row, column, down, right, 2)
+    entries, rows = table.reshape(-1), table.shape[0] - 2
+    facing, u, v = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
+    x, y, z = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
+    for begin in range(0, len(chosen), _BLOCK):
+        count = min(_BLOCK, len(chosen) - begin)
+        for k in range(count):
+            index = np.uint32(chosen[begin + k])
+            nx, ny, nz = normals[index, 0], normals[index, 1], normals[index, 2]
+            ex, ey, ez = views[index, 0], views[index, 1], views[index, 2]
+            x[k], y[k], z[k] = key(kind, ratio, nx, ny, nz, ex, ey, ez)
+            facing[k] = nx * ex + ny * ey + nz * ez
+        for k in range(count):
+            u[k], v[k] = polar_point(x[k], y[k], z[k])
+        for k in range(count):
+            index = np.uint32(chosen[begin + k])
+            seen = looked_up(entries, 0, rows, u[k], v[k])
+            red, green, blue = weighed(weight, grazing, colour, rim, index, facing[k])
+            light[index, 0] += red * seen[0]
+            light[index, 1] += green * seen[1]
+            light[index, 2] += blue * seen[2]
 
 
 @kernel
@@ -64,7 +77,7 @@ def add_weighed(light, chosen, seen, samples, term):
     normals, views = samples.normal, samples.to_eye
     weight, grazing, colour, rim = term.weight, term.grazing, term.colour, term.rim
     for place in range(len(chosen)):
-        index = chosen[place]
+        index = np.uint32(chosen[place])
         facing = normals[index, 0] * views[index, 0] + normals[index, 1] * views[index, 1]
         facing += normals[index, 2] * views[index, 2]
         red, green, blue = weighed(weight, grazing, colour, rim, index, facing)
@@ -123,7 +136,8 @@ def _distance(quad, first, second):
 @kernel
 def subdivided(seen, quads, table, depth):
     """§8.1: halve the quadrilateral until its corners index the same or adjacent entries."""
-    entry = np.float32((np.pi / (table.shape[0] - 2)) ** 2)
+    entries, rows = table.reshape(-1), table.shape[0] - 2
+    entry = np.float32((np.pi / rows) ** 2)
     stack = np.empty((depth + 2, 4, 3), np.float32)
     levels = np.empty(depth + 2, np.int64)
     quad = np.empty((4, 3), np.float32)
@@ -143,10 +157,8 @@ def subdivided(seen, quads, table, depth):
                 share = 0.25 * 0.5**level
                 for corner in range(4):
                     u, v = polar_point(quad[corner, 0], quad[corner, 1], quad[corner, 2])
-                    row, column, down, right = cell(table, u, v)
-                    red += share * blended(table, row, column, down, right, 0)
-                    green += share * blended(table, row, column, down, right, 1)
-                    blue += share * blended(table, row, column, down, right, 2)
+                    part = looked_up(entries, 0, rows, u, v)
+                    red, green, blue = red + share * part[0], green + share * part[1], blue + share * part[2]
                 continue
             # Steps 3 and 4: halve the longer way, with interpolated directions.
             second, third = (1, 3) if across >= along else (3, 1)
@@ -173,7 +185,7 @@ def _short_way(turn):
 @kernel
 def spanned(seen, quads, table):
     """§8.2: the mean of the entries inside the quadrilateral."""
-    rows, columns = table.shape[0] - 2, table.shape[1] - 2
+    entries, rows, columns = table.reshape(-1), table.shape[0] - 2, table.shape[1] - 2
     u, v = np.empty(4), np.empty(4)
     for place in range(len(quads)):
         for corner in range(4):
@@ -212,10 +224,8 @@ def spanned(seen, quads, table):
             red = green = blue = total = 0.0
             for corner in range(4):
                 x, y = polar_point(quads[place, corner, 0], quads[place, corner, 1], quads[place, corner, 2])
-                row, column, down, farther = cell(table, x, y)
-                red += blended(table, row, column, down, farther, 0)
-                green += blended(table, row, column, down, farther, 1)
-                blue += blended(table, row, column, down, farther, 2)
+                part = looked_up(entries, 0, rows, x, y)
+                red, green, blue = red + part[0], green + part[1], blue + part[2]
                 total += 1
         seen[place, 0], seen[place, 1], seen[place, 2] = red / total, green / total, blue / total
 
@@ -268,7 +278,7 @@ def preintegrated(seen, chosen, samples, kind, ratio, points, prepared):
 
     points : (M, 2) image points of the corners
     """
-    sums, areas, table = prepared.sums, prepared.areas, prepared.table
+    sums, areas, entries = prepared.sums, prepared.areas, prepared.table.reshape(-1)
     normals, views = samples.normal, samples.to_eye
     corners, surface, corner_surface = samples.corners, samples.surface, samples.corner_surface
     rows, columns = sums.shape[0] - 1, sums.shape[1] - 1
@@ -303,9 +313,8 @@ def preintegrated(seen, chosen, samples, kind, ratio, points, prepared):
             middle_v = 0.25 * (v[0] + v[1] + v[2] + v[3])
             if width <= 1 and height <= 1:
                 middle_u -= np.floor(middle_u)
-                row, column, down, right = cell(table, np.float32(middle_u), np.float32(middle_v))
-                for c in range(3):
-                    seen[place, c] = blended(table, row, column, down, right, c)
+                red, green, blue = looked_up(entries, 0, rows, np.float32(middle_u), np.float32(middle_v))
+                seen[place, 0], seen[place, 1], seen[place, 2] = red, green, blue
                 continue
             # One entry wide at least: a box of one entry over entries is their interpolation.
             width, height = min(max(width, 1.0), columns * 1.0), max(height, 1.0)
@@ -319,25 +328,6 @@ def preintegrated(seen, chosen, samples, kind, ratio, points, prepared):
         seen[place, 0] = max(first[0] - second[0] - third[0] + fourth[0], 0.0) / area
         seen[place, 1] = max(first[1] - second[1] - third[1] + fourth[1], 0.0) / area
         seen[place, 2] = max(first[2] - second[2] - third[2] + fourth[2], 0.0) / area
-
-
-@inlined
-def _level_at(values, begin, rows, u, v):
-    """The three channels of one level."""
-    x = u * np.float32(2 * rows) + np.float32(0.5)
-    y = v * np.float32(rows) + np.float32(0.5)
-    column, row = min(max(int(x), 0), 2 * rows), min(max(int(y), 0), rows)
-    right, down = x - np.float32(column), y - np.float32(row)
-    left, above = np.float32(1) - right, np.float32(1) - down
-    first = begin + (row * (2 * rows + 2) + column) * 3
-    second = first + (2 * rows + 2) * 3
-    red = (values[first] * left + values[first + 3] * right) * above
-    green = (values[first + 1] * left + values[first + 4] * right) * above
-    blue = (values[first + 2] * left + values[first + 5] * right) * above
-    red += (values[second] * left + values[second + 3] * right) * down
-    green += (values[second + 1] * left + values[second + 4] * right) * down
-    blue += (values[second + 2] * left + values[second + 5] * right) * down
-    return red, green, blue
 
 
 @kernel
@@ -357,9 +347,9 @@ def from_pyramid(seen, quads, points, pyramid):
         lower = min(int(level), last)
         share = level - np.float32(lower)
         u, v = points[place, 0], points[place, 1]
-        red, green, blue = _level_at(values, begins[lower], rows[lower], u, v)
+        red, green, blue = looked_up(values, begins[lower], rows[lower], u, v)
         if share > 0:
-            upper = _level_at(values, begins[lower + 1], rows[lower + 1], u, v)
+            upper = looked_up(values, begins[lower + 1], rows[lower + 1], u, v)
             red = red * (one - share) + upper[0] * share
             green = green * (one - share) + upper[1] * share
             blue = blue * (one - share) + upper[2] * share

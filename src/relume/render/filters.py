@@ -133,7 +133,7 @@ class Mip:
 
 
 def _halved(table: np.ndarray) -> np.ndarray:
-    """A table of half the rows, its entries the means by solid angle of four, or of a few more where the size is odd."""
+    """A table of half the rows: means by solid angle of four entries, or of a few more where the size is odd."""
     rows = len(table)
     areas = LatLong().solid_angles(rows)[:, :1, None]
     sums = _pairs(_pairs((table * areas).reshape(rows, 2, rows, 3), 0), 2).reshape(rows // 2, rows // 2 * 2, 3)

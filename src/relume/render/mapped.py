@@ -16,7 +16,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from relume._kernel import in_threads
 from relume.light.brdf import Reflectance
-from relume.light.glossy import GlossyMap, glossy_map
+from relume.light.glossy import AZIMUTHS, GlossyMap, glossy_map
 from relume.light.reflection import reflection_map
 from relume.render.filters import Filter, Plain, Preintegrated
 from relume.render.glossy_kernel import add_glossy
@@ -92,15 +92,20 @@ class Shading:
         light: IlluminationMap,
         filter: Filter = Plain(),
         threads: int | None = None,
+        *,
+        azimuths: int = AZIMUTHS,
     ) -> Shading:
-        """Make the tables; materials with the same lobe share one."""
+        """Make the tables; materials with the same lobe share one.
+
+        azimuths : of three-dimensional maps (`glossy_map`); more where a bare sun stands low behind the object
+        """
         tables: dict[object, Any] = {}
 
         def table(layer: ShadedLayer) -> Any:
             lobe = layer.layer.lobe
             if lobe not in tables:
                 if isinstance(lobe, Reflectance):
-                    tables[lobe] = glossy_map(light, lobe)
+                    tables[lobe] = glossy_map(light, lobe, azimuths=azimuths)
                 else:
                     tables[lobe] = filter.prepared(reflection_map(light, lobe).table)
             return tables[lobe]
@@ -133,7 +138,7 @@ class Shading:
             if not chosen.size:
                 continue
             for layer, table in layers:
-                colours = (_scattered(shade(uv[chosen]), chosen, len(light)) for shade in (layer.colour, layer.rim))
+                colours = (_scattered(shade(uv, chosen), chosen, len(light)) for shade in (layer.colour, layer.rim))
                 part = term(layer.layer, *colours)
                 if isinstance(table, GlossyMap):
                     self._add_glossy(light, chosen, samples, part, table)
@@ -182,7 +187,7 @@ class Prepared:
         for index, layers in enumerate(self.shading.layers):
             here = np.flatnonzero(seen.samples.surface == index)
             for layer, _ in layers if here.size else ():
-                albedo[here] += layer.colour(seen.uv[here]) * np.reshape(layer.layer.weight(np.ones(1)), (1, -1))
+                albedo[here] += layer.colour(seen.uv, here) * np.reshape(layer.layer.weight(np.ones(1)), (1, -1))
         radiance = _gathered(light * seen.share[:, None], seen, camera)
         return Render(
             radiance,

@@ -26,8 +26,8 @@ LEVELS = 6
 ANGLES = 33
 """View angles at which a material's reflectance is integrated."""
 
-Shade = Callable[[np.ndarray], np.ndarray]
-"""A colour (N, 3), or (1, 3) where it is everywhere the same, from texture coordinates (N, 2)."""
+Shade = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""A colour (Q, 3), or (1, 3) where it is everywhere the same, from texture coordinates (P, 2) and rows (Q,) of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,13 +62,17 @@ def _metallic_roughness(material: Material) -> Iterator[ShadedLayer]:
     white, rim = facet_albedos(float(roughness.mean()) ** 2)
     coat = ByAngle(tuple(dielectric * (white - rim) + rim))
     below = Layer(Lambert(), Towards.NORMAL, Complement(coat))
-    yield ShadedLayer(below, lambda uv: base(uv) * (1 - metallic(uv)) * (1 - material.transmission), _shade(0.0))
+    yield ShadedLayer(
+        below, lambda uv, at: base(uv, at) * (1 - metallic(uv, at)) * (1 - material.transmission), _shade(0.0)
+    )
     if material.transmission > 0:
         through = Layer(Mirror(), Towards.REFRACTED, Complement(coat), ior=material.ior)
-        yield ShadedLayer(through, lambda uv: base(uv) * (1 - metallic(uv)) * material.transmission, _shade(0.0))
+        yield ShadedLayer(
+            through, lambda uv, at: base(uv, at) * (1 - metallic(uv, at)) * material.transmission, _shade(0.0)
+        )
 
-    def reflectance(uv: np.ndarray) -> np.ndarray:
-        return dielectric * (1 - metallic(uv)) + base(uv) * metallic(uv)
+    def reflectance(uv: np.ndarray, at: np.ndarray) -> np.ndarray:
+        return dielectric * (1 - metallic(uv, at)) + base(uv, at) * metallic(uv, at)
 
     for alpha, share in _widths(roughness):
         yield ShadedLayer(_specular(alpha), _product(share, reflectance), share)
@@ -107,7 +111,7 @@ def _widths(roughness: np.ndarray) -> Iterator[tuple[float, Shade]]:
         # A hat about each level: between two levels their shares are linear and sum to one.
         yield (
             float(level) ** 2,
-            lambda uv, level=level: np.maximum(1 - np.abs(image(uv) - level) * (LEVELS - 1) / (high - low), 0),
+            lambda uv, at, level=level: np.maximum(1 - np.abs(image(uv, at) - level) * (LEVELS - 1) / (high - low), 0),
         )
 
 
@@ -116,17 +120,17 @@ def _shade(value: Colour | np.ndarray | float) -> Shade:
     image = np.asarray(value, np.float64)
     if image.ndim < 2:
         constant = np.broadcast_to(image, (3,))[None]
-        return lambda uv: constant
+        return lambda uv, at: constant
     tiled = np.pad(image, ((1, 1), (1, 1)) + ((0, 0),) * (image.ndim - 2), mode="wrap")
     rows, columns = image.shape[:2]
 
-    def looked_up(uv: np.ndarray) -> np.ndarray:
+    def looked_up(uv: np.ndarray, at: np.ndarray) -> np.ndarray:
         # Images begin with the upper row; (0, 0) is the lower left corner.
-        values = bilinear(tiled, uv[:, 0] % 1 * columns + 1, (1 - uv[:, 1] % 1) * rows + 1)
+        values = bilinear(tiled, uv[at, 0] % 1 * columns + 1, (1 - uv[at, 1] % 1) * rows + 1)
         return values if image.ndim == 3 else np.repeat(values[:, None], 3, axis=1)
 
     return looked_up
 
 
 def _product(first: Shade, second: Shade) -> Shade:
-    return lambda uv: first(uv) * second(uv)
+    return lambda uv, at: first(uv, at) * second(uv, at)

@@ -19,7 +19,7 @@ class Term(NamedTuple):
     kind : of KINDS
     ratio : the index of refraction of the viewer's side over that behind, for refraction
     weight, grazing : (ENTRIES, 3) float32, by the cosine E·N from 0 to 1
-    colour, rim : (1, 3) float32 for all samples, or (P, 3) for each
+    colour, rim : (1, 3) float32 for all samples, or (P, 3) for each; a rim of (0, 3) for no grazing part
     """
 
     kind: int
@@ -59,14 +59,17 @@ def key(kind, ratio, nx, ny, nz, ex, ey, ez):
 def weighed(weight, grazing, colour, rim, index, facing):
     """What the three channels of a sample are multiplied by, at the cosine E·N."""
     place = min(max(facing, np.float32(0)), np.float32(1)) * np.float32(weight.shape[0] - 1)
-    first = min(int(place), weight.shape[0] - 2)
+    first = np.uint32(min(int(place), weight.shape[0] - 2))
+    after = first + np.uint32(1)
     share = place - np.float32(first)
     rest = np.float32(1) - share
-    tint, edge = (index if colour.shape[0] > 1 else 0), (index if rim.shape[0] > 1 else 0)
-    red = (weight[first, 0] * rest + weight[first + 1, 0] * share) * colour[tint, 0]
-    green = (weight[first, 1] * rest + weight[first + 1, 1] * share) * colour[tint, 1]
-    blue = (weight[first, 2] * rest + weight[first + 1, 2] * share) * colour[tint, 2]
-    red += (grazing[first, 0] * rest + grazing[first + 1, 0] * share) * rim[edge, 0]
-    green += (grazing[first, 1] * rest + grazing[first + 1, 1] * share) * rim[edge, 1]
-    blue += (grazing[first, 2] * rest + grazing[first + 1, 2] * share) * rim[edge, 2]
+    tint = np.uint32(index if colour.shape[0] > 1 else 0)
+    red = (weight[first, 0] * rest + weight[after, 0] * share) * colour[tint, 0]
+    green = (weight[first, 1] * rest + weight[after, 1] * share) * colour[tint, 1]
+    blue = (weight[first, 2] * rest + weight[after, 2] * share) * colour[tint, 2]
+    if rim.shape[0] > 0:
+        edge = np.uint32(index if rim.shape[0] > 1 else 0)
+        red += (grazing[first, 0] * rest + grazing[after, 0] * share) * rim[edge, 0]
+        green += (grazing[first, 1] * rest + grazing[after, 1] * share) * rim[edge, 1]
+        blue += (grazing[first, 2] * rest + grazing[after, 2] * share) * rim[edge, 2]
     return red, green, blue

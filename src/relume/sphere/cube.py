@@ -34,6 +34,8 @@ _LEAST_CELLS = 4
 """Look-ups a texel and side: a texel at a corner of its face is slanted, and 4 × 4 cells follow that."""
 _CELLS_A_PIXEL = 3
 """Look-ups a pixel of the map and side: fewer count a sun of one pixel too much or too little, by 5 % at two."""
+_WIDEST = 512
+"""Look-ups at a time along a face, at most, unless the cube itself is larger."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,13 +113,17 @@ def cube_of(light: IlluminationMap, size: int) -> Cube:
         raise ValueError(f"size is {size}; a cube has at least 1 texel along an edge")
     # A texel in the middle of a face spans 2/size radians, a pixel of a lat-long map π/rows.
     cells = max(_LEAST_CELLS, int(np.ceil(_CELLS_A_PIXEL * 2 * light.size / (np.pi * size))))
-    weights = solid_angles(size * cells)[0, :, :, None]
-    places = (np.arange(size * cells) + 0.5) / (size * cells)
-    faces = np.zeros((6, size, size, 3))
+    # Blocks of cells are summed at the end, so that a small cube of a fine map is no long row of short look-ups.
+    block = max(1, min(cells // _LEAST_CELLS, _WIDEST // size))
+    grid, cells = size * block, -(-cells // block)
+    weights = solid_angles(grid * cells)[0, :, :, None]
+    places = (np.arange(grid * cells) + 0.5) / (grid * cells)
+    faces = np.zeros((6, grid, grid, 3))
     for face in range(6):
         for row, column in np.ndindex(cells, cells):
             towards = _face_directions(face, places[None, column::cells], places[row::cells, None])
             faces[face] += light.look_up(towards) * weights[row::cells, column::cells]
+    faces = faces.reshape(6, size, block, size, block, 3).sum((2, 4))
     texels = solid_angles(size)[..., None]
     wanted, present = light.total(), faces.sum((0, 1, 2))
     scale = np.divide(wanted, present, out=np.ones(3), where=present > 0)

@@ -58,8 +58,28 @@ def cell(table, u, v):
 
 
 @inlined
-def blended(table, row, column, down, right, channel):
-    """Bilinear between four entries."""
-    upper = table[row, column, channel] * (np.float32(1) - right) + table[row, column + 1, channel] * right
-    lower = table[row + 1, column, channel] * (np.float32(1) - right) + table[row + 1, column + 1, channel] * right
-    return upper * (np.float32(1) - down) + lower * down
+def looked_up(entries, begin, rows, u, v):
+    """The three channels of a padded table at an image point, bilinear between four entries.
+
+    entries : the table, or several one behind the other, flat
+    begin : where it begins
+    rows : its height without the padding
+    """
+    x = u * np.float32(2 * rows) + np.float32(0.5)
+    y = v * np.float32(rows) + np.float32(0.5)
+    # Unsigned, so that no index is asked whether it counts from the end.
+    column, row = np.uint32(min(max(int(x), 0), 2 * rows)), np.uint32(min(max(int(y), 0), rows))
+    right, down = x - np.float32(column), y - np.float32(row)
+    left, above = np.float32(1) - right, np.float32(1) - down
+    one, two, three, four, five = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
+    width = np.uint64(2 * rows + 2)
+    first = np.uint64(begin) + (row * width + column) * three
+    second = first + width * three
+    a, b, c, d = left * above, right * above, left * down, right * down
+    red = entries[first] * a + entries[first + three] * b
+    red += entries[second] * c + entries[second + three] * d
+    green = entries[first + one] * a + entries[first + four] * b
+    green += entries[second + one] * c + entries[second + four] * d
+    blue = entries[first + two] * a + entries[first + five] * b
+    blue += entries[second + two] * c + entries[second + five] * d
+    return red, green, blue

@@ -1,0 +1,84 @@
+"""The contact sheet: balls of every surface with their captions, below the light they are seen in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from relume.develop.film import Film, develop
+from relume.image.colour import luminance
+from relume.image.photograph import Photograph
+from relume.render.sheet import Ball
+from relume.sphere.illumination import IlluminationMap
+from relume.sphere.mappings import LatLong, pixel_points
+
+COLUMNS = 6
+_MAP_COLUMNS = 4
+_GAP, _MARGIN, _CAPTION = 28, 40, 58
+_DPI = 100
+_PAGE, _INK, _FAINT = 28, "#e8e6e1", "#9a978f"
+MIDDLE_GREY = 0.18
+NOTES = (
+    "",
+    "Above left, I: the illumination map, its middle −Z,",
+    "+X to its right. The balls are seen along −Z: their",
+    "middles show what is behind the viewer, their rims",
+    "what is behind them.",
+    "",
+    "D  I blurred by Lambert's law, looked up by N",
+    "S  I blurred by the lobe, looked up by R",
+    "N  the normal, E the way to the eye,",
+    "R = 2(E·N)N − E",
+)
+
+
+def exposed_for(ball: Ball) -> Film:
+    """The film on which the mean of a ball, the Lambert one, is middle grey."""
+    mean = float((luminance(ball.radiance) * ball.matte).sum() / ball.matte.sum())
+    return Film(MIDDLE_GREY / mean) if mean > 0 else Film()
+
+
+def contact_sheet(balls: Sequence[Ball], light: IlluminationMap, film: Film, title: str) -> Photograph:
+    """The sheet as a picture: the map on top, then the balls in rows of six, all developed on one film.
+
+    title : what the light is, as its file's name
+    """
+    size = balls[0].radiance.shape[0]
+    rows, step = -(-len(balls) // COLUMNS), size + _GAP
+    map_height = (_MAP_COLUMNS * step - _GAP) // 2
+    top = _MARGIN + map_height + _GAP
+    page = np.full((top + rows * (size + _CAPTION) + _MARGIN // 2, 2 * _MARGIN + COLUMNS * step - _GAP, 3), _PAGE)
+    shown = develop(_seen(light, map_height), film).pixels
+    page[_MARGIN : _MARGIN + map_height, _MARGIN : _MARGIN + 2 * map_height] = shown
+    notes = (f"One light, one exposure: radiance {1 / film.exposure:.3g} is white.", *NOTES)
+    texts = [(_MARGIN + _MAP_COLUMNS * step, _MARGIN + 4, title, 14, _INK)]
+    texts += [(texts[0][0], _MARGIN + 42 + 22 * line, note, 9, _FAINT) for line, note in enumerate(notes)]
+    for index, ball in enumerate(balls):
+        y, x = top + index // COLUMNS * (size + _CAPTION), _MARGIN + index % COLUMNS * step
+        here = page[y : y + size, x : x + size]
+        here[:] = np.rint(_PAGE + ball.matte[..., None] * (develop(ball.radiance, film).pixels - float(_PAGE)))
+        texts += [(x, y + size + 6, ball.caption, 10, _INK), (x, y + size + 25, ball.section, 8, _FAINT)]
+    return Photograph(_lettered(page.astype(np.uint8), texts), "contact sheet")
+
+
+def _seen(light: IlluminationMap, height: int) -> np.ndarray:
+    """The map as a lat-long picture of that height, a pixel being the mean of some look-ups."""
+    finer = int(np.clip(np.ceil(light.size / height), 1, 6))
+    points = pixel_points(LatLong(), height, finer)
+    return light.look_up(LatLong().directions(points)).reshape(height, finer, 2 * height, finer, 3).mean((1, 3))
+
+
+def _lettered(page: np.ndarray, texts: Sequence[tuple[int, int, str, int, str]]) -> np.ndarray:
+    """The page with texts (left, top, words, points, colour), its pixels otherwise untouched."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    height, width = page.shape[:2]
+    figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI)
+    canvas = FigureCanvasAgg(figure)
+    figure.figimage(page)
+    for x, y, words, points, colour in texts:
+        figure.text(x / width, 1 - y / height, words, fontsize=points, color=colour, va="top", ha="left")
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
