@@ -234,7 +234,7 @@ def test_the_papers_phong_table_is_within_a_per_cent_of_its_integral(sky, n, cap
     [
         (PhongReflectance(10), Phong(10)),
         (PhongReflectance(50), Phong(50)),
-        (PhongReflectance(200), Phong(200)),
+        pytest.param(PhongReflectance(200), Phong(200), marks=pytest.mark.slow),
         (Ward(0.2), WardLobe(0.2)),
     ],
     ids=["Phong 10", "Phong 50", "Phong 200", "Ward 0.2"],

@@ -392,8 +392,7 @@ def test_the_number_of_threads_does_not_change_a_bit(filter):
 @EVERY
 def test_pixels_that_are_not_chosen_stay_as_they_are(filter):
     light, quads = constant(16), around(spread(10), 0.1)
-    corners = np.float32(quads.reshape(-1, 3))
-    middles = np.float32(normalised(quads.mean(1)))
+    corners, middles = quads.reshape(-1, 3).astype(np.float32), normalised(quads.mean(1)).astype(np.float32)
     samples = Samples(
         middles, middles, np.zeros(10, np.int32), np.arange(40, dtype=np.int32).reshape(10, 4),
         corners, corners, np.zeros(40, np.int32),
