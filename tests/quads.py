@@ -40,12 +40,12 @@ def filtered(
         views, views, np.zeros(count, np.int32), np.arange(4 * count, dtype=np.int32).reshape(-1, 4),
         corners, corners, np.where(own.reshape(-1), 0, -1).astype(np.int32),
     )  # fmt: skip
-    seen = np.zeros((count, 3), np.float32)
+    seen = np.zeros((count, 4), np.float32)
     by_view = term(Layer(Mirror(), Towards.VIEWER), WHITE, BLACK)
     filter.add(
         seen, np.arange(count, dtype=np.int32), Spans(samples, threads), by_view, filter.prepared(light.radiance)
     )
-    return seen
+    return seen[:, :3]
 
 
 def supersampled(light: IlluminationMap, quads: np.ndarray, side: int = 32) -> np.ndarray:

@@ -66,7 +66,6 @@ _HOMES = {
         "InvalidShot",
         "NotABracket",
         "OutputNotWritten",
-        "Reflective",
         "RelumeError",
         "UnreadableFile",
         "UnsupportedScene",

@@ -7,9 +7,12 @@ Import this module only where a kernel is used: it imports Numba.
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numba
@@ -18,18 +21,49 @@ import numba
 # arrive where it can be seen, and a ray that misses is at infinity.
 _FLAGS = {"nsz", "arcp", "contract", "afn", "reassoc"}
 
-# Compiled on first use, cached on disk, without the interpreter's lock, division by zero as in NumPy.
-kernel = numba.njit(cache=True, nogil=True, fastmath=_FLAGS, error_model="numpy")
+
+@lru_cache
+def _cache_folder() -> str:
+    """Where compiled kernels are kept: a folder for this very source.
+
+    Numba alone looks at the file that holds a kernel, not at those whose functions are compiled into it.
+    """
+    digest = hashlib.sha1()
+    package = Path(__file__).parent
+    for path in sorted(package.rglob("*.py")):
+        source = path.read_bytes()
+        if b"relume._kernel" in source or path.name == "_kernel.py":
+            digest.update(source)
+    place = package / "__pycache__" if os.access(package, os.W_OK) else Path.home() / ".cache" / "relume"
+    return str(place / f"kernels-{digest.hexdigest()[:12]}")
+
+
+def _compiled(fast: set[str] | bool) -> Callable[[Callable[..., Any]], Any]:
+    """Compiled on first use, kept on disk, without the interpreter's lock, division by zero as in NumPy."""
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        config: Any = numba.config  # pyright: ignore[reportPrivateImportUsage]
+        before = config.CACHE_DIR
+        config.CACHE_DIR = before or _cache_folder()
+        try:
+            return numba.njit(cache=True, nogil=True, fastmath=fast, error_model="numpy")(function)
+        finally:
+            config.CACHE_DIR = before
+
+    return decorate
+
+
+kernel = _compiled(_FLAGS)
 inlined = numba.njit(nogil=True, fastmath=_FLAGS, error_model="numpy", inline="always")
 
 # A partition must repeat the rounding of its bins, and two triangles that share an edge must agree on which side of it
 # a ray passes: reordered sums and fused products break both. `fastmath` has to be named, or a function would take its
 # caller's; one compiled into its caller always does.
-exact_kernel = numba.njit(cache=True, nogil=True, fastmath=False, error_model="numpy")
+exact_kernel = _compiled(False)
 exact_inlined = numba.njit(nogil=True, fastmath=False, error_model="numpy", inline="always")
 
 
-def in_threads(work: Callable[[int, int], Any], count: int, threads: int | None = None, *, chunk: int = 16384) -> list:
+def in_threads(work: Callable[[int, int], Any], count: int, threads: int | None = None, *, chunk: int = 65536) -> list:
     """Call `work(begin, end)` for chunks of 0…count on every core; the results, in the chunks' order.
 
     The chunks do not depend on the number of threads, so neither do sums over their results.

@@ -397,7 +397,7 @@ def test_pixels_that_are_not_chosen_stay_as_they_are(filter):
         middles, middles, np.zeros(10, np.int32), np.arange(40, dtype=np.int32).reshape(10, 4),
         corners, corners, np.zeros(40, np.int32),
     )  # fmt: skip
-    seen = np.full((10, 3), 7, np.float32)
+    seen = np.full((10, 4), 7, np.float32)
     half = term(Layer(Mirror()), np.full((1, 3), 0.5), np.zeros((1, 3)))
     filter.add(seen, np.array([2, 9], np.int32), Spans(samples, 1), half, filter.prepared(light.radiance))
     expected = np.full((10, 3), 7.0)

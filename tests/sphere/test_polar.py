@@ -15,7 +15,7 @@ def at_directions(table, directions):
     seen, entries = np.empty_like(directions), table.reshape(-1)
     for i in range(len(directions)):
         u, v = polar_point(directions[i, 0], directions[i, 1], directions[i, 2])
-        seen[i, 0], seen[i, 1], seen[i, 2] = looked_up(entries, 0, table.shape[0] - 2, u, v)
+        seen[i, 0], seen[i, 1], seen[i, 2], _ = looked_up(entries, 0, table.shape[0] - 2, u, v)
     return seen
 
 

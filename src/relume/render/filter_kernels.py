@@ -1,6 +1,7 @@
 """The loops of `relume.render.filters`: each looks a table up for some samples, the three channels of each.
 
-They write to `seen` (Q, 3) in the order of `chosen`; `add_weighed` then adds that to the light.
+They write to `seen` (Q, 4) in the order of `chosen`; `add_seen` then adds that to the light (P, 4). The fourth
+channel means nothing: with it the processor works on all channels at once.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from relume._kernel import inlined, kernel
-from relume.render.terms import key, weighed
+from relume.render.terms import by_cosine, key
 from relume.sphere.polar import looked_up, polar_point
 
 
@@ -46,9 +47,8 @@ _BLOCK = 256
 
 @kernel
 def plain(light, chosen, samples, term, table):
-    """Look up at the middles and add, in one go: the way that has to be fastest."""
-    normals, views, kind, ratio = samples.normal, samples.to_eye, term.kind, term.ratio
-    weight, grazing, colour, rim = term.weight, term.grazing, term.colour, term.rim
+    """Look up at the middles and add, in one go: the way that has to be fastest, for a colour held in the weight."""
+    normals, views, kind, ratio, weight = samples.normal, samples.to_eye, term.kind, term.ratio, term.weight
     entries, rows = table.reshape(-1), table.shape[0] - 2
     facing, u, v = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
     x, y, z = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
@@ -62,17 +62,29 @@ def plain(light, chosen, samples, term, table):
             facing[k] = nx * ex + ny * ey + nz * ez
         for k in range(count):
             u[k], v[k] = polar_point(x[k], y[k], z[k])
+        # No branch in this loop, or its channels are no longer worked on together.
         for k in range(count):
             index = np.uint32(chosen[begin + k])
             seen = looked_up(entries, 0, rows, u[k], v[k])
-            red, green, blue = weighed(weight, grazing, colour, rim, index, facing[k])
+            red, green, blue, fourth = by_cosine(weight, facing[k])
             light[index, 0] += red * seen[0]
             light[index, 1] += green * seen[1]
             light[index, 2] += blue * seen[2]
+            light[index, 3] += fourth * seen[3]
 
 
 @kernel
-def add_weighed(light, chosen, seen, samples, term):
+def looked_up_at(seen, chosen, points, table):
+    """The table at the middles' image points (P, 2)."""
+    entries, rows = table.reshape(-1), table.shape[0] - 2
+    for place in range(len(chosen)):
+        index = np.uint32(chosen[place])
+        values = looked_up(entries, 0, rows, points[index, 0], points[index, 1])
+        seen[place, 0], seen[place, 1], seen[place, 2], seen[place, 3] = values
+
+
+@kernel
+def add_seen(light, chosen, seen, samples, term):
     """Add what was looked up, weighed as the samples' middles see it."""
     normals, views = samples.normal, samples.to_eye
     weight, grazing, colour, rim = term.weight, term.grazing, term.colour, term.rim
@@ -80,7 +92,12 @@ def add_weighed(light, chosen, seen, samples, term):
         index = np.uint32(chosen[place])
         facing = normals[index, 0] * views[index, 0] + normals[index, 1] * views[index, 1]
         facing += normals[index, 2] * views[index, 2]
-        red, green, blue = weighed(weight, grazing, colour, rim, index, facing)
+        red, green, blue, _ = by_cosine(weight, facing)
+        if colour.shape[0] > 0:
+            more_red, more_green, more_blue, _ = by_cosine(grazing, facing)
+            red = red * colour[index, 0] + more_red * rim[index, 0]
+            green = green * colour[index, 1] + more_green * rim[index, 1]
+            blue = blue * colour[index, 2] + more_blue * rim[index, 2]
         light[index, 0] += red * seen[place, 0]
         light[index, 1] += green * seen[place, 1]
         light[index, 2] += blue * seen[place, 2]
@@ -313,8 +330,8 @@ def preintegrated(seen, chosen, samples, kind, ratio, points, prepared):
             middle_v = 0.25 * (v[0] + v[1] + v[2] + v[3])
             if width <= 1 and height <= 1:
                 middle_u -= np.floor(middle_u)
-                red, green, blue = looked_up(entries, 0, rows, np.float32(middle_u), np.float32(middle_v))
-                seen[place, 0], seen[place, 1], seen[place, 2] = red, green, blue
+                part = looked_up(entries, 0, rows, np.float32(middle_u), np.float32(middle_v))
+                seen[place, 0], seen[place, 1], seen[place, 2], seen[place, 3] = part
                 continue
             # One entry wide at least: a box of one entry over entries is their interpolation.
             width, height = min(max(width, 1.0), columns * 1.0), max(height, 1.0)
@@ -347,7 +364,7 @@ def from_pyramid(seen, quads, points, pyramid):
         lower = min(int(level), last)
         share = level - np.float32(lower)
         u, v = points[place, 0], points[place, 1]
-        red, green, blue = looked_up(values, begins[lower], rows[lower], u, v)
+        red, green, blue, _ = looked_up(values, begins[lower], rows[lower], u, v)
         if share > 0:
             upper = looked_up(values, begins[lower + 1], rows[lower + 1], u, v)
             red = red * (one - share) + upper[0] * share

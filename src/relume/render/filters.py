@@ -28,7 +28,7 @@ class Filter(Protocol):
         ...
 
     def add(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
-        """Add the term of the `chosen` samples, (Q,) indices, to `light` (P, 3) float32."""
+        """Add the term of the `chosen` samples, (Q,) indices, to `light` (P, 4) float32."""
         ...
 
 
@@ -40,10 +40,18 @@ class Plain:
         return padded(table)
 
     def add(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
-        in_threads(
-            lambda begin, end: kernels.plain(light, chosen[begin:end], spans.samples, term, prepared),
-            len(chosen), spans.threads,
-        )  # fmt: skip
+        points = spans.middle_points(term) if len(term.colour) else None
+
+        def work(begin: int, end: int) -> None:
+            here = chosen[begin:end]
+            if points is None:
+                kernels.plain(light, here, spans.samples, term, prepared)
+                return
+            seen = np.empty((len(here), 4), np.float32)
+            kernels.looked_up_at(seen, here, points, prepared)
+            kernels.add_seen(light, here, seen, spans.samples, term)
+
+        in_threads(work, len(chosen), spans.threads)
 
 
 @dataclass(frozen=True)
@@ -103,9 +111,9 @@ class Preintegrated:
 
         def work(begin: int, end: int) -> None:
             here = chosen[begin:end]
-            seen = np.empty((len(here), 3), np.float32)
+            seen = np.zeros((len(here), 4), np.float32)
             kernels.preintegrated(seen, here, spans.samples, term.kind, term.ratio, points, prepared)
-            kernels.add_weighed(light, here, seen, spans.samples, term)
+            kernels.add_seen(light, here, seen, spans.samples, term)
 
         in_threads(work, len(chosen), spans.threads)
 
@@ -167,8 +175,8 @@ def _add_spans(
         here = chosen[begin:end]
         quads = np.empty((len(here), 4, 3), np.float32)
         kernels.quadrilaterals(quads, here, spans.samples, middles, keys)
-        seen = np.empty((len(here), 3), np.float32)
+        seen = np.zeros((len(here), 4), np.float32)
         look_up(seen, quads, here)
-        kernels.add_weighed(light, here, seen, spans.samples, term)
+        kernels.add_seen(light, here, seen, spans.samples, term)
 
     in_threads(work, len(chosen), spans.threads, chunk=chunk)

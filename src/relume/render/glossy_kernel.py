@@ -1,4 +1,4 @@
-"""The loop that adds a glossy map's term: one look-up at a sample's middle, or several over what it reflects."""
+"""The loop that looks glossy maps up: once at a sample's middle, or several times over what it reflects."""
 
 from __future__ import annotations
 
@@ -6,21 +6,19 @@ import numpy as np
 
 from relume._kernel import kernel
 from relume.light.glossy_look_up import glossy
-from relume.render.terms import weighed
 
 
 @kernel
-def add_glossy(light, chosen, samples, term, tables, tilts, most):
-    """Add the term of the chosen samples, with up to `most`² look-ups where normals turn within a sample."""
+def look_up_glossy(seen, chosen, samples, tables, tilts, most):
+    """Fill `seen` (Q, 4) for the chosen samples, with up to `most`² look-ups where normals turn within a sample."""
     entry = np.float32(np.pi / (tables.shape[1] - 2))
     normals, views = np.empty((4, 3), np.float32), np.empty((4, 3), np.float32)
     middle_normals, middle_views, surface, corners = samples.normal, samples.to_eye, samples.surface, samples.corners
     corner_normals, corner_views, corner_surface = samples.corner_normal, samples.corner_to_eye, samples.corner_surface
-    weight, grazing, colour, rim = term.weight, term.grazing, term.colour, term.rim
-    for index in chosen:
+    for place in range(len(chosen)):
+        index = chosen[place]
         nx, ny, nz = middle_normals[index, 0], middle_normals[index, 1], middle_normals[index, 2]
         ex, ey, ez = middle_views[index, 0], middle_views[index, 1], middle_views[index, 2]
-        facing = nx * ex + ny * ey + nz * ez
         whole = True
         spread = np.float32(0)
         for corner in range(4):
@@ -38,9 +36,9 @@ def add_glossy(light, chosen, samples, term, tables, tilts, most):
         if side <= 1:
             red, green, blue = glossy(tables, tilts, nx, ny, nz, ex, ey, ez)
         else:
-            for place in range(side * side):
-                right = (np.float32(place % side) + np.float32(0.5)) / np.float32(side)
-                down = (np.float32(place // side) + np.float32(0.5)) / np.float32(side)
+            for step in range(side * side):
+                right = (np.float32(step % side) + np.float32(0.5)) / np.float32(side)
+                down = (np.float32(step // side) + np.float32(0.5)) / np.float32(side)
                 left, above = np.float32(1) - right, np.float32(1) - down
                 nx, ny, nz, length = _between(normals, left, right, above, down)
                 ex, ey, ez, distance = _between(views, left, right, above, down)
@@ -50,10 +48,7 @@ def add_glossy(light, chosen, samples, term, tables, tilts, most):
                 red, green, blue = red + part[0], green + part[1], blue + part[2]
             share = np.float32(1) / np.float32(side * side)
             red, green, blue = red * share, green * share, blue * share
-        scale = weighed(weight, grazing, colour, rim, index, facing)
-        light[index, 0] += red * scale[0]
-        light[index, 1] += green * scale[1]
-        light[index, 2] += blue * scale[2]
+        seen[place, 0], seen[place, 1], seen[place, 2] = red, green, blue
 
 
 @kernel

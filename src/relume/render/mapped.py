@@ -18,8 +18,9 @@ from relume._kernel import in_threads
 from relume.light.brdf import Reflectance
 from relume.light.glossy import AZIMUTHS, GlossyMap, glossy_map
 from relume.light.reflection import reflection_map
+from relume.render.filter_kernels import add_seen
 from relume.render.filters import Filter, Plain, Preintegrated
-from relume.render.glossy_kernel import add_glossy
+from relume.render.glossy_kernel import look_up_glossy
 from relume.render.mapped_materials import ShadedLayer, layers_of
 from relume.render.renderer import Progress, Render
 from relume.render.samples import GBuffer, Samples
@@ -129,10 +130,11 @@ class Shading:
 
     def light(self, samples: Samples, uv: np.ndarray) -> np.ndarray:
         """Radiance (P, 3) float32 of samples with texture coordinates (P, 2)."""
-        light = np.zeros_like(samples.normal)
+        light = np.empty((len(samples.normal), 4), np.float32)
+        in_threads(lambda begin, end: light[begin:end].fill(0), len(light), self.threads)
         spans = Spans(samples, self.threads)
         # Of samples that see nothing, −1, the last entry tells that they belong to no material.
-        material = np.append(self.first, -1)[samples.surface]
+        material = np.append(self.first, np.int32(-1))[samples.surface]
         for index, layers in enumerate(self.layers):
             chosen = np.flatnonzero(material == index).astype(np.int32)
             if not chosen.size:
@@ -144,15 +146,19 @@ class Shading:
                     self._add_glossy(light, chosen, samples, part, table)
                 else:
                     self.filter.add(light, chosen, spans, part, table)
-        return light
+        return light[:, :3]
 
     def _add_glossy(self, light: np.ndarray, chosen: np.ndarray, samples: Samples, part: Any, table: GlossyMap) -> None:
         most = 1 if isinstance(self.filter, Plain) else LOOK_UPS
         tilts = table.tilts.astype(np.float32)
-        in_threads(
-            lambda begin, end: add_glossy(light, chosen[begin:end], samples, part, table.padded, tilts, most),
-            len(chosen), self.threads, chunk=4096,
-        )  # fmt: skip
+
+        def work(begin: int, end: int) -> None:
+            here = chosen[begin:end]
+            seen = np.zeros((len(here), 4), np.float32)
+            look_up_glossy(seen, here, samples, table.padded, tilts, most)
+            add_seen(light, here, seen, samples, part)
+
+        in_threads(work, len(chosen), self.threads, chunk=4096)
 
 
 @dataclass(frozen=True, eq=False)

@@ -83,9 +83,7 @@ def balls(
     """
     if size < 2:
         raise ValueError(f"balls are {size} pixels wide; expected 2 or more")
-    light = as_latlong(light)
-    if light.size > _MOST_ROWS:
-        light = light.remapped(LatLong(), _MOST_ROWS)
+    light = _coarse(as_latlong(light))
     points, cover = _disc(size * _FINER)
     matte = _binned(cover)
     made = []
@@ -97,6 +95,17 @@ def balls(
         if progress:
             progress((index + 1) / len(SURFACES))
     return tuple(made)
+
+
+def _coarse(light: IlluminationMap) -> IlluminationMap:
+    """A lat-long map of not many more rows than are seen, energy kept."""
+    block = -(-light.size // _MOST_ROWS)
+    if block == 1 or light.size % block:
+        return light if block == 1 else light.remapped(LatLong(), _MOST_ROWS)
+    rows, areas = light.size // block, LatLong().solid_angles(light.size)[..., None]
+    flux = (light.radiance * areas).reshape(rows, block, 2 * rows, block, 3).sum((1, 3))
+    radiance = flux / LatLong().solid_angles(rows)[..., None]
+    return IlluminationMap(radiance.astype(np.float32), LatLong(), light.unit)
 
 
 def _light(

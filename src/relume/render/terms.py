@@ -9,6 +9,7 @@ import numpy as np
 from relume._kernel import inlined
 from relume.light.weights import tabulated
 from relume.scene.reflective import Layer, Towards
+from relume.sphere.polar import in_fours
 
 KINDS = {Towards.NORMAL: 0, Towards.REFLECTED: 1, Towards.VIEWER: 2, Towards.REFRACTED: 3}
 
@@ -18,8 +19,8 @@ class Term(NamedTuple):
 
     kind : of KINDS
     ratio : the index of refraction of the viewer's side over that behind, for refraction
-    weight, grazing : (ENTRIES, 3) float32, by the cosine E·N from 0 to 1
-    colour, rim : (1, 3) float32 for all samples, or (P, 3) for each; a rim of (0, 3) for no grazing part
+    weight, grazing : (ENTRIES, 4) float32, by the cosine E·N from 0 to 1, the fourth channel 0
+    colour, rim : (P, 4) float32, of each sample; (0, 4) where they are everywhere the same and held in `weight`
     """
 
     kind: int
@@ -32,11 +33,12 @@ class Term(NamedTuple):
 
 def term(layer: Layer, colour: np.ndarray, rim: np.ndarray) -> Term:
     """A layer with its colours at the samples, (1, 3) or (P, 3)."""
-    tables = tabulated(layer.weight), tabulated(layer.grazing)
-    return Term(
-        KINDS[layer.towards], np.float32(1 / layer.ior), *tables,
-        np.ascontiguousarray(colour, np.float32), np.ascontiguousarray(rim, np.float32),
-    )  # fmt: skip
+    weight, grazing = tabulated(layer.weight), tabulated(layer.grazing)
+    if len(colour) == len(rim) == 1:
+        weight = weight * colour + grazing * rim
+        colour = rim = np.zeros((0, 3))
+    values = (in_fours(each) for each in (weight, grazing, *np.broadcast_arrays(colour, rim)))
+    return Term(KINDS[layer.towards], np.float32(1 / layer.ior), *values)
 
 
 @inlined
@@ -56,20 +58,16 @@ def key(kind, ratio, nx, ny, nz, ex, ey, ez):
 
 
 @inlined
-def weighed(weight, grazing, colour, rim, index, facing):
-    """What the three channels of a sample are multiplied by, at the cosine E·N."""
+def by_cosine(weight, facing):
+    """The four channels of a weight at the cosine E·N, by linear look-up."""
     place = min(max(facing, np.float32(0)), np.float32(1)) * np.float32(weight.shape[0] - 1)
     first = np.uint32(min(int(place), weight.shape[0] - 2))
     after = first + np.uint32(1)
     share = place - np.float32(first)
     rest = np.float32(1) - share
-    tint = np.uint32(index if colour.shape[0] > 1 else 0)
-    red = (weight[first, 0] * rest + weight[after, 0] * share) * colour[tint, 0]
-    green = (weight[first, 1] * rest + weight[after, 1] * share) * colour[tint, 1]
-    blue = (weight[first, 2] * rest + weight[after, 2] * share) * colour[tint, 2]
-    if rim.shape[0] > 0:
-        edge = np.uint32(index if rim.shape[0] > 1 else 0)
-        red += (grazing[first, 0] * rest + grazing[after, 0] * share) * rim[edge, 0]
-        green += (grazing[first, 1] * rest + grazing[after, 1] * share) * rim[edge, 1]
-        blue += (grazing[first, 2] * rest + grazing[after, 2] * share) * rim[edge, 2]
-    return red, green, blue
+    return (
+        weight[first, 0] * rest + weight[after, 0] * share,
+        weight[first, 1] * rest + weight[after, 1] * share,
+        weight[first, 2] * rest + weight[after, 2] * share,
+        weight[first, 3] * rest + weight[after, 3] * share,
+    )

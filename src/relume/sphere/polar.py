@@ -1,7 +1,7 @@
 """Bilinear look-up in lat-long tables inside kernels: `IlluminationMap.look_up`, some 20 times faster.
 
 Tables are padded by one entry on every side (`padded`), round the seam and over the poles, so that no look-up asks
-where it is.
+where it is, and by a fourth channel, so that the processor works on all channels at once.
 """
 
 from __future__ import annotations
@@ -12,10 +12,16 @@ from relume._kernel import inlined
 
 
 def padded(radiance: np.ndarray) -> np.ndarray:
-    """A lat-long table (H, 2H, C) with its border continued round the seam and over the poles, float32."""
+    """A lat-long table (H, 2H, 3) with its border continued round the seam and over the poles: (H + 2, 2H + 2, 4)."""
     half = radiance.shape[1] // 2
     tall = np.concatenate([np.roll(radiance[:1], half, 1), radiance, np.roll(radiance[-1:], half, 1)])
-    return np.ascontiguousarray(np.concatenate([tall[:, -1:], tall, tall[:, :1]], axis=1), np.float32)
+    wide = np.concatenate([tall[:, -1:], tall, tall[:, :1]], axis=1)
+    return in_fours(wide)
+
+
+def in_fours(values: np.ndarray) -> np.ndarray:
+    """Three channels (…, 3) with a fourth of zeros, float32."""
+    return np.concatenate([values, np.zeros((*values.shape[:-1], 1))], axis=-1, dtype=np.float32)
 
 
 @inlined
@@ -59,7 +65,7 @@ def cell(table, u, v):
 
 @inlined
 def looked_up(entries, begin, rows, u, v):
-    """The three channels of a padded table at an image point, bilinear between four entries.
+    """The four channels of a padded table at an image point, bilinear between four entries.
 
     entries : the table, or several one behind the other, flat
     begin : where it begins
@@ -71,15 +77,14 @@ def looked_up(entries, begin, rows, u, v):
     column, row = np.uint32(min(max(int(x), 0), 2 * rows)), np.uint32(min(max(int(y), 0), rows))
     right, down = x - np.float32(column), y - np.float32(row)
     left, above = np.float32(1) - right, np.float32(1) - down
-    one, two, three, four, five = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
-    width = np.uint64(2 * rows + 2)
-    first = np.uint64(begin) + (row * width + column) * three
-    second = first + width * three
+    upper = np.uint64(begin) + (row * np.uint64(2 * rows + 2) + column) * np.uint64(4)
+    lower = upper + np.uint64(2 * rows + 2) * np.uint64(4)
     a, b, c, d = left * above, right * above, left * down, right * down
-    red = entries[first] * a + entries[first + three] * b
-    red += entries[second] * c + entries[second + three] * d
-    green = entries[first + one] * a + entries[first + four] * b
-    green += entries[second + one] * c + entries[second + four] * d
-    blue = entries[first + two] * a + entries[first + five] * b
-    blue += entries[second + two] * c + entries[second + five] * d
-    return red, green, blue
+    o1, o2, o3, o4 = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
+    o5, o6, o7 = np.uint64(5), np.uint64(6), np.uint64(7)
+    return (
+        entries[upper] * a + entries[upper + o4] * b + entries[lower] * c + entries[lower + o4] * d,
+        entries[upper + o1] * a + entries[upper + o5] * b + entries[lower + o1] * c + entries[lower + o5] * d,
+        entries[upper + o2] * a + entries[upper + o6] * b + entries[lower + o2] * c + entries[lower + o6] * d,
+        entries[upper + o3] * a + entries[upper + o7] * b + entries[lower + o3] * c + entries[lower + o7] * d,
+    )
