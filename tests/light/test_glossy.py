@@ -112,9 +112,9 @@ def test_under_a_photographed_sky_the_map_is_the_integral_within_a_per_cent(brdf
 
 @pytest.mark.parametrize("brdf", [GGX(0.25), Ward(0.2)], ids=lambda b: b.name)
 def test_under_a_bare_sun_the_map_is_the_integral_within_a_per_cent(brdf):
-    errors = errors_by_azimuths(sunny(64, sun=400), brdf, *ball(100), (0, AZIMUTHS, 8), rows=64)
-    assert errors[0] > 5 * errors[1] > 5 * errors[2]
-    assert errors[1] < 0.01
+    errors = errors_by_azimuths(sunny(64, sun=400), brdf, *ball(100), (0, 3, AZIMUTHS), rows=64)
+    assert errors[0] > 3 * errors[1] > 6 * errors[2]
+    assert errors[2] < 0.01
 
 
 def test_a_map_of_fewer_azimuths_is_a_part_of_one_of_more():
@@ -266,7 +266,7 @@ def test_a_surface_seen_from_behind_shows_what_it_does_at_grazing_angles():
 
 def test_sizes_unless_asked():
     table = glossy_map(constant(8), GGX(0.5))
-    assert table.tables.shape == (VIEWS, 26, 52, 2 * AZIMUTHS + 1, 3)
+    assert table.tables.shape == (VIEWS, 32, 64, 2 * AZIMUTHS + 1, 3)
     assert (table.tables.dtype, len(table.tilts), table.tilts[0]) == (np.float32, VIEWS, pytest.approx(0, abs=1e-9))
     assert glossy_map(constant(8), GGX(0.5), 6, views=3, azimuths=1).tables.shape == (3, 6, 12, 3, 3)
     assert (glossy_map(constant(8), GGX(0.5), 6, views=3, azimuths=0).brdf) == GGX(0.5)

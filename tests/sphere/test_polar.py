@@ -86,8 +86,10 @@ def test_the_arctangent_of_the_axes():
 def test_a_padded_table_goes_on_round_the_seam_and_over_the_poles():
     table = np.arange(2 * 4 * 3, dtype=np.float64).reshape(2, 4, 3)
     wide = padded(table)
-    assert wide.shape == (4, 6, 3)
+    assert wide.shape == (4, 6, 4)
     assert wide.dtype == np.float32
+    assert not wide[..., 3].any()
+    wide = wide[..., :3]
     np.testing.assert_array_equal(wide[1:3, 1:5], table)
     np.testing.assert_array_equal(wide[1:3, 0], table[:, 3])
     np.testing.assert_array_equal(wide[1:3, 5], table[:, 0])
