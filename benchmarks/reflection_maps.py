@@ -75,7 +75,7 @@ def antialiasing(material: Reflective, light: rl.IlluminationMap, title: str) ->
     camera = rl.Camera.looking_at(np.array([0, 0, 60.0]), np.zeros(3), width=560, height=400, focal_length=2180)
     stage = Stage.of(balls)
     corners = np.stack(np.meshgrid(np.arange(561.0), np.arange(401.0)), axis=-1)
-    seen = stage.samples(camera, np.eye(3), corners[None], None)
+    seen = stage.samples(camera, camera.position, np.eye(3), corners[None], None)
     plain = Shading.of([material] * len(balls), light, Plain())
     truth, cover = np.zeros((400, 560, 3)), np.zeros((400, 560))
     fine = replace(camera, width=560 * FINE, height=400 * FINE, focal_length=camera.focal_length * FINE)
@@ -129,7 +129,7 @@ if __name__ == "__main__":
     ):
         small, large = (shading_time(material, lamps(rows), way) for rows in (128, 4096))
         print(
-            f"{name}: 8192-wide map {large * 1e3:.1f} ms, 256-wide {small * 1e3:.1f} ms: {large / small:.2f}× (limit 1.2)"
+            f"{name}: 8192-wide {large * 1e3:.1f} ms, 256-wide {small * 1e3:.1f} ms: {large / small:.2f}× (limit 1.2)"
         )
     antialiasing(Reflective((Layer(Phong(1000)),)), room, "small glossy balls (Phong, n = 1000)")
     antialiasing(Reflective((Layer(Mirror()),), Wrinkles(0.004, 0.5)), room, "small wrinkled mirrors")

@@ -316,3 +316,16 @@ def test_padding_goes_on_round_the_seam_and_over_the_poles_where_south_is_north(
 def test_sizes_that_cannot_be_are_refused(rows, views, azimuths):
     with pytest.raises(ValueError, match=rf"{rows} rows, {views} views and {azimuths} azimuths; expected at least 2"):
         glossy_map(constant(8), GGX(0.5), rows, views=views, azimuths=azimuths)
+
+
+def test_narrow_lobes_keep_the_level_of_constant_light_under_coarse_maps():
+    normal, eye = np.array([[0.0, 0, 1]]), np.array([[np.sin(np.radians(60)), 0, np.cos(np.radians(60))]])
+    for turn in np.linspace(0, 1, 7):
+        about = rotation_about([1, 2, 3], turn)
+        seen = glossy_map(constant(16), GGX(0.07), 64).look_up(normal @ about.T, eye @ about.T)
+        np.testing.assert_allclose(seen, albedo(GGX(0.07), np.radians(60)), rtol=0.02)
+
+
+def test_lobes_too_narrow_for_a_map_are_refused():
+    with pytest.raises(ValueError, match=r"a three-dimensional map needs 0\.04"):
+        glossy_map(constant(8), GGX(0.03))

@@ -499,7 +499,9 @@ def torus():
     ids=["a hole", "two", "five"],
 )
 def test_what_would_see_itself_or_others_is_warned_of_by_name(objects, names):
-    with pytest.warns(UserWarning, match=rf"no shadows and no reflections of objects .* \({names}\); use rl.Mitsuba"):
+    with pytest.warns(
+        UserWarning, match=rf"no shadows and no reflections of objects .* \({names}\); light transport does"
+    ):
         Mapped().prepared(Scene(constant(64), objects=objects))
 
 

@@ -18,6 +18,8 @@ from relume.sphere.mappings import LatLong
 
 TOLERANCE = 1e-4
 """Zonal harmonics are used where their error is surely below this share of every table entry."""
+FINEST = 4096
+"""Rows to which a light may be cut up for narrow lobes."""
 HIGHEST_DEGREE = 400
 """Beyond it the transforms along the longitude are as fast."""
 ROUNDING = 1e-14
@@ -109,6 +111,19 @@ def _reach(lobe: Lobe) -> float:
     angles = np.linspace(0, np.pi, 20001)
     values = lobe(np.cos(angles))
     return float(angles[np.flatnonzero(values > 1e-18 * values.max())[-1]]) + np.pi / 20000 if values.any() else 0.0
+
+
+def cut_up(light: IlluminationMap, width: float) -> IlluminationMap:
+    """A lat-long map, its pixels cut up where they are wider than a lobe, so that middles of pixels sample it.
+
+    width : of the lobe, radians; at most FINEST rows are made
+    """
+    spacing = np.pi / light.size
+    if spacing <= width or width > 0.5:
+        return light
+    times = int(np.clip(np.ceil(2 * spacing / width), 1, max(FINEST // light.size, 1)))
+    fine = np.repeat(np.repeat(light.radiance, times, axis=0), times, axis=1)
+    return IlluminationMap(fine, light.mapping, light.unit)
 
 
 def as_latlong(light: IlluminationMap) -> IlluminationMap:

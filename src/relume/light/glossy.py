@@ -13,13 +13,15 @@ from functools import cached_property
 import numpy as np
 
 from relume.light.brdf import Reflectance
-from relume.light.convolution import as_latlong
+from relume.light.convolution import as_latlong, cut_up
 from relume.light.lobes import quadrature
 from relume.sphere.harmonics import analysed, synthesised, wigner
 from relume.sphere.illumination import IlluminationMap
 
 AZIMUTHS = 8
 """Mean errors of a fifth of a per cent under a sunset sky; with 5 the lobes of a bare low sun leave streaks at rims."""
+NARROWEST = 0.04
+"""Radians; the tables grow with the square of what is finer, and are half a gigabyte here."""
 VIEWS = 24
 """View angles from the normal to the horizon: one each four degrees."""
 _AROUND = 256
@@ -77,8 +79,13 @@ def glossy_map(
     views : view angles, evenly spaced from 0 to π/2
     azimuths : the highest k of the lobes' Fourier series; 0 for the paper's three dimensions
 
-    Raises ValueError for sizes that cannot be.
+    Raises ValueError for sizes that cannot be, and for lobes narrower than NARROWEST.
     """
+    if brdf.width < NARROWEST:
+        raise ValueError(
+            f"{brdf} is {brdf.width:.3g} rad wide; a three-dimensional map needs {NARROWEST}: "
+            "below that take a lobe of relume.light.lobes, which is nearly as good for narrow ones"
+        )
     rows = int(np.clip(np.ceil(3 * np.pi / brdf.width), 32, 512)) if rows is None else rows
     if rows < 2 or views < 2 or azimuths < 0:
         raise ValueError(f"{rows} rows, {views} views and {azimuths} azimuths; expected at least 2, 2 and 0")
@@ -86,7 +93,7 @@ def glossy_map(
     # At exactly 90° a view sees no surface.
     angles = np.minimum(np.linspace(0, np.pi / 2, views), np.pi / 2 - 1e-3)
     tilts, albedos, kernels = zip(*(_kernels(brdf, angle, degree, azimuths) for angle in angles), strict=True)
-    source = as_latlong(light)
+    source = cut_up(as_latlong(light), brdf.width / 2)
     coefficients = analysed(source.radiance * source.mapping.solid_angles(source.size)[..., None], degree)
     tables = np.empty((views, rows, 2 * rows, 2 * azimuths + 1, 3), np.float32)
     for k in range(azimuths + 1):

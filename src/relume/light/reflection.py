@@ -12,7 +12,7 @@ from enum import Enum
 
 import numpy as np
 
-from relume.light.convolution import as_latlong, convolved
+from relume.light.convolution import FINEST, as_latlong, convolved, cut_up
 from relume.light.lobes import Lambert, Lobe, Phong
 from relume.sphere.illumination import IlluminationMap
 from relume.sphere.mappings import LatLong
@@ -22,15 +22,14 @@ LAMBERT_ROWS = 36
 ROWS_PER_WIDTH = 12
 """Rows for each π·width⁻¹ of a lobe: bilinear look-up is then within about 0.2 % of its peak."""
 MOST_ROWS = 1024
-FINEST = 4096
-"""Rows to which a light may be cut up for narrow lobes."""
 
 
 class Normalisation(Enum):
     """What the sum Σ I[L]·Area[L]·f(N·L) is divided by; tables of different normalisation are never mixed.
 
     RADIOMETRIC : ∫ f/k, so that under constant light the table is k times the light: radiance in, radiance out
-    PAPER : 4π, as Miller & Hoffman (1984, §6) print it; constant light of 1 gives Lambert's table 1/4
+    PAPER : 4π, as Miller & Hoffman (1984, §6) print it; constant light of 1 gives Lambert's table 1/4. A mirror's
+        share is left whole: "for mirror highlights, the specular reflection map is identical to the illumination map"
     SUM : 1; Lambert's table is irradiance
     """
 
@@ -78,20 +77,26 @@ def reflection_map(
         as fine as the lobe needs
     normalisation : `Normalisation.RADIOMETRIC` unless the paper's or none is wanted
 
-    Raises ValueError for a table without rows.
+    Raises ValueError for a table without rows, and for a varnish under Normalisation.SUM: its unit is another.
     """
     rows = rows_for(lobe, light.size) if rows is None else rows
     if rows < 1:
         raise ValueError(f"a table of {rows} rows; expected 1 or more, like 36 for Lambert")
     source = as_latlong(light)
     table, bound = np.zeros((rows, 2 * rows, 3)), 0.0
-    if lobe.integral > 0:
-        sums, bound = convolved(cut_up(source, lobe), lobe, rows)
+    mirrored = lobe.mirror
+    if lobe.integral > 0 and mirrored > 0 and normalisation is Normalisation.SUM:
+        raise ValueError(f"{lobe} adds a mirror's radiance to sums of radiance × solid angle; use RADIOMETRIC or PAPER")
+    if lobe.integral > 0 and lobe.width < 2 * np.pi / FINEST:
+        warnings.warn(f"{lobe} is narrower than any map's pixels; it is taken for a mirror", stacklevel=2)
+        mirrored += lobe.integral / _divisor(lobe, normalisation)
+    elif lobe.integral > 0:
+        sums, bound = convolved(cut_up(source, lobe.width), lobe, rows)
         table = sums / _divisor(lobe, normalisation)
-    if lobe.mirror > 0:
+    if mirrored > 0:
         # A perfect mirror's map is the illumination map (§6.2), whatever the sums are divided by.
         seen = source if source.size == rows else source.remapped(LatLong(), rows)
-        table = table + lobe.mirror * seen.radiance
+        table = table + mirrored * seen.radiance
     return ReflectionMap(IlluminationMap(table.astype(np.float32), LatLong(), light.unit), lobe, normalisation, bound)
 
 
@@ -110,22 +115,6 @@ def rows_for(lobe: Lobe, light_rows: int) -> int:
     if lobe.mirror > 0:
         return light_rows
     return int(np.clip(2 ** np.round(np.log2(ROWS_PER_WIDTH * np.pi / max(lobe.width, 1e-6))), 16, MOST_ROWS))
-
-
-def cut_up(light: IlluminationMap, lobe: Lobe) -> IlluminationMap:
-    """The light, its pixels cut up where they are wider than the lobe, so that middles of pixels sample it.
-
-    Warns where that would take more than FINEST rows.
-    """
-    spacing = np.pi / light.size
-    if spacing <= lobe.width or lobe.width > 0.5:
-        return light
-    times = int(np.ceil(2 * spacing / lobe.width))
-    if times * light.size > FINEST:
-        times = max(FINEST // light.size, 1)
-        warnings.warn(f"{lobe} is far narrower than the map's pixels; Mirror() looks the same", stacklevel=3)
-    fine = np.repeat(np.repeat(light.radiance, times, axis=0), times, axis=1)
-    return IlluminationMap(fine, light.mapping, light.unit)
 
 
 def _divisor(lobe: Lobe, normalisation: Normalisation) -> float:

@@ -140,6 +140,20 @@ class Mip:
         )  # fmt: skip
 
 
+def background(table: np.ndarray, rays: np.ndarray, threads: int | None) -> np.ndarray:
+    """The light (Q, 3) float32 that a padded table holds in the directions of rays (Q, 3)."""
+    views, count = np.ascontiguousarray(rays, np.float32), len(rays)
+    points, seen = np.empty((count, 2), np.float32), np.empty((count, 4), np.float32)
+    every = np.arange(count, dtype=np.int32)
+
+    def work(begin: int, end: int) -> None:
+        kernels.image_points(points, views, views, 2, np.float32(1), begin, end)
+        kernels.looked_up_at(seen[begin:end], every[begin:end], points, table)
+
+    in_threads(work, count, threads)
+    return seen[:, :3]
+
+
 def _halved(table: np.ndarray) -> np.ndarray:
     """A table of half the rows: means by solid angle of four entries, or of a few more where the size is odd."""
     rows = len(table)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,10 +17,11 @@ from scipy.spatial import ConvexHull, QhullError
 
 from relume._kernel import in_threads
 from relume.light.brdf import Reflectance
+from relume.light.convolution import as_latlong
 from relume.light.glossy import AZIMUTHS, GlossyMap, glossy_map
 from relume.light.reflection import reflection_map
 from relume.render.filter_kernels import add_seen
-from relume.render.filters import Filter, Plain, Preintegrated
+from relume.render.filters import Filter, Plain, Preintegrated, background
 from relume.render.glossy_kernel import look_up_glossy
 from relume.render.mapped_materials import ShadedLayer, layers_of
 from relume.render.renderer import Progress, Render
@@ -33,6 +35,7 @@ from relume.scene.reflective import Reflective
 from relume.scene.scene import Scene
 from relume.scene.shapes import Solid, Sphere
 from relume.sphere.illumination import IlluminationMap
+from relume.sphere.polar import padded
 
 LOOK_UPS = 8
 """Look-ups in a glossy map along each side of a pixel, at most, where the normal turns within it."""
@@ -43,8 +46,8 @@ class Mapped:
     """Reflection maps: a few look-ups a pixel, however much the surroundings hold.
 
     filter : how pixels read the maps (`relume.render.filters`); pre-integrated sums keep small lights whole
-    background : show the light behind the objects, as the other renderers do; False leaves black, for matting over a
-        plate
+    background : show the light behind the objects, as the other renderers do; False leaves all black but the objects,
+        for matting over a plate
     threads : all cores unless given; the pixels do not depend on it
     """
 
@@ -67,7 +70,7 @@ class Mapped:
             names = ", ".join(shape.name for shape in scene.objects[:4]) + ("…" if len(scene.objects) > 4 else "")
             warnings.warn(
                 f"reflection maps show no shadows and no reflections of objects in themselves or each other ({names}); "
-                "use rl.Mitsuba for those",
+                "light transport does (rl.Mitsuba, --renderer mitsuba)",
                 stacklevel=2,
             )
         shading = Shading.of([shape.material for shape in shapes], scene.light, self.filter, self.threads)
@@ -125,6 +128,11 @@ class Shading:
             raise ValueError(
                 f"the G-buffer names material {pixels.surface.max()} of {len(self.layers)}; they are numbered from 0"
             )
+        named = np.unique(pixels.surface[pixels.surface >= 0])
+        if pixels.uv is None and any(layer.has_image for index in named for layer, _ in self.layers[index]):
+            raise ValueError(
+                "a material has an image, but the G-buffer has no uv; give its texture coordinates (H, W, 2)"
+            )
         uv = np.zeros((pixels.surface.size, 2)) if pixels.uv is None else pixels.uv.reshape(-1, 2)
         return self.light(pixels.samples(), uv).reshape(*pixels.surface.shape, 3)
 
@@ -140,22 +148,23 @@ class Shading:
             if not chosen.size:
                 continue
             for layer, table in layers:
-                colours = (_scattered(shade(uv, chosen), chosen, len(light)) for shade in (layer.colour, layer.rim))
-                part = term(layer.layer, *colours)
+                colour, rim = layer.colour(uv, chosen), layer.rim(uv, chosen)
+                lit = chosen[np.broadcast_to(np.any(colour + rim, axis=1), len(chosen))]
+                part = term(layer.layer, *(_scattered(each, chosen, len(light)) for each in (colour, rim)))
                 if isinstance(table, GlossyMap):
-                    self._add_glossy(light, chosen, samples, part, table)
+                    self._add_glossy(light, lit, samples, part, table)
                 else:
-                    self.filter.add(light, chosen, spans, part, table)
+                    self.filter.add(light, lit, spans, part, table)
         return light[:, :3]
 
     def _add_glossy(self, light: np.ndarray, chosen: np.ndarray, samples: Samples, part: Any, table: GlossyMap) -> None:
         most = 1 if isinstance(self.filter, Plain) else LOOK_UPS
-        tilts = table.tilts.astype(np.float32)
+        tilts, tables = table.tilts.astype(np.float32), table.padded
 
         def work(begin: int, end: int) -> None:
             here = chosen[begin:end]
             seen = np.zeros((len(here), 4), np.float32)
-            look_up_glossy(seen, here, samples, table.padded, tilts, most)
+            look_up_glossy(seen, here, samples, tables, tilts, most)
             add_seen(light, here, seen, samples, part)
 
         in_threads(work, len(chosen), self.threads, chunk=4096)
@@ -170,16 +179,32 @@ class Prepared:
     stage: Stage
     shading: Shading
 
-    def render(self, camera: Camera, *, turn: np.ndarray | None = None, progress: Progress | None = None) -> Render:
+    @cached_property
+    def background(self) -> np.ndarray:
+        """The light as kernels look it up."""
+        return padded(as_latlong(self.scene.light).radiance)
+
+    def render(
+        self,
+        camera: Camera,
+        *,
+        turn: np.ndarray | None = None,
+        about: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        progress: Progress | None = None,
+    ) -> Render:
         """One picture (§3, lines 5 to 9).
 
-        turn : (3, 3) rotation of all objects about the world's origin, under the same light; none unless given
+        turn : (3, 3) rotation of everything but the light and the camera; none unless given
+        about : the point that it leaves where it is, metres
         """
-        seen = self.stage.seen(camera, np.eye(3) if turn is None else turn, self.renderer.threads)
+        seen = self.stage.seen(camera, np.eye(3) if turn is None else turn, np.asarray(about), self.renderer.threads)
         light = self.shading.light(seen.samples, seen.uv)
-        missed = seen.samples.surface < 0
-        if self.renderer.background and missed.any():
-            light[missed] = self.scene.light.look_up(seen.rays[missed])
+        if self.renderer.background:
+            missed = np.flatnonzero(seen.samples.surface < 0)
+            light[missed] = background(self.background, seen.rays[missed], self.renderer.threads)
+        else:
+            # What is not an object is the plate's: it would be there twice.
+            light[seen.samples.surface < len(self.scene.local)] = 0
         if progress:
             progress(1.0)
         return self._render(seen, light, camera)

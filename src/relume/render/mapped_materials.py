@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -37,11 +37,13 @@ class ShadedLayer:
     layer : lobe, direction and weights; its own colour is not used
     colour : what multiplies `layer.weight`
     rim : what multiplies `layer.grazing`
+    has_image : whether a colour asks for texture coordinates
     """
 
     layer: Layer
     colour: Shade
     rim: Shade
+    has_image: bool = False
 
 
 def layers_of(material: Material | Diffuse | Reflective) -> tuple[ShadedLayer, ...]:
@@ -50,8 +52,12 @@ def layers_of(material: Material | Diffuse | Reflective) -> tuple[ShadedLayer, .
         lambert = Layer(Lambert(), Towards.NORMAL)
         return (ShadedLayer(lambert, _shade(material.reflectance), _shade(0.0)),)
     if isinstance(material, Reflective):
-        return tuple(ShadedLayer(layer, _shade(layer.colour), _shade(1.0)) for layer in material.layers)
-    return tuple(_metallic_roughness(material))
+        return tuple(
+            ShadedLayer(layer, _shade(layer.colour), _shade(1.0), np.ndim(layer.colour) > 1)
+            for layer in material.layers
+        )
+    images = any(np.ndim(each) > 1 for each in (material.base_color, material.metallic, material.roughness))
+    return tuple(replace(layer, has_image=images) for layer in _metallic_roughness(material))
 
 
 def _metallic_roughness(material: Material) -> Iterator[ShadedLayer]:

@@ -126,7 +126,7 @@ def _bsdf(mi: Any, material: Material | Diffuse | Reflective) -> dict[str, Any]:
     if isinstance(material, Reflective):
         raise UnsupportedScene(
             f"Mitsuba cannot shade the reflection maps of {material.name or 'a Reflective surface'!r}; "
-            "use rl.Mapped, or a Material"
+            "use rl.Mapped (--renderer mapped), or a diffuse or pbr material"
         )
     if isinstance(material, Diffuse):
         diffuse = {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(material.reflectance)}}

@@ -25,7 +25,7 @@ class Orbit:
     angle: float = 2 * np.pi
 
     def at(self, camera: Camera, share: float) -> tuple[Camera, np.ndarray]:
-        """The camera and the objects' turn after this share of the way."""
+        """The camera and the shapes' turn after this share of the way."""
         turn = rotation_about(UP, self.angle * share)
         centre = np.asarray(self.centre)
         moved = replace(camera, position=centre + turn @ (camera.position - centre), rotation=turn @ camera.rotation)
@@ -34,12 +34,17 @@ class Orbit:
 
 @dataclass(frozen=True)
 class Turntable:
-    """The objects turn about the world's vertical axis under a light and before a camera that stay."""
+    """All shapes turn about a vertical axis, counter-clockwise seen from above; the light and the camera stay.
 
+    centre : a point of the axis, metres
+    angle : all the way, radians
+    """
+
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     angle: float = 2 * np.pi
 
     def at(self, camera: Camera, share: float) -> tuple[Camera, np.ndarray]:
-        """The camera and the objects' turn after this share of the way."""
+        """The camera and the shapes' turn after this share of the way."""
         return camera, rotation_about(UP, self.angle * share)
 
 
@@ -52,4 +57,4 @@ def frames(prepared: Prepared, camera: Camera, motion: Orbit | Turntable, count:
         raise ValueError(f"{count} frames; expected 1 or more")
     for index in range(count):
         moved, turn = motion.at(camera, index / count)
-        yield prepared.render(moved, turn=turn)
+        yield prepared.render(moved, turn=turn, about=motion.centre)

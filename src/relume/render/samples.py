@@ -58,6 +58,8 @@ class GBuffer:
                     "render all planes at one size"
                 )
         seen = np.asarray(self.surface) >= 0
+        if self.uv is not None and not np.all(np.isfinite(np.asarray(self.uv)[seen])):
+            raise ValueError("uv holds NaN or infinity where there is a surface; expected finite texture coordinates")
         for name, plane in (("normal", self.normal), ("view", self.view)):
             lengths = np.linalg.norm(np.asarray(plane, np.float64)[seen], axis=-1)
             wrong = ~(np.abs(lengths - 1) < 1e-2)

@@ -18,6 +18,10 @@ EDGE = 4
 """Samples along each side of a pixel that sees an edge: sixteen tell its coverage to three per cent."""
 
 
+STEEPEST = 10.0
+"""Pixels' widths by which one surface may recede from one pixel to the next; more is an edge before itself."""
+
+
 @dataclass(frozen=True, eq=False)
 class Seen:
     """Samples and the pixels they belong to.
@@ -55,28 +59,32 @@ class Stage:
         bumps = tuple(getattr(shape.material, "bumps", None) for shape in shapes)
         return Stage(RayCaster.of(shapes), Surfaces.of(shapes), bumps)
 
-    def seen(self, camera: Camera, turn: np.ndarray, threads: int | None = None) -> Seen:
-        """What the camera sees when everything is turned about the world's origin, (3, 3)."""
+    def seen(self, camera: Camera, turn: np.ndarray, about: np.ndarray, threads: int | None = None) -> Seen:
+        """What the camera sees when everything is turned, by a rotation (3, 3) about a point (3,)."""
         height, width = camera.height, camera.width
         x, y = np.meshgrid(np.arange(width + 1.0), np.arange(height + 1.0))
         corners = np.stack([x, y], axis=-1)
-        whole = self.samples(camera, turn, corners[None], threads)
-        edges = _edges(whole, height, width)
+        # The shapes stay: the eye goes round them, and what it sees is turned back.
+        eye = about + (camera.position - about) @ turn
+        whole = self.samples(camera, eye, turn, corners[None], threads)
+        edges = _edges(whole, camera)
         fine = np.stack(np.meshgrid(*[np.arange(EDGE + 1.0) / EDGE] * 2), axis=-1)
-        detail = self.samples(camera, turn, corners[:-1, :-1][edges][:, None, None] + fine, threads)
+        detail = self.samples(camera, eye, turn, corners[:-1, :-1][edges][:, None, None] + fine, threads)
         inside = np.flatnonzero(~edges.reshape(-1))
         pixel = np.concatenate([inside, np.repeat(np.flatnonzero(edges.reshape(-1)), EDGE**2)])
         share = np.full(len(pixel), 1 / EDGE**2, np.float32)
         share[: len(inside)] = 1
         return _joined(_chosen(whole, inside), detail, pixel, share)
 
-    def samples(self, camera: Camera, turn: np.ndarray, corners: np.ndarray, threads: int | None) -> Seen:
+    def samples(
+        self, camera: Camera, eye: np.ndarray, turn: np.ndarray, corners: np.ndarray, threads: int | None
+    ) -> Seen:
         """Samples of grids whose corners stand at pixel coordinates (G, R + 1, C + 1, 2), in their order."""
         grids, rows, columns = corners.shape[0], corners.shape[1] - 1, corners.shape[2] - 1
         middles = 0.25 * (corners[:, :-1, :-1] + corners[:, 1:, :-1] + corners[:, :-1, 1:] + corners[:, 1:, 1:])
         rays = camera.rays_through(middles.reshape(-1, 2))
-        normal, to_eye, surface, uv, distance = self.look(camera.position, rays, turn, threads)
-        around = self.look(camera.position, camera.rays_through(corners.reshape(-1, 2)), turn, threads)
+        normal, to_eye, surface, uv, distance = self.look(eye, rays, turn, threads)
+        around = self.look(eye, camera.rays_through(corners.reshape(-1, 2)), turn, threads)
         index = grid_corners(rows, columns)
         shift = np.arange(grids)[:, None, None] * (rows + 1) * (columns + 1)
         samples = Samples(normal, to_eye, surface, (index + shift).reshape(-1, 4).astype(np.int32), *around[:3])
@@ -87,12 +95,10 @@ class Stage:
         self, eye: np.ndarray, rays: np.ndarray, turn: np.ndarray, threads: int | None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Normal, direction to the eye, shape, texture coordinates and distance along every ray."""
-        # The shapes stay: the eye goes round them, and what it sees is turned back.
         directions = rays @ turn
         directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
-        origins = np.broadcast_to(eye @ turn, directions.shape)
-        hits = self.caster.nearest(origins, directions, threads=threads)
-        points = self.surfaces.at(origins, directions, hits, threads=threads)
+        hits = self.caster.nearest(eye, directions, threads=threads)
+        points = self.surfaces.at(eye, directions, hits, threads=threads)
         normals = self._facing(points, directions, hits.shape)
         return (
             (normals @ turn.T).astype(np.float32), (-rays).astype(np.float32), hits.shape, points.uv, hits.distance
@@ -110,15 +116,20 @@ class Stage:
         return np.where(behind[:, None], -normals, normals)
 
 
-def _edges(seen: Seen, height: int, width: int) -> np.ndarray:
-    """Pixels (H, W) whose middle, corners or neighbours' middles see different shapes."""
+def _edges(seen: Seen, camera: Camera) -> np.ndarray:
+    """Pixels (H, W) whose middle, corners or neighbours' middles see different shapes, or one behind itself."""
+    height, width = camera.height, camera.width
     shape = seen.samples.surface.reshape(height, width)
     corners = seen.samples.corner_surface.reshape(height + 1, width + 1)
     edges = np.zeros((height, width), bool)
     for down in (0, 1):
         for right in (0, 1):
             edges |= corners[down : height + down, right : width + right] != shape
-    across, along = shape[:, 1:] != shape[:, :-1], shape[1:] != shape[:-1]
+    distance = np.where(shape >= 0, seen.distance.reshape(height, width), 0)
+    # From one pixel to the next a surface that is seen at 84° recedes by ten times a pixel's width there.
+    step = STEEPEST / camera.focal_length * distance
+    across = (shape[:, 1:] != shape[:, :-1]) | (np.abs(np.diff(distance, axis=1)) > step[:, 1:] + step[:, :-1])
+    along = (shape[1:] != shape[:-1]) | (np.abs(np.diff(distance, axis=0)) > step[1:] + step[:-1])
     edges[:, 1:] |= across
     edges[:, :-1] |= across
     edges[1:] |= along

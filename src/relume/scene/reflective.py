@@ -51,10 +51,12 @@ class Layer:
 
     def __post_init__(self) -> None:
         colour = np.asarray(self.colour)
-        if colour.shape[-1:] != (3,) or colour.ndim not in (1, 3) or not np.all(colour >= 0):
+        if colour.shape[-1:] != (3,) or colour.ndim not in (1, 3) or not np.all((colour >= 0) & (colour < np.inf)):
             raise ValueError(
                 f"colour of a layer has shape {colour.shape}; expected three numbers of 0 or more, or an image of them"
             )
+        if not isinstance(self.lobe, Lobe | Reflectance):
+            raise ValueError(f"lobe of a layer is {self.lobe!r}; expected one of relume.light.lobes or .brdf")
         if not 0 < self.ior < np.inf:
             raise ValueError(f"ior of a layer is {self.ior}; expected above 0, like 1.5 for glass")
 

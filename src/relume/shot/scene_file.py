@@ -141,7 +141,7 @@ def read_scene(path: str | Path) -> SceneFile:
     return SceneFile(Scene(light, planes, tuple(solids)), camera)
 
 
-def scene_of_mesh(path: str | Path, light: str | Path) -> SceneFile:
+def scene_of_mesh(path: str | Path, light: str | Path, size: tuple[int, int] = SIZE) -> SceneFile:
     """A mesh of its own materials under the light of a map file, framed by a camera that looks along −Z from above.
 
     Raises UnreadableFile for a file that is missing or damaged, InvalidScene for a map of unknown mapping.
@@ -151,19 +151,19 @@ def scene_of_mesh(path: str | Path, light: str | Path) -> SceneFile:
         found = _read_light(Path(light))
     except ValueError as error:
         raise InvalidScene(str(error)) from None
-    return SceneFile(Scene(found, objects=meshes), framing(meshes))
+    return SceneFile(Scene(found, objects=meshes), framing(meshes, size))
 
 
-def framing(meshes: Iterable[Mesh]) -> Camera:
+def framing(meshes: Iterable[Mesh], size: tuple[int, int] = SIZE) -> Camera:
     """A camera that sees the meshes' bounding sphere whole, a tenth enlarged, along −Z and a little from above."""
     vertices = np.concatenate([mesh.vertices for mesh in meshes]).astype(np.float64)
     centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     radius = np.linalg.norm(vertices - centre, axis=1).max()
-    focal_length = _focal_length(SIZE[0], FIELD_OF_VIEW)
-    half = np.arctan(min(SIZE) / 2 / focal_length)
+    focal_length = _focal_length(size[0], FIELD_OF_VIEW)
+    half = np.arctan(min(size) / 2 / focal_length)
     back = np.array([0, np.sin(ELEVATION), np.cos(ELEVATION)])
     position = centre + MARGIN * radius / np.sin(half) * back
-    return Camera.looking_at(position, centre, width=SIZE[0], height=SIZE[1], focal_length=focal_length)
+    return Camera.looking_at(position, centre, width=size[0], height=size[1], focal_length=focal_length)
 
 
 def _focal_length(width: int, field_of_view: float) -> float:
