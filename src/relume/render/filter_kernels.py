@@ -236,14 +236,25 @@ def spanned(seen, quads, table):
                 blue += area * table[row + 1, column, 2]
                 total += area
                 count += 1
-        if count < 4:
-            # It spans no more than adjacent entries: their interpolation is all there is.
-            red = green = blue = total = 0.0
-            for corner in range(4):
-                x, y = polar_point(quads[place, corner, 0], quads[place, corner, 1], quads[place, corner, 2])
-                part = looked_up(entries, 0, rows, x, y)
+        quad = quads[place]
+        across = max(_distance(quad, 0, 1), _distance(quad, 3, 2))
+        along = max(_distance(quad, 0, 3), _distance(quad, 1, 2))
+        if count < 4 or min(across, along) < (2 * np.pi / rows) ** 2:
+            # Of a piece so small or so thin few entries' middles are inside: it is sampled an entry apart.
+            wide = min(max(int(np.ceil(np.sqrt(across) * rows / np.pi)), 2), columns)
+            tall = min(max(int(np.ceil(np.sqrt(along) * rows / np.pi)), 2), columns)
+            red = green = blue = 0.0
+            total = wide * tall
+            for step in range(wide * tall):
+                right, down = np.float32((step % wide + 0.5) / wide), np.float32((step // wide + 0.5) / tall)
+                a, b = (np.float32(1) - right) * (np.float32(1) - down), right * (np.float32(1) - down)
+                c, d = right * down, (np.float32(1) - right) * down
+                x = quad[0, 0] * a + quad[1, 0] * b + quad[2, 0] * c + quad[3, 0] * d
+                y = quad[0, 1] * a + quad[1, 1] * b + quad[2, 1] * c + quad[3, 1] * d
+                z = quad[0, 2] * a + quad[1, 2] * b + quad[2, 2] * c + quad[3, 2] * d
+                here, there = polar_point(x, y, z)
+                part = looked_up(entries, 0, rows, here, there)
                 red, green, blue = red + part[0], green + part[1], blue + part[2]
-                total += 1
         seen[place, 0], seen[place, 1], seen[place, 2] = red / total, green / total, blue / total
 
 
