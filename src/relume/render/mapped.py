@@ -27,7 +27,7 @@ from relume.render.mapped_materials import ShadedLayer, layers_of
 from relume.render.renderer import Progress, Render
 from relume.render.samples import GBuffer, Samples
 from relume.render.spans import Spans
-from relume.render.terms import term
+from relume.render.terms import Term, is_even, term
 from relume.render.visibility import Seen, Stage
 from relume.scene.camera import Camera
 from relume.scene.materials import Diffuse, Material
@@ -141,21 +141,27 @@ class Shading:
         light = np.empty((len(samples.normal), 4), np.float32)
         in_threads(lambda begin, end: light[begin:end].fill(0), len(light), self.threads)
         spans = Spans(samples, self.threads)
-        # Of samples that see nothing, −1, the last entry tells that they belong to no material.
-        material = np.append(self.first, np.int32(-1))[samples.surface]
+        material = samples.surface
+        if np.any(self.first != np.arange(len(self.first))):
+            # Of samples that see nothing, −1, the last entry tells that they belong to no material.
+            material = np.append(self.first, np.int32(-1))[samples.surface]
         for index, layers in enumerate(self.layers):
             chosen = np.flatnonzero(material == index).astype(np.int32)
             if not chosen.size:
                 continue
             for layer, table in layers:
-                colour, rim = layer.colour(uv, chosen), layer.rim(uv, chosen)
-                lit = chosen[np.broadcast_to(np.any(colour + rim, axis=1), len(chosen))]
-                part = term(layer.layer, *(_scattered(each, chosen, len(light)) for each in (colour, rim)))
+                part, lit = self._part(layer, uv, chosen, len(light))
                 if isinstance(table, GlossyMap):
                     self._add_glossy(light, lit, samples, part, table)
                 else:
                     self.filter.add(light, lit, spans, part, table)
         return light[:, :3]
+
+    def _part(self, layer: ShadedLayer, uv: np.ndarray, chosen: np.ndarray, count: int) -> tuple[Term, np.ndarray]:
+        """A layer's term, and which of the chosen samples it gives light to."""
+        colour, rim = layer.colour(uv, chosen), layer.rim(uv, chosen)
+        part = term(layer.layer, *(_scattered(each, chosen, count) for each in (colour, rim)))
+        return part, chosen if is_even(part) else chosen[np.any(colour + rim, axis=1)]
 
     def _add_glossy(self, light: np.ndarray, chosen: np.ndarray, samples: Samples, part: Any, table: GlossyMap) -> None:
         most = 1 if isinstance(self.filter, Plain) else LOOK_UPS

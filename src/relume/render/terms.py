@@ -41,6 +41,11 @@ def term(layer: Layer, colour: np.ndarray, rim: np.ndarray) -> Term:
     return Term(KINDS[layer.towards], np.float32(1 / layer.ior), *values)
 
 
+def is_even(part: Term) -> bool:
+    """Whether the term's colour is everywhere the same, and so held in its weight."""
+    return len(part.colour) == 0
+
+
 @inlined
 def key(kind, ratio, nx, ny, nz, ex, ey, ez):
     """The direction by which the table is looked up."""
