@@ -11,6 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from relume.light.lobes import check_alpha
 from relume.light.weights import Even, Weight
 
 
@@ -30,8 +31,7 @@ class GGX:
     name: ClassVar[str] = "ggx"
 
     def __post_init__(self) -> None:
-        if not 0 < self.alpha <= 1:
-            raise ValueError(f"alpha of {self.name} is {self.alpha}; expected above 0 and at most 1")
+        check_alpha(self.name, self.alpha)
 
     @property
     def width(self) -> float:
@@ -60,8 +60,7 @@ class Ward:
     name: ClassVar[str] = "ward"
 
     def __post_init__(self) -> None:
-        if not 0 < self.alpha <= 1:
-            raise ValueError(f"alpha of {self.name} is {self.alpha}; expected above 0 and at most 1")
+        check_alpha(self.name, self.alpha)
 
     @property
     def width(self) -> float:

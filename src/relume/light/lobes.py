@@ -21,6 +21,12 @@ def _check_k(name: str, k: float) -> None:
         raise ValueError(f"k of {name} is {k}; expected a reflectance of 0 or more")
 
 
+def check_alpha(name: str, alpha: float) -> None:
+    """Refuse a width of microfacets that is not above 0 and at most 1."""
+    if not 0 < alpha <= 1:
+        raise ValueError(f"alpha of {name} is {alpha}; expected above 0 and at most 1")
+
+
 @dataclass(frozen=True)
 class Lambert:
     """Diffuse reflection, f_d(x) = k·max(0, x) (§6.1, example 1)."""
@@ -137,8 +143,7 @@ class GGXLobe:
 
     def __post_init__(self) -> None:
         _check_k(self.name, self.k)
-        if not 0 < self.alpha <= 1:
-            raise ValueError(f"alpha of {self.name} is {self.alpha}; expected above 0 and at most 1")
+        check_alpha(self.name, self.alpha)
 
     def _shape(self, cosine: np.ndarray) -> np.ndarray:
         x, a2 = np.maximum(cosine, 0), self.alpha**2
@@ -176,8 +181,7 @@ class WardLobe:
 
     def __post_init__(self) -> None:
         _check_k(self.name, self.k)
-        if not 0 < self.alpha <= 1:
-            raise ValueError(f"alpha of {self.name} is {self.alpha}; expected above 0 and at most 1")
+        check_alpha(self.name, self.alpha)
 
     def _shape(self, cosine: np.ndarray) -> np.ndarray:
         x = np.maximum(cosine, 0)
