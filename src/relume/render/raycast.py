@@ -1,8 +1,4 @@
-"""Where rays meet shapes: the nearest hit, or whether anything is in between.
-
-Triangles are tested so that rays find no crack between two that share an edge or a vertex (Woop, Benthin & Wald 2013,
-"Watertight ray/triangle intersection"), in double precision.
-"""
+"""Where rays meet shapes: the nearest hit, or whether anything is in between."""
 
 from __future__ import annotations
 
@@ -12,15 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from relume._kernel import exact_inlined, exact_kernel, in_threads
+from relume._kernel import exact_kernel, in_threads
+from relume.render.raycast_kernel import Geometry, meet, scratch
 from relume.render.raycast_tree import Tree, build_tree
 from relume.scene.shapes import Mesh, Plane, Shape, Sphere
 
 FARTHEST = 1e15
 """Metres from the origin within which every shape has to lie, so that areas stay finite."""
-
-# A distance to a box's side is off by three roundings of 2⁻⁵³ and two such are compared: a box is left this much later.
-_LATER = 1 + 8 * 2.0**-53
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +52,13 @@ class RayCaster:
     primitive: np.ndarray
     spheres: np.ndarray
     planes: np.ndarray
+
+    @property
+    def geometry(self) -> Geometry:
+        """What `meet` takes."""
+        tree = self.tree
+        nodes = (tree.boxes, tree.children, tree.root, tree.depth)
+        return Geometry(*nodes, self.corners, self.ball, self.shape, self.spheres, self.planes)
 
     @staticmethod
     def of(shapes: Sequence[Shape]) -> RayCaster:
@@ -146,14 +147,11 @@ class RayCaster:
         threads: int | None,
     ) -> Hits:
         """The nearest hits, or any, in (beyond, limit) of checked rays; limits (N,) or (1,)."""
-        count, tree = len(directions), self.tree
+        count, geometry = len(directions), self.geometry
         hits = Hits(np.empty(count), np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 2), "f4"))
         rays = (origins, directions, limits, float(beyond), any_will_do)
-        nodes = (tree.boxes, tree.children, tree.root, tree.depth)
-        leaves = (self.corners, self.ball, self.shape, self.primitive)
-        others = (self.spheres, self.planes)
         told = (hits.distance, hits.shape, hits.primitive, hits.barycentric)
-        in_threads(lambda begin, end: _meet(rays, nodes, leaves, others, begin, end, told), count, threads)
+        in_threads(lambda begin, end: _meet_all(rays, geometry, self.primitive, begin, end, told), count, threads)
         return hits
 
 
@@ -217,149 +215,22 @@ def _enclose(corners, ball, spheres, boxes, area):
 
 
 @exact_kernel
-def _meet(rays, nodes, leaves, others, begin, end, told):
+def _meet_all(rays, geometry, whose_primitive, begin, end, told):
     """Tell the hits of rays begin … end."""
-    # Arrays are taken out of their tuples here, once: each time costs more than to test a triangle.
     origins, directions, limits, beyond, any_will_do = rays
-    boxes, children, root, depth = nodes
-    corners, ball, whose_shape, whose_primitive = leaves
-    spheres, planes = others
     distance, shape, primitive, barycentric = told
-    # What is yet to be visited, and where the ray enters it.
-    waiting, entry = np.empty(depth + 1, np.int64), np.empty(depth + 1)
+    boxes, children, root, _, corners, ball, whose_shape, spheres, planes = geometry
+    waiting, entry = scratch(geometry)
     for i in range(begin, end):
         j = i if len(origins) > 1 else 0
         origin = (origins[j, 0], origins[j, 1], origins[j, 2])
         direction = (directions[i, 0], directions[i, 1], directions[i, 2])
-        best = limits[i] if len(limits) > 1 else limits[0]
-        nearest, second, third = -1, 0.0, 0.0
-        for k in range(len(planes)):
-            # Parallel rays are at ±∞ or NaN, and neither is in between.
-            t = (planes[k, 0] - origin[1]) / direction[1]
-            x, z = origin[0] + t * direction[0], origin[2] + t * direction[2]
-            if beyond < t < best and abs(x) <= planes[k, 1] and abs(z) <= planes[k, 2]:
-                best, nearest = t, len(ball) + k
-
-        # A direction of 0 makes a distance ±∞, or NaN in the very plane of a side, which `_cross_box` leaves out.
-        dx, dy, dz = direction
-        inverse = (1 / dx, 1 / dy, 1 / dz, _LATER / dx, _LATER / dy, _LATER / dz)
-        near = (0 if inverse[0] > 0 else 1, 2 if inverse[1] > 0 else 3, 4 if inverse[2] > 0 else 5)
-        axes, eye, shear = _shear_along(origin, direction)
-        reference, top = root, 0
-        while not (any_will_do and nearest >= 0):
-            if reference >= 0:
-                enter, leave = _cross_box(boxes, reference, 0, near, origin, inverse, beyond, best)
-                other_enter, other_leave = _cross_box(boxes, reference, 6, near, origin, inverse, beyond, best)
-                one, other = children[reference, 0], children[reference, 1]
-                if enter <= leave:
-                    reference = one
-                    if other_enter <= other_leave:
-                        if other_enter < enter:
-                            reference, other, other_enter = other, one, enter
-                        waiting[top], entry[top] = other, other_enter
-                        top += 1
-                    continue
-                if other_enter <= other_leave:
-                    reference = other
-                    continue
-            else:
-                first = ~reference >> 3
-                for k in range(first, first + (~reference & 7)):
-                    if ball[k] < 0:
-                        t, v, w = _meet_triangle(corners, k, axes, eye, shear)
-                    else:
-                        t, v, w = _meet_sphere(spheres, ball[k], origin, direction, beyond), 0.0, 0.0
-                    if beyond < t < best:
-                        best, nearest, second, third = t, k, v, w
-            while top > 0 and entry[top - 1] >= best:
-                top -= 1
-            if top == 0:
-                break
-            top -= 1
-            reference = waiting[top]
-
+        limit = limits[i] if len(limits) > 1 else limits[0]
+        best, nearest, second, third = meet(
+            boxes, children, root, corners, ball, whose_shape, spheres, planes,
+            origin, direction, beyond, limit, any_will_do, waiting, entry,
+        )  # fmt: skip
         distance[i], shape[i], primitive[i] = np.inf, -1, 0
         barycentric[i, 0], barycentric[i, 1] = second, third
         if nearest >= 0:
             distance[i], shape[i], primitive[i] = best, whose_shape[nearest], whose_primitive[nearest]
-
-
-@exact_inlined
-def _cross_box(boxes, node, first, near, origin, inverse, enter, leave):
-    """Where in [enter, leave] a ray enters the box whose sides begin at `first`, and where it leaves it at the latest.
-
-    near : the side of each axis that the ray comes to first
-    inverse : of the direction, and of the same a little shorter
-    """
-    x, y, z = first + near[0], first + near[1], first + near[2]
-    t = (boxes[node, x] - origin[0]) * inverse[0]
-    enter = t if t > enter else enter
-    t = (boxes[node, y] - origin[1]) * inverse[1]
-    enter = t if t > enter else enter
-    t = (boxes[node, z] - origin[2]) * inverse[2]
-    enter = t if t > enter else enter
-    t = (boxes[node, x ^ 1] - origin[0]) * inverse[3]
-    leave = t if t < leave else leave
-    t = (boxes[node, y ^ 1] - origin[1]) * inverse[4]
-    leave = t if t < leave else leave
-    t = (boxes[node, z ^ 1] - origin[2]) * inverse[5]
-    leave = t if t < leave else leave
-    return enter, leave
-
-
-@exact_inlined
-def _shear_along(origin, direction):
-    """The axes in an order that ends with the ray's longest; the origin in that order; the shear that turns the ray
-    along the last axis, and its length along that axis of one."""
-    dx, dy, dz = abs(direction[0]), abs(direction[1]), abs(direction[2])
-    z = 2
-    if dx > dy and dx > dz:
-        z = 0
-    elif dy > dz:
-        z = 1
-    x, y = (z + 1) % 3, (z + 2) % 3
-    shear = (direction[x] / direction[z], direction[y] / direction[z], 1 / direction[z])
-    return (x, y, z), (origin[x], origin[y], origin[z]), shear
-
-
-@exact_inlined
-def _meet_triangle(corners, i, axes, eye, shear):
-    """The distance of a triangle's plane along the ray and its second and third weight; ∞ outside the triangle.
-
-    eye : the ray's origin in the order of `axes`
-    shear : what moves x and y as z grows by one, and the ray's length along z of one
-    """
-    x, y, z = axes
-    az, bz, cz = corners[i, z] - eye[2], corners[i, z + 3] - eye[2], corners[i, z + 6] - eye[2]
-    ax, ay = corners[i, x] - eye[0] - shear[0] * az, corners[i, y] - eye[1] - shear[1] * az
-    bx, by = corners[i, x + 3] - eye[0] - shear[0] * bz, corners[i, y + 3] - eye[1] - shear[1] * bz
-    cx, cy = corners[i, x + 6] - eye[0] - shear[0] * cz, corners[i, y + 6] - eye[1] - shear[1] * cz
-    # A neighbour computes the same two products for the edge they share, in the other order.
-    u, v, w = cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax
-    if (u < 0 or v < 0 or w < 0) and (u > 0 or v > 0 or w > 0):
-        return np.inf, 0.0, 0.0
-    # All three are 0 for a triangle seen edge-on; the distance is then NaN, which is before and after nothing.
-    share = 1 / (u + v + w)
-    return (u * az + v * bz + w * cz) * shear[2] * share, v * share, w * share
-
-
-@exact_kernel
-def _meet_sphere(spheres, i, origin, direction, beyond):
-    """The first distance after `beyond` at which the ray passes through the sphere's surface; ∞ if there is none."""
-    dx, dy, dz = direction
-    x, y, z = origin[0] - spheres[i, 0], origin[1] - spheres[i, 1], origin[2] - spheres[i, 2]
-    squared = dx * dx + dy * dy + dz * dz
-    closest = -(x * dx + y * dy + z * dz) / squared
-    # From the point nearest to the centre, for the usual discriminant loses a small sphere's digits far away
-    # (Haines et al. 2019, "Precision improvements for ray/sphere intersection").
-    px, py, pz = x + closest * dx, y + closest * dy, z + closest * dz
-    half_chord_squared = (spheres[i, 3] ** 2 - (px * px + py * py + pz * pz)) / squared
-    if half_chord_squared < 0:
-        return np.inf
-    far = closest + np.copysign(np.sqrt(half_chord_squared), closest)
-    outside = x * x + y * y + z * z - spheres[i, 3] ** 2
-    near = outside / (squared * far) if far != 0 else 0.0
-    first, last = min(near, far), max(near, far)
-    if first > beyond:
-        return first
-    return last if last > beyond else np.inf

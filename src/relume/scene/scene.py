@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
+from relume.scene.lights import Light
 from relume.scene.shapes import Shape, Solid
 from relume.sphere.illumination import IlluminationMap
 
@@ -16,11 +17,13 @@ class Scene:
     light : the distant scene, at infinity
     local : real surfaces that the objects affect
     objects : what is added; a renderer's matte is their coverage
+    lights : others than the distant scene
     """
 
     light: IlluminationMap
     local: tuple[Shape, ...] = ()
     objects: tuple[Solid, ...] = ()
+    lights: tuple[Light, ...] = ()
 
     def adding(self, *objects: Solid) -> Scene:
         """The same scene with more objects."""

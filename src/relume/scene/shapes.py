@@ -7,7 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.scene.materials import Diffuse, Material
+from relume.scene.patches import Patches
 from relume.scene.reflective import Reflective
+from relume.scene.whitted import WhittedMaterial
+
+AnyMaterial = Material | Diffuse | Reflective | WhittedMaterial
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +28,7 @@ class Mesh:
 
     vertices: np.ndarray
     faces: np.ndarray
-    material: Material | Diffuse | Reflective
+    material: AnyMaterial
     normals: np.ndarray | None = None
     uv: np.ndarray | None = None
     name: str = "mesh"
@@ -45,7 +49,7 @@ class Plane:
     height : y, metres
     """
 
-    material: Diffuse
+    material: Diffuse | WhittedMaterial
     size: tuple[float, float] | None = None
     height: float = 0.0
 
@@ -73,7 +77,7 @@ class Sphere:
 
     centre: tuple[float, float, float]
     radius: float
-    material: Material | Diffuse | Reflective
+    material: AnyMaterial
     name: str = "sphere"
 
     def __post_init__(self) -> None:
@@ -83,6 +87,41 @@ class Sphere:
             raise ValueError(f"radius of {self.name!r} is {self.radius}; expected a positive length in metres")
 
 
-Shape = Mesh | Plane | Sphere
-Solid = Mesh | Sphere
+@dataclass(frozen=True, eq=False)
+class Polygon:
+    """A flat polygon, which need not be convex.
+
+    vertices : (N, 3) float64, metres, world; counter-clockwise as seen from outside, in one plane
+    material : what it is made of
+    name : for messages
+
+    Texture coordinates go from 0 to 1 over the rectangle around it whose u runs along its first edge.
+    """
+
+    vertices: np.ndarray
+    material: AnyMaterial
+    name: str = "polygon"
+
+    def __post_init__(self) -> None:
+        if self.vertices.ndim != 2 or self.vertices.shape[1] != 3 or len(self.vertices) < 3:
+            raise ValueError(f"vertices of {self.name!r} are {self.vertices.shape}; expected (N, 3), three or more")
+        if not np.all(np.isfinite(self.vertices)):
+            raise ValueError(f"some vertices of {self.name!r} are not finite; expected metres")
+        size = np.ptp(self.vertices, axis=0).max()
+        area = np.linalg.norm(self.area_vector)
+        if not area > 1e-12 * size**2:
+            raise ValueError(f"{self.name!r} has no area; its vertices lie on a line or cross over")
+        off = np.abs((self.vertices - self.vertices.mean(axis=0)) @ (self.area_vector / area)).max()
+        if off > 1e-6 * size:
+            raise ValueError(f"vertices of {self.name!r} are up to {off:g} m out of one plane; split it into triangles")
+
+    @property
+    def area_vector(self) -> np.ndarray:
+        """(3,), its area times its outward normal (Newell's method)."""
+        around = self.vertices - self.vertices[0]
+        return 0.5 * np.cross(around, np.roll(around, -1, axis=0)).sum(axis=0)
+
+
+Shape = Mesh | Plane | Sphere | Polygon | Patches
+Solid = Mesh | Sphere | Polygon | Patches
 """What an object may be; a plane is a real surface of the local scene."""

@@ -1,0 +1,107 @@
+"""Lights that are not part of the illumination map: points, suns, and light from everywhere (Whitted 1980, eq. 1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from relume.scene.materials import Colour
+
+
+@dataclass(frozen=True)
+class Unattenuated:
+    """Light that does not fall with distance."""
+
+    def at(self, distance: np.ndarray) -> np.ndarray:
+        """The share that arrives over a distance, metres."""
+        return np.ones(np.shape(distance))
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Light that falls linearly with distance, to nothing at `reach` metres (Whitted 1980, §2)."""
+
+    reach: float
+
+    def __post_init__(self) -> None:
+        if not 0 < self.reach < np.inf:
+            raise ValueError(f"reach of linear attenuation is {self.reach}; expected a positive length in metres")
+
+    def at(self, distance: np.ndarray) -> np.ndarray:
+        """The share that arrives over a distance, metres."""
+        return np.maximum(1 - np.asarray(distance, np.float64) / self.reach, 0)
+
+
+@dataclass(frozen=True)
+class SquareLaw:
+    """Light that falls as 1/distance², 1 at a metre: what light from a point does."""
+
+    def at(self, distance: np.ndarray) -> np.ndarray:
+        """The share that arrives over a distance, metres."""
+        return 1 / np.asarray(distance, np.float64) ** 2
+
+
+Attenuation = Unattenuated | Linear | SquareLaw
+
+
+@dataclass(frozen=True)
+class PointLight:
+    """A point that shines alike in all directions.
+
+    position : metres, world
+    intensity : per channel, the light's unit times m²/sr: irradiance at a metre on a surface that faces it
+    falloff : with distance; the square law unless given, which is physics
+    """
+
+    position: tuple[float, float, float]
+    intensity: Colour
+    falloff: Attenuation = SquareLaw()
+
+    def __post_init__(self) -> None:
+        _check_vector("position of a point light", self.position)
+        _check_colour("intensity of a point light", self.intensity)
+
+
+@dataclass(frozen=True)
+class DistantLight:
+    """Parallel light, as of the sun.
+
+    towards : from the scene towards the light, of any length above 0
+    irradiance : per channel, on a surface that faces it
+    """
+
+    towards: tuple[float, float, float]
+    irradiance: Colour
+
+    def __post_init__(self) -> None:
+        _check_vector("direction of a distant light", self.towards)
+        if not any(self.towards):
+            raise ValueError(f"direction of a distant light is {self.towards}; expected one that points somewhere")
+        _check_colour("irradiance of a distant light", self.irradiance)
+
+
+@dataclass(frozen=True)
+class AmbientLight:
+    """The same light from everywhere that nothing shadows: I_a of eq. 1 and 2.
+
+    radiance : per channel; a diffuse surface of reflectance ρ adds ρ times this
+    """
+
+    radiance: Colour
+
+    def __post_init__(self) -> None:
+        _check_colour("radiance of ambient light", self.radiance)
+
+
+Light = PointLight | DistantLight | AmbientLight
+
+
+def _check_vector(what: str, value: tuple[float, float, float]) -> None:
+    if len(value) != 3 or not np.all(np.isfinite(value)):
+        raise ValueError(f"{what} is {value}; expected three finite numbers")
+
+
+def _check_colour(what: str, value: Colour) -> None:
+    if len(value) != 3 or not np.all(np.isfinite(value)) or min(value) < 0:
+        raise ValueError(f"{what} is {value}; expected three finite numbers of 0 or more")
