@@ -137,61 +137,78 @@ def _describe(rays, hits, shapes, meshes, begin, end, points):
         if s < 0:
             continue
         j = i if len(origins) > 1 else 0
-        x = origins[j, 0] + distance[i] * directions[i, 0]
-        y = origins[j, 1] + distance[i] * directions[i, 1]
-        z = origins[j, 2] + distance[i] * directions[i, 2]
-        point[i, 0], point[i, 1], point[i, 2] = x, y, z
-
-        if kind[s] == _PLANE:
-            along_x, along_z = measures[s, 0], measures[s, 1]
-            geometric_normal[i, 1] = shading_normal[i, 1] = 1.0
-            uv[i, 0], uv[i, 1] = 0.5 + x / along_x, 0.5 - z / along_z
-            dp_du[i, 0], dp_dv[i, 2] = along_x, -along_z
-            continue
-
-        if kind[s] == _SPHERE:
-            radius = measures[s, 3]
-            x, y, z = _unit(x - measures[s, 0], y - measures[s, 1], z - measures[s, 2])
-            ring = np.sqrt(x * x + z * z)
-            # At a pole every longitude is right; 0 is taken.
-            sine, cosine = (x / ring, -z / ring) if ring > 0 else (0.0, 1.0)
-            geometric_normal[i, 0], geometric_normal[i, 1], geometric_normal[i, 2] = x, y, z
-            shading_normal[i, 0], shading_normal[i, 1], shading_normal[i, 2] = x, y, z
-            uv[i, 0] = max(0.5 + np.arctan2(sine, cosine) / (2 * np.pi), 0.0)
-            uv[i, 1] = np.arctan2(ring, -y) / np.pi
-            dp_du[i, 0], dp_du[i, 2] = -2 * np.pi * radius * z, 2 * np.pi * radius * x
-            dp_dv[i, 0], dp_dv[i, 2] = -np.pi * radius * y * sine, np.pi * radius * y * cosine
-            dp_dv[i, 1] = np.pi * radius * ring
-            continue
-
-        face = first_face[s] + primitive[i]
-        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+        here = (
+            origins[j, 0] + distance[i] * directions[i, 0],
+            origins[j, 1] + distance[i] * directions[i, 1],
+            origins[j, 2] + distance[i] * directions[i, 2],
+        )
         second, third = np.float64(barycentric[i, 0]), np.float64(barycentric[i, 1])
+        geometric, shading, at, along_u, along_v = surface_at(
+            kind, first_face, measures, smooth, textured, faces, vertices, normals, mesh_uv,
+            s, primitive[i], second, third, here,
+        )  # fmt: skip
+        for k in range(3):
+            point[i, k], geometric_normal[i, k], shading_normal[i, k] = here[k], geometric[k], shading[k]
+            dp_du[i, k], dp_dv[i, k] = along_u[k], along_v[k]
+        uv[i, 0], uv[i, 1] = at
+
+
+@inlined
+def surface_at(
+    kind, first_face, measures, smooth, textured, faces, vertices, normals, mesh_uv,
+    s, primitive, second, third, point,
+):  # fmt: skip
+    """A point's geometric and shading normal, texture coordinates, ∂P/∂u and ∂P/∂v: three triples, a pair between.
+
+    The arrays of `Surfaces` come first; then shape, primitive and weights of a hit, and where it is.
+    """
+    x, y, z = point
+    geometric, shading = (0.0, 1.0, 0.0), (0.0, 1.0, 0.0)
+    uv, dp_du, dp_dv = (0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    if kind[s] == _PLANE:
+        along_x, along_z = measures[s, 0], measures[s, 1]
+        uv = (0.5 + x / along_x, 0.5 - z / along_z)
+        dp_du, dp_dv = (along_x, 0.0, 0.0), (0.0, 0.0, -along_z)
+    elif kind[s] == _SPHERE:
+        radius = measures[s, 3]
+        x, y, z = _unit(x - measures[s, 0], y - measures[s, 1], z - measures[s, 2])
+        ring = np.sqrt(x * x + z * z)
+        # At a pole every longitude is right; 0 is taken.
+        sine, cosine = (x / ring, -z / ring) if ring > 0 else (0.0, 1.0)
+        geometric, shading = (x, y, z), (x, y, z)
+        uv = (max(0.5 + np.arctan2(sine, cosine) / (2 * np.pi), 0.0), np.arctan2(ring, -y) / np.pi)
+        dp_du = (-2 * np.pi * radius * z, 0.0, 2 * np.pi * radius * x)
+        dp_dv = (-np.pi * radius * y * sine, np.pi * radius * ring, np.pi * radius * y * cosine)
+    else:
+        face = first_face[s] + primitive
+        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
         first = 1 - second - third
         bx, by, bz = _edge(vertices, a, b)
         cx, cy, cz = _edge(vertices, a, c)
-        x, y, z = _unit(by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx)
-        geometric_normal[i, 0], geometric_normal[i, 1], geometric_normal[i, 2] = x, y, z
+        geometric = _unit(by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx)
+        shading = geometric
         if smooth[s]:
-            smooth_x, smooth_y, smooth_z = _unit(
+            mean = _unit(
                 first * normals[a, 0] + second * normals[b, 0] + third * normals[c, 0],
                 first * normals[a, 1] + second * normals[b, 1] + third * normals[c, 1],
                 first * normals[a, 2] + second * normals[b, 2] + third * normals[c, 2],
             )
-            if smooth_x != 0 or smooth_y != 0 or smooth_z != 0:
-                x, y, z = smooth_x, smooth_y, smooth_z
-        shading_normal[i, 0], shading_normal[i, 1], shading_normal[i, 2] = x, y, z
+            if mean[0] != 0 or mean[1] != 0 or mean[2] != 0:
+                shading = mean
         if textured[s]:
-            for k in range(2):
-                uv[i, k] = first * mesh_uv[a, k] + second * mesh_uv[b, k] + third * mesh_uv[c, k]
+            uv = (
+                first * mesh_uv[a, 0] + second * mesh_uv[b, 0] + third * mesh_uv[c, 0],
+                first * mesh_uv[a, 1] + second * mesh_uv[b, 1] + third * mesh_uv[c, 1],
+            )
             # The edges are dp/du Δu + dp/dv Δv; Cramer's rule.
             bu, bv = np.float64(mesh_uv[b, 0]) - mesh_uv[a, 0], np.float64(mesh_uv[b, 1]) - mesh_uv[a, 1]
             cu, cv = np.float64(mesh_uv[c, 0]) - mesh_uv[a, 0], np.float64(mesh_uv[c, 1]) - mesh_uv[a, 1]
             determinant = bu * cv - bv * cu
             if determinant != 0:
                 bu, bv, cu, cv = bu / determinant, bv / determinant, cu / determinant, cv / determinant
-                dp_du[i, 0], dp_du[i, 1], dp_du[i, 2] = cv * bx - bv * cx, cv * by - bv * cy, cv * bz - bv * cz
-                dp_dv[i, 0], dp_dv[i, 1], dp_dv[i, 2] = bu * cx - cu * bx, bu * cy - cu * by, bu * cz - cu * bz
+                dp_du = (cv * bx - bv * cx, cv * by - bv * cy, cv * bz - bv * cz)
+                dp_dv = (bu * cx - cu * bx, bu * cy - cu * by, bu * cz - cu * bz)
+    return geometric, shading, uv, dp_du, dp_dv
 
 
 @inlined
