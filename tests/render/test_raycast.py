@@ -579,7 +579,7 @@ def test_meshes_that_cannot_be_cast_at_are_refused_by_name():
     for wrong in (-1, 3):
         with pytest.raises(ValueError, match="faces of 'mesh' name vertices"):
             RayCaster.of([mesh_of(np.eye(3), [[0, 1, wrong]])])
-    with pytest.raises(ValueError, match="a sphere reaches beyond"):
+    with pytest.raises(ValueError, match="'sphere' reaches beyond"):
         RayCaster.of([Sphere((1e20, 0.0, 0.0), 1.0, GREY)])
     with pytest.raises(ValueError, match=r"uv of 'mesh' are \(2, 2\); expected \(3, 2\)"):
         Surfaces.of([triangle(X, Y, Z, uv=np.zeros((2, 2)))])

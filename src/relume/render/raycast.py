@@ -9,12 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from relume._kernel import exact_kernel, in_threads
-from relume.render.raycast_kernel import Geometry, meet, scratch
+from relume.render.polygon_kernel import polygon_measures
+from relume.render.raycast_kernel import POLYGON, SPHERE, Geometry, meet, scratch
 from relume.render.raycast_tree import Tree, build_tree
-from relume.scene.shapes import Mesh, Plane, Shape, Sphere
+from relume.scene.patches import Patches
+from relume.scene.shapes import Mesh, Plane, Polygon, Shape, Sphere
 
 FARTHEST = 1e15
 """Metres from the origin within which every shape has to lie, so that areas stay finite."""
+
+FOOTPRINT = 1e-6
+"""Radians: a thousandth of a pixel of a photograph, so that nobody sees where the subdivision of patches ended."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +29,7 @@ class Hits:
     distance : (N,) float64, in lengths of its direction (metres); ∞ where nothing was met
     shape : (N,) int32, its place in the sequence of shapes; −1 where nothing was met
     primitive : (N,) int32, the triangle's number in its mesh; 0 for other shapes
-    barycentric : (N, 2) float32, the weights of the triangle's second and third vertex; 0 for other shapes
+    barycentric : (N, 2) float64, the weights of the triangle's second and third vertex; 0 for other shapes
     """
 
     distance: np.ndarray
@@ -39,18 +44,18 @@ class RayCaster:
 
     tree : over the P triangles and spheres; the next three hold them in the order of its leaves
     corners : (P, 9) float32, the triangles' vertices, metres
-    ball : (P,) int32, the row in `spheres`; −1 for a triangle
+    form : (P,) int32, −1 for a triangle; or else its kind, and where its measures begin, a multiple of 4
     shape, primitive : (P + Q,) int32, as `Hits` tells them; planes are last
-    spheres : (S, 4) float64, centre and radius, metres
+    measures : (M,) float64, of a sphere its centre and radius, metres; of others what their kernels take
     planes : (Q, 3) float64, height and half the lengths along x and z, metres
     """
 
     tree: Tree
     corners: np.ndarray
-    ball: np.ndarray
+    form: np.ndarray
     shape: np.ndarray
     primitive: np.ndarray
-    spheres: np.ndarray
+    measures: np.ndarray
     planes: np.ndarray
 
     @property
@@ -58,7 +63,7 @@ class RayCaster:
         """What `meet` takes."""
         tree = self.tree
         nodes = (tree.boxes, tree.children, tree.root, tree.depth)
-        return Geometry(*nodes, self.corners, self.ball, self.shape, self.spheres, self.planes)
+        return Geometry(*nodes, self.corners, self.form, self.shape, self.measures, self.planes)
 
     @staticmethod
     def of(shapes: Sequence[Shape]) -> RayCaster:
@@ -67,23 +72,29 @@ class RayCaster:
         Raises ValueError for a mesh or sphere that is not finite and near, and for faces that name no vertex.
         """
         meshes = [(i, shape) for i, shape in enumerate(shapes) if isinstance(shape, Mesh)]
-        balls = [(i, shape) for i, shape in enumerate(shapes) if isinstance(shape, Sphere)]
+        solids = [(i, _solid_of(shape)) for i, shape in enumerate(shapes) if not isinstance(shape, Mesh | Plane)]
         planes = [(i, shape) for i, shape in enumerate(shapes) if isinstance(shape, Plane)]
-        spheres = np.array([(*ball.centre, ball.radius) for _, ball in balls], np.float64).reshape(-1, 4)
-        if np.any(np.abs(spheres) > FARTHEST):
-            raise ValueError(f"a sphere reaches beyond {FARTHEST:g} m; scale the scene to metres")
 
         none = np.zeros((0, 9), np.float32)
         triangles = np.concatenate([none, *(_corners_of(mesh) for _, mesh in meshes)])
-        corners = np.concatenate([triangles, np.zeros((len(balls), 9), np.float32)])
-        ball = np.concatenate([np.full(len(triangles), -1), np.arange(len(balls))]).astype(np.int32)
-        counts = [len(mesh.faces) for _, mesh in meshes] + [1] * (len(balls) + len(planes))
-        shape = np.repeat(np.array([i for i, _ in meshes + balls + planes], np.int32), counts)
-        primitive = np.concatenate([np.zeros(0, np.int32), *(np.arange(count, dtype=np.int32) for count in counts)])
+        others = sum(len(solid.primitive) for _, solid in solids)
+        corners = np.concatenate([triangles, np.zeros((others, 9), np.float32)])
+        forms, begin = [np.full(len(triangles), -1)], 0
+        for _, solid in solids:
+            rows, width = solid.measures.shape
+            forms.append(begin + width * np.arange(rows) + solid.kind)
+            begin += rows * width
+        measures = np.concatenate([np.zeros(0), *(solid.measures.ravel() for _, solid in solids)])
+        numbers = [np.arange(len(mesh.faces)) for _, mesh in meshes] + [solid.primitive for _, solid in solids]
+        numbers += [np.zeros(1, int)] * len(planes)
+        places = [i for i, _ in meshes] + [i for i, _ in solids] + [i for i, _ in planes]
+        form, primitive = (np.concatenate([np.zeros(0), *a]).astype(np.int32) for a in (forms, numbers))
+        shape = np.repeat(np.array(places, np.int32), [len(each) for each in numbers])
 
-        boxes = np.empty((len(corners), 6), np.float32)
-        area = np.empty(len(corners), bool)
-        _enclose(corners, ball, spheres, boxes, area)
+        boxes = np.concatenate([np.zeros((len(triangles), 6)), *(solid.boxes for _, solid in solids)])
+        area = np.ones(len(boxes), bool)
+        _enclose(triangles, boxes, area)
+        boxes = _widened(boxes)
         tree = build_tree(boxes[area])
         rows = np.flatnonzero(area)[tree.order]
         with_planes = np.concatenate([rows, np.arange(len(corners), len(shape))])
@@ -91,27 +102,34 @@ class RayCaster:
         return RayCaster(
             tree,
             corners[rows],
-            ball[rows],
+            form[rows],
             shape[with_planes],
             primitive[with_planes],
-            spheres,
+            measures,
             np.array(rectangles, np.float64).reshape(-1, 3),
         )
 
     def nearest(
-        self, origins: ArrayLike, directions: ArrayLike, *, beyond: float = 0.0, threads: int | None = None
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        *,
+        beyond: float = 0.0,
+        footprint: float = FOOTPRINT,
+        threads: int | None = None,
     ) -> Hits:
         """What each ray meets first; every surface is met from both sides.
 
         origins : (N, 3) or (3,), metres, world
         directions : (N, 3) unit vectors, world
         beyond : hits up to this distance are ignored, metres
+        footprint : the width of the cone that a ray stands for, radians
         threads : at most this many; as many as there are cores for None
         """
         origins, directions = checked_rays(origins, directions)
         if not 0 <= beyond < np.inf:
             raise ValueError(f"beyond is {beyond}; expected a distance in metres, 0 or more")
-        return self._cast(origins, directions, np.array([np.inf]), beyond, False, threads)
+        return self._cast(origins, directions, np.array([np.inf]), beyond, footprint, False, threads)
 
     def occluded(
         self,
@@ -119,6 +137,7 @@ class RayCaster:
         directions: ArrayLike,
         distances: ArrayLike | None = None,
         *,
+        footprint: float = FOOTPRINT,
         threads: int | None = None,
     ) -> np.ndarray:
         """Whether anything lies on each ray between 0 and its distance, both excluded: (N,) bool.
@@ -126,6 +145,7 @@ class RayCaster:
         origins : (N, 3) or (3,), metres, world
         directions : (N, 3) unit vectors, world
         distances : (N,) or one for all, metres; None for any distance
+        footprint : the width of the cone that a ray stands for, radians
         threads : at most this many; as many as there are cores for None
         """
         origins, directions = checked_rays(origins, directions)
@@ -135,7 +155,7 @@ class RayCaster:
             raise ValueError(f"distances are {limits.shape}; expected one for all or one for each of {count} rays")
         if not np.all(limits >= 0):
             raise ValueError("some distances are negative or NaN; expected metres, 0 or more")
-        return self._cast(origins, directions, np.array(limits, ndmin=1), 0.0, True, threads).shape >= 0
+        return self._cast(origins, directions, np.array(limits, ndmin=1), 0.0, footprint, True, threads).shape >= 0
 
     def _cast(
         self,
@@ -143,13 +163,16 @@ class RayCaster:
         directions: np.ndarray,
         limits: np.ndarray,
         beyond: float,
+        footprint: float,
         any_will_do: bool,
         threads: int | None,
     ) -> Hits:
         """The nearest hits, or any, in (beyond, limit) of checked rays; limits (N,) or (1,)."""
+        if not 0 <= footprint < np.inf:
+            raise ValueError(f"footprint is {footprint}; expected the angle of a cone in radians, 0 or more")
         count, geometry = len(directions), self.geometry
-        hits = Hits(np.empty(count), np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 2), "f4"))
-        rays = (origins, directions, limits, float(beyond), any_will_do)
+        hits = Hits(np.empty(count), np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 2)))
+        rays = (origins, directions, limits, float(beyond), float(footprint), any_will_do)
         told = (hits.distance, hits.shape, hits.primitive, hits.barycentric)
         in_threads(lambda begin, end: _meet_all(rays, geometry, self.primitive, begin, end, told), count, threads)
         return hits
@@ -190,45 +213,76 @@ def _corners_of(mesh: Mesh) -> np.ndarray:
     return vertices[mesh.faces].reshape(-1, 9)
 
 
+@dataclass(frozen=True, eq=False)
+class _Solid:
+    """A shape that is neither mesh nor plane, as N primitives.
+
+    kind : as kernels tell it
+    boxes : (N, 6) float64, low x, y, z and high x, y, z
+    measures : (N, W) float64, what the kind's kernel takes; W is a multiple of 4
+    primitive : (N,) int32, as `Hits` tells them
+    """
+
+    kind: int
+    boxes: np.ndarray
+    measures: np.ndarray
+    primitive: np.ndarray
+
+
+def _solid_of(shape: Sphere | Polygon | Patches) -> _Solid:
+    """The primitives of a shape."""
+    if isinstance(shape, Sphere):
+        kind, centre = SPHERE, np.array(shape.centre, np.float64)
+        boxes = np.concatenate([centre - shape.radius, centre + shape.radius])[None]
+        measures, primitive = np.array([[*shape.centre, shape.radius]], np.float64), np.zeros(1, np.int32)
+    elif isinstance(shape, Polygon):
+        kind, vertices = POLYGON, shape.vertices
+        boxes = np.concatenate([vertices.min(axis=0), vertices.max(axis=0)])[None]
+        measures, primitive = polygon_measures(shape)[None], np.zeros(1, np.int32)
+    else:
+        raise NotImplementedError
+    if not np.all(np.abs(boxes) <= FARTHEST):
+        raise ValueError(f"{shape.name!r} reaches beyond {FARTHEST:g} m; scale the scene to metres")
+    return _Solid(kind, boxes, np.pad(measures, ((0, 0), (0, -measures.shape[1] % 4))), primitive)
+
+
 @exact_kernel
-def _enclose(corners, ball, spheres, boxes, area):
-    """Write the box round each primitive, a little wider than it is, and whether it is one that has an area."""
+def _enclose(corners, boxes, area):
+    """Write the box round each triangle, and whether it has an area."""
     for i in range(len(corners)):
-        area[i] = True
         a = (np.float64(corners[i, 0]), np.float64(corners[i, 1]), np.float64(corners[i, 2]))
         b = (np.float64(corners[i, 3]), np.float64(corners[i, 4]), np.float64(corners[i, 5]))
         c = (np.float64(corners[i, 6]), np.float64(corners[i, 7]), np.float64(corners[i, 8]))
-        low = (min(a[0], b[0], c[0]), min(a[1], b[1], c[1]), min(a[2], b[2], c[2]))
-        high = (max(a[0], b[0], c[0]), max(a[1], b[1], c[1]), max(a[2], b[2], c[2]))
-        if ball[i] >= 0:
-            x, y, z, radius = spheres[ball[i]]
-            low, high = (x - radius, y - radius, z - radius), (x + radius, y + radius, z + radius)
-        else:
-            px, py, pz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-            qx, qy, qz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-            area[i] = py * qz != pz * qy or pz * qx != px * qz or px * qy != py * qx
-        # Wider by more than a triangle test can err to the side, and by what rounding to single precision may take.
-        margin = 1e-6 * max(high[0] - low[0], high[1] - low[1], high[2] - low[2])
         for j in range(3):
-            boxes[i, j] = low[j] - margin - 1.2e-7 * abs(low[j])
-            boxes[i, j + 3] = high[j] + margin + 1.2e-7 * abs(high[j])
+            boxes[i, j], boxes[i, j + 3] = min(a[j], b[j], c[j]), max(a[j], b[j], c[j])
+        px, py, pz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        qx, qy, qz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+        area[i] = py * qz != pz * qy or pz * qx != px * qz or px * qy != py * qx
+
+
+def _widened(boxes: np.ndarray) -> np.ndarray:
+    """The boxes as float32, wider by more than a triangle test can err to the side, and by what rounding may take."""
+    low, high = boxes[:, :3], boxes[:, 3:]
+    margin = 1e-6 * (high - low).max(axis=1, initial=0, keepdims=True)
+    low, high = low - margin - 1.2e-7 * np.abs(low), high + margin + 1.2e-7 * np.abs(high)
+    return np.concatenate([low, high], axis=1).astype(np.float32)
 
 
 @exact_kernel
 def _meet_all(rays, geometry, whose_primitive, begin, end, told):
     """Tell the hits of rays begin … end."""
-    origins, directions, limits, beyond, any_will_do = rays
+    origins, directions, limits, beyond, footprint, any_will_do = rays
     distance, shape, primitive, barycentric = told
-    boxes, children, root, _, corners, ball, whose_shape, spheres, planes = geometry
-    waiting, entry = scratch(geometry)
+    boxes, children, root, _, corners, form, whose_shape, measures, planes = geometry
+    waiting, entry, pieces = scratch(geometry)
     for i in range(begin, end):
         j = i if len(origins) > 1 else 0
         origin = (origins[j, 0], origins[j, 1], origins[j, 2])
         direction = (directions[i, 0], directions[i, 1], directions[i, 2])
         limit = limits[i] if len(limits) > 1 else limits[0]
         best, nearest, second, third = meet(
-            boxes, children, root, corners, ball, whose_shape, spheres, planes,
-            origin, direction, beyond, limit, any_will_do, waiting, entry,
+            boxes, children, root, corners, form, whose_shape, measures, planes,
+            origin, direction, beyond, limit, footprint, any_will_do, waiting, entry, pieces,
         )  # fmt: skip
         distance[i], shape[i], primitive[i] = np.inf, -1, 0
         barycentric[i, 0], barycentric[i, 1] = second, third

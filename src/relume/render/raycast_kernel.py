@@ -11,9 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from relume._kernel import exact_inlined, exact_kernel
+from relume.render.polygon_kernel import meet_polygon
 
 # A distance to a box's side is off by three roundings of 2⁻⁵³ and two such are compared: a box is left this much later.
 _LATER = 1 + 8 * 2.0**-53
+
+SPHERE, POLYGON, LEAF = 0, 1, 2
+"""Kinds of primitives that are no triangles."""
 
 TIE = 1e-6
 """Hits on two shapes whose distances differ by less than this share are one place, and belong to the first shape: so
@@ -25,9 +29,9 @@ class Geometry(NamedTuple):
 
     boxes, children, root, depth : of the tree (`Tree`)
     corners : (P, 9) float32, the triangles' vertices, metres
-    ball : (P,) int32, the row in `spheres`; −1 for a triangle
+    form : (P,) int32, −1 for a triangle; or else its kind, and where its measures begin, a multiple of 4
     shape : (P + Q,) int32, each primitive's shape; planes are last
-    spheres : (S, 4) float64, centre and radius, metres
+    measures : (M,) float64, of a sphere its centre and radius, metres; of others what their kernels take
     planes : (Q, 3) float64, height and half the lengths along x and z, metres
     """
 
@@ -36,22 +40,23 @@ class Geometry(NamedTuple):
     root: int
     depth: int
     corners: np.ndarray
-    ball: np.ndarray
+    form: np.ndarray
     shape: np.ndarray
-    spheres: np.ndarray
+    measures: np.ndarray
     planes: np.ndarray
 
 
 @exact_kernel
 def scratch(geometry):
-    """What `meet` notes while it works: what is yet to be visited, and where the ray enters it. One for each thread."""
-    return np.empty(geometry.depth + 1, np.int64), np.empty(geometry.depth + 1)
+    """What `meet` notes while it works: what is yet to be visited, where the ray enters it, and pieces of a patch that
+    are yet to be looked at. One for each thread."""
+    return np.empty(geometry.depth + 1, np.int64), np.empty(geometry.depth + 1), np.empty((1, 1))
 
 
 @exact_inlined
 def meet(
-    boxes, children, root, corners, ball, shape, spheres, planes,
-    origin, direction, beyond, limit, any_will_do, waiting, entry,
+    boxes, children, root, corners, form, shape, measures, planes,
+    origin, direction, beyond, limit, footprint, any_will_do, waiting, entry, pieces,
 ):  # fmt: skip
     """The nearest hit, or any, of one ray between two distances: its distance, the primitive's place in the leaves
     (planes come after them; −1 for none), and the second and third weight of a triangle's vertices.
@@ -60,6 +65,7 @@ def meet(
     of tuples for every ray, would take half as long again. The caller has to be an exact kernel.
 
     origin, direction : triples, metres; the direction of any length, which then is the distances' unit
+    footprint : radians, the width of the cone that the ray stands for
     """
     # Beyond `reach` there is nothing to be found: a little after the best hit, for the sake of shapes that coincide.
     best, reach = limit, limit
@@ -67,10 +73,10 @@ def meet(
     for k in range(len(planes)):
         # Parallel rays are at ±∞ or NaN, and neither is in between.
         t = (planes[k, 0] - origin[1]) / direction[1]
-        if beyond < t < reach and _before(t, best, shape, len(ball) + k, nearest):
+        if beyond < t < reach and _before(t, best, shape, len(form) + k, nearest):
             x, z = origin[0] + t * direction[0], origin[2] + t * direction[2]
             if abs(x) <= planes[k, 1] and abs(z) <= planes[k, 2]:
-                best, reach, nearest = t, t * (1 + TIE), len(ball) + k
+                best, reach, nearest = t, t * (1 + TIE), len(form) + k
 
     # A direction of 0 makes a distance ±∞, or NaN in the very plane of a side, which `_cross_box` leaves out.
     dx, dy, dz = direction
@@ -97,10 +103,12 @@ def meet(
         else:
             first = ~reference >> 3
             for k in range(first, first + (~reference & 7)):
-                if ball[k] < 0:
+                if form[k] < 0:
                     t, v, w = _meet_triangle(corners, k, axes, eye, shear)
+                elif form[k] & 3 == SPHERE:
+                    t, v, w = _meet_sphere(measures, form[k] - SPHERE, origin, direction, beyond), 0.0, 0.0
                 else:
-                    t, v, w = _meet_sphere(spheres, ball[k], origin, direction, beyond), 0.0, 0.0
+                    t, v, w = meet_polygon(measures, form[k] - POLYGON, axes, eye, shear, origin, direction), 0.0, 0.0
                 if beyond < t < reach and _before(t, best, shape, k, nearest):
                     best, reach, nearest, second, third = t, t * (1 + TIE), k, v, w
         while top > 0 and entry[top - 1] >= reach:
@@ -180,20 +188,20 @@ def _meet_triangle(corners, i, axes, eye, shear):
 
 
 @exact_kernel
-def _meet_sphere(spheres, i, origin, direction, beyond):
+def _meet_sphere(measures, i, origin, direction, beyond):
     """The first distance after `beyond` at which the ray passes through the sphere's surface; ∞ if there is none."""
     dx, dy, dz = direction
-    x, y, z = origin[0] - spheres[i, 0], origin[1] - spheres[i, 1], origin[2] - spheres[i, 2]
+    x, y, z = origin[0] - measures[i], origin[1] - measures[i + 1], origin[2] - measures[i + 2]
     squared = dx * dx + dy * dy + dz * dz
     closest = -(x * dx + y * dy + z * dz) / squared
     # From the point nearest to the centre, for the usual discriminant loses a small sphere's digits far away
     # (Haines et al. 2019, "Precision improvements for ray/sphere intersection").
     px, py, pz = x + closest * dx, y + closest * dy, z + closest * dz
-    half_chord_squared = (spheres[i, 3] ** 2 - (px * px + py * py + pz * pz)) / squared
+    half_chord_squared = (measures[i + 3] ** 2 - (px * px + py * py + pz * pz)) / squared
     if half_chord_squared < 0:
         return np.inf
     far = closest + np.copysign(np.sqrt(half_chord_squared), closest)
-    outside = x * x + y * y + z * z - spheres[i, 3] ** 2
+    outside = x * x + y * y + z * z - measures[i + 3] ** 2
     near = outside / (squared * far) if far != 0 else 0.0
     first, last = min(near, far), max(near, far)
     if first > beyond:

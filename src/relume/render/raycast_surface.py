@@ -9,10 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from relume._kernel import in_threads, inlined, kernel
+from relume.render.patch_kernel import patch_tangents
+from relume.render.polygon_kernel import polygon_frame
 from relume.render.raycast import Hits, checked_rays
-from relume.scene.shapes import Mesh, Plane, Shape, Sphere
+from relume.scene.patches import Patches
+from relume.scene.shapes import Mesh, Plane, Polygon, Shape, Sphere
 
-_MESH, _SPHERE, _PLANE = 0, 1, 2
+_MESH, _SPHERE, _PLANE, _POLYGON, _PATCHES = 0, 1, 2, 3, 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +44,9 @@ class Surfaces:
     """Shapes made ready to be asked about hits: the F faces and V vertices of all meshes, one after the other.
 
     kind : (S,) int8, what each shape is
-    first_face : (S,) int64, a mesh's first row in `faces`
-    measures : (S, 4) float64, metres: a sphere's centre and radius, a plane's lengths along x and z
+    first : (S,) int64, a mesh's first row in `faces`; where the others' measures begin
+    measures : (M,) float64, metres: a sphere's centre and radius, a plane's lengths along x and z, a polygon's frame,
+        the patches' control points
     smooth, textured : (S,) bool, whether a mesh has normals, and texture coordinates
     faces : (F, 3) int32, rows in the next three
     vertices : (V, 3) float32, metres
@@ -51,7 +55,7 @@ class Surfaces:
     """
 
     kind: np.ndarray
-    first_face: np.ndarray
+    first: np.ndarray
     measures: np.ndarray
     smooth: np.ndarray
     textured: np.ndarray
@@ -66,25 +70,40 @@ class Surfaces:
 
         Raises ValueError where a mesh has not a normal, or not a texture coordinate, for each vertex.
         """
-        kind, measures = np.zeros(len(shapes), np.int8), np.zeros((len(shapes), 4))
-        first_face, face, vertex = np.zeros(len(shapes), np.int64), 0, 0
+        kind, first = np.zeros(len(shapes), np.int8), np.zeros(len(shapes), np.int64)
+        measures, face, vertex = [], 0, 0
         smooth, textured = np.zeros(len(shapes), bool), np.zeros(len(shapes), bool)
         faces, vertices = [np.zeros((0, 3), np.int32)], [np.zeros((0, 3), np.float32)]
         normals, uv = [np.zeros((0, 3), np.float32)], [np.zeros((0, 2), np.float32)]
         for i, shape in enumerate(shapes):
+            first[i] = len(measures)
             if isinstance(shape, Sphere):
-                kind[i], measures[i] = _SPHERE, (*shape.centre, shape.radius)
+                kind[i] = _SPHERE
+                measures += [*shape.centre, shape.radius]
             elif isinstance(shape, Plane):
-                kind[i], measures[i, :2] = _PLANE, shape.extent
+                kind[i] = _PLANE
+                measures += shape.extent
+            elif isinstance(shape, Polygon):
+                kind[i] = _POLYGON
+                measures += polygon_frame(shape).tolist()
+            elif isinstance(shape, Patches):
+                kind[i] = _PATCHES
+                measures += np.ravel(shape.control).tolist()
             else:
-                first_face[i], smooth[i], textured[i] = face, shape.normals is not None, shape.uv is not None
+                first[i], smooth[i], textured[i] = face, shape.normals is not None, shape.uv is not None
                 faces.append(np.asarray(shape.faces + vertex, np.int32))
                 vertices.append(np.asarray(shape.vertices, np.float32))
                 normals.append(_of_each_vertex(shape, "normals", 3))
                 uv.append(_of_each_vertex(shape, "uv", 2))
                 face, vertex = face + len(shape.faces), vertex + len(shape.vertices)
         tables = (np.concatenate(table) for table in (faces, vertices, normals, uv))
-        return Surfaces(kind, first_face, measures, smooth, textured, *tables)
+        return Surfaces(kind, first, np.array(measures, np.float64), smooth, textured, *tables)
+
+    @property
+    def tables(self) -> tuple[np.ndarray, ...]:
+        """The nine arrays that `surface_at` takes, in its order."""
+        shapes = (self.kind, self.first, self.measures, self.smooth, self.textured)
+        return (*shapes, self.faces, self.vertices, self.normals, self.uv)
 
     def at(self, origins: ArrayLike, directions: ArrayLike, hits: Hits, *, threads: int | None = None) -> SurfacePoints:
         """The surface where these rays met it.
@@ -102,12 +121,10 @@ class Surfaces:
         point, geometric, shading, dp_du, dp_dv = (np.zeros((count, 3)) for _ in range(5))
         points = SurfacePoints(point, geometric, shading, np.zeros((count, 2), np.float32), dp_du, dp_dv)
         met = (hits.distance, hits.shape, hits.primitive, hits.barycentric)
-        shapes = (self.kind, self.first_face, self.measures, self.smooth, self.textured)
-        meshes = (self.faces, self.vertices, self.normals, self.uv)
         told = (point, geometric, shading, points.uv, dp_du, dp_dv)
 
         def work(begin: int, end: int) -> None:
-            _describe((origins, directions), met, shapes, meshes, begin, end, told)
+            _describe((origins, directions), met, self.tables, begin, end, told)
 
         in_threads(work, count, threads)
         return points
@@ -125,12 +142,11 @@ def _of_each_vertex(mesh: Mesh, name: str, width: int) -> np.ndarray:
 
 
 @kernel
-def _describe(rays, hits, shapes, meshes, begin, end, points):
+def _describe(rays, hits, tables, begin, end, points):
     """Write the surface at hits begin … end."""
     origins, directions = rays
     distance, shape, primitive, barycentric = hits
-    kind, first_face, measures, smooth, textured = shapes
-    faces, vertices, normals, mesh_uv = meshes
+    kind, first, measures, smooth, textured, faces, vertices, normals, mesh_uv = tables
     point, geometric_normal, shading_normal, uv, dp_du, dp_dv = points
     for i in range(begin, end):
         s = shape[i]
@@ -142,9 +158,9 @@ def _describe(rays, hits, shapes, meshes, begin, end, points):
             origins[j, 1] + distance[i] * directions[i, 1],
             origins[j, 2] + distance[i] * directions[i, 2],
         )
-        second, third = np.float64(barycentric[i, 0]), np.float64(barycentric[i, 1])
+        second, third = barycentric[i, 0], barycentric[i, 1]
         geometric, shading, at, along_u, along_v = surface_at(
-            kind, first_face, measures, smooth, textured, faces, vertices, normals, mesh_uv,
+            kind, first, measures, smooth, textured, faces, vertices, normals, mesh_uv,
             s, primitive[i], second, third, here,
         )  # fmt: skip
         for k in range(3):
@@ -155,7 +171,7 @@ def _describe(rays, hits, shapes, meshes, begin, end, points):
 
 @inlined
 def surface_at(
-    kind, first_face, measures, smooth, textured, faces, vertices, normals, mesh_uv,
+    kind, first, measures, smooth, textured, faces, vertices, normals, mesh_uv,
     s, primitive, second, third, point,
 ):  # fmt: skip
     """A point's geometric and shading normal, texture coordinates, ∂P/∂u and ∂P/∂v: three triples, a pair between.
@@ -166,12 +182,12 @@ def surface_at(
     geometric, shading = (0.0, 1.0, 0.0), (0.0, 1.0, 0.0)
     uv, dp_du, dp_dv = (0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     if kind[s] == _PLANE:
-        along_x, along_z = measures[s, 0], measures[s, 1]
+        along_x, along_z = measures[first[s]], measures[first[s] + 1]
         uv = (0.5 + x / along_x, 0.5 - z / along_z)
         dp_du, dp_dv = (along_x, 0.0, 0.0), (0.0, 0.0, -along_z)
     elif kind[s] == _SPHERE:
-        radius = measures[s, 3]
-        x, y, z = _unit(x - measures[s, 0], y - measures[s, 1], z - measures[s, 2])
+        radius = measures[first[s] + 3]
+        x, y, z = _unit(x - measures[first[s]], y - measures[first[s] + 1], z - measures[first[s] + 2])
         ring = np.sqrt(x * x + z * z)
         # At a pole every longitude is right; 0 is taken.
         sine, cosine = (x / ring, -z / ring) if ring > 0 else (0.0, 1.0)
@@ -179,26 +195,39 @@ def surface_at(
         uv = (max(0.5 + np.arctan2(sine, cosine) / (2 * np.pi), 0.0), np.arctan2(ring, -y) / np.pi)
         dp_du = (-2 * np.pi * radius * z, 0.0, 2 * np.pi * radius * x)
         dp_dv = (-np.pi * radius * y * sine, np.pi * radius * ring, np.pi * radius * y * cosine)
+    elif kind[s] == _POLYGON:
+        i = first[s]
+        geometric = (measures[i], measures[i + 1], measures[i + 2])
+        shading = geometric
+        x, y, z = x - measures[i + 3], y - measures[i + 4], z - measures[i + 5]
+        dp_du, dp_dv = (
+            (measures[i + 6], measures[i + 7], measures[i + 8]),
+            (measures[i + 9], measures[i + 10], measures[i + 11]),
+        )
+        uv = (_share_along(x, y, z, dp_du), _share_along(x, y, z, dp_dv))
+    elif kind[s] == _PATCHES:
+        dp_du, dp_dv, geometric = patch_tangents(measures, first[s] + 48 * primitive, second, third)
+        shading, uv = geometric, (second, third)
     else:
-        face = first_face[s] + primitive
+        face = first[s] + primitive
         a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-        first = 1 - second - third
+        weight = 1 - second - third
         bx, by, bz = _edge(vertices, a, b)
         cx, cy, cz = _edge(vertices, a, c)
         geometric = _unit(by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx)
         shading = geometric
         if smooth[s]:
             mean = _unit(
-                first * normals[a, 0] + second * normals[b, 0] + third * normals[c, 0],
-                first * normals[a, 1] + second * normals[b, 1] + third * normals[c, 1],
-                first * normals[a, 2] + second * normals[b, 2] + third * normals[c, 2],
+                weight * normals[a, 0] + second * normals[b, 0] + third * normals[c, 0],
+                weight * normals[a, 1] + second * normals[b, 1] + third * normals[c, 1],
+                weight * normals[a, 2] + second * normals[b, 2] + third * normals[c, 2],
             )
             if mean[0] != 0 or mean[1] != 0 or mean[2] != 0:
                 shading = mean
         if textured[s]:
             uv = (
-                first * mesh_uv[a, 0] + second * mesh_uv[b, 0] + third * mesh_uv[c, 0],
-                first * mesh_uv[a, 1] + second * mesh_uv[b, 1] + third * mesh_uv[c, 1],
+                weight * mesh_uv[a, 0] + second * mesh_uv[b, 0] + third * mesh_uv[c, 0],
+                weight * mesh_uv[a, 1] + second * mesh_uv[b, 1] + third * mesh_uv[c, 1],
             )
             # The edges are dp/du Δu + dp/dv Δv; Cramer's rule.
             bu, bv = np.float64(mesh_uv[b, 0]) - mesh_uv[a, 0], np.float64(mesh_uv[b, 1]) - mesh_uv[a, 1]
@@ -209,6 +238,13 @@ def surface_at(
                 dp_du = (cv * bx - bv * cx, cv * by - bv * cy, cv * bz - bv * cz)
                 dp_dv = (bu * cx - cu * bx, bu * cy - cu * by, bu * cz - cu * bz)
     return geometric, shading, uv, dp_du, dp_dv
+
+
+@inlined
+def _share_along(x, y, z, side):
+    """How far the vector goes along a side, in lengths of it."""
+    squared = side[0] * side[0] + side[1] * side[1] + side[2] * side[2]
+    return (x * side[0] + y * side[1] + z * side[2]) / squared
 
 
 @inlined

@@ -27,6 +27,7 @@ class Render:
     albedo : (H, W, 3) float32
     samples : rays a pixel that were traced
     passes : in how many passes
+    rays : (H, W) int32, how many rays each pixel asked for, or None from a renderer that spends as many on all
     """
 
     radiance: np.ndarray
@@ -37,6 +38,7 @@ class Render:
     albedo: np.ndarray
     samples: int = 1
     passes: int = 1
+    rays: np.ndarray | None = None
 
 
 class Renderer(Protocol):

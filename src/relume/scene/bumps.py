@@ -45,12 +45,16 @@ class Wrinkles:
     def turned(
         self, normals: np.ndarray, points: np.ndarray, uv: np.ndarray, dp_du: np.ndarray, dp_dv: np.ndarray
     ) -> np.ndarray:
+        numbers, phases, amplitude = self.components()
+        gradient = np.cos(points @ numbers.T + phases) @ numbers * amplitude
+        return normalised(normals - _tangential(gradient, normals))
+
+    def components(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """Wave vectors (waves, 3) radians to a metre, phases (waves,), and the amplitude of each, metres."""
         random = np.random.default_rng(self.seed)
         directions = normalised(random.normal(size=(self.waves, 3)))
         numbers = directions * (2 * np.pi / self.wavelength) * 2 ** random.uniform(-0.5, 0.5, (self.waves, 1))
-        phases = random.uniform(0, 2 * np.pi, self.waves)
-        gradient = np.cos(points @ numbers.T + phases) @ numbers * (self.height * np.sqrt(2 / self.waves))
-        return normalised(normals - _tangential(gradient, normals))
+        return numbers, random.uniform(0, 2 * np.pi, self.waves), self.height * float(np.sqrt(2 / self.waves))
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,15 +74,7 @@ class BumpMap:
         self, normals: np.ndarray, points: np.ndarray, uv: np.ndarray, dp_du: np.ndarray, dp_dv: np.ndarray
     ) -> np.ndarray:
         rows, columns = self.heights.shape
-        # The image's rows go down while v goes up.
-        slopes = np.stack(
-            [
-                (np.roll(self.heights, -1, 1) - np.roll(self.heights, 1, 1)) * columns / 2,
-                (np.roll(self.heights, 1, 0) - np.roll(self.heights, -1, 0)) * rows / 2,
-            ],
-            axis=-1,
-        )
-        tiled = np.pad(slopes, ((1, 1), (1, 1), (0, 0)), mode="wrap")
+        tiled = np.pad(self.slopes(), ((1, 1), (1, 1), (0, 0)), mode="wrap")
         along_u, along_v = np.moveaxis(
             bilinear(tiled, uv[:, 0] % 1 * columns + 1, (1 - uv[:, 1] % 1) * rows + 1), -1, 0
         )[..., None]
@@ -88,6 +84,18 @@ class BumpMap:
         length = np.linalg.norm(area, axis=-1, keepdims=True)
         side = along_u * np.cross(normals, dp_dv) - along_v * np.cross(normals, dp_du)
         return normalised(np.where(length > 0, normals + outward * side / np.maximum(length, 1e-30), normals))
+
+    def slopes(self) -> np.ndarray:
+        """Metres to a unit of u and of v at every pixel's middle, (H, W, 2)."""
+        rows, columns = self.heights.shape
+        # The image's rows go down while v goes up.
+        return np.stack(
+            [
+                (np.roll(self.heights, -1, 1) - np.roll(self.heights, 1, 1)) * columns / 2,
+                (np.roll(self.heights, 1, 0) - np.roll(self.heights, -1, 0)) * rows / 2,
+            ],
+            axis=-1,
+        )
 
 
 def _tangential(gradient: np.ndarray, normals: np.ndarray) -> np.ndarray:

@@ -47,6 +47,7 @@ class WhittedMaterial:
     exponent : n of eq. 1, the glossiness; 50 is polished plastic
     ior : k_n, index of refraction of the inside to the outside
     fresnel : multiply k_s by Fresnel's reflectance and k_t by what it leaves ("for the best accuracy", §2)
+    coated : the diffuse surface lies below the specular one and gets what that leaves, as in varnish and plastic
     roughness : standard deviation of the random perturbation of the normal, in both directions, of unit normals;
         glossy for reflection, frosted for transmission (§2)
     bumps : how normals are wrinkled (Blinn 1978), or None
@@ -58,11 +59,12 @@ class WhittedMaterial:
     diffuse: Paint = (0.0, 0.0, 0.0)
     specular: Colour = (0.0, 0.0, 0.0)
     transmission: Colour = (0.0, 0.0, 0.0)
-    ambient: Paint | None = None
+    ambient: Colour | None = None
     highlight: Colour | None = None
     exponent: float = 50.0
     ior: float = 1.5
     fresnel: bool = False
+    coated: bool = False
     roughness: float = 0.0
     bumps: Bumps | None = None
     name: str = ""
@@ -87,13 +89,14 @@ class WhittedMaterial:
             )
 
     def most(self) -> float:
-        """The largest sum of what a channel reflects and lets through; Fresnel's law shares out k_s and k_t."""
+        """The largest sum of what a channel reflects and lets through; Fresnel's law and coats share the light out."""
         diffuse = self.diffuse
         if isinstance(diffuse, Checks):
             diffuse = np.maximum(diffuse.first, diffuse.second)
         through, back = np.asarray(self.transmission), np.asarray(self.specular)
-        sent = np.maximum(through, back) if self.fresnel else through + back
-        return float(np.max(np.asarray(diffuse) + sent))
+        if self.coated:
+            return float(np.max(np.maximum(back, np.asarray(diffuse) + through)))
+        return float(np.max(np.asarray(diffuse) + (np.maximum(through, back) if self.fresnel else through + back)))
 
 
 def _check_coefficient(what: str, value: Colour | np.ndarray) -> None:

@@ -21,11 +21,17 @@ Channels = Annotated[
     Discriminator(lambda value: "colour" if isinstance(value, list | tuple) else "number"),
 ]
 """A number, or one for each channel."""
+Colour = Annotated[Vector, BeforeValidator(lambda value: [value] * 3 if _is_number(value) else value)]
+"""One number for each channel, or a single one for grey."""
 Paint = Annotated[
     Annotated[str, Tag("image")] | Annotated[Vector, Tag("colour")],
     Discriminator(lambda value: "image" if isinstance(value, str) else "colour"),
 ]
 """An image's path, or a colour."""
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 class Table(BaseModel):

@@ -1,0 +1,249 @@
+"""The renderer `Whitted`: the recursive ray tracer of 1980, whole, on kernels of today.
+
+What it shows: shadows, true reflection and refraction, seen again in each other. What it does not, as the paper says:
+light that diffuse surfaces send to each other, and light that glass or mirrors gather on them (caustics).
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from relume._kernel import in_threads
+from relume.errors import UnsupportedScene
+from relume.light.convolution import as_latlong
+from relume.render.antialiasing import Antialiasing, Small, Traced, sampled
+from relume.render.raycast import RayCaster
+from relume.render.raycast_surface import Surfaces
+from relume.render.renderer import Progress, Render
+from relume.render.whitted_kernel import CHANNELS, Record, Settings, trace
+from relume.render.whitted_lights import attenuation_code, light_table
+from relume.render.whitted_materials import MaterialTables
+from relume.scene.bounds import bounding_sphere
+from relume.scene.camera import Camera
+from relume.scene.lights import Attenuation, Unattenuated
+from relume.scene.scene import Scene
+from relume.sphere.polar import padded
+
+BAND = 1 << 17
+"""Pixels that are worked on together: their samples stay within the processor's reach."""
+CHUNK = 2048
+"""Samples that a thread takes at once; some trees cost a hundred times others."""
+FINEST = 1 / 64
+"""Patches are subdivided to this share of a pixel."""
+SMALL = 1.0
+"""Pixels: a sphere of a smaller radius may slip between the corners, which are √2 apart."""
+DARK = 0.1
+"""Differences below this share of the picture's typical radiance are seen less and less."""
+
+
+@dataclass(frozen=True)
+class Whitted:
+    """Recursive ray tracing with eq. 2 at every node.
+
+    depth : nodes from a tree's root to its farthest leaf, at most; 8 lets light through two glasses, one behind the
+        other, with what they reflect of each other
+    contribution : branches that carry less than this share of the pixel are cut off; the step of an 8-bit picture is
+        four times as much
+    attenuation : between a tree's nodes; none unless given, for radiance does not fall along a ray. The paper's is
+        `Linear`
+    antialiasing : None for one ray through the middle of each pixel
+    constellation : distant lights that stand for the illumination map where surfaces are diffuse; 0 lets it be seen
+        in mirrors and behind all things, but light nothing
+    rays : perturbed rays at a glossy or frosted surface that is seen directly; one at others
+    clear_shadows : light goes straight through transparent shapes, dimmed by k_t; False gives them full shadows
+    background : show the light behind the objects
+    threads : all cores unless given; the pixels do not depend on it
+    """
+
+    depth: int = 8
+    contribution: float = 1 / 1024
+    attenuation: Attenuation = Unattenuated()
+    antialiasing: Antialiasing | None = Antialiasing()
+    constellation: int = 64
+    rays: int = 16
+    clear_shadows: bool = True
+    background: bool = True
+    threads: int | None = None
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.depth <= 1000:
+            raise ValueError(f"depth is {self.depth}; expected 1 to 1000 nodes")
+        if not 0 <= self.contribution < 1:
+            raise ValueError(f"contribution is {self.contribution}; expected a share of the pixel from 0 to 1")
+        if self.constellation < 0 or self.rays < 1:
+            raise ValueError(
+                f"constellation {self.constellation}, rays {self.rays}; expected at least 0 lights and 1 ray"
+            )
+        if self.threads is not None and self.threads < 1:
+            raise ValueError(f"threads is {self.threads}; expected at least 1, or none for all cores")
+
+    def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
+        """Render one picture; `seed` turns the perturbations of glossy and frosted surfaces."""
+        return self.prepared(scene).render(camera, seed=seed, progress=progress)
+
+    def prepared(self, scene: Scene) -> PreparedWhitted:
+        """Everything that does not depend on the camera, for many pictures of one scene."""
+        return PreparedWhitted(self, scene)
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedWhitted:
+    """A scene as kernels read it; its parts are made when they are first needed."""
+
+    method: Whitted
+    scene: Scene
+
+    @cached_property
+    def caster(self) -> RayCaster:
+        """The one tree over all objects."""
+        return RayCaster.of((*self.scene.local, *self.scene.objects))
+
+    @cached_property
+    def tables(self) -> tuple:
+        """What `trace` takes between the view and the settings."""
+        shapes = (*self.scene.local, *self.scene.objects)
+        materials = [shape.material for shape in shapes]
+        different = list({id(material): material for material in materials}.values())
+        which = np.array([[m is d for d in different].index(True) for m in materials], np.int64)
+        made = MaterialTables.of(different)
+        lights = light_table(self.scene, self.method.constellation)
+        if not len(lights.place) and not np.any(lights.ambient) and not np.any(self.scene.light.radiance):
+            raise UnsupportedScene("nothing shines in this scene: it has no lights and its light map is black; add one")
+        sky = as_latlong(self.scene.light).radiance if np.any(self.scene.light.radiance) else np.zeros((0, 0, 3))
+        entries = padded(sky).reshape(-1) if sky.size else np.zeros(0, np.float32)
+        surfaces = (*Surfaces.of(shapes).tables, self.caster.primitive, which)
+        return (
+            self.caster.geometry, surfaces, made.coefficients, made.pictures, made.bumps, lights, (entries, len(sky))
+        )  # fmt: skip
+
+    def render(
+        self,
+        camera: Camera,
+        *,
+        seed: int = 0,
+        progress: Progress | None = None,
+        region: tuple[int, int, int, int] | None = None,
+    ) -> Render:
+        """One picture, or only the part of it from `region`'s left and top to its right and bottom, in pixels."""
+        left, top, right, bottom = region or (0, 0, camera.width, camera.height)
+        if not (0 <= left < right <= camera.width and 0 <= top < bottom <= camera.height):
+            raise ValueError(
+                f"region {left},{top},{right},{bottom} of a picture of {camera.width}×{camera.height} pixels; "
+                "expected left < right and top < bottom within it"
+            )
+        self._look_from(camera)
+        rows = max(BAND // (right - left), 1)
+        reference = self._typical(camera, seed)
+        small = self._small(camera)
+        bands = []
+        for begin in range(top, bottom, rows):
+            end = min(begin + rows, bottom)
+            bands.append(self._band(camera, seed, (left, begin, right, end), small, reference))
+            if progress:
+                progress((end - top) / (bottom - top))
+        means, rays = (np.concatenate(part) for part in zip(*bands, strict=True))
+        hit = np.maximum(means[..., 4:5], 1e-30)
+        return Render(
+            radiance=means[..., :3].copy(),
+            variance=np.zeros((*rays.shape, 3), np.float32),
+            matte=means[..., 3].copy(),
+            depth=(means[..., 5] / hit[..., 0]).astype(np.float32),
+            normal=means[..., 6:9] / hit,
+            albedo=means[..., 9:12] / hit,
+            samples=max(round(float(rays.mean())), 1),
+            rays=rays,
+        )
+
+    def _band(
+        self, camera: Camera, seed: int, region: tuple[int, int, int, int], small: Small, reference: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        if self.method.antialiasing is not None:
+            return sampled(
+                lambda at: self.traced(camera, at, seed), region, self.method.antialiasing, small, reference
+            )  # fmt: skip
+        left, top, right, bottom = region
+        x, y = np.meshgrid(np.arange(left, right) + 0.5, np.arange(top, bottom) + 0.5)
+        values, _, counts = self.traced(camera, np.column_stack([x.ravel(), y.ravel()]), seed)
+        return values.reshape(*x.shape, CHANNELS), counts.reshape(x.shape)
+
+    def traced(self, camera: Camera, points: np.ndarray, seed: int = 0) -> Traced:
+        """The trees of samples at pixel coordinates (N, 2)."""
+        count = len(points)
+        told = (np.empty((count, CHANNELS), np.float32), np.empty(count, np.int64), np.empty(count, np.int32))
+        view, settings, nothing = _view(camera), self.settings(camera, seed), no_record()
+        tables = self.tables
+
+        def work(begin: int, end: int) -> None:
+            trace(points, view, *tables, settings, begin, end, told, nothing)
+
+        in_threads(work, count, self.method.threads or os.cpu_count(), chunk=CHUNK)
+        return told
+
+    def settings(self, camera: Camera, seed: int) -> Settings:
+        """The method's numbers as the kernel takes them."""
+        m = self.method
+        law, reach = attenuation_code(m.attenuation)
+        coefficients = self.tables[2]
+        clear = m.clear_shadows and bool(np.any(coefficients.transmission))
+        return Settings(
+            m.depth, m.contribution, law, reach, m.rays, clear, m.background, len(self.scene.local),
+            FINEST / camera.focal_length, seed,
+        )  # fmt: skip
+
+    def _typical(self, camera: Camera, seed: int) -> float:
+        """A share of the whole picture's typical radiance, so that a region is the same as when all is rendered."""
+        if self.method.antialiasing is None:
+            return 0.0
+        x, y = np.meshgrid((np.arange(32) + 0.5) / 32 * camera.width, (np.arange(24) + 0.5) / 24 * camera.height)
+        brightest = self.traced(camera, np.column_stack([x.ravel(), y.ravel()]), seed)[0][:, :3].max(axis=1)
+        lit = brightest[brightest > 0]
+        return DARK * float(np.median(lit)) if lit.size else 0.0
+
+    def _small(self, camera: Camera) -> Small:
+        """The objects whose bounding spheres are smaller than the distance of samples (§3)."""
+        bounds = [bounding_sphere(solid) for solid in self.scene.objects]
+        centres = np.array([centre for centre, _ in bounds]).reshape(-1, 3)
+        seen = camera.project(centres)
+        distance = np.linalg.norm(centres - camera.position, axis=1)
+        radius = np.array([radius for _, radius in bounds]) / np.maximum(distance, 1e-30) * camera.focal_length
+        small = (radius < SMALL) & np.all(np.isfinite(seen), axis=1)
+        return Small(seen[small], radius[small])
+
+    def _look_from(self, camera: Camera) -> None:
+        """Warn of an eye inside glass: what it sees is bent by a surface that the picture does not show."""
+        coefficients, shapes = self.tables[2], (*self.scene.local, *self.scene.objects)
+        transparent = np.any(coefficients.transmission > 0, axis=1)[self.tables[1][10]]
+        if not np.any(transparent):
+            return
+        axes = np.concatenate([np.eye(3), -np.eye(3)])
+        hits = self.caster.nearest(camera.position, axes, threads=1)
+        normals = Surfaces.of(shapes).at(camera.position, axes, hits, threads=1).geometric_normal
+        inside = (hits.shape >= 0) & (np.einsum("ij,ij->i", normals, axes) > 0)
+        for index in np.flatnonzero(transparent):
+            if np.all(inside[hits.shape == index]) and np.sum(hits.shape == index) >= 4:
+                name = getattr(shapes[index], "name", "the plane")
+                warnings.warn(
+                    f"the camera stands inside {name!r}, which is transparent: the picture shows what is seen from in "
+                    "there; move the camera out unless that is meant",
+                    stacklevel=3,
+                )
+
+
+def _view(camera: Camera) -> np.ndarray:
+    """The camera as sixteen numbers: eye, rotation in rows, focal length, the middle of the picture."""
+    middle = (camera.width / 2, camera.height / 2)
+    return np.array([*camera.position, *np.ravel(camera.rotation), camera.focal_length, *middle, 0.0], np.float64)
+
+
+def no_record(size: int = 0) -> Record:
+    """Room for this many nodes of a tree."""
+    return Record(
+        np.empty((size, 6)), np.empty((size, 3)), np.empty((size, 3)), np.empty(size, np.int64),
+        np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size, np.int64), np.empty((size, 2)),
+        np.zeros(1, np.int64),
+    )  # fmt: skip

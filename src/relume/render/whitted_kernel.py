@@ -1,0 +1,340 @@
+"""The tree of rays of every sample, followed without recursion (Whitted 1980, §2 and §3).
+
+Rays that are yet to be traced wait on a stack, those towards the lights among them; each carries the share of the
+pixel that eq. 2 gives to what it will find, so that nothing has to be gathered on the way back.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from relume._kernel import exact_inlined, exact_kernel
+from relume.render.raycast_kernel import meet, scratch
+from relume.render.raycast_surface import surface_at
+from relume.render.whitted_lights import DISTANT, LINEAR, NONE, SQUARE
+from relume.render.whitted_materials import CHECKED, FRESNEL, PICTURE, SCHLICK
+from relume.render.whitted_optics import along, dot, fresnel, hashed, perturbed, reflected, refracted, unit
+from relume.render.whitted_textures import bumped, picture_at, wrinkled
+from relume.sphere.polar import looked_up, polar_point
+
+EYE, REFLECTED, REFRACTED, SHADOW = 0, 1, 2, 3
+"""Kinds of rays."""
+NEAR = 4e-6
+"""A ray ignores what it meets within this share of the way from the eye: the surface that it leaves, and one that
+coincides with it."""
+CHANNELS = 12
+"""Of a sample: radiance, object, anything, distance, normal, albedo."""
+
+
+class Settings(NamedTuple):
+    """What the kernel follows a tree by."""
+
+    depth: int
+    contribution: float
+    attenuation: int
+    reach: float
+    rays: int
+    clear: bool
+    background: bool
+    first_object: int
+    footprint: float
+    seed: int
+
+
+class Record(NamedTuple):
+    """The nodes of one sample's tree, for who wants to see it; empty arrays where nobody does.
+
+    ends : (N, 6) where each ray begins and ends, metres
+    weight : (N, 3) share of the pixel that the node's intensity has
+    sent : (N, 3) what the node itself adds to the pixel, without its children
+    parent, kind, shape, light : (N,); a shape of −1 is none, a blocked light's ray ends at its blocker
+    limits : (N, 2) the interval of distances in which each ray was traced
+    count : (1,) nodes so far
+    """
+
+    ends: np.ndarray
+    weight: np.ndarray
+    sent: np.ndarray
+    parent: np.ndarray
+    kind: np.ndarray
+    shape: np.ndarray
+    light: np.ndarray
+    limits: np.ndarray
+    count: np.ndarray
+
+
+@exact_kernel
+def trace(
+    points, view, geometry, surfaces, materials, pictures, bumps, lights, sky, settings, begin, end, told, record
+):
+    """Follow the trees of samples begin … end; tell their channels, what they saw first, and their number of rays.
+
+    points : (N, 2) pixel coordinates
+    view : the eye, the rotation's rows, the focal length and the middle of the picture: 16 numbers
+    sky : the light map, padded and flat, and its number of rows
+    told : values (N, CHANNELS) float32, keys (N,) int64, rays (N,) int32
+    """
+    boxes, children, root, _, corners, form, whose, measures, planes = geometry
+    kind_of, first_of, sizes, smooth, textured, faces, vertices, normals, mesh_uv = surfaces[:9]
+    primitive_of, material_of = surfaces[9], surfaces[10]
+    diffuse, second_colour, ambient, specular, transmission, highlight = materials[:6]
+    exponent, ior, law, roughness, coated, metal, everywhere, paint, picture, size, bump = materials[6:]
+    pixels, picture_begin, picture_rows, picture_columns = pictures
+    waves, first_wave, last_wave, wave_height, slope_picture = bumps
+    place, strength, falloff, reach, shines, glow = lights
+    entries, rows = sky
+    values, keys, counts = told
+    ends, share, sent, parent_of, ray_kind, node_shape, node_light, limits, node_count = record
+    depth, contribution, attenuation, attenuation_reach, scattered, clear, background = settings[:7]
+    first_object, footprint, seed = settings[7:]
+    waiting, entry, pieces = scratch(geometry)
+
+    capacity = (depth + 1) * (len(place) + 2) + 2 * scattered + 4
+    # Origin, direction, weight, limit, way from the eye, and by how many the weight was split.
+    rays = np.empty((capacity, 12))
+    notes = np.empty((capacity, 4), np.int64)  # kind, level, parent's node, light
+    seeds = np.empty(capacity, np.uint64)
+    for i in range(begin, end):
+        across, up = points[i, 0] - view[13], view[14] - points[i, 1]
+        direction = unit(
+            (
+                view[3] * across + view[4] * up - view[5] * view[12],
+                view[6] * across + view[7] * up - view[8] * view[12],
+                view[9] * across + view[10] * up - view[11] * view[12],
+            )
+        )
+        sample_seed = hashed(hashed(np.int64(seed), np.int64(points[i, 0] * 4096)), np.int64(points[i, 1] * 4096))
+        red, green, blue, key, traced = 0.0, 0.0, 0.0, 0, 0
+        for channel in range(3, CHANNELS):
+            values[i, channel] = 0
+        _push(rays, notes, seeds, 0, (view[0], view[1], view[2]), direction, (1.0, 1.0, 1.0), np.inf, 0.0, 1.0)
+        notes[0, 0], notes[0, 1], notes[0, 2], notes[0, 3], seeds[0] = EYE, 0, -1, -1, sample_seed
+        top = 1
+        while top > 0:
+            top -= 1
+            origin = (rays[top, 0], rays[top, 1], rays[top, 2])
+            direction = (rays[top, 3], rays[top, 4], rays[top, 5])
+            weight = (rays[top, 6], rays[top, 7], rays[top, 8])
+            limit, way, split = rays[top, 9], rays[top, 10], rays[top, 11]
+            kind, level, parent, light = notes[top, 0], notes[top, 1], notes[top, 2], notes[top, 3]
+            node_seed = seeds[top]
+            beyond = NEAR * way + 1e-9 * (abs(origin[0]) + abs(origin[1]) + abs(origin[2])) if way > 0 else 0.0
+            distance, slot, second, third = meet(
+                boxes, children, root, corners, form, whose, measures, planes,
+                origin, direction, beyond, limit, footprint, kind == SHADOW and not clear, waiting, entry, pieces,
+            )  # fmt: skip
+            traced += 1
+
+            s = whose[slot] if slot >= 0 else -1
+            m = material_of[s] if slot >= 0 else 0
+            node = -1
+            if len(parent_of) > node_count[0]:
+                node = node_count[0]
+                node_count[0] += 1
+                parent_of[node], ray_kind[node], node_shape[node], node_light[node] = parent, kind, s, light
+                length = distance if slot >= 0 else min(limit, 1e6)
+                limits[node, 0], limits[node, 1] = beyond, limit
+                for j in range(3):
+                    ends[node, j], ends[node, j + 3] = origin[j], origin[j] + length * direction[j]
+                    share[node, j], sent[node, j] = weight[j], 0.0
+
+            if slot < 0:
+                arrived = weight
+                if kind != SHADOW:
+                    if (kind == EYE and not background) or len(entries) == 0:
+                        continue
+                    u, v = polar_point(np.float32(direction[0]), np.float32(direction[1]), np.float32(direction[2]))
+                    r, g, b, _ = looked_up(entries, 0, rows, u, v)
+                    arrived = (weight[0] * r, weight[1] * g, weight[2] * b)
+                red, green, blue = red + arrived[0], green + arrived[1], blue + arrived[2]
+                if node >= 0:
+                    for j in range(3):
+                        sent[node, j] += arrived[j]
+                continue
+            if kind == SHADOW and not (
+                clear and (transmission[m, 0] > 0 or transmission[m, 1] > 0 or transmission[m, 2] > 0)
+            ):
+                if level == 0 and shines[light] > 0:
+                    key ^= np.int64(hashed(light + 1, 77) >> np.uint64(1))
+                continue
+
+            point = along(origin, direction, distance)
+            geometric, shading, uv, dp_du, dp_dv = surface_at(
+                kind_of, first_of, sizes, smooth, textured, faces, vertices, normals, mesh_uv,
+                s, primitive_of[slot], second, third, point,
+            )  # fmt: skip
+            way += distance
+            # The normal has to point to the side that the ray comes from, and the index goes with it (§2).
+            side = -1.0 if dot(geometric, direction) > 0 else 1.0
+            index = ior[m] if side > 0 else 1 / ior[m]
+            if bump[m] >= 0:
+                which = np.int64(bump[m])
+                if slope_picture[which] < 0:
+                    shading = wrinkled(shading, point, waves, first_wave[which], last_wave[which], wave_height[which])
+                else:
+                    along_u, along_v, _ = picture_at(
+                        pixels, picture_begin, picture_rows, picture_columns, slope_picture[which], uv
+                    )
+                    shading = bumped(shading, along_u, along_v, dp_du, dp_dv)
+            outward = (side * geometric[0], side * geometric[1], side * geometric[2])
+            normal = (side * shading[0], side * shading[1], side * shading[2])
+            if dot(normal, direction) > -1e-3:
+                # A normal that is turned from the viewer shows him the back of what he sees the front of.
+                normal = unit(along(normal, direction, -dot(normal, direction) - 2e-3))
+
+            cosine = -dot(direction, normal)
+            back = (specular[m, 0], specular[m, 1], specular[m, 2])
+            colour = (diffuse[m, 0], diffuse[m, 1], diffuse[m, 2])
+            cell = 0
+            if paint[m] == CHECKED:
+                cell_x, cell_z = np.floor(point[0] / size[m]), np.floor(point[2] / size[m])
+                cell_y = np.floor(point[1] / size[m] + 0.5)
+                if np.int64(cell_x + cell_y + cell_z) & 1:
+                    colour = (second_colour[m, 0], second_colour[m, 1], second_colour[m, 2])
+                cell = np.int64(cell_x) * 73856093 ^ np.int64(cell_y) * 19349663 ^ np.int64(cell_z) * 83492791
+            elif paint[m] == PICTURE:
+                r, g, b = picture_at(pixels, picture_begin, picture_rows, picture_columns, np.int64(picture[m]), uv)
+                if metal[m] > 0:
+                    back = (r, g, b)
+                colour = (colour[0] * r, colour[1] * g, colour[2] * b)
+            share_of_light = 1.0
+            through = (transmission[m, 0], transmission[m, 1], transmission[m, 2])
+            if law[m] == FRESNEL:
+                f = fresnel(cosine, index)
+                back = (back[0] * f, back[1] * f, back[2] * f)
+                through = (through[0] * (1 - f), through[1] * (1 - f), through[2] * (1 - f))
+                share_of_light = 1 - f
+            elif law[m] == SCHLICK:
+                f = (1 - cosine) ** 5
+                back = (back[0] + (1 - back[0]) * f, back[1] + (1 - back[1]) * f, back[2] + (1 - back[2]) * f)
+                through = (through[0] * (1 - back[0]), through[1] * (1 - back[1]), through[2] * (1 - back[2]))
+
+            if kind == SHADOW:
+                weight = (weight[0] * through[0], weight[1] * through[1], weight[2] * through[2])
+                if level < 64 and max(weight[0], weight[1], weight[2]) > 1e-9:
+                    _push(rays, notes, seeds, top, point, direction, weight, limit - distance, way, split)
+                    notes[top, 0], notes[top, 1], notes[top, 2], notes[top, 3] = kind, level + 1, parent, light
+                    top += 1
+                continue
+
+            if kind == EYE:
+                keys_here = hashed(s + 1, cell)
+                key ^= np.int64(keys_here >> np.uint64(1))
+                values[i, 3] = 1.0 if s >= first_object else 0.0
+                values[i, 4], values[i, 5] = 1.0, distance
+                for j in range(3):
+                    values[i, 6 + j] = normal[j]
+                    values[i, 9 + j] = min(colour[j] + back[j] + through[j], 1.0)
+            else:
+                kept = _kept(attenuation, attenuation_reach, distance)
+                weight = (weight[0] * kept, weight[1] * kept, weight[2] * kept)
+            if node >= 0:
+                for j in range(3):
+                    share[node, j] = weight[j]
+            if coated[m] > 0:
+                if law[m] == FRESNEL:
+                    colour = (colour[0] * share_of_light, colour[1] * share_of_light, colour[2] * share_of_light)
+                else:
+                    colour = (colour[0] * (1 - back[0]), colour[1] * (1 - back[1]), colour[2] * (1 - back[2]))
+
+            # I_a
+            own = (ambient[m, 0], ambient[m, 1], ambient[m, 2]) if ambient[m, 0] >= 0 else colour
+            own = (weight[0] * own[0] * glow[0], weight[1] * own[1] * glow[1], weight[2] * own[2] * glow[2])
+            red, green, blue = red + own[0], green + own[1], blue + own[2]
+            if node >= 0:
+                for j in range(3):
+                    sent[node, j] += own[j]
+
+            # k_d Σ (N·L) and k_s Σ (N·L′)ⁿ: a ray to every light that the surface faces.
+            for light in range(len(place)):
+                far = np.inf
+                towards = (place[light, 0], place[light, 1], place[light, 2])
+                arriving = 1.0
+                if falloff[light] != DISTANT:
+                    towards = (towards[0] - point[0], towards[1] - point[1], towards[2] - point[2])
+                    far = np.sqrt(dot(towards, towards))
+                    arriving = _fallen(falloff[light], reach[light], far)
+                    towards = unit(towards)
+                facing = dot(normal, towards)
+                if facing <= 0 or dot(outward, towards) <= 0 or arriving <= 0:
+                    continue
+                shine = 0.0
+                if shines[light] > 0 or everywhere[m] > 0:
+                    half = unit((towards[0] - direction[0], towards[1] - direction[1], towards[2] - direction[2]))
+                    shine = max(dot(normal, half), 0.0) ** exponent[m]
+                reaching = (
+                    weight[0] * (colour[0] * facing + highlight[m, 0] * shine) * strength[light, 0] * arriving,
+                    weight[1] * (colour[1] * facing + highlight[m, 1] * shine) * strength[light, 1] * arriving,
+                    weight[2] * (colour[2] * facing + highlight[m, 2] * shine) * strength[light, 2] * arriving,
+                )
+                if max(reaching[0], reaching[1], reaching[2]) > 0:
+                    _push(rays, notes, seeds, top, point, towards, reaching, far, way, split)
+                    notes[top, 0], notes[top, 1], notes[top, 2], notes[top, 3] = SHADOW, level, node, light
+                    top += 1
+
+            # k_s S and k_t T
+            if level + 1 >= depth:
+                continue
+            back = (weight[0] * back[0], weight[1] * back[1], weight[2] * back[2])
+            through = (weight[0] * through[0], weight[1] * through[1], weight[2] * through[2])
+            reflects = everywhere[m] == 0 and max(back[0], back[1], back[2]) * split >= contribution
+            refracts = max(through[0], through[1], through[2]) * split >= contribution
+            if not reflects and not refracts:
+                continue
+            many = scattered if roughness[m] > 0 and level == 0 else 1
+            back = (back[0] / many, back[1] / many, back[2] / many)
+            through = (through[0] / many, through[1] / many, through[2] / many)
+            for which in range(many):
+                facet = normal
+                if roughness[m] > 0:
+                    facet = perturbed(normal, roughness[m], which, many, hashed(node_seed, level))
+                    if dot(facet, direction) > -1e-3:
+                        facet = normal
+                if reflects and max(back[0], back[1], back[2]) > 0:
+                    towards = reflected(direction, facet)
+                    under = dot(towards, outward)
+                    if under <= 0:
+                        # A turned normal sent it below the surface: it grazes instead.
+                        towards = unit(along(towards, outward, 1e-3 - under))
+                    _push(rays, notes, seeds, top, point, towards, back, np.inf, way, split * many)
+                    notes[top, 0], notes[top, 1], notes[top, 2], notes[top, 3] = REFLECTED, level + 1, node, -1
+                    seeds[top] = hashed(node_seed, 2 * which + 1)
+                    top += 1
+                if refracts and max(through[0], through[1], through[2]) > 0:
+                    towards = refracted(direction, facet, index)
+                    above = dot(towards, outward)
+                    if towards[0] == 0 and towards[1] == 0 and towards[2] == 0:
+                        continue
+                    if above >= 0:
+                        towards = unit(along(towards, outward, -1e-3 - above))
+                    _push(rays, notes, seeds, top, point, towards, through, np.inf, way, split * many)
+                    notes[top, 0], notes[top, 1], notes[top, 2], notes[top, 3] = REFRACTED, level + 1, node, -1
+                    seeds[top] = hashed(node_seed, 2 * which + 2)
+                    top += 1
+        values[i, 0], values[i, 1], values[i, 2] = red, green, blue
+        keys[i], counts[i] = key, traced
+
+
+@exact_inlined
+def _push(rays, notes, seeds, top, origin, direction, weight, limit, way, split):
+    """Put a ray on the stack, but for what its notes say."""
+    rays[top, 0], rays[top, 1], rays[top, 2] = origin
+    rays[top, 3], rays[top, 4], rays[top, 5] = direction
+    rays[top, 6], rays[top, 7], rays[top, 8] = weight
+    rays[top, 9], rays[top, 10], rays[top, 11] = limit, way, split
+
+
+@exact_inlined
+def _fallen(falloff, reach, distance):
+    """The share of a light that arrives over a distance."""
+    if falloff == SQUARE:
+        return 1 / (distance * distance)
+    return max(1 - distance / reach, 0.0) if falloff == LINEAR else 1.0
+
+
+@exact_inlined
+def _kept(attenuation, reach, distance):
+    """The share of a node's intensity that arrives at its parent (§2): never more than all."""
+    return 1.0 if attenuation == NONE else min(_fallen(attenuation, reach, distance), 1.0)

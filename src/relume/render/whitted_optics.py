@@ -1,0 +1,110 @@
+"""The directions and coefficients of a node of the tree (Whitted 1980, §2), on triples of unit length."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from relume._kernel import exact_inlined
+
+
+@exact_inlined
+def dot(a, b):
+    """The inner product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@exact_inlined
+def along(origin, direction, distance):
+    """The point at a distance on a ray, or any sum of a vector and a scaled one."""
+    return (
+        origin[0] + distance * direction[0],
+        origin[1] + distance * direction[1],
+        origin[2] + distance * direction[2],
+    )
+
+
+@exact_inlined
+def unit(v):
+    """The vector at unit length; 0 where it has none."""
+    length = np.sqrt(dot(v, v))
+    scale = 1 / length if length > 0 else 0.0
+    return v[0] * scale, v[1] * scale, v[2] * scale
+
+
+@exact_inlined
+def lengthened(incoming, normal):
+    """V′ = V / |V·N|: the incoming direction, as long as makes its part along the normal 1."""
+    scale = 1 / max(abs(dot(incoming, normal)), 1e-12)
+    return incoming[0] * scale, incoming[1] * scale, incoming[2] * scale
+
+
+@exact_inlined
+def reflected(incoming, normal):
+    """R = V′ + 2N, made unit; `incoming` is V, which points to the surface: V·N < 0."""
+    return unit(along(lengthened(incoming, normal), normal, 2.0))
+
+
+@exact_inlined
+def refracted(incoming, normal, ior):
+    """P = k_f (N + V′) − N, made unit, with k_f = (k_n² |V′|² − |V′ + N|²)^(−1/2); 0 where k_f is imaginary.
+
+    ior : k_n, of the far side to the near side
+    """
+    longer = lengthened(incoming, normal)
+    across = along(longer, normal, 1.0)
+    under = ior * ior * dot(longer, longer) - dot(across, across)
+    if not under > 0:
+        return 0.0, 0.0, 0.0
+    k_f = 1 / np.sqrt(under)
+    return unit((k_f * across[0] - normal[0], k_f * across[1] - normal[1], k_f * across[2] - normal[2]))
+
+
+@exact_inlined
+def fresnel(cosine, ior):
+    """The exact unpolarised reflectance of a smooth dielectric, as `weights.Fresnel`; 1 beyond the critical angle.
+
+    ior : of the far side to the near side
+    """
+    c = min(max(cosine, 0.0), 1.0)
+    square = ior * ior - 1 + c * c
+    if square <= 0 or c == 0:
+        return 1.0
+    g = np.sqrt(square)
+    across = (g - c) / (g + c)
+    along_it = (c * (g + c) - 1) / (c * (g - c) + 1)
+    return min(0.5 * across * across * (1 + along_it * along_it), 1.0)
+
+
+@exact_inlined
+def hashed(a, b):
+    """Sixty-four well mixed bits from two numbers (the finaliser of MurmurHash3)."""
+    x = np.uint64(a) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(b) + np.uint64(0x7F4A7C15)
+    x = (x ^ (x >> np.uint64(33))) * np.uint64(0xFF51AFD7ED558CCD)
+    x = (x ^ (x >> np.uint64(33))) * np.uint64(0xC4CEB9FE1A85EC53)
+    return x ^ (x >> np.uint64(33))
+
+
+@exact_inlined
+def fraction(bits):
+    """A number from 0 to 1, 1 excluded, from the upper bits of a hash."""
+    return np.float64(bits >> np.uint64(11)) * 2.0**-53
+
+
+@exact_inlined
+def perturbed(normal, deviation, which, count, seed):
+    """The normal of a random microfacet: slopes drawn from a normal distribution (§2), one of `count` that spread well.
+
+    The radius is stratified, the azimuth goes on by the golden angle, and the seed turns and shifts them all.
+    """
+    share = (which + fraction(hashed(seed, which))) / count
+    radius = deviation * np.sqrt(-2 * np.log(1 - share))
+    turn = 2 * np.pi * (which * 0.6180339887498949 + fraction(hashed(seed, 0x5BD1E995)))
+    # Two directions across the normal without a branch for the poles (Duff et al. 2017).
+    sign = np.copysign(1.0, normal[2])
+    a = -1 / (sign + normal[2])
+    b = normal[0] * normal[1] * a
+    u = radius * np.cos(turn)
+    v = radius * np.sin(turn)
+    first = (1 + sign * normal[0] * normal[0] * a, sign * b, -sign * normal[0])
+    second = (b, sign + normal[1] * normal[1] * a, -normal[1])
+    return unit(along(along(normal, first, u), second, v))
