@@ -20,7 +20,7 @@ from relume.render.antialiasing import Antialiasing, Small, Traced, sampled
 from relume.render.raycast import RayCaster
 from relume.render.raycast_surface import Surfaces
 from relume.render.renderer import Progress, Render
-from relume.render.whitted_kernel import CHANNELS, Record, Settings, trace
+from relume.render.whitted_kernel import CHANNELS, Settings, empty_record, trace
 from relume.render.whitted_lights import attenuation_code, light_table
 from relume.render.whitted_materials import MaterialTables
 from relume.scene.bounds import bounding_sphere
@@ -175,7 +175,7 @@ class PreparedWhitted:
         """The trees of samples at pixel coordinates (N, 2)."""
         count = len(points)
         told = (np.empty((count, CHANNELS), np.float32), np.empty(count, np.int64), np.empty(count, np.int32))
-        view, settings, nothing = _view(camera), self.settings(camera, seed), no_record()
+        view, settings, nothing = view_of(camera), self.settings(camera, seed), empty_record()
         tables = self.tables
 
         def work(begin: int, end: int) -> None:
@@ -234,16 +234,7 @@ class PreparedWhitted:
                 )
 
 
-def _view(camera: Camera) -> np.ndarray:
+def view_of(camera: Camera) -> np.ndarray:
     """The camera as sixteen numbers: eye, rotation in rows, focal length, the middle of the picture."""
     middle = (camera.width / 2, camera.height / 2)
     return np.array([*camera.position, *np.ravel(camera.rotation), camera.focal_length, *middle, 0.0], np.float64)
-
-
-def no_record(size: int = 0) -> Record:
-    """Room for this many nodes of a tree."""
-    return Record(
-        np.empty((size, 6)), np.empty((size, 3)), np.empty((size, 3)), np.empty(size, np.int64),
-        np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size, np.int64), np.empty((size, 2)),
-        np.zeros(1, np.int64),
-    )  # fmt: skip

@@ -65,6 +65,15 @@ class Record(NamedTuple):
     count: np.ndarray
 
 
+def empty_record(size: int = 0) -> Record:
+    """Room for this many nodes of a tree."""
+    return Record(
+        np.empty((size, 6)), np.empty((size, 3)), np.empty((size, 3)), np.empty(size, np.int64),
+        np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size, np.int64), np.empty((size, 2)),
+        np.zeros(1, np.int64),
+    )  # fmt: skip
+
+
 @exact_kernel
 def trace(
     points, view, geometry, surfaces, materials, pictures, bumps, lights, sky, settings, begin, end, told, record
@@ -215,7 +224,8 @@ def trace(
                 weight = (weight[0] * through[0], weight[1] * through[1], weight[2] * through[2])
                 if level < 64 and max(weight[0], weight[1], weight[2]) > 1e-9:
                     _push(rays, notes, seeds, top, point, direction, weight, limit - distance, way, split)
-                    notes[top, 0], notes[top, 1], notes[top, 2], notes[top, 3] = kind, level + 1, parent, light
+                    notes[top, 0], notes[top, 1], notes[top, 3] = kind, level + 1, light
+                    notes[top, 2] = node if node >= 0 else parent
                     top += 1
                 continue
 

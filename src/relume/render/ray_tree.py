@@ -1,0 +1,153 @@
+"""The tree of rays behind one pixel (Whitted 1980, Fig. 2 and 3), and where a picture's time goes (§4)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from relume.render.whitted import PreparedWhitted, view_of
+from relume.render.whitted_kernel import CHANNELS, EYE, REFLECTED, REFRACTED, SHADOW, Record, empty_record, trace
+from relume.scene.camera import Camera
+
+ROOM = 100_000
+"""Nodes of a tree that are kept; more can neither be drawn nor read."""
+GRID = (64, 48)
+"""Samples whose rays are timed for the breakdown."""
+ROUNDS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class RayTree:
+    """N rays with the nodes that they lead to, parents before their children.
+
+    start, end : (N, 3) metres, world; a ray that leaves the scene ends a while outside
+    kind : (N,) EYE, REFLECTED (the S term), REFRACTED (T) or SHADOW, towards a light
+    parent : (N,) the ray at whose end each begins; −1 for the eye's
+    shape : (N,) what it ends on, in the order of the scene's local shapes and objects; −1 for none
+    light : (N,) the light that a shadow ray goes to, else −1; the scene's own, then the constellation's. Through a
+        transparent shape it goes on as a ray of its own
+    weight : (N, 3) share of the pixel that the intensity at its end has
+    intensity : (N, 3) radiance at the node by eq. 2; what a shadow ray adds to its node
+    sent : (N, 3) what each adds to the pixel without its children
+    """
+
+    start: np.ndarray
+    end: np.ndarray
+    kind: np.ndarray
+    parent: np.ndarray
+    shape: np.ndarray
+    light: np.ndarray
+    weight: np.ndarray
+    intensity: np.ndarray
+    sent: np.ndarray
+
+    def children(self, node: int) -> np.ndarray:
+        """The rays that begin where this one ends."""
+        return np.flatnonzero(self.parent == node)
+
+
+@dataclass(frozen=True)
+class Breakdown:
+    """Shares of the time a picture takes, which add up to 1 (§4: 0.13, 0.75 and 0.12), and that time.
+
+    overhead : choosing samples, halving squares, adding up
+    intersection : where rays meet shapes
+    shading : eq. 2
+    seconds : of one core
+    rays : all of them
+    """
+
+    overhead: float
+    intersection: float
+    shading: float
+    seconds: float
+    rays: int
+
+
+def ray_tree(prepared: PreparedWhitted, camera: Camera, at: tuple[float, float], *, seed: int = 0) -> RayTree:
+    """The tree of the sample at pixel coordinates (x, y), x right and y down; raises ValueError outside the picture."""
+    x, y = at
+    if not (0 <= x <= camera.width and 0 <= y <= camera.height):
+        raise ValueError(f"pixel {x:g},{y:g} lies outside the picture of {camera.width}×{camera.height}")
+    record = _recorded(prepared, camera, np.array([[x, y]], np.float64), seed, ROOM)
+    count = int(record.count[0])
+    parent, weight, sent = record.parent[:count], record.weight[:count], record.sent[:count]
+    total = sent.copy()
+    for node in range(count - 1, 0, -1):
+        total[parent[node]] += total[node]
+    kind = record.kind[:count]
+    # A shadow ray has no eq. 2 of its own: it brings a light's share to the node it comes from.
+    node = np.arange(count)
+    while np.any(within := kind[node] == SHADOW):
+        node = np.where(within, parent[node], node)
+    divisor = weight[node]
+    intensity = np.divide(total, divisor, out=np.zeros_like(total), where=divisor > 0)
+    return RayTree(
+        record.ends[:count, :3], record.ends[:count, 3:], kind, parent, record.shape[:count],
+        record.light[:count], weight, intensity, sent,
+    )  # fmt: skip
+
+
+def breakdown(prepared: PreparedWhitted, camera: Camera, *, seed: int = 0) -> Breakdown:
+    """Measure where the time of a picture goes, on one core: the whole, its trees alone, their rays alone."""
+    alone = replace(prepared, method=replace(prepared.method, threads=1))
+    x, y = ((np.arange(count) + 0.5) / count for count in GRID)
+    across, down = np.meshgrid(x * camera.width, y * camera.height)
+    points = np.column_stack([across.ravel(), down.ravel()])
+    record = _recorded(alone, camera, points, seed, int(alone.traced(camera, points, seed)[2].sum()))
+    count = int(record.count[0])
+    alone.render(camera, seed=seed)
+    pictures: list[np.ndarray] = []
+    seconds = _seconds(lambda: pictures.append(_rays_of(alone, camera, seed)), 1)
+    rays = int(pictures[-1].sum())
+    trees = _seconds(lambda: alone.traced(camera, points, seed)) / count * rays
+    meetings = _seconds(lambda: _met_again(alone, record, count, alone.settings(camera, seed).clear)) / count * rays
+    trees, meetings = min(trees, seconds), min(meetings, trees, seconds)
+    return Breakdown(
+        (seconds - trees) / seconds, meetings / seconds, (trees - meetings) / seconds, seconds, rays
+    )  # fmt: skip
+
+
+def _rays_of(prepared: PreparedWhitted, camera: Camera, seed: int) -> np.ndarray:
+    rays = prepared.render(camera, seed=seed).rays
+    assert rays is not None
+    return rays
+
+
+def _recorded(prepared: PreparedWhitted, camera: Camera, points: np.ndarray, seed: int, room: int) -> Record:
+    """The nodes of the trees of samples at pixel coordinates (N, 2), one tree behind the other."""
+    told = (np.empty((len(points), CHANNELS), np.float32), np.empty(len(points), np.int64), np.empty(len(points), "i4"))
+    record = empty_record(room)
+    trace(
+        points, view_of(camera), *prepared.tables, prepared.settings(camera, seed), 0, len(points), told, record
+    )  # fmt: skip
+    return record
+
+
+def _met_again(prepared: PreparedWhitted, record: Record, count: int, clear: bool) -> None:
+    """Only the intersections of recorded rays."""
+    start, kind, limits = record.ends[:count, :3], record.kind[:count], record.limits[:count]
+    towards = record.ends[:count, 3:] - start
+    length = np.linalg.norm(towards, axis=1, keepdims=True)
+    directions = np.divide(towards, length, out=np.tile([0.0, 1.0, 0.0], (count, 1)), where=length > 0)
+    origins = start + limits[:, :1] * directions
+    nearest = (kind != SHADOW) | clear
+    prepared.caster.nearest(origins[nearest], directions[nearest], threads=1)
+    if not np.all(nearest):
+        prepared.caster.occluded(origins[~nearest], directions[~nearest], limits[~nearest, 1], threads=1)
+
+
+def _seconds(work: Callable[[], object], rounds: int = ROUNDS) -> float:
+    times = []
+    for _ in range(rounds):
+        begin = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - begin)
+    return float(np.median(times))
+
+
+NAMES = {EYE: "eye", REFLECTED: "S", REFRACTED: "T", SHADOW: "L"}
+"""The terms of eq. 2 that rays stand for."""
