@@ -213,7 +213,7 @@ def _bumps(bumps: object) -> str:
     if not isinstance(bumps, Wrinkles):
         raise ValueError(f"{bumps} has no twin; use wrinkles")
     slope = bumps.height * 2 * np.pi / bumps.wavelength / np.sqrt(3)  # in one direction of three
-    return f"bumps {slope / STEEPNESS:.6g} scale {bumps.wavelength:.9g}"
+    return f"bumps {slope / STEEPNESS:.6g} scale {0.6 * bumps.wavelength:.9g}"  # waves as long, by eye
 
 
 if __name__ == "__main__":

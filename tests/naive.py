@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from relume.scene.shapes import Mesh, Shape, Sphere
+from relume.scene.patches import Patches
+from relume.scene.shapes import Mesh, Polygon, Shape, Sphere
 
 
 def look_up(radiance: np.ndarray, mapping: str, direction: np.ndarray) -> np.ndarray:
@@ -37,7 +38,7 @@ def look_up(radiance: np.ndarray, mapping: str, direction: np.ndarray) -> np.nda
 
 
 def nearest_hit(shapes: Sequence[Shape], origin: np.ndarray, direction: np.ndarray) -> tuple[float, int, int]:
-    """Distance, shape and triangle that a ray meets first; ∞, −1 and 0 if none."""
+    """Distance, shape and triangle (patch) that a ray meets first; ∞, −1 and 0 if none. Patches are fine triangles."""
     best = (math.inf, -1, 0)
     for number, shape in enumerate(shapes):
         distance, face = math.inf, 0
@@ -52,6 +53,13 @@ def nearest_hit(shapes: Sequence[Shape], origin: np.ndarray, direction: np.ndarr
             if half**2 >= constant:
                 root = math.sqrt(half**2 - constant)
                 distance = next((t for t in (-half - root, -half + root) if t > 0), math.inf)
+        elif isinstance(shape, Polygon):
+            distance = distance_to_polygon(shape.vertices, origin, direction)
+        elif isinstance(shape, Patches):
+            corners = np.concatenate([patch_triangles(net, 32) for net in shape.control])
+            distances = distances_to_triangles(corners, origin, direction)
+            face = int(np.argmin(distances)) // (2 * 32**2)
+            distance = float(distances.min())
         elif direction[1]:
             to_plane = float((shape.height - origin[1]) / direction[1])
             x, _, z = origin + to_plane * direction
@@ -74,6 +82,39 @@ def distances_to_triangles(corners: np.ndarray, origin: np.ndarray, direction: n
     for start, end in ((a, b), (b, c), (c, a)):
         inside &= np.sum(np.cross(end - start, points - start) * normals, axis=-1) >= 0
     return np.where(inside, distances, np.inf)
+
+
+def distance_to_polygon(vertices: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> float:
+    """Where a ray meets a polygon (N, 3); ∞ where it does not: the vertices turn round the point, or they do not."""
+    edges = list(zip(vertices, np.roll(vertices, -1, axis=0), strict=True))
+    normal = sum(np.cross(start, end) for start, end in edges)
+    slope = float(normal @ direction)
+    distance = float(normal @ (vertices[0] - origin)) / slope if slope else -1.0
+    point = origin + distance * direction
+    turned = 0.0
+    for start, end in edges:
+        a, b = start - point, end - point
+        turned += math.atan2(float(np.cross(a, b) @ normal) / math.sqrt(float(normal @ normal)), float(a @ b))
+    return distance if distance > 0 and abs(turned) > math.pi else math.inf
+
+
+def patch_point(net: np.ndarray, u: float, v: float) -> np.ndarray:
+    """The point of a bicubic Bézier patch (4, 4, 3) at (u, v), by de Casteljau's halving of the way."""
+    for t in (u, v):
+        points = net
+        while len(points) > 1:
+            points = (1 - t) * points[:-1] + t * points[1:]
+        net = points[0]
+    return net
+
+
+def patch_triangles(net: np.ndarray, count: int) -> np.ndarray:
+    """A patch as 2·count² triangles with corners on it: (M, 3, 3)."""
+    steps = np.linspace(0, 1, count + 1)
+    grid = np.array([[patch_point(net, u, v) for v in steps] for u in steps])
+    first = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:]], axis=2)
+    second = np.stack([grid[:-1, :-1], grid[1:, 1:], grid[:-1, 1:]], axis=2)
+    return np.concatenate([first.reshape(-1, 3, 3), second.reshape(-1, 3, 3)])
 
 
 def latlong_pixels(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

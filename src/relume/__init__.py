@@ -37,13 +37,17 @@ if TYPE_CHECKING:
     from relume.render.mapped import Mapped
     from relume.render.mitsuba import Mitsuba
     from relume.render.renderer import Constant, Render, Renderer, render
+    from relume.render.whitted import Whitted
     from relume.scene.camera import Camera
     from relume.scene.grid import camera_from_grid
+    from relume.scene.lights import AmbientLight, DistantLight, PointLight
     from relume.scene.materials import Diffuse, Material
     from relume.scene.meshes import read_meshes
+    from relume.scene.patches import Patches, read_patches
     from relume.scene.reflective import Reflective
     from relume.scene.scene import Scene
-    from relume.scene.shapes import Mesh, Plane, Sphere
+    from relume.scene.shapes import Mesh, Plane, Polygon, Sphere
+    from relume.scene.whitted import Checks, WhittedMaterial
     from relume.shot.insert import insert
     from relume.shot.outcome import Inserted
     from relume.shot.project import Shot, read_shot
@@ -80,13 +84,17 @@ _HOMES = {
     "render.mapped": ("Mapped",),
     "render.mitsuba": ("Mitsuba",),
     "render.renderer": ("Constant", "Render", "Renderer", "render"),
+    "render.whitted": ("Whitted",),
     "scene.camera": ("Camera",),
     "scene.grid": ("camera_from_grid",),
+    "scene.lights": ("AmbientLight", "DistantLight", "PointLight"),
     "scene.materials": ("Diffuse", "Material"),
     "scene.meshes": ("read_meshes",),
+    "scene.patches": ("Patches", "read_patches"),
     "scene.reflective": ("Reflective",),
     "scene.scene": ("Scene",),
-    "scene.shapes": ("Mesh", "Plane", "Sphere"),
+    "scene.shapes": ("Mesh", "Plane", "Polygon", "Sphere"),
+    "scene.whitted": ("Checks", "WhittedMaterial"),
     "shot.insert": ("insert",),
     "shot.outcome": ("Inserted",),
     "shot.project": ("Shot", "read_shot"),
@@ -97,14 +105,17 @@ _HOMES = {
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
+    "AmbientLight",
     "Angular",
     "BallNotFound",
     "BallView",
     "Bracket",
     "Calibration",
     "Camera",
+    "Checks",
     "Constant",
     "Diffuse",
+    "DistantLight",
     "Exposure",
     "Film",
     "GridNotFound",
@@ -122,8 +133,11 @@ __all__ = [
     "Mitsuba",
     "NotABracket",
     "OutputNotWritten",
+    "Patches",
     "Photograph",
     "Plane",
+    "PointLight",
+    "Polygon",
     "Probe",
     "RadianceMap",
     "Recovered",
@@ -139,6 +153,8 @@ __all__ = [
     "Sphere",
     "UnreadableFile",
     "UnsupportedScene",
+    "Whitted",
+    "WhittedMaterial",
     "as_illumination",
     "as_radiance_map",
     "assemble",
@@ -150,6 +166,7 @@ __all__ = [
     "read",
     "read_bracket",
     "read_meshes",
+    "read_patches",
     "read_photograph",
     "read_radiance",
     "read_scene",

@@ -62,6 +62,9 @@ inlined = numba.njit(nogil=True, fastmath=_FLAGS, error_model="numpy", inline="a
 exact_kernel = _compiled(False)
 exact_inlined = numba.njit(nogil=True, fastmath=False, error_model="numpy", inline="always")
 
+# Where no array is passed, LLVM does as well with a call, and types are inferred once instead of at every place.
+exact_small = numba.njit(nogil=True, fastmath=False, error_model="numpy")
+
 
 def in_threads(work: Callable[[int, int], Any], count: int, threads: int | None = None, *, chunk: int = 65536) -> list:
     """Call `work(begin, end)` for chunks of 0…count on every core; the results, in the chunks' order.

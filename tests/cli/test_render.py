@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -31,7 +32,30 @@ reflectance = [0.5, 0.5, 0.5]
 sphere = { centre = [%s, 0, 0], radius = 1 }
 material = "%s"
 """
+LIT = """
+[camera]
+position = [0, 0, 6]
+target = [0, 0, 0]
+field_of_view = 40
+size = [40, 30]
+[[lights]]
+kind = "distant"
+towards = [0, 0, 1]
+irradiance = 3.14159265
+%s
+[materials.clay]
+kind = "diffuse"
+reflectance = [0.5, 0.5, 0.5]
+[materials.blob]
+kind = "whitted"
+diffuse = 0.5
+[[objects]]
+sphere = { centre = [1, 0, 0], radius = 1 }
+material = "%s"
+"""
+AMBIENT = '[[lights]]\nkind = "ambient"\nradiance = 0.1\n'
 TRIANGLES = "v -1 0 0\nv 1 0 0\nv 0 0 1\nv 0 2 0\nf 1 2 4\nf 2 3 4\nf 3 1 4\nf 1 3 2\n"
+OUTWARD = "v -1 0 0\nv 1 0 0\nv 0 0 1\nv 0 2 0\nf 4 2 1\nf 4 3 2\nf 4 1 3\nf 2 3 1\n"
 
 
 @pytest.fixture
@@ -41,6 +65,11 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "chrome.toml").write_text(SCENE % (0, "chrome"))
     (tmp_path / "aside.toml").write_text(SCENE % (1, "chrome"))
     (tmp_path / "body.obj").write_text(TRIANGLES)
+    (tmp_path / "sunlit.toml").write_text(LIT % ("", "clay"))
+    (tmp_path / "ambient.toml").write_text(LIT % (AMBIENT, "clay"))
+    (tmp_path / "blob.toml").write_text(LIT % ("", "blob"))
+    (tmp_path / "asking.toml").write_text(LIT % ("[whitted]\ndepth = 3", "clay"))
+    (tmp_path / "moving.toml").write_text(LIT % ("", "clay") + "orbit = { centre = [0, 0, 0], turns = 1 }\n")
     return tmp_path
 
 
@@ -123,6 +152,117 @@ def test_a_mesh_is_framed_whole_in_any_size(folder):
         assert not (matte[0].any() or matte[-1].any() or matte[:, 0].any() or matte[:, -1].any())
 
 
+# Whitted's trees
+
+
+def chosen(folder: Path, capsys, scene: str, *options: str) -> str:
+    """The renderer that a dry run tells."""
+    out = "frames" if "--frames" in options else "a.png"
+    assert run(folder, scene, out, "--dry-run", "--json", *options) == 0
+    return json.loads(capsys.readouterr().out)["renderer"]
+
+
+@pytest.mark.parametrize(
+    ("scene", "options", "renderer"),
+    [
+        ("clay.toml", [], "mitsuba"),
+        ("chrome.toml", [], "mapped"),
+        ("sunlit.toml", [], "mitsuba"),
+        ("ambient.toml", [], "whitted"),
+        ("blob.toml", [], "whitted"),
+        ("asking.toml", [], "whitted"),
+        ("moving.toml", [], "mitsuba"),
+        ("moving.toml", ["--frames", "2"], "whitted"),
+        ("clay.toml", ["--frames", "2"], "mapped"),
+        ("sunlit.toml", ["--frames", "2"], "whitted"),
+        ("clay.toml", ["--depth", "2"], "whitted"),
+        ("chrome.toml", ["--seed", "2"], "whitted"),
+        ("clay.toml", ["--seed", "2"], "mitsuba"),
+        ("asking.toml", ["--samples", "2"], "mitsuba"),
+        ("asking.toml", ["--renderer", "mitsuba"], "mitsuba"),
+        ("clay.toml", ["--region", "0,0,9,9", "--frames", "2"], "whitted"),
+    ],
+)
+def test_the_renderer_is_what_the_options_allow_and_the_scene_asks_for(folder, capsys, scene, options, renderer):
+    assert chosen(folder, capsys, scene, *options) == renderer
+
+
+def test_an_exr_by_trees_holds_the_number_of_rays_too(folder):
+    assert run(folder, "blob.toml", "picture.exr", "--seed", "3") == 0
+    layers = read_layers(folder / "picture.exr")
+    assert set(layers) == {"radiance", "matte", "depth", "normal", "rays"}
+    # Lambert of ½ that faces a light of strength 1; behind the ball is nothing.
+    assert layers["radiance"][15, 31] == pytest.approx(0.5, rel=0.01)
+    assert layers["radiance"][15, 5].tolist() == [0, 0, 0]
+    assert layers["rays"].dtype == np.float32
+    assert layers["rays"].min() >= 0 and layers["rays"].max() > 9 and np.all(layers["rays"] % 1 == 0)
+
+
+def test_a_region_is_that_part_of_the_picture(folder):
+    assert run(folder, "blob.toml", "whole.exr") == 0
+    assert run(folder, "blob.toml", "part.exr", "--region", "20,5,40,25") == 0
+    whole, part = (read_layers(folder / name)["radiance"] for name in ("whole.exr", "part.exr"))
+    assert part.shape == (20, 20, 3)
+    np.testing.assert_array_equal(part, whole[5:25, 20:40])
+
+
+def test_the_command_line_has_the_last_word_on_the_files_settings(folder):
+    text = (folder / "asking.toml").read_text()
+    (folder / "asking.toml").write_text(text.replace("depth = 3", "antialiasing = false"))
+    pictures = {}
+    for name, options in {"plain": [], "fine": ["--subdivisions", "4"], "coarse": ["--tolerance", "0.5"]}.items():
+        assert run(folder, "asking.toml", f"{name}.exr", *options) == 0
+        pictures[name] = read_layers(folder / f"{name}.exr")["rays"].mean()
+    assert pictures["plain"] < pictures["coarse"] < pictures["fine"]
+    assert run(folder, "clay.toml", "none.exr", "--renderer", "whitted", "--depth", "0", "--rays", "4") == 2
+
+
+def test_a_mesh_and_a_map_are_rendered_by_trees(folder):
+    (folder / "pyramid.obj").write_text(OUTWARD)
+    options = ("--light", str(folder / "light.exr"), "--renderer", "whitted", "--size", "32x24")
+    assert run(folder, "pyramid.obj", "picture.exr", *options) == 0
+    layers = read_layers(folder / "picture.exr")
+    assert layers["matte"].max() == 1
+    # Under the same light from everywhere grey shows its reflectance's part of it, less what it keeps from itself.
+    assert layers["radiance"][layers["matte"] == 1].mean() == pytest.approx(0.25, rel=0.15)
+
+
+def test_orbits_move_while_frames_run_and_the_motion_is_the_orbits_alone(folder):
+    assert run(folder, "moving.toml", "frames", "--frames", "4", "--exposure", "1") == 0
+    frames = [read_photograph(folder / f"frames/frame_{i:04d}.png").pixels[..., 0] for i in (1, 2, 3, 4)]
+    across = [np.average(np.arange(40), weights=frame.sum(axis=0) + 1e-9) for frame in frames]
+    # To the right, behind, to the left, and before the middle.
+    assert across[0] > 25 and across[2] < 14
+    assert across[1] == pytest.approx(19.5, abs=0.5) and across[3] == pytest.approx(19.5, abs=0.5)
+    assert (frames[1] > 0).sum() < (frames[0] > 0).sum() < (frames[3] > 0).sum()
+
+
+def test_a_turntable_and_an_orbit_of_the_camera_by_trees(folder):
+    assert run(folder, "sunlit.toml", "turn", "--frames", "2", "-q") == 0
+    # The ball stands at the middle of all objects, so that it turns where it is.
+    first, second = (read_photograph(folder / f"turn/frame_{i:04d}.png").pixels for i in (1, 2))
+    np.testing.assert_array_equal(first, second)
+    assert run(folder, "sunlit.toml", "round", "--frames", "2", "--motion", "orbit", "-q") == 0
+    first, second = (read_photograph(folder / f"round/frame_{i:04d}.png").pixels for i in (1, 2))
+    # From behind, the light is behind the ball.
+    assert first.max() > 180 and second.max() < 20
+
+
+def test_checks_that_stay_while_their_object_moves_are_told(folder, capsys):
+    text = (folder / "blob.toml").read_text().replace("diffuse = 0.5", "diffuse = { checks = [1, 0] }")
+    (folder / "blob.toml").write_text(text)
+    assert run(folder, "blob.toml", "turn", "--frames", "1") == 0
+    assert "note: checks and waves lie in space: objects.0 will move through them" in capsys.readouterr().err
+    assert run(folder, "blob.toml", "round", "--frames", "1", "--motion", "orbit") == 0
+    assert "lie in space" not in capsys.readouterr().err
+
+
+def test_a_picture_is_metered_by_the_scenes_own_lights(folder):
+    assert run(folder, "blob.toml", "picture.png") == 0
+    # Of one light of strength 1 a surface of ½ shows ½, which sRGB writes as 188.
+    assert read_photograph(folder / "picture.png").pixels[15, 31].tolist() == pytest.approx([188, 188, 188], abs=2)
+
+
 @pytest.mark.parametrize(
     ("scene", "out", "options", "line"),
     [
@@ -139,6 +279,23 @@ def test_a_mesh_is_framed_whole_in_any_size(folder):
         ("clay.toml", "a.png", ["--renderer", "mapped", "--samples", "9"], "--samples is for --renderer mitsuba"),
         ("clay.toml", "a.png", ["--renderer", "mitsuba", "--filter", "mip"], "--filter is for --renderer mapped"),
         ("chrome.toml", "a.png", ["--renderer", "mitsuba"], "cannot shade the reflection maps of 'chrome'"),
+        ("blob.toml", "a.png", ["--renderer", "mitsuba"], "Mitsuba cannot shade the whitted material 'blob'"),
+        ("blob.toml", "a.png", ["--samples", "9"], "Mitsuba cannot shade the whitted material 'blob'"),
+        ("ambient.toml", "a.png", ["--renderer", "mitsuba"], "Mitsuba has no ambient light"),
+        ("sunlit.toml", "a.png", ["--renderer", "mapped"], "reflection maps hold light from infinity alone"),
+        ("blob.toml", "a.png", ["--filter", "mip"], "reflection maps hold light from infinity alone"),
+        ("clay.toml", "a.png", ["--renderer", "mapped", "--depth", "2"], "--depth is for --renderer whitted, but"),
+        ("clay.toml", "a.png", ["--filter", "mip", "--samples", "2"], "--samples is for --renderer mitsuba"),
+        ("clay.toml", "a.png", ["--region", "0,0,9,9", "--plate", "a.exr"], "--region is for --renderer whitted"),
+        ("clay.toml", "a.png", ["--frames", "2", "--samples", "2"], "--frames is for --renderer mapped or whitted"),
+        ("clay.toml", "a.png", ["--region", "0,0,9"], '"0,0,9" is no part of a picture; write LEFT,TOP,RIGHT,BOTTOM'),
+        ("clay.toml", "a.png", ["--region", "0,0,41,9"], "--region 0,0,41,9 is no part of a picture of 40×30 pixels"),
+        ("clay.toml", "a.png", ["--region", "9,0,9,9"], "--region 9,0,9,9 is no part of a picture of 40×30 pixels"),
+        ("clay.toml", "a.png", ["--depth", "0"], "depth is 0; expected 1 to 1000 nodes"),
+        ("clay.toml", "a.png", ["--rays", "0"], "rays 0; expected at least 0 lights and 1 ray"),
+        ("clay.toml", "a.png", ["--subdivisions", "9"], "subdivisions 9"),
+        ("moving.toml", "turn", ["--renderer", "mapped", "--frames", "2"], "orbits are for --renderer whitted"),
+        ("moving.toml", "turn", ["--frames", "2", "--degrees", "90"], "--degrees tells how far a motion goes"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(folder, capsys, scene: str, out: str, options: Sequence[str], line: str):
@@ -147,6 +304,15 @@ def test_what_cannot_be_is_refused_in_one_line(folder, capsys, scene: str, out: 
     assert line in said
     assert said.count("\n") == 1
     assert not (folder / out).exists()
+
+
+def test_a_whitted_material_under_a_map_is_refused_by_maps_and_a_map_of_unknown_kind_by_all(folder, capsys):
+    (folder / "blob.toml").write_text(SCENE.replace("chrome", "blob").replace("mirror", "whitted") % (0, "blob"))
+    assert run(folder, "blob.toml", "a.png", "--renderer", "mapped") == 2
+    assert "reflection maps cannot shade the whitted material 'blob'" in capsys.readouterr().err
+    write(folder / "square.exr", RadianceMap(np.ones((4, 4, 3), np.float32)))
+    assert run(folder, "blob.toml", "a.png", "--light", str(folder / "square.exr")) == 2
+    assert "square.exr: a map of 4×4 pixels does not tell its mapping" in capsys.readouterr().err
 
 
 def test_a_plate_of_another_size_is_refused_with_the_size_to_give(folder, capsys):

@@ -18,7 +18,7 @@ from relume.light.weights import Complement, Even, Fresnel, Schlick
 from relume.scene.bumps import BumpMap, Wrinkles
 from relume.scene.materials import Diffuse, Material
 from relume.scene.reflective import Reflective, Towards
-from relume.scene.shapes import Mesh, Sphere
+from relume.scene.shapes import AnyMaterial, Mesh, Sphere
 from relume.shot.scene_file import SceneFile, read_scene, scene_of_mesh
 from relume.sphere.mappings import Angular
 
@@ -56,7 +56,7 @@ def read(folder: Path, text: str) -> SceneFile:
     return read_scene(folder / "scene.toml")
 
 
-def ball_of(folder: Path, material: str) -> Material | Diffuse | Reflective:
+def ball_of(folder: Path, material: str) -> AnyMaterial:
     return read(folder, f"{HEAD}[materials.ball]\n{material}\n{BALL}").scene.objects[0].material
 
 
@@ -279,6 +279,7 @@ def test_a_mesh_alone_is_framed_from_a_little_above(folder: Path) -> None:
     ("text", "line"),
     [
         (HEAD, "objects: none, so only the light would be seen; add [[objects]] with a sphere or a mesh"),
+        (HEAD.replace('map = "light.exr"', "") + BALL, "light: has neither; give one of map and colour"),
         (HEAD.replace("[light]", "[lihgt]"), "lihgt: unknown key; did you mean light?"),
         (
             HEAD.replace("[camera]", "[camera"),
@@ -313,13 +314,19 @@ def test_a_mesh_alone_is_framed_from_a_little_above(folder: Path) -> None:
         ),
         (HEAD + BALL.replace("material", "materials"), "objects.0.materials: unknown key; did you mean material?"),
         (HEAD + BALL.replace('material = "ball"', ""), "objects.0.material: missing; a sphere needs one, by its name"),
-        (HEAD + CHROME + BALL + 'mesh = "a.obj"', "objects.0: has both; give one of sphere and mesh"),
-        (HEAD + CHROME + '[[objects]]\nmaterial = "ball"', "objects.0: has neither; give one of sphere and mesh"),
+        (
+            HEAD + CHROME + BALL + 'mesh = "a.obj"',
+            "objects.0: has sphere and mesh; give one of sphere, mesh, polygon and patches",
+        ),
+        (
+            HEAD + CHROME + '[[objects]]\nmaterial = "ball"',
+            "objects.0: has no shape; give one of sphere, mesh, polygon and patches",
+        ),
         (HEAD + CHROME + BALL + "scale = 2", "objects.0: has scale, but a sphere is placed by its centre and radius"),
         (HEAD + CHROME + BALL.replace("radius = 0.5", "radius = 0"), "objects.0.sphere: radius of 'objects.0' is 0.0;"),
         (HEAD + CHROME + BALL.replace("radius", "r"), "objects.0.sphere.radius: missing"),
         (HEAD + '[[objects]]\nmesh = "plain.obj"\nscale = -1', "objects.0.scale: input should be greater than 0"),
-        (HEAD + "[[local]]\nshape = 'plane'", "local.0.reflectance: missing; the scene file must have it"),
+        (HEAD + "[[local]]\nshape = 'plane'", "local.0: has neither; give one of reflectance and material"),
         (HEAD + "[[local]]\nshape = 'disc'\nreflectance = [0, 0, 0]", "local.0.shape: input should be 'plane'"),
         (HEAD + "[[local]]\nshape = 'plane'\nreflectance = [2, 0, 0]", "local.0.reflectance.0: input should be less"),
         (HEAD + "materials = 3\n", "light.materials: unknown key"),
@@ -338,7 +345,7 @@ def test_a_fault_is_one_line_with_its_key(folder: Path, text: str, line: str) ->
         ("kind = 'x'", ".kind: got 'x'; expected one of mirror, glossy, retroreflector, glass, diffuse, pbr"),
         (
             "kind = 'miror'",
-            ".kind: got 'miror'; expected one of mirror, glossy, retroreflector, glass, diffuse, pbr; did",
+            ".kind: got 'miror'; expected one of mirror, glossy, retroreflector, glass, diffuse, pbr, whitted; did",
         ),
         ("kind = 'mirror'\ncolor = [1, 1, 1]", ".color: unknown key; did you mean colour?"),
         ("kind = 'mirror'\nior = 1.5", ".ior: unknown key; remove it or see the docs"),

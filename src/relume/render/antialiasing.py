@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume._kernel import exact_inlined, exact_kernel
+from relume._kernel import exact_kernel, exact_small
 
 Traced = tuple[np.ndarray, np.ndarray, np.ndarray]
 """What samples are: channels (N, C) float32, what was seen first (N,) int64, and the number of rays (N,) int32."""
@@ -24,11 +24,12 @@ class Antialiasing:
     """When a pixel's square is halved, and how often.
 
     subdivisions : halvings at most; 3 puts 81 samples into a pixel, which tells an edge's coverage to a hundredth
-    tolerance : corners may differ by this share of the brightest; a twentieth is about what is seen beside an edge
+    tolerance : corners may differ by this share of the brightest; with a tenth the error
+        is that of a hundredth, for corners that see different things are always halved
     """
 
     subdivisions: int = 3
-    tolerance: float = 0.05
+    tolerance: float = 0.1
 
     def __post_init__(self) -> None:
         if not 0 <= self.subdivisions <= 8 or not 0 <= self.tolerance < np.inf:
@@ -84,7 +85,8 @@ def sampled(
         size = 1 << (levels - level)
         split = np.zeros(len(squares), bool)
         if level < levels:
-            _differing(squares, values, keys, how.tolerance if level < how.subdivisions else np.inf, reference, split)
+            if level < how.subdivisions:
+                _differing(squares, values, keys, how.tolerance, reference, split)
             if len(small.radius):
                 _holding(squares, place, values, size / 2**levels, 2.0**-levels, *marks, split)
         _add(pixels, values, squares, place[:, 2], split, 4.0**-level)
@@ -122,13 +124,15 @@ def _marked(small: Small, region: tuple[int, int, int, int]) -> tuple[np.ndarray
 
 @exact_kernel
 def _differing(squares, values, keys, tolerance, reference, split):
-    """Which squares have corners that differ: in intensity, or only in what they saw where that is worth a look."""
+    """Which squares have corners that differ, in intensity or in what they saw."""
     for i in range(len(squares)):
         a, b, c, d = squares[i, 0], squares[i, 1], squares[i, 2], squares[i, 3]
         for channel in range(3):
             low = min(values[a, channel], values[b, channel], values[c, channel], values[d, channel])
             high = max(values[a, channel], values[b, channel], values[c, channel], values[d, channel])
             split[i] |= high - low > tolerance * (high + reference)
+        # A stripe of a texture may lie between corners of one colour: what they saw differs even so.
+        split[i] |= keys[a] != keys[b] or keys[a] != keys[c] or keys[a] != keys[d]
 
 
 @exact_kernel
@@ -187,7 +191,7 @@ def _halved(squares, place, half, first):
     return fresh, needed[:count].copy()
 
 
-@exact_inlined
+@exact_small
 def _slot(column, row, slots):
     mixed = np.uint64(column) * np.uint64(0x9E3779B97F4A7C15) ^ np.uint64(row) * np.uint64(0xC2B2AE3D27D4EB4F)
     return np.int64((mixed ^ (mixed >> np.uint64(29))) & np.uint64(slots - 1))

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from relume._kernel import in_threads
+from relume.errors import UnsupportedScene
 from relume.light.brdf import Reflectance
 from relume.light.convolution import as_latlong
 from relume.light.glossy import AZIMUTHS, GlossyMap, glossy_map
@@ -31,9 +32,11 @@ from relume.render.terms import Term, is_even, term
 from relume.render.visibility import Seen, Stage
 from relume.scene.camera import Camera
 from relume.scene.materials import Diffuse, Material
+from relume.scene.patches import Patches
 from relume.scene.reflective import Reflective
 from relume.scene.scene import Scene
-from relume.scene.shapes import Solid, Sphere
+from relume.scene.shapes import Polygon, Solid, Sphere
+from relume.scene.whitted import WhittedMaterial
 from relume.sphere.illumination import IlluminationMap
 from relume.sphere.polar import padded
 
@@ -66,6 +69,7 @@ class Mapped:
     def prepared(self, scene: Scene) -> Prepared:
         """Everything that does not depend on the camera, for many pictures of one scene (§3, lines 1 to 3)."""
         shapes = (*scene.local, *scene.objects)
+        materials = _mappable(scene)
         if len(shapes) > 1 or not all(_is_convex(shape) for shape in scene.objects):
             names = ", ".join(shape.name for shape in scene.objects[:4]) + ("…" if len(scene.objects) > 4 else "")
             warnings.warn(
@@ -73,7 +77,7 @@ class Mapped:
                 "light transport does (rl.Mitsuba, --renderer mitsuba)",
                 stacklevel=2,
             )
-        shading = Shading.of([shape.material for shape in shapes], scene.light, self.filter, self.threads)
+        shading = Shading.of(materials, scene.light, self.filter, self.threads)
         return Prepared(self, scene, Stage.of(shapes), shading)
 
 
@@ -236,10 +240,30 @@ class Prepared:
         )
 
 
+def _mappable(scene: Scene) -> list[Material | Diffuse | Reflective]:
+    """The materials of all shapes; raises UnsupportedScene for what no reflection map holds."""
+    if scene.lights:
+        raise UnsupportedScene(
+            "reflection maps hold light from infinity alone, and this scene has lights of its own; "
+            "use rl.Whitted (--renderer whitted)"
+        )
+    materials = []
+    for shape in (*scene.local, *scene.objects):
+        if isinstance(shape.material, WhittedMaterial):
+            raise UnsupportedScene(
+                f"reflection maps cannot shade the whitted material {shape.material.name!r}; "
+                "use rl.Whitted (--renderer whitted), or a glossy or mirror material"
+            )
+        materials.append(shape.material)
+    return materials
+
+
 def _is_convex(shape: Solid) -> bool:
-    """Whether a solid fills its convex hull, or is flat."""
-    if isinstance(shape, Sphere):
+    """Whether a solid fills its convex hull, or is flat; of patches nobody knows."""
+    if isinstance(shape, Sphere | Polygon):
         return True
+    if isinstance(shape, Patches):
+        return False
     a, b, c = np.moveaxis(np.asarray(shape.vertices, np.float64)[shape.faces], 1, 0)
     try:
         hull = ConvexHull(np.unique(shape.vertices, axis=0)).volume

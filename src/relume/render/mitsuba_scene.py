@@ -12,21 +12,58 @@ import numpy as np
 
 from relume.errors import UnsupportedScene
 from relume.scene.camera import Camera
-from relume.scene.materials import Diffuse, Material
+from relume.scene.lights import AmbientLight, Light, PointLight, SquareLaw
+from relume.scene.materials import Colour, Diffuse, Material
+from relume.scene.patches import Patches
 from relume.scene.reflective import Reflective
 from relume.scene.scene import Scene
-from relume.scene.shapes import Mesh, Plane, Shape, Sphere
+from relume.scene.shapes import AnyMaterial, Mesh, Plane, Polygon, Shape, Sphere
+from relume.scene.tessellation import tessellated, triangulated
+from relume.scene.whitted import WhittedMaterial
 from relume.sphere.illumination import IlluminationMap
 from relume.sphere.mappings import LatLong
 
 
 def scene_dictionary(mi: Any, scene: Scene, camera: Camera) -> dict[str, Any]:
     """The whole scene, lit, as seen by the camera."""
+    if (reason := why_not(scene)) is not None:
+        raise UnsupportedScene(reason)
     dictionary: dict[str, Any] = {"type": "scene", "sensor": sensor(mi, camera)}
-    dictionary["light"] = {"type": "envmap", "bitmap": mi.Bitmap(envmap_pixels(scene.light)), "scale": 1.0}
+    # Of a black map no direction is likelier than another, and it adds nothing to other lights.
+    if np.any(scene.light.radiance) or not scene.lights:
+        dictionary["light"] = {"type": "envmap", "bitmap": mi.Bitmap(envmap_pixels(scene.light)), "scale": 1.0}
+    for index, light in enumerate(scene.lights):
+        dictionary[f"light_{index:04d}"] = _light(light)
     for index, shape in enumerate((*scene.local, *scene.objects)):
         dictionary[f"shape_{index:04d}"] = _shape(mi, shape, _bsdf(mi, shape.material))
     return dictionary
+
+
+def why_not(scene: Scene) -> str | None:
+    """What Mitsuba cannot render of a scene, in one line with the remedy; None where it can render all."""
+    for light in scene.lights:
+        if isinstance(light, AmbientLight):
+            return (
+                "Mitsuba has no ambient light, which nothing shadows; use rl.Whitted (--renderer whitted), or an even "
+                "light map, as light.colour makes it"
+            )
+        if isinstance(light, PointLight) and not isinstance(light.falloff, SquareLaw):
+            return (
+                "Mitsuba's points of light fall with the square of the distance, and one of the scene's does not; "
+                "use rl.Whitted (--renderer whitted), or the square law"
+            )
+    for shape in (*scene.local, *scene.objects):
+        if isinstance(shape.material, WhittedMaterial):
+            return (
+                f"Mitsuba cannot shade the whitted material {shape.material.name!r}; "
+                "use rl.Whitted (--renderer whitted), or a diffuse or pbr material"
+            )
+        if isinstance(shape.material, Reflective):
+            return (
+                f"Mitsuba cannot shade the reflection maps of {shape.material.name or 'a Reflective surface'!r}; "
+                "use rl.Mapped (--renderer mapped), or a diffuse or pbr material"
+            )
+    return None
 
 
 def matte_dictionary(mi: Any, scene: Scene, camera: Camera) -> dict[str, Any]:
@@ -82,6 +119,20 @@ def envmap_pixels(light: IlluminationMap) -> np.ndarray:
     return np.ascontiguousarray(np.roll(rows, half, axis=1))
 
 
+def _light(light: Light) -> dict[str, Any]:
+    """A light that `why_not` has nothing against."""
+    assert not isinstance(light, AmbientLight)
+    if isinstance(light, PointLight):
+        return {"type": "point", "position": list(light.position), "intensity": _rgb(light.intensity)}
+    # Mitsuba's direction is the light's way; ours points towards where it comes from.
+    way = [-float(part) for part in light.towards]
+    return {"type": "directional", "direction": way, "irradiance": _rgb(light.irradiance)}
+
+
+def _rgb(colour: Colour | np.ndarray) -> dict[str, Any]:
+    return {"type": "rgb", "value": [float(channel) for channel in colour]}
+
+
 def _shape(mi: Any, shape: Shape, bsdf: dict[str, Any]) -> Any:
     if isinstance(shape, Plane):
         x, z = shape.extent
@@ -96,7 +147,9 @@ def _shape(mi: Any, shape: Shape, bsdf: dict[str, Any]) -> Any:
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = shape.radius * upright, shape.centre
         return {"type": "sphere", "to_world": mi.ScalarTransform4f(pose), "bsdf": bsdf}
-    return _mesh(mi, shape, bsdf)
+    if isinstance(shape, Patches):
+        return _mesh(mi, tessellated(shape), bsdf)
+    return _mesh(mi, triangulated(shape) if isinstance(shape, Polygon) else shape, bsdf)
 
 
 def _mesh(mi: Any, mesh: Mesh, bsdf: dict[str, Any]) -> Any:
@@ -122,14 +175,11 @@ def _mesh(mi: Any, mesh: Mesh, bsdf: dict[str, Any]) -> Any:
     return built
 
 
-def _bsdf(mi: Any, material: Material | Diffuse | Reflective) -> dict[str, Any]:
-    if isinstance(material, Reflective):
-        raise UnsupportedScene(
-            f"Mitsuba cannot shade the reflection maps of {material.name or 'a Reflective surface'!r}; "
-            "use rl.Mapped (--renderer mapped), or a diffuse or pbr material"
-        )
+def _bsdf(mi: Any, material: AnyMaterial) -> dict[str, Any]:
+    """Of a material that `why_not` has nothing against."""
+    assert isinstance(material, Diffuse | Material)
     if isinstance(material, Diffuse):
-        diffuse = {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(material.reflectance)}}
+        diffuse = {"type": "diffuse", "reflectance": _rgb(material.reflectance)}
         return {"type": "twosided", "bsdf": diffuse}
     opaque = _opaque(mi, material)
     # Light goes through the dielectric share alone; a metal is opaque whatever its transmission.
@@ -172,6 +222,6 @@ def _texture(mi: Any, value: Any) -> Any:
     if array.ndim == 0:
         return float(array)
     if array.ndim == 1:
-        return {"type": "rgb", "value": [float(v) for v in array]}
+        return _rgb(array)
     image = array if array.ndim == 3 else array[..., None]
     return {"type": "bitmap", "bitmap": mi.Bitmap(np.ascontiguousarray(image)), "raw": True}

@@ -1,15 +1,18 @@
-"""Motion: many pictures of one prepared scene, the camera going round it or the objects turning (§3, line 4)."""
+"""Motion: many pictures of one scene, the camera going round it or objects turning (Miller & Hoffman 1984, §3)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from relume.render.mapped import Prepared
-from relume.render.renderer import Render
+from relume.render.renderer import Progress, Render
+from relume.render.whitted import PreparedWhitted, Whitted
 from relume.scene.camera import Camera
+from relume.scene.moving import turned_scene
+from relume.scene.scene import Scene
 from relume.sphere.directions import UP, rotation_about
 
 
@@ -53,8 +56,47 @@ def frames(prepared: Prepared, camera: Camera, motion: Orbit | Turntable, count:
 
     Raises ValueError for less than one frame.
     """
-    if count < 1:
-        raise ValueError(f"{count} frames; expected 1 or more")
+    _check(count)
     for index in range(count):
         moved, turn = motion.at(camera, index / count)
         yield prepared.render(moved, turn=turn, about=motion.centre)
+
+
+def traced_frames(
+    renderer: Whitted,
+    scene_at: Callable[[float], Scene],
+    camera: Camera,
+    motion: Orbit | Turntable | None,
+    count: int,
+    *,
+    seed: int = 0,
+    region: tuple[int, int, int, int] | None = None,
+    progress: Progress | None = None,
+) -> Iterator[Render]:
+    """Pictures of a scene that changes, by Whitted's tree; tables are made anew only where the scene is another.
+
+    scene_at : the scene after a share of the way, 0 to 1; the very same one where nothing has moved
+    motion : on top of that; on a turntable stand the objects, the real surfaces stay
+    region : left, top, right and bottom, pixels
+    Raises ValueError for less than one frame.
+    """
+    _check(count)
+    prepared: PreparedWhitted | None = None
+    for index in range(count):
+        scene, seen_from = scene_at(index / count), camera
+        if motion is not None:
+            seen_from, turn = motion.at(camera, index / count)
+            scene = turned_scene(scene, turn, motion.centre)
+        if prepared is None or prepared.scene is not scene:
+            prepared = renderer.prepared(scene)
+
+        def within(share: float, done: int = index) -> None:
+            if progress:
+                progress((done + share) / count)
+
+        yield prepared.render(seen_from, seed=seed, region=region, progress=within)
+
+
+def _check(count: int) -> None:
+    if count < 1:
+        raise ValueError(f"{count} frames; expected 1 or more")

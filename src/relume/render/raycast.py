@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from relume._kernel import exact_kernel, in_threads
+from relume.render.borrowed import borrowed
+from relume.render.patch_leaves import split
 from relume.render.polygon_kernel import polygon_measures
-from relume.render.raycast_kernel import POLYGON, SPHERE, Geometry, meet, scratch
+from relume.render.raycast_kernel import LEAF, POLYGON, SPHERE, Geometry, meet, scratch
 from relume.render.raycast_tree import Tree, build_tree
 from relume.scene.patches import Patches
 from relume.scene.shapes import Mesh, Plane, Polygon, Shape, Sphere
@@ -174,7 +176,11 @@ class RayCaster:
         hits = Hits(np.empty(count), np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 2)))
         rays = (origins, directions, limits, float(beyond), float(footprint), any_will_do)
         told = (hits.distance, hits.shape, hits.primitive, hits.barycentric)
-        in_threads(lambda begin, end: _meet_all(rays, geometry, self.primitive, begin, end, told), count, threads)
+
+        def work(begin: int, end: int) -> None:
+            _meet_all(rays, geometry, self.primitive, scratch(geometry), begin, end, told)
+
+        in_threads(work, count, threads)
         return hits
 
 
@@ -240,7 +246,8 @@ def _solid_of(shape: Sphere | Polygon | Patches) -> _Solid:
         boxes = np.concatenate([vertices.min(axis=0), vertices.max(axis=0)])[None]
         measures, primitive = polygon_measures(shape)[None], np.zeros(1, np.int32)
     else:
-        raise NotImplementedError
+        leaves = split(shape)
+        kind, boxes, measures, primitive = LEAF, leaves.boxes, leaves.measures, leaves.patch
     if not np.all(np.abs(boxes) <= FARTHEST):
         raise ValueError(f"{shape.name!r} reaches beyond {FARTHEST:g} m; scale the scene to metres")
     return _Solid(kind, boxes, np.pad(measures, ((0, 0), (0, -measures.shape[1] % 4))), primitive)
@@ -269,12 +276,12 @@ def _widened(boxes: np.ndarray) -> np.ndarray:
 
 
 @exact_kernel
-def _meet_all(rays, geometry, whose_primitive, begin, end, told):
+def _meet_all(rays, geometry, whose_primitive, notes, begin, end, told):
     """Tell the hits of rays begin … end."""
     origins, directions, limits, beyond, footprint, any_will_do = rays
     distance, shape, primitive, barycentric = told
-    boxes, children, root, _, corners, form, whose_shape, measures, planes = geometry
-    waiting, entry, pieces = scratch(geometry)
+    boxes, children, root, _, corners, form, whose_shape, measures, planes = borrowed(geometry)
+    waiting, entry, pieces = borrowed(notes)
     for i in range(begin, end):
         j = i if len(origins) > 1 else 0
         origin = (origins[j, 0], origins[j, 1], origins[j, 2])

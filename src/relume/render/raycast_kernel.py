@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from relume._kernel import exact_inlined, exact_kernel
+from relume.render.patch_kernel import LEVELS, PIECE, meet_leaf
 from relume.render.polygon_kernel import meet_polygon
 
 # A distance to a box's side is off by three roundings of 2⁻⁵³ and two such are compared: a box is left this much later.
@@ -50,7 +51,7 @@ class Geometry(NamedTuple):
 def scratch(geometry):
     """What `meet` notes while it works: what is yet to be visited, where the ray enters it, and pieces of a patch that
     are yet to be looked at. One for each thread."""
-    return np.empty(geometry.depth + 1, np.int64), np.empty(geometry.depth + 1), np.empty((1, 1))
+    return np.empty(geometry.depth + 1, np.int64), np.empty(geometry.depth + 1), np.empty(LEVELS * PIECE)
 
 
 @exact_inlined
@@ -107,8 +108,10 @@ def meet(
                     t, v, w = _meet_triangle(corners, k, axes, eye, shear)
                 elif form[k] & 3 == SPHERE:
                     t, v, w = _meet_sphere(measures, form[k] - SPHERE, origin, direction, beyond), 0.0, 0.0
-                else:
+                elif form[k] & 3 == POLYGON:
                     t, v, w = meet_polygon(measures, form[k] - POLYGON, axes, eye, shear, origin, direction), 0.0, 0.0
+                else:
+                    t, v, w = meet_leaf(measures, form[k] - LEAF, origin, direction, beyond, reach, footprint, pieces)
                 if beyond < t < reach and _before(t, best, shape, k, nearest):
                     best, reach, nearest, second, third = t, t * (1 + TIE), k, v, w
         while top > 0 and entry[top - 1] >= reach:

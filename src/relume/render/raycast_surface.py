@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from relume._kernel import in_threads, inlined, kernel
-from relume.render.patch_kernel import patch_tangents
+from relume.render.borrowed import borrowed
+from relume.render.patch_point import tangents_and_normal
 from relume.render.polygon_kernel import polygon_frame
 from relume.render.raycast import Hits, checked_rays
 from relume.scene.patches import Patches
@@ -146,7 +147,7 @@ def _describe(rays, hits, tables, begin, end, points):
     """Write the surface at hits begin … end."""
     origins, directions = rays
     distance, shape, primitive, barycentric = hits
-    kind, first, measures, smooth, textured, faces, vertices, normals, mesh_uv = tables
+    kind, first, measures, smooth, textured, faces, vertices, normals, mesh_uv = borrowed(tables)
     point, geometric_normal, shading_normal, uv, dp_du, dp_dv = points
     for i in range(begin, end):
         s = shape[i]
@@ -206,7 +207,7 @@ def surface_at(
         )
         uv = (_share_along(x, y, z, dp_du), _share_along(x, y, z, dp_dv))
     elif kind[s] == _PATCHES:
-        dp_du, dp_dv, geometric = patch_tangents(measures, first[s] + 48 * primitive, second, third)
+        dp_du, dp_dv, geometric = tangents_and_normal(measures, first[s] + 48 * primitive, second, third)
         shading, uv = geometric, (second, third)
     else:
         face = first[s] + primitive

@@ -10,11 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from relume._kernel import exact_inlined, exact_kernel
+from relume._kernel import exact_kernel, exact_small
+from relume.render.borrowed import borrowed
 from relume.render.raycast_kernel import meet, scratch
 from relume.render.raycast_surface import surface_at
 from relume.render.whitted_lights import DISTANT, LINEAR, NONE, SQUARE
-from relume.render.whitted_materials import CHECKED, FRESNEL, PICTURE, SCHLICK
+from relume.render.whitted_materials import CHECKED, CONSTANT, FRESNEL, PICTURE, SCHLICK
 from relume.render.whitted_optics import along, dot, fresnel, hashed, perturbed, reflected, refracted, unit
 from relume.render.whitted_textures import bumped, picture_at, wrinkled
 from relume.sphere.polar import looked_up, polar_point
@@ -24,6 +25,10 @@ EYE, REFLECTED, REFRACTED, SHADOW = 0, 1, 2, 3
 NEAR = 4e-6
 """A ray ignores what it meets within this share of the way from the eye: the surface that it leaves, and one that
 coincides with it."""
+CROSSINGS = 64
+"""Transparent surfaces that a ray towards a light passes, at most, less the level of its node."""
+WORTH = 0.1
+"""Samples count as seeing different things only where these carry more than this share of the pixel."""
 CHANNELS = 12
 """Of a sample: radiance, object, anything, distance, normal, albedo."""
 
@@ -85,6 +90,20 @@ def trace(
     sky : the light map, padded and flat, and its number of rows
     told : values (N, CHANNELS) float32, keys (N,) int64, rays (N,) int32
     """
+    depth, scattered = settings.depth, settings.rays
+    capacity = (depth + 1) * (len(lights.place) + 2) + 2 * scattered + 4
+    # Origin, direction, weight, limit, way from the eye, and by how many the weight was split; then the ray's kind,
+    # level, its parent's node, and light.
+    stack = (np.empty((capacity, 12)), np.empty((capacity, 4), np.int64), np.empty(capacity, np.uint64))
+    world = (geometry, surfaces, materials, pictures, bumps, lights, sky)
+    _follow(points, view, world, settings, begin, end, told, record, scratch(geometry), stack)
+
+
+@exact_kernel
+def _follow(points, view, world, settings, begin, end, told, record, waiting_room, stack):
+    """`trace`, with what it needs of scratch; all arrays are arguments, so that they can be borrowed."""
+    points, view = borrowed(points), borrowed(view)
+    geometry, surfaces, materials, pictures, bumps, lights, sky = borrowed(world)
     boxes, children, root, _, corners, form, whose, measures, planes = geometry
     kind_of, first_of, sizes, smooth, textured, faces, vertices, normals, mesh_uv = surfaces[:9]
     primitive_of, material_of = surfaces[9], surfaces[10]
@@ -94,17 +113,12 @@ def trace(
     waves, first_wave, last_wave, wave_height, slope_picture = bumps
     place, strength, falloff, reach, shines, glow = lights
     entries, rows = sky
-    values, keys, counts = told
-    ends, share, sent, parent_of, ray_kind, node_shape, node_light, limits, node_count = record
+    values, keys, counts = borrowed(told)
+    ends, share, sent, parent_of, ray_kind, node_shape, node_light, limits, node_count = borrowed(record)
+    waiting, entry, pieces = borrowed(waiting_room)
+    rays, notes, seeds = borrowed(stack)
     depth, contribution, attenuation, attenuation_reach, scattered, clear, background = settings[:7]
     first_object, footprint, seed = settings[7:]
-    waiting, entry, pieces = scratch(geometry)
-
-    capacity = (depth + 1) * (len(place) + 2) + 2 * scattered + 4
-    # Origin, direction, weight, limit, way from the eye, and by how many the weight was split.
-    rays = np.empty((capacity, 12))
-    notes = np.empty((capacity, 4), np.int64)  # kind, level, parent's node, light
-    seeds = np.empty(capacity, np.uint64)
     for i in range(begin, end):
         across, up = points[i, 0] - view[13], view[14] - points[i, 1]
         direction = unit(
@@ -162,19 +176,21 @@ def trace(
                     for j in range(3):
                         sent[node, j] += arrived[j]
                 continue
-            if kind == SHADOW and not (
-                clear and (transmission[m, 0] > 0 or transmission[m, 1] > 0 or transmission[m, 2] > 0)
-            ):
+            through = (transmission[m, 0], transmission[m, 1], transmission[m, 2])
+            if kind == SHADOW and not (clear and max(through[0], through[1], through[2]) > 0):
                 if level == 0 and shines[light] > 0:
-                    key ^= np.int64(hashed(light + 1, 77) >> np.uint64(1))
+                    key += np.int64(hashed(light + 1, 77) >> np.uint64(1))
                 continue
 
             point = along(origin, direction, distance)
+            way += distance
+            if kind == SHADOW and law[m] == CONSTANT:
+                top = _dim(rays, notes, top, node, point, weight, through, limit - distance, way)
+                continue
             geometric, shading, uv, dp_du, dp_dv = surface_at(
                 kind_of, first_of, sizes, smooth, textured, faces, vertices, normals, mesh_uv,
                 s, primitive_of[slot], second, third, point,
             )  # fmt: skip
-            way += distance
             # The normal has to point to the side that the ray comes from, and the index goes with it (§2).
             side = -1.0 if dot(geometric, direction) > 0 else 1.0
             index = ior[m] if side > 0 else 1 / ior[m]
@@ -209,7 +225,6 @@ def trace(
                     back = (r, g, b)
                 colour = (colour[0] * r, colour[1] * g, colour[2] * b)
             share_of_light = 1.0
-            through = (transmission[m, 0], transmission[m, 1], transmission[m, 2])
             if law[m] == FRESNEL:
                 f = fresnel(cosine, index)
                 back = (back[0] * f, back[1] * f, back[2] * f)
@@ -221,17 +236,12 @@ def trace(
                 through = (through[0] * (1 - back[0]), through[1] * (1 - back[1]), through[2] * (1 - back[2]))
 
             if kind == SHADOW:
-                weight = (weight[0] * through[0], weight[1] * through[1], weight[2] * through[2])
-                if level < 64 and max(weight[0], weight[1], weight[2]) > 1e-9:
-                    _push(rays, notes, seeds, top, point, direction, weight, limit - distance, way, split)
-                    notes[top, 0], notes[top, 1], notes[top, 3] = kind, level + 1, light
-                    notes[top, 2] = node if node >= 0 else parent
-                    top += 1
+                top = _dim(rays, notes, top, node, point, weight, through, limit - distance, way)
                 continue
 
+            if max(weight[0], weight[1], weight[2]) > WORTH:
+                key += np.int64(hashed(4 * (64 * s + level) + kind, cell) >> np.uint64(1))
             if kind == EYE:
-                keys_here = hashed(s + 1, cell)
-                key ^= np.int64(keys_here >> np.uint64(1))
                 values[i, 3] = 1.0 if s >= first_object else 0.0
                 values[i, 4], values[i, 5] = 1.0, distance
                 for j in range(3):
@@ -257,6 +267,7 @@ def trace(
                 for j in range(3):
                     sent[node, j] += own[j]
 
+            shiny = max(highlight[m, 0], highlight[m, 1], highlight[m, 2]) > 0
             # k_d Σ (N·L) and k_s Σ (N·L′)ⁿ: a ray to every light that the surface faces.
             for light in range(len(place)):
                 far = np.inf
@@ -271,7 +282,7 @@ def trace(
                 if facing <= 0 or dot(outward, towards) <= 0 or arriving <= 0:
                     continue
                 shine = 0.0
-                if shines[light] > 0 or everywhere[m] > 0:
+                if shiny and (shines[light] > 0 or everywhere[m] > 0):
                     half = unit((towards[0] - direction[0], towards[1] - direction[1], towards[2] - direction[2]))
                     shine = max(dot(normal, half), 0.0) ** exponent[m]
                 reaching = (
@@ -327,7 +338,22 @@ def trace(
         keys[i], counts[i] = key, traced
 
 
-@exact_inlined
+@exact_small
+def _dim(rays, notes, top, node, point, weight, through, limit, way):
+    """Send the ray at the top of the stack on behind a transparent shape, unless nothing is left; the stack's size."""
+    weight = (weight[0] * through[0], weight[1] * through[1], weight[2] * through[2])
+    if notes[top, 1] >= CROSSINGS or max(weight[0], weight[1], weight[2]) <= 1e-9:
+        return top
+    rays[top, 0], rays[top, 1], rays[top, 2] = point
+    rays[top, 6], rays[top, 7], rays[top, 8] = weight
+    rays[top, 9], rays[top, 10] = limit, way
+    notes[top, 1] += 1
+    if node >= 0:
+        notes[top, 2] = node
+    return top + 1
+
+
+@exact_small
 def _push(rays, notes, seeds, top, origin, direction, weight, limit, way, split):
     """Put a ray on the stack, but for what its notes say."""
     rays[top, 0], rays[top, 1], rays[top, 2] = origin
@@ -336,7 +362,7 @@ def _push(rays, notes, seeds, top, origin, direction, weight, limit, way, split)
     rays[top, 9], rays[top, 10], rays[top, 11] = limit, way, split
 
 
-@exact_inlined
+@exact_small
 def _fallen(falloff, reach, distance):
     """The share of a light that arrives over a distance."""
     if falloff == SQUARE:
@@ -344,7 +370,7 @@ def _fallen(falloff, reach, distance):
     return max(1 - distance / reach, 0.0) if falloff == LINEAR else 1.0
 
 
-@exact_inlined
+@exact_small
 def _kept(attenuation, reach, distance):
     """The share of a node's intensity that arrives at its parent (§2): never more than all."""
     return 1.0 if attenuation == NONE else min(_fallen(attenuation, reach, distance), 1.0)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import exact_inlined
+from relume._kernel import exact_small
 
 
-@exact_inlined
+@exact_small
 def dot(a, b):
     """The inner product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@exact_inlined
+@exact_small
 def along(origin, direction, distance):
     """The point at a distance on a ray, or any sum of a vector and a scaled one."""
     return (
@@ -23,7 +23,7 @@ def along(origin, direction, distance):
     )
 
 
-@exact_inlined
+@exact_small
 def unit(v):
     """The vector at unit length; 0 where it has none."""
     length = np.sqrt(dot(v, v))
@@ -31,20 +31,20 @@ def unit(v):
     return v[0] * scale, v[1] * scale, v[2] * scale
 
 
-@exact_inlined
+@exact_small
 def lengthened(incoming, normal):
     """V′ = V / |V·N|: the incoming direction, as long as makes its part along the normal 1."""
     scale = 1 / max(abs(dot(incoming, normal)), 1e-12)
     return incoming[0] * scale, incoming[1] * scale, incoming[2] * scale
 
 
-@exact_inlined
+@exact_small
 def reflected(incoming, normal):
     """R = V′ + 2N, made unit; `incoming` is V, which points to the surface: V·N < 0."""
     return unit(along(lengthened(incoming, normal), normal, 2.0))
 
 
-@exact_inlined
+@exact_small
 def refracted(incoming, normal, ior):
     """P = k_f (N + V′) − N, made unit, with k_f = (k_n² |V′|² − |V′ + N|²)^(−1/2); 0 where k_f is imaginary.
 
@@ -59,7 +59,7 @@ def refracted(incoming, normal, ior):
     return unit((k_f * across[0] - normal[0], k_f * across[1] - normal[1], k_f * across[2] - normal[2]))
 
 
-@exact_inlined
+@exact_small
 def fresnel(cosine, ior):
     """The exact unpolarised reflectance of a smooth dielectric, as `weights.Fresnel`; 1 beyond the critical angle.
 
@@ -75,7 +75,7 @@ def fresnel(cosine, ior):
     return min(0.5 * across * across * (1 + along_it * along_it), 1.0)
 
 
-@exact_inlined
+@exact_small
 def hashed(a, b):
     """Sixty-four well mixed bits from two numbers (the finaliser of MurmurHash3)."""
     x = np.uint64(a) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(b) + np.uint64(0x7F4A7C15)
@@ -84,13 +84,13 @@ def hashed(a, b):
     return x ^ (x >> np.uint64(33))
 
 
-@exact_inlined
+@exact_small
 def fraction(bits):
     """A number from 0 to 1, 1 excluded, from the upper bits of a hash."""
     return np.float64(bits >> np.uint64(11)) * 2.0**-53
 
 
-@exact_inlined
+@exact_small
 def perturbed(normal, deviation, which, count, seed):
     """The normal of a random microfacet: slopes drawn from a normal distribution (§2), one of `count` that spread well.
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import exact_inlined, exact_kernel
+from relume._kernel import exact_kernel, exact_small
 from relume.render.whitted_optics import along, dot, unit
 
 
-@exact_inlined
+@exact_small
 def wrinkled(normal, point, waves, first, last, height):
     """The normal of a surface that waves through space displace (`Wrinkles`)."""
     x, y, z = 0.0, 0.0, 0.0
@@ -20,7 +20,7 @@ def wrinkled(normal, point, waves, first, last, height):
     return unit(along(normal, flat, -1.0))
 
 
-@exact_inlined
+@exact_small
 def bumped(normal, along_u, along_v, dp_du, dp_dv):
     """Blinn 1978, eq. 4 (`BumpMap`): N′ = N + (B_u N×P_v − B_v N×P_u) / |P_u × P_v|."""
     area = _cross(dp_du, dp_dv)
@@ -31,7 +31,7 @@ def bumped(normal, along_u, along_v, dp_du, dp_dv):
     return unit(along(along(normal, _cross(normal, dp_dv), along_u * scale), _cross(normal, dp_du), -along_v * scale))
 
 
-@exact_inlined
+@exact_small
 def _cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 

@@ -14,19 +14,17 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from relume.errors import InvalidScene
-from relume.image import files
+from relume.render.whitted import Whitted
 from relume.scene.camera import Camera
-from relume.scene.materials import Diffuse
 from relume.scene.meshes import read_meshes
+from relume.scene.moving import ObjectOrbit
 from relume.scene.scene import Scene
-from relume.scene.shapes import Mesh, Plane, Solid, Sphere
-from relume.shot.objects import placed
-from relume.shot.project import Placement, Surface
-from relume.shot.scene_materials import AnyMaterial, SurfaceTable, has_images, made, naming
-from relume.shot.schema import Positive, Share, Table, Vector, checked, read_toml
-from relume.sphere.directions import UP, rotation_about
-from relume.sphere.illumination import IlluminationMap, as_illumination
-from relume.sphere.mappings import LatLong
+from relume.scene.shapes import Mesh
+from relume.shot.scene_lights import AnyLightTable, LightTable, distant_light, light_of, read_light
+from relume.shot.scene_materials import SurfaceTable, made, naming
+from relume.shot.scene_shapes import LocalTable, ObjectTable, plane_of, solids_of
+from relume.shot.scene_whitted import WhittedSettings, whitted_of
+from relume.shot.schema import Table, Vector, checked, read_toml
 
 SIZE = (640, 480)
 """Pixels of a picture unless given."""
@@ -40,10 +38,31 @@ ELEVATION = np.radians(15)
 
 @dataclass(frozen=True, eq=False)
 class SceneFile:
-    """What a scene file says: all that a renderer needs."""
+    """What a scene file says: all that a renderer needs.
+
+    whitted : the renderer of the table [whitted]
+    orbits : how each of the scene's objects goes round while a movie runs, or None; as many as there are, or none
+    asks_whitted : whether there is a table [whitted]
+    """
 
     scene: Scene
     camera: Camera
+    whitted: Whitted = Whitted()
+    orbits: tuple[ObjectOrbit | None, ...] = ()
+    asks_whitted: bool = False
+
+    @property
+    def moves(self) -> bool:
+        """Whether any object goes round."""
+        return any(orbit is not None for orbit in self.orbits)
+
+    def at(self, share: float) -> Scene:
+        """The scene after this share of a movie, 0 to 1; the same one where nothing goes round."""
+        if not self.moves:
+            return self.scene
+        pairs = zip(self.scene.objects, self.orbits, strict=True)
+        moved = tuple(solid if orbit is None else orbit.at(solid, share) for solid, orbit in pairs)
+        return replace(self.scene, objects=moved)
 
 
 Pixels = Annotated[int, Field(ge=1, le=65536)]
@@ -64,57 +83,27 @@ class CameraTable(Table):
         return self
 
 
-class LightTable(Table):
-    """The light of the distant scene: a map, turned about +Y counter-clockwise as seen from above, and scaled."""
-
-    map: str
-    turn: float = 0.0
-    scale: Positive = 1.0
-
-
-class SphereTable(Table):
-    """An exact sphere."""
-
-    centre: Vector
-    radius: float
-
-
-class ObjectTable(Placement):
-    """A sphere, or a mesh that is placed as in the shot file; `material` names one of the file's."""
-
-    sphere: SphereTable | None = None
-    mesh: str | None = None
-    material: str | None = None
-
-    @model_validator(mode="after")
-    def _one_shape(self) -> ObjectTable:
-        if (self.sphere is None) == (self.mesh is None):
-            raise ValueError(f"has {'neither' if self.mesh is None else 'both'}; give one of sphere and mesh")
-        moved = sorted(Placement.model_fields.keys() & self.model_fields_set)
-        if self.sphere is not None and moved:
-            raise ValueError(f"has {moved[0]}, but a sphere is placed by its centre and radius; remove {moved[0]}")
-        return self
-
-
-class LocalTable(Surface):
-    """A real surface, of a reflectance that is known."""
-
-    reflectance: tuple[Share, Share, Share]
-
-
 class SceneTable(Table):
     """A whole scene file."""
 
     camera: CameraTable
-    light: LightTable
+    light: LightTable | None = None
+    lights: list[AnyLightTable] = Field(default_factory=list)
     materials: dict[str, SurfaceTable] = Field(default_factory=dict)
     objects: list[ObjectTable] = Field(default_factory=list)
     local: list[LocalTable] = Field(default_factory=list)
+    whitted: WhittedSettings | None = None
 
     @model_validator(mode="after")
     def _shows_something(self) -> SceneTable:
         if not self.objects and not self.local:
             raise ValueError("objects: none, so only the light would be seen; add [[objects]] with a sphere or a mesh")
+        return self
+
+    @model_validator(mode="after")
+    def _is_lit(self) -> SceneTable:
+        if self.light is None and not self.lights:
+            raise ValueError("light: missing, and there are no [[lights]], so all would be black; give one of the two")
         return self
 
 
@@ -124,21 +113,21 @@ def read_scene(path: str | Path) -> SceneFile:
     table = checked(SceneTable, read_toml(path, "scene file", InvalidScene), path, "scene file", InvalidScene)
     with naming(f"{path}: camera"):
         camera = _camera(table.camera)
-    with naming(f"{path}: light.map"):
-        light = _read_light(path.parent / table.light.map)
-    with naming(f"{path}: light.scale"):
-        light = _adjusted(light, table.light)
+    light = distant_light(table.light, path)
+    lights = tuple(light_of(item, f"{path}: lights.{index}") for index, item in enumerate(table.lights))
     materials = {
         name: made(material, name, path.parent, f"{path}: materials.{name}")
         for name, material in table.materials.items()
     }
-    planes = tuple(Plane(Diffuse(surface.reflectance), surface.size, surface.height) for surface in table.local)
-    solids = (
-        solid
+    planes = tuple(plane_of(item, f"local.{index}", materials, path) for index, item in enumerate(table.local))
+    solids = [
+        pair
         for index, item in enumerate(table.objects)
-        for solid in _solids(item, f"objects.{index}", materials, path)
-    )
-    return SceneFile(Scene(light, planes, tuple(solids)), camera)
+        for pair in solids_of(item, f"objects.{index}", materials, path)
+    ]
+    scene = Scene(light, planes, tuple(solid for solid, _ in solids), lights)
+    orbits = tuple(orbit for _, orbit in solids)
+    return SceneFile(scene, camera, whitted_of(table.whitted, path), orbits, table.whitted is not None)
 
 
 def scene_of_mesh(path: str | Path, light: str | Path, size: tuple[int, int] = SIZE) -> SceneFile:
@@ -148,7 +137,7 @@ def scene_of_mesh(path: str | Path, light: str | Path, size: tuple[int, int] = S
     """
     meshes = read_meshes(path)
     try:
-        found = _read_light(Path(light))
+        found = read_light(Path(light))
     except ValueError as error:
         raise InvalidScene(str(error)) from None
     return SceneFile(Scene(found, objects=meshes), framing(meshes, size))
@@ -177,50 +166,3 @@ def _camera(table: CameraTable) -> Camera:
     return Camera.looking_at(
         np.array(table.position), np.array(table.target), width=width, height=height, focal_length=focal_length
     )
-
-
-def _read_light(path: Path) -> IlluminationMap:
-    picture = files.read_radiance(path)
-    try:
-        return as_illumination(picture)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-
-
-def _adjusted(light: IlluminationMap, table: LightTable) -> IlluminationMap:
-    with np.errstate(over="ignore"):
-        scaled = replace(light, radiance=(light.radiance * table.scale).astype(np.float32))
-    angle = np.radians(table.turn % 360)
-    if not angle:
-        return scaled
-    if not isinstance(light.mapping, LatLong):
-        return scaled.rotated(rotation_about(UP, angle))
-    # A turn about +Y only moves the columns, to smaller ones; what falls between two is shared, so no light is lost.
-    columns = light.radiance.shape[1]
-    whole, part = divmod(columns * (1 - angle / (2 * np.pi)), 1)
-    near, far = (np.roll(scaled.radiance, int(whole) + step, axis=1) for step in (0, 1))
-    return replace(scaled, radiance=(near * (1 - part) + far * part).astype(np.float32))
-
-
-def _solids(table: ObjectTable, key: str, materials: dict[str, AnyMaterial], path: Path) -> tuple[Solid, ...]:
-    place = f"{path}: {key}"
-    name = table.material
-    if name is not None and name not in materials:
-        remedy = f"the file has {', '.join(materials)}" if materials else f"define [materials.{name}]"
-        raise InvalidScene(f"{place}.material: no material {name!r}; {remedy}")
-    if table.sphere is not None:
-        if name is None:
-            raise InvalidScene(f"{place}.material: missing; a sphere needs one, by its name in [materials]")
-        with naming(f"{place}.sphere"):
-            return (Sphere(table.sphere.centre, table.sphere.radius, materials[name], key),)
-    with naming(f"{place}.mesh"):
-        meshes = tuple(placed(mesh, table) for mesh in read_meshes(path.parent / (table.mesh or "")))
-    if name is None:
-        return meshes
-    for mesh in meshes:
-        if mesh.uv is None and has_images(materials[name]):
-            raise InvalidScene(
-                f"{place}.material: {name!r} has an image, and mesh {mesh.name!r} of {table.mesh} no texture "
-                "coordinates; use a material of plain colours, or unwrap the mesh"
-            )
-    return tuple(replace(mesh, material=materials[name]) for mesh in meshes)

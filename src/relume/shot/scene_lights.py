@@ -22,7 +22,7 @@ from relume.scene.lights import (
 )
 from relume.scene.moving import columns_turned
 from relume.shot.scene_materials import naming
-from relume.shot.schema import Colour, Positive, Table, Vector
+from relume.shot.schema import GreyOrColour, Positive, Table, Vector
 from relume.sphere.directions import UP, rotation_about
 from relume.sphere.illumination import IlluminationMap, as_illumination
 from relume.sphere.mappings import LatLong
@@ -35,7 +35,7 @@ class LightTable(Table):
     """The light of the distant scene: a map, turned about +Y counter-clockwise as seen from above, or one colour."""
 
     map: str | None = None
-    colour: Colour | None = None
+    colour: GreyOrColour | None = None
     turn: float = 0.0
     scale: Positive = 1.0
 
@@ -72,7 +72,7 @@ class PointTable(Table):
 
     kind: Literal["point"]
     position: Vector
-    intensity: Colour
+    intensity: GreyOrColour
     falloff: AttenuationTable = "square"
 
 
@@ -81,14 +81,14 @@ class DistantTable(Table):
 
     kind: Literal["distant"]
     towards: Vector
-    irradiance: Colour
+    irradiance: GreyOrColour
 
 
 class AmbientTable(Table):
     """The same light from everywhere that nothing shadows."""
 
     kind: Literal["ambient"]
-    radiance: Colour
+    radiance: GreyOrColour
 
 
 AnyLightTable = Annotated[PointTable | DistantTable | AmbientTable, Field(discriminator="kind")]

@@ -20,10 +20,11 @@ from relume.light.weights import Even, Fresnel, Schlick, Weight
 from relume.scene.bumps import BumpMap, Bumps, Wrinkles
 from relume.scene.materials import Colour, Diffuse, Material
 from relume.scene.reflective import Reflective, glass, glossy, mirror, retroreflector
+from relume.scene.shapes import AnyMaterial
+from relume.scene.whitted import Checks, WhittedMaterial
 from relume.shot.project import MaterialTable
-from relume.shot.schema import Channels, Paint, Table, Vector
+from relume.shot.schema import Channels, GreyOrColour, Paint, Table, Vector
 
-AnyMaterial = Material | Diffuse | Reflective
 WHITE: Colour = (1.0, 1.0, 1.0)
 
 
@@ -148,8 +149,44 @@ class PbrTable(MaterialTable):
     base_color: Paint | None = None
 
 
+class ChecksTable(Table):
+    """Cubes of two colours through space."""
+
+    checks: tuple[GreyOrColour, GreyOrColour]
+    size: float = 1.0
+
+
+def _sort_of_paint(value: object) -> str:
+    return "image" if isinstance(value, str) else "pattern" if isinstance(value, dict | ChecksTable) else "colour"
+
+
+PatternedPaint = Annotated[
+    Annotated[str, Tag("image")] | Annotated[ChecksTable, Tag("pattern")] | Annotated[GreyOrColour, Tag("colour")],
+    Discriminator(_sort_of_paint),
+]
+"""An image's path, checks, a colour or a grey."""
+
+
+class WhittedTable(Table):
+    """The coefficients of Whitted (1980), eq. 1 and 2, with the defaults of `WhittedMaterial`."""
+
+    kind: Literal["whitted"]
+    diffuse: PatternedPaint | None = None
+    specular: GreyOrColour | None = None
+    transmission: GreyOrColour | None = None
+    ambient: GreyOrColour | None = None
+    highlight: GreyOrColour | None = None
+    exponent: float | None = None
+    ior: float | None = None
+    fresnel: bool | None = None
+    coated: bool | None = None
+    roughness: float | None = None
+    bumps: BumpsTable | None = None
+
+
 SurfaceTable = Annotated[
-    MirrorTable | GlossyTable | RetroreflectorTable | GlassTable | DiffuseTable | PbrTable, Field(discriminator="kind")
+    MirrorTable | GlossyTable | RetroreflectorTable | GlassTable | DiffuseTable | PbrTable | WhittedTable,
+    Field(discriminator="kind"),
 ]
 
 
@@ -189,10 +226,17 @@ def made(table: SurfaceTable, name: str, folder: Path, place: str) -> AnyMateria
                 diffuse = _colour(table.diffuse, folder, f"{place}.diffuse")
                 bumps = _bumps(table.bumps, folder, place)
                 return glossy(diffuse, specular, specular_weight=weight, bumps=bumps, name=name)
+            case WhittedTable():
+                given = table.model_dump(exclude_none=True, exclude={"kind", "diffuse", "bumps"})
+                if table.diffuse is not None:
+                    given["diffuse"] = _patterned(table.diffuse, folder, f"{place}.diffuse")
+                return WhittedMaterial(**given, bumps=_bumps(table.bumps, folder, place), name=name)
 
 
 def has_images(material: AnyMaterial) -> bool:
     """Whether the material needs texture coordinates."""
+    if isinstance(material, WhittedMaterial):
+        return isinstance(material.diffuse, np.ndarray) or isinstance(material.bumps, BumpMap)
     if isinstance(material, Reflective):
         images = [isinstance(layer.colour, np.ndarray) for layer in material.layers]
         return any(images) or isinstance(material.bumps, BumpMap)
@@ -230,6 +274,13 @@ def _colour(paint: Colour | str, folder: Path, place: str) -> Colour | np.ndarra
         return paint
     with naming(place):
         return _picture(folder / paint, encoded=False)
+
+
+def _patterned(paint: Colour | str | ChecksTable, folder: Path, place: str) -> Colour | np.ndarray | Checks:
+    if not isinstance(paint, ChecksTable):
+        return _colour(paint, folder, place)
+    with naming(place):
+        return Checks(*paint.checks, paint.size)
 
 
 def _picture(path: Path, encoded: bool) -> np.ndarray:

@@ -21,7 +21,7 @@ Channels = Annotated[
     Discriminator(lambda value: "colour" if isinstance(value, list | tuple) else "number"),
 ]
 """A number, or one for each channel."""
-Colour = Annotated[Vector, BeforeValidator(lambda value: [value] * 3 if _is_number(value) else value)]
+GreyOrColour = Annotated[Vector, BeforeValidator(lambda value: [value] * 3 if _is_number(value) else value)]
 """One number for each channel, or a single one for grey."""
 Paint = Annotated[
     Annotated[str, Tag("image")] | Annotated[Vector, Tag("colour")],
