@@ -56,7 +56,7 @@ class Breakdown:
     overhead : choosing samples, halving squares, adding up
     intersection : where rays meet shapes
     shading : eq. 2
-    seconds : of one core
+    seconds : of one core, other programs not counted
     rays : all of them
     """
 
@@ -104,7 +104,7 @@ def breakdown(prepared: PreparedWhitted, camera: Camera, *, seed: int = 0) -> Br
     seconds = _seconds(lambda: pictures.append(_rays_of(alone, camera, seed)), 1)
     rays = int(pictures[-1].sum())
     trees = _seconds(lambda: alone.traced(camera, points, seed)) / count * rays
-    meetings = _seconds(lambda: _met_again(alone, record, count, alone.settings(camera, seed).clear)) / count * rays
+    meetings = _seconds(_meetings(alone, record, count, alone.settings(camera, seed).clear)) / count * rays
     trees, meetings = min(trees, seconds), min(meetings, trees, seconds)
     return Breakdown(
         (seconds - trees) / seconds, meetings / seconds, (trees - meetings) / seconds, seconds, rays
@@ -127,25 +127,31 @@ def _recorded(prepared: PreparedWhitted, camera: Camera, points: np.ndarray, see
     return record
 
 
-def _met_again(prepared: PreparedWhitted, record: Record, count: int, clear: bool) -> None:
-    """Only the intersections of recorded rays."""
+def _meetings(prepared: PreparedWhitted, record: Record, count: int, clear: bool) -> Callable[[], object]:
+    """What finds only the intersections of recorded rays."""
     start, kind, limits = record.ends[:count, :3], record.kind[:count], record.limits[:count]
     towards = record.ends[:count, 3:] - start
     length = np.linalg.norm(towards, axis=1, keepdims=True)
     directions = np.divide(towards, length, out=np.tile([0.0, 1.0, 0.0], (count, 1)), where=length > 0)
     origins = start + limits[:, :1] * directions
     nearest = (kind != SHADOW) | clear
-    prepared.caster.nearest(origins[nearest], directions[nearest], threads=1)
-    if not np.all(nearest):
-        prepared.caster.occluded(origins[~nearest], directions[~nearest], limits[~nearest, 1], threads=1)
+    first = origins[nearest], directions[nearest]
+    others = origins[~nearest], directions[~nearest], limits[~nearest, 1]
+
+    def work() -> None:
+        prepared.caster.nearest(*first, threads=1)
+        prepared.caster.occluded(*others, threads=1)
+
+    work()
+    return work
 
 
 def _seconds(work: Callable[[], object], rounds: int = ROUNDS) -> float:
     times = []
     for _ in range(rounds):
-        begin = time.perf_counter()
+        begin = time.thread_time()
         work()
-        times.append(time.perf_counter() - begin)
+        times.append(time.thread_time() - begin)
     return float(np.median(times))
 
 

@@ -6,7 +6,6 @@ light that diffuse surfaces send to each other, and light that glass or mirrors 
 
 from __future__ import annotations
 
-import os
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
@@ -29,10 +28,8 @@ from relume.scene.lights import Attenuation, Unattenuated
 from relume.scene.scene import Scene
 from relume.sphere.polar import padded
 
-BAND = 1 << 17
-"""Pixels that are worked on together: their samples stay within the processor's reach."""
-CHUNK = 2048
-"""Samples that a thread takes at once; some trees cost a hundred times others."""
+BAND = 1 << 13
+"""Pixels that a thread works on at once: what it knows of their samples stays in the processor's cache."""
 FINEST = 1 / 64
 """Patches are subdivided to this share of a pixel."""
 SMALL = 1.0
@@ -137,15 +134,17 @@ class PreparedWhitted:
                 "expected left < right and top < bottom within it"
             )
         self._look_from(camera)
-        rows = max(BAND // (right - left), 1)
-        reference = self._typical(camera, seed)
-        small = self._small(camera)
-        bands = []
-        for begin in range(top, bottom, rows):
-            end = min(begin + rows, bottom)
-            bands.append(self._band(camera, seed, (left, begin, right, end), small, reference))
+        reference, small = self._typical(camera, seed), self._small(camera)
+        done: list[int] = []
+
+        def work(begin: int, end: int) -> tuple[np.ndarray, np.ndarray]:
+            band = self._band(camera, seed, (left, top + begin, right, top + end), small, reference)
+            done.append(end - begin)
             if progress:
-                progress((end - top) / (bottom - top))
+                progress(sum(done) / (bottom - top))
+            return band
+
+        bands = in_threads(work, bottom - top, self.method.threads, chunk=max(BAND // (right - left), 1))
         means, rays = (np.concatenate(part) for part in zip(*bands, strict=True))
         hit = np.maximum(means[..., 4:5], 1e-30)
         return Render(
@@ -172,16 +171,11 @@ class PreparedWhitted:
         return values.reshape(*x.shape, CHANNELS), counts.reshape(x.shape)
 
     def traced(self, camera: Camera, points: np.ndarray, seed: int = 0) -> Traced:
-        """The trees of samples at pixel coordinates (N, 2)."""
+        """The trees of samples at pixel coordinates (N, 2), on this thread."""
         count = len(points)
         told = (np.empty((count, CHANNELS), np.float32), np.empty(count, np.int64), np.empty(count, np.int32))
         view, settings, nothing = view_of(camera), self.settings(camera, seed), empty_record()
-        tables = self.tables
-
-        def work(begin: int, end: int) -> None:
-            trace(points, view, *tables, settings, begin, end, told, nothing)
-
-        in_threads(work, count, self.method.threads or os.cpu_count(), chunk=CHUNK)
+        trace(points, view, *self.tables, settings, 0, count, told, nothing)
         return told
 
     def settings(self, camera: Camera, seed: int) -> Settings:
