@@ -38,7 +38,7 @@ class Traced:
 
     pixels : (H, W, 3) float64, linear, clipped to 0…1
     trace : seconds, as it reports them; `wall` is the whole command's
-    rays : all that it traced, those to lights included
+    rays : all that it traced but those to lights, which it counts by the objects they were held against
     """
 
     pixels: np.ndarray
@@ -56,28 +56,32 @@ def traced(text: str, width: int, height: int, options: tuple[str, ...] = ADAPTI
         (place / "scene.pov").write_text(text)
         output = ["+Oscene.png", "+FN16", "File_Gamma=1.0", f"+W{width}", f"+H{height}", "-D", f"+WT{threads}"]
         start = time.perf_counter()
-        run = subprocess.run(
-            [PROGRAM, "+Iscene.pov", *output, *(options or ["-A"])], cwd=place, capture_output=True, text=True
-        )
+        run = subprocess.run([PROGRAM, "+Iscene.pov", *output, *options], cwd=place, capture_output=True, text=True)
         wall = time.perf_counter() - start
         if run.returncode or not (place / "scene.png").exists():
             raise RuntimeError("\n".join(run.stderr.splitlines()[-5:]))
         pixels = rl.read_photograph(place / "scene.png").pixels / 65535
     seconds = re.search(r"Trace Time:.*\(([\d.]+) seconds\)", run.stderr)
-    counts = [re.search(rf"{name}:\s+(\d+)", run.stderr) for name in ("Rays", "Shadow Ray Tests")]
-    return Traced(pixels, float(seconds[1]) if seconds else wall, wall, sum(int(c[1]) for c in counts if c))
+    rays = re.search(r"Rays:\s+(\d+)", run.stderr)
+    if seconds is None or rays is None:
+        raise RuntimeError(f"{PROGRAM} does not report its trace time and rays as POV-Ray 3.7 does")
+    return Traced(pixels, float(seconds[1]), wall, int(rays[1]))
 
 
 def scene_text(scene: rl.Scene, camera: rl.Camera, depth: int) -> str:
     """A scene in POV-Ray's language; raises ValueError for what has no twin."""
-    ambient = sum((np.asarray(light.radiance) for light in scene.lights if isinstance(light, AmbientLight)), np.zeros(3))
+    ambient = np.zeros(3)
+    for light in scene.lights:
+        if isinstance(light, AmbientLight):
+            ambient = ambient + light.radiance
     right, up, backward = camera.rotation.T
+    ahead = -backward * camera.focal_length
     shapes = (*scene.local, *scene.objects)
     return "\n".join(
         [
             "#version 3.7;",
             f"global_settings {{ assumed_gamma 1 max_trace_level {depth} ambient_light rgb 1 }}",
-            f"camera {{ perspective location {_vector(camera.position)} direction {_vector(-backward * camera.focal_length)}"
+            f"camera {{ perspective location {_vector(camera.position)} direction {_vector(ahead)}"
             f" right {_vector(right * camera.width)} up {_vector(up * camera.height)} }}",
             f"background {{ rgb {_vector(_background(scene))} }}",
             *(_light(light) for light in scene.lights if not isinstance(light, AmbientLight)),
@@ -106,7 +110,7 @@ def _light(light: Light) -> str:
     assert isinstance(light, PointLight)
     colour, fade = np.asarray(light.intensity) / np.pi, ""
     if isinstance(light.falloff, Linear):
-        colour = colour * light.falloff.at(np.linalg.norm(light.position))  # as at the origin
+        colour = colour * light.falloff.at(np.array(np.linalg.norm(light.position)))  # as at the origin
     if isinstance(light.falloff, SquareLaw):
         # 2/(1 + (d/s)²) is 2s²/d² where the distance s is small.
         small = 1e-3
@@ -151,13 +155,16 @@ def _patch(control: np.ndarray, camera: rl.Camera, look: str) -> str:
 
 
 def _around(shape: Shape, every: tuple[Shape, ...]) -> float:
-    """Index of refraction of what surrounds a sphere: the spheres that it lies in, ours being relative to the outside."""
+    """Index of refraction of the spheres that a sphere lies in: ours are relative to the outside, POV-Ray's are not."""
     index = 1.0
+    if not isinstance(shape, rl.Sphere):
+        return index
     for other in every:
-        if isinstance(shape, rl.Sphere) and isinstance(other, rl.Sphere) and isinstance(other.material, WhittedMaterial):
-            apart = np.linalg.norm(np.subtract(shape.centre, other.centre))
-            if other is not shape and apart + shape.radius <= other.radius and max(other.material.transmission) > 0:
-                index *= other.material.ior
+        if other is shape or not isinstance(other, rl.Sphere) or not isinstance(other.material, WhittedMaterial):
+            continue
+        apart = float(np.linalg.norm(np.subtract(shape.centre, other.centre)))
+        if apart + shape.radius <= other.radius and max(other.material.transmission) > 0:
+            index *= other.material.ior
     return index
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Sequence
 
@@ -56,7 +57,7 @@ def nearest_hit(shapes: Sequence[Shape], origin: np.ndarray, direction: np.ndarr
         elif isinstance(shape, Polygon):
             distance = distance_to_polygon(shape.vertices, origin, direction)
         elif isinstance(shape, Patches):
-            corners = np.concatenate([patch_triangles(net, 32) for net in shape.control])
+            corners = np.concatenate([patch_triangles(net.tobytes(), 32) for net in shape.control])
             distances = distances_to_triangles(corners, origin, direction)
             face = int(np.argmin(distances)) // (2 * 32**2)
             distance = float(distances.min())
@@ -86,15 +87,13 @@ def distances_to_triangles(corners: np.ndarray, origin: np.ndarray, direction: n
 
 def distance_to_polygon(vertices: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> float:
     """Where a ray meets a polygon (N, 3); ∞ where it does not: the vertices turn round the point, or they do not."""
-    edges = list(zip(vertices, np.roll(vertices, -1, axis=0), strict=True))
-    normal = sum(np.cross(start, end) for start, end in edges)
+    following = np.roll(vertices, -1, axis=0)
+    normal = np.cross(vertices, following).sum(axis=0)
     slope = float(normal @ direction)
     distance = float(normal @ (vertices[0] - origin)) / slope if slope else -1.0
-    point = origin + distance * direction
-    turned = 0.0
-    for start, end in edges:
-        a, b = start - point, end - point
-        turned += math.atan2(float(np.cross(a, b) @ normal) / math.sqrt(float(normal @ normal)), float(a @ b))
+    start, end = vertices - (origin + distance * direction), following - (origin + distance * direction)
+    sines = np.cross(start, end) @ (normal / np.linalg.norm(normal))
+    turned = float(np.arctan2(sines, np.sum(start * end, axis=-1)).sum())
     return distance if distance > 0 and abs(turned) > math.pi else math.inf
 
 
@@ -108,9 +107,10 @@ def patch_point(net: np.ndarray, u: float, v: float) -> np.ndarray:
     return net
 
 
-def patch_triangles(net: np.ndarray, count: int) -> np.ndarray:
-    """A patch as 2·count² triangles with corners on it: (M, 3, 3)."""
-    steps = np.linspace(0, 1, count + 1)
+@functools.lru_cache
+def patch_triangles(control: bytes, count: int) -> np.ndarray:
+    """A patch, the bytes of its (4, 4, 3) control points, as 2·count² triangles with corners on it: (M, 3, 3)."""
+    net, steps = np.frombuffer(control).reshape(4, 4, 3), np.linspace(0, 1, count + 1)
     grid = np.array([[patch_point(net, u, v) for v in steps] for u in steps])
     first = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:]], axis=2)
     second = np.stack([grid[:-1, :-1], grid[1:, 1:], grid[:-1, 1:]], axis=2)

@@ -36,9 +36,7 @@ def plain(name: str) -> rl.Render:
 
 
 def smaller(camera: rl.Camera, by: int) -> rl.Camera:
-    return replace(
-        camera, width=camera.width // by, height=camera.height // by, focal_length=camera.focal_length / by
-    )
+    return replace(camera, width=camera.width // by, height=camera.height // by, focal_length=camera.focal_length / by)
 
 
 def seen_at(name: str, point: tuple[float, float, float]) -> np.ndarray:

@@ -17,7 +17,7 @@ X, Y, Z = np.eye(3)
 TILT = rotation_about(normalised(X + 2 * Y - Z), 1.1)
 # An L: six units' area of the square of nine.
 ELL = np.array([(0, 0), (3, 0), (3, 1), (1, 1), (1, 3), (0, 3)], float)
-IN_ELL = [(0.5, 0.5), (2.9, 0.5), (0.5, 2.9), (1, 1), (0.99, 1.01)]
+IN_ELL = [(0.5, 0.5), (2.9, 0.5), (0.5, 2.9), (0.99, 0.99), (0.99, 1.01)]
 OUT_OF_ELL = [(1.01, 1.01), (2, 2), (-0.01, 1), (3.01, 0.5), (0.5, 3.01), (1.5, -0.01)]
 
 
@@ -62,19 +62,19 @@ def test_a_concave_polygon_is_met_inside_and_not_where_it_turns_in(turn, reverse
                 np.testing.assert_allclose(hits.distance, np.linalg.norm(targets - origins, axis=-1), rtol=1e-12)
 
 
-@pytest.mark.parametrize("count", [3, 4, 5, 9, 40])
+@pytest.mark.parametrize("count", [3, 4, 9, 40])
 def test_polygons_are_met_as_the_slow_twin_meets_them(count):
     shapes = [
         polygon(star(count, 100 * count + k), turn=TILT @ rotation_about(X, k), at=(k / 3, 0, 0)) for k in range(9)
     ]
     random = np.random.default_rng(count)
-    origins, directions = rays_at(random.normal(scale=0.7, size=(800, 3)) + X, count)
+    origins, directions = rays_at(random.normal(scale=0.8, size=(400, 3)) + X, count + 1)
     hits = RayCaster.of(shapes).nearest(origins, directions)
     slow = [naive.nearest_hit(shapes, o, d) for o, d in zip(origins, directions, strict=True)]
     distance, shape, _ = (np.array(column) for column in zip(*slow, strict=True))
     np.testing.assert_array_equal(hits.shape, shape)
     np.testing.assert_allclose(hits.distance, distance, rtol=1e-9)
-    assert 100 < np.sum(hits.shape >= 0) < 800
+    assert 30 < np.sum(hits.shape >= 0) < 390
     assert np.all(hits.primitive == 0) and np.all(hits.barycentric == 0)
 
 
@@ -91,7 +91,7 @@ def test_a_polygon_is_met_where_its_two_triangles_are():
 
 
 def test_with_two_polygons_edge_to_edge_no_ray_slips_between():
-    # A tiled, dented sheet: every inner edge belongs to two polygons of different planes, every inner vertex to three or four.
+    # A dented sheet of triangles: every inner edge belongs to two of different planes, every inner vertex to six.
     random = np.random.default_rng(3)
     steps = np.arange(9.0)
     grid = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1)

@@ -45,7 +45,9 @@ def meet_leaf(measures, i, origin, direction, beyond, reach, footprint, pieces):
     mx, my, mz = dy * z - dz * y, dz * x - dx * z, dx * y - dy * x
     if mx * mx + my * my + mz * mz > squared * radius * radius:
         return np.inf, 0.0, 0.0
-    enter, leave = beyond, reach
+    # Its own box, not cut short: where Newton's steps begin, and so the last digits of where they end, must not depend
+    # on what is asked.
+    enter, leave = -np.inf, np.inf
     u, v, du, dv = 0.5, 0.5, 0.0, 0.0
     for k in range(3):
         f, limits = i + FRAME + 3 * k, i + LIMITS + 2 * k
@@ -61,7 +63,7 @@ def meet_leaf(measures, i, origin, direction, beyond, reach, footprint, pieces):
             u, du = u + here, step
         elif k == 1:
             v, dv = v + here, step
-    if not enter <= leave:
+    if not (enter <= leave and enter < reach and leave > beyond):
         return np.inf, 0.0, 0.0
     slope = abs(dx * measures[i + AXIS] + dy * measures[i + AXIS + 1] + dz * measures[i + AXIS + 2])
     slope /= np.sqrt(squared)

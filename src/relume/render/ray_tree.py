@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from relume.render.whitted import PreparedWhitted, view_of
-from relume.render.whitted_kernel import CHANNELS, EYE, REFLECTED, REFRACTED, SHADOW, Record, empty_record, trace
+from relume.render.whitted import PreparedWhitted
+from relume.render.whitted_kernel import EYE, REFLECTED, REFRACTED, SHADOW, Record
 from relume.scene.camera import Camera
 
 ROOM = 100_000
@@ -72,7 +72,7 @@ def ray_tree(prepared: PreparedWhitted, camera: Camera, at: tuple[float, float],
     x, y = at
     if not (0 <= x <= camera.width and 0 <= y <= camera.height):
         raise ValueError(f"pixel {x:g},{y:g} lies outside the picture of {camera.width}×{camera.height}")
-    record = _recorded(prepared, camera, np.array([[x, y]], np.float64), seed, ROOM)
+    record = prepared.recorded(camera, np.array([[x, y]], np.float64), seed, ROOM)
     count = int(record.count[0])
     parent, weight, sent = record.parent[:count], record.weight[:count], record.sent[:count]
     total = sent.copy()
@@ -97,7 +97,7 @@ def breakdown(prepared: PreparedWhitted, camera: Camera, *, seed: int = 0) -> Br
     x, y = ((np.arange(count) + 0.5) / count for count in GRID)
     across, down = np.meshgrid(x * camera.width, y * camera.height)
     points = np.column_stack([across.ravel(), down.ravel()])
-    record = _recorded(alone, camera, points, seed, int(alone.traced(camera, points, seed)[2].sum()))
+    record = alone.recorded(camera, points, seed, int(alone.traced(camera, points, seed)[2].sum()))
     count = int(record.count[0])
     alone.render(camera, seed=seed)
     pictures: list[np.ndarray] = []
@@ -115,16 +115,6 @@ def _rays_of(prepared: PreparedWhitted, camera: Camera, seed: int) -> np.ndarray
     rays = prepared.render(camera, seed=seed).rays
     assert rays is not None
     return rays
-
-
-def _recorded(prepared: PreparedWhitted, camera: Camera, points: np.ndarray, seed: int, room: int) -> Record:
-    """The nodes of the trees of samples at pixel coordinates (N, 2), one tree behind the other."""
-    told = (np.empty((len(points), CHANNELS), np.float32), np.empty(len(points), np.int64), np.empty(len(points), "i4"))
-    record = empty_record(room)
-    trace(
-        points, view_of(camera), *prepared.tables, prepared.settings(camera, seed), 0, len(points), told, record
-    )  # fmt: skip
-    return record
 
 
 def _meetings(prepared: PreparedWhitted, record: Record, count: int, clear: bool) -> Callable[[], object]:

@@ -10,15 +10,10 @@ from numpy.typing import ArrayLike
 
 from relume._kernel import exact_kernel, in_threads
 from relume.render.borrowed import borrowed
-from relume.render.patch_leaves import split
-from relume.render.polygon_kernel import polygon_measures
-from relume.render.raycast_kernel import LEAF, POLYGON, SPHERE, Geometry, meet, scratch
+from relume.render.raycast_kernel import Geometry, meet, scratch
+from relume.render.raycast_primitives import Primitives
 from relume.render.raycast_tree import Tree, build_tree
-from relume.scene.patches import Patches
-from relume.scene.shapes import Mesh, Plane, Polygon, Shape, Sphere
-
-FARTHEST = 1e15
-"""Metres from the origin within which every shape has to lie, so that areas stay finite."""
+from relume.scene.shapes import Plane, Shape
 
 FOOTPRINT = 1e-6
 """Radians: a thousandth of a pixel of a photograph, so that nobody sees where the subdivision of patches ended."""
@@ -30,8 +25,9 @@ class Hits:
 
     distance : (N,) float64, in lengths of its direction (metres); ∞ where nothing was met
     shape : (N,) int32, its place in the sequence of shapes; −1 where nothing was met
-    primitive : (N,) int32, the triangle's number in its mesh; 0 for other shapes
-    barycentric : (N, 2) float64, the weights of the triangle's second and third vertex; 0 for other shapes
+    primitive : (N,) int32, the number of the triangle in its mesh, or of the patch; 0 for other shapes
+    barycentric : (N, 2) float64, the weights of the triangle's second and third vertex, or the patch's u and v; 0 for
+        other shapes
     """
 
     distance: np.ndarray
@@ -44,7 +40,7 @@ class Hits:
 class RayCaster:
     """Shapes made ready for rays.
 
-    tree : over the P triangles and spheres; the next three hold them in the order of its leaves
+    tree : over the P primitives that are no planes; the next three hold them in the order of its leaves
     corners : (P, 9) float32, the triangles' vertices, metres
     form : (P,) int32, −1 for a triangle; or else its kind, and where its measures begin, a multiple of 4
     shape, primitive : (P + Q,) int32, as `Hits` tells them; planes are last
@@ -71,43 +67,20 @@ class RayCaster:
     def of(shapes: Sequence[Shape]) -> RayCaster:
         """The caster of these shapes, which may be none; triangles without area are left out.
 
-        Raises ValueError for a mesh or sphere that is not finite and near, and for faces that name no vertex.
+        Raises ValueError for a shape that is not finite and near, and for faces that name no vertex.
         """
-        meshes = [(i, shape) for i, shape in enumerate(shapes) if isinstance(shape, Mesh)]
-        solids = [(i, _solid_of(shape)) for i, shape in enumerate(shapes) if not isinstance(shape, Mesh | Plane)]
+        parts = Primitives.of(shapes)
         planes = [(i, shape) for i, shape in enumerate(shapes) if isinstance(shape, Plane)]
-
-        none = np.zeros((0, 9), np.float32)
-        triangles = np.concatenate([none, *(_corners_of(mesh) for _, mesh in meshes)])
-        others = sum(len(solid.primitive) for _, solid in solids)
-        corners = np.concatenate([triangles, np.zeros((others, 9), np.float32)])
-        forms, begin = [np.full(len(triangles), -1)], 0
-        for _, solid in solids:
-            rows, width = solid.measures.shape
-            forms.append(begin + width * np.arange(rows) + solid.kind)
-            begin += rows * width
-        measures = np.concatenate([np.zeros(0), *(solid.measures.ravel() for _, solid in solids)])
-        numbers = [np.arange(len(mesh.faces)) for _, mesh in meshes] + [solid.primitive for _, solid in solids]
-        numbers += [np.zeros(1, int)] * len(planes)
-        places = [i for i, _ in meshes] + [i for i, _ in solids] + [i for i, _ in planes]
-        form, primitive = (np.concatenate([np.zeros(0), *a]).astype(np.int32) for a in (forms, numbers))
-        shape = np.repeat(np.array(places, np.int32), [len(each) for each in numbers])
-
-        boxes = np.concatenate([np.zeros((len(triangles), 6)), *(solid.boxes for _, solid in solids)])
-        area = np.ones(len(boxes), bool)
-        _enclose(triangles, boxes, area)
-        boxes = _widened(boxes)
-        tree = build_tree(boxes[area])
-        rows = np.flatnonzero(area)[tree.order]
-        with_planes = np.concatenate([rows, np.arange(len(corners), len(shape))])
+        tree = build_tree(parts.boxes[parts.area])
+        rows = np.flatnonzero(parts.area)[tree.order]
         rectangles = [(plane.height, plane.extent[0] / 2, plane.extent[1] / 2) for _, plane in planes]
         return RayCaster(
             tree,
-            corners[rows],
-            form[rows],
-            shape[with_planes],
-            primitive[with_planes],
-            measures,
+            parts.corners[rows],
+            parts.form[rows],
+            np.concatenate([parts.shape[rows], np.array([i for i, _ in planes], np.int32)]),
+            np.concatenate([parts.primitive[rows], np.zeros(len(planes), np.int32)]),
+            parts.measures,
             np.array(rectangles, np.float64).reshape(-1, 3),
         )
 
@@ -204,75 +177,6 @@ def checked_rays(origins: ArrayLike, directions: ArrayLike) -> tuple[np.ndarray,
         first = int(np.argmin(unit))
         raise ValueError(f"direction {first} is {directions[first]}; expected unit length, as `normalised` gives it")
     return origins.reshape(-1, 3), directions
-
-
-def _corners_of(mesh: Mesh) -> np.ndarray:
-    """The vertices of every triangle, (M, 9) float32."""
-    vertices = np.asarray(mesh.vertices, np.float32)
-    if not np.all(np.abs(vertices) <= FARTHEST):
-        raise ValueError(f"vertices of {mesh.name!r} are not all finite and within {FARTHEST:g} m; mend the mesh")
-    if mesh.faces.min() < 0 or mesh.faces.max() >= len(vertices):
-        raise ValueError(
-            f"faces of {mesh.name!r} name vertices {mesh.faces.min()} to {mesh.faces.max()}; "
-            f"expected 0 to {len(vertices) - 1}"
-        )
-    return vertices[mesh.faces].reshape(-1, 9)
-
-
-@dataclass(frozen=True, eq=False)
-class _Solid:
-    """A shape that is neither mesh nor plane, as N primitives.
-
-    kind : as kernels tell it
-    boxes : (N, 6) float64, low x, y, z and high x, y, z
-    measures : (N, W) float64, what the kind's kernel takes; W is a multiple of 4
-    primitive : (N,) int32, as `Hits` tells them
-    """
-
-    kind: int
-    boxes: np.ndarray
-    measures: np.ndarray
-    primitive: np.ndarray
-
-
-def _solid_of(shape: Sphere | Polygon | Patches) -> _Solid:
-    """The primitives of a shape."""
-    if isinstance(shape, Sphere):
-        kind, centre = SPHERE, np.array(shape.centre, np.float64)
-        boxes = np.concatenate([centre - shape.radius, centre + shape.radius])[None]
-        measures, primitive = np.array([[*shape.centre, shape.radius]], np.float64), np.zeros(1, np.int32)
-    elif isinstance(shape, Polygon):
-        kind, vertices = POLYGON, shape.vertices
-        boxes = np.concatenate([vertices.min(axis=0), vertices.max(axis=0)])[None]
-        measures, primitive = polygon_measures(shape)[None], np.zeros(1, np.int32)
-    else:
-        leaves = split(shape)
-        kind, boxes, measures, primitive = LEAF, leaves.boxes, leaves.measures, leaves.patch
-    if not np.all(np.abs(boxes) <= FARTHEST):
-        raise ValueError(f"{shape.name!r} reaches beyond {FARTHEST:g} m; scale the scene to metres")
-    return _Solid(kind, boxes, np.pad(measures, ((0, 0), (0, -measures.shape[1] % 4))), primitive)
-
-
-@exact_kernel
-def _enclose(corners, boxes, area):
-    """Write the box round each triangle, and whether it has an area."""
-    for i in range(len(corners)):
-        a = (np.float64(corners[i, 0]), np.float64(corners[i, 1]), np.float64(corners[i, 2]))
-        b = (np.float64(corners[i, 3]), np.float64(corners[i, 4]), np.float64(corners[i, 5]))
-        c = (np.float64(corners[i, 6]), np.float64(corners[i, 7]), np.float64(corners[i, 8]))
-        for j in range(3):
-            boxes[i, j], boxes[i, j + 3] = min(a[j], b[j], c[j]), max(a[j], b[j], c[j])
-        px, py, pz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-        qx, qy, qz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-        area[i] = py * qz != pz * qy or pz * qx != px * qz or px * qy != py * qx
-
-
-def _widened(boxes: np.ndarray) -> np.ndarray:
-    """The boxes as float32, wider by more than a triangle test can err to the side, and by what rounding may take."""
-    low, high = boxes[:, :3], boxes[:, 3:]
-    margin = 1e-6 * (high - low).max(axis=1, initial=0, keepdims=True)
-    low, high = low - margin - 1.2e-7 * np.abs(low), high + margin + 1.2e-7 * np.abs(high)
-    return np.concatenate([low, high], axis=1).astype(np.float32)
 
 
 @exact_kernel

@@ -162,7 +162,7 @@ def _describe(rays, hits, tables, begin, end, points):
         second, third = barycentric[i, 0], barycentric[i, 1]
         geometric, shading, at, along_u, along_v = surface_at(
             kind, first, measures, smooth, textured, faces, vertices, normals, mesh_uv,
-            s, primitive[i], second, third, here,
+            s, primitive[i], second, third, here, True,
         )  # fmt: skip
         for k in range(3):
             point[i, k], geometric_normal[i, k], shading_normal[i, k] = here[k], geometric[k], shading[k]
@@ -173,11 +173,12 @@ def _describe(rays, hits, tables, begin, end, points):
 @inlined
 def surface_at(
     kind, first, measures, smooth, textured, faces, vertices, normals, mesh_uv,
-    s, primitive, second, third, point,
+    s, primitive, second, third, point, textures,
 ):  # fmt: skip
     """A point's geometric and shading normal, texture coordinates, ∂P/∂u and ∂P/∂v: three triples, a pair between.
 
-    The arrays of `Surfaces` come first; then shape, primitive and weights of a hit, and where it is.
+    The arrays of `Surfaces` come first; then shape, primitive and weights of a hit, where it is, and whether its
+    texture coordinates are wanted: a sphere's cost as much as all else.
     """
     x, y, z = point
     geometric, shading = (0.0, 1.0, 0.0), (0.0, 1.0, 0.0)
@@ -189,13 +190,14 @@ def surface_at(
     elif kind[s] == _SPHERE:
         radius = measures[first[s] + 3]
         x, y, z = _unit(x - measures[first[s]], y - measures[first[s] + 1], z - measures[first[s] + 2])
-        ring = np.sqrt(x * x + z * z)
-        # At a pole every longitude is right; 0 is taken.
-        sine, cosine = (x / ring, -z / ring) if ring > 0 else (0.0, 1.0)
         geometric, shading = (x, y, z), (x, y, z)
-        uv = (max(0.5 + np.arctan2(sine, cosine) / (2 * np.pi), 0.0), np.arctan2(ring, -y) / np.pi)
-        dp_du = (-2 * np.pi * radius * z, 0.0, 2 * np.pi * radius * x)
-        dp_dv = (-np.pi * radius * y * sine, np.pi * radius * ring, np.pi * radius * y * cosine)
+        if textures:
+            ring = np.sqrt(x * x + z * z)
+            # At a pole every longitude is right; 0 is taken.
+            sine, cosine = (x / ring, -z / ring) if ring > 0 else (0.0, 1.0)
+            uv = (max(0.5 + np.arctan2(sine, cosine) / (2 * np.pi), 0.0), np.arctan2(ring, -y) / np.pi)
+            dp_du = (-2 * np.pi * radius * z, 0.0, 2 * np.pi * radius * x)
+            dp_dv = (-np.pi * radius * y * sine, np.pi * radius * ring, np.pi * radius * y * cosine)
     elif kind[s] == _POLYGON:
         i = first[s]
         geometric = (measures[i], measures[i + 1], measures[i + 2])

@@ -19,7 +19,7 @@ from relume.render.antialiasing import Antialiasing, Small, Traced, sampled
 from relume.render.raycast import RayCaster
 from relume.render.raycast_surface import Surfaces
 from relume.render.renderer import Progress, Render
-from relume.render.whitted_kernel import CHANNELS, Settings, empty_record, trace
+from relume.render.whitted_kernel import CHANNELS, Record, Settings, empty_record, trace
 from relume.render.whitted_lights import attenuation_code, light_table
 from relume.render.whitted_materials import MaterialTables
 from relume.scene.bounds import bounding_sphere
@@ -133,7 +133,7 @@ class PreparedWhitted:
                 f"region {left},{top},{right},{bottom} of a picture of {camera.width}×{camera.height} pixels; "
                 "expected left < right and top < bottom within it"
             )
-        self._look_from(camera)
+        self._look_from(camera, seed)
         reference, small = self._typical(camera, seed), self._small(camera)
         done: list[int] = []
 
@@ -172,11 +172,17 @@ class PreparedWhitted:
 
     def traced(self, camera: Camera, points: np.ndarray, seed: int = 0) -> Traced:
         """The trees of samples at pixel coordinates (N, 2), on this thread."""
-        count = len(points)
-        told = (np.empty((count, CHANNELS), np.float32), np.empty(count, np.int64), np.empty(count, np.int32))
-        view, settings, nothing = view_of(camera), self.settings(camera, seed), empty_record()
-        trace(points, view, *self.tables, settings, 0, count, told, nothing)
+        told = _room_for(len(points))
+        settings = self.settings(camera, seed)
+        trace(points, view_of(camera), *self.tables, settings, 0, len(points), told, empty_record())
         return told
+
+    def recorded(self, camera: Camera, points: np.ndarray, seed: int, room: int) -> Record:
+        """The first `room` nodes of the trees of samples at pixel coordinates (N, 2), one behind the other."""
+        told = _room_for(len(points))
+        record = empty_record(room)
+        trace(points, view_of(camera), *self.tables, self.settings(camera, seed), 0, len(points), told, record)
+        return record
 
     def settings(self, camera: Camera, seed: int) -> Settings:
         """The method's numbers as the kernel takes them."""
@@ -208,27 +214,34 @@ class PreparedWhitted:
         small = (radius < SMALL) & np.all(np.isfinite(seen), axis=1)
         return Small(seen[small], radius[small])
 
-    def _look_from(self, camera: Camera) -> None:
+    def _look_from(self, camera: Camera, seed: int) -> None:
         """Warn of an eye inside glass: what it sees is bent by a surface that the picture does not show."""
-        coefficients, shapes = self.tables[2], (*self.scene.local, *self.scene.objects)
-        transparent = np.any(coefficients.transmission > 0, axis=1)[self.tables[1][10]]
+        transparent = np.any(self.tables[2].transmission > 0, axis=1)[self.tables[1][10]]
         if not np.any(transparent):
             return
-        axes = np.concatenate([np.eye(3), -np.eye(3)])
-        hits = self.caster.nearest(camera.position, axes, threads=1)
-        normals = Surfaces.of(shapes).at(camera.position, axes, hits, threads=1).geometric_normal
-        inside = (hits.shape >= 0) & (np.einsum("ij,ij->i", normals, axes) > 0)
-        for index in np.flatnonzero(transparent):
-            if np.all(inside[hits.shape == index]) and np.sum(hits.shape == index) >= 4:
-                name = getattr(shapes[index], "name", "the plane")
-                warnings.warn(
-                    f"the camera stands inside {name!r}, which is transparent: the picture shows what is seen from in "
-                    "there; move the camera out unless that is meant",
-                    stacklevel=3,
-                )
+        met: list[int] = []
+        # Six ways, none of them straight up or down, where a camera has no level horizon.
+        for axis in np.concatenate([np.eye(3) + 0.1, -np.eye(3) - 0.1]):
+            ahead = Camera.looking_at(camera.position, camera.position + axis, width=1, height=1, focal_length=1.0)
+            record = self.recorded(ahead, np.array([[0.5, 0.5]]), seed, 1)
+            shape = int(record.shape[0])
+            met.append(shape if shape >= 0 and record.inside[0] and transparent[shape] else -1)
+        # The eye is outside what it sees from within through a gap only.
+        around = max(set(met), key=met.count)
+        if around >= 0 and met.count(around) >= 4:
+            name = getattr((*self.scene.local, *self.scene.objects)[around], "name", "the plane")
+            warnings.warn(
+                f"the camera stands inside {name!r}, which is transparent: the picture shows what is seen from in "
+                "there; move the camera out unless that is meant",
+                stacklevel=3,
+            )
 
 
 def view_of(camera: Camera) -> np.ndarray:
     """The camera as sixteen numbers: eye, rotation in rows, focal length, the middle of the picture."""
     middle = (camera.width / 2, camera.height / 2)
     return np.array([*camera.position, *np.ravel(camera.rotation), camera.focal_length, *middle, 0.0], np.float64)
+
+
+def _room_for(count: int) -> Traced:
+    return np.empty((count, CHANNELS), np.float32), np.empty(count, np.int64), np.empty(count, np.int32)

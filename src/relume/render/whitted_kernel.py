@@ -55,6 +55,7 @@ class Record(NamedTuple):
     weight : (N, 3) share of the pixel that the node's intensity has
     sent : (N, 3) what the node itself adds to the pixel, without its children
     parent, kind, shape, light : (N,); a shape of −1 is none, a blocked light's ray ends at its blocker
+    inside : (N,) whether the shape is met from within
     limits : (N, 2) the interval of distances in which each ray was traced
     count : (1,) nodes so far
     """
@@ -66,6 +67,7 @@ class Record(NamedTuple):
     kind: np.ndarray
     shape: np.ndarray
     light: np.ndarray
+    inside: np.ndarray
     limits: np.ndarray
     count: np.ndarray
 
@@ -74,7 +76,8 @@ def empty_record(size: int = 0) -> Record:
     """Room for this many nodes of a tree."""
     return Record(
         np.empty((size, 6)), np.empty((size, 3)), np.empty((size, 3)), np.empty(size, np.int64),
-        np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size, np.int64), np.empty((size, 2)),
+        np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size, np.int64), np.zeros(size, np.bool_),
+        np.empty((size, 2)),
         np.zeros(1, np.int64),
     )  # fmt: skip
 
@@ -114,7 +117,7 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
     place, strength, falloff, reach, shines, glow = lights
     entries, rows = sky
     values, keys, counts = borrowed(told)
-    ends, share, sent, parent_of, ray_kind, node_shape, node_light, limits, node_count = borrowed(record)
+    ends, share, sent, parent_of, ray_kind, node_shape, node_light, node_inside, limits, node_count = borrowed(record)
     waiting, entry, pieces = borrowed(waiting_room)
     rays, notes, seeds = borrowed(stack)
     depth, contribution, attenuation, attenuation_reach, scattered, clear, background = settings[:7]
@@ -189,7 +192,7 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
                 continue
             geometric, shading, uv, dp_du, dp_dv = surface_at(
                 kind_of, first_of, sizes, smooth, textured, faces, vertices, normals, mesh_uv,
-                s, primitive_of[slot], second, third, point,
+                s, primitive_of[slot], second, third, point, paint[m] == PICTURE or bump[m] >= 0,
             )  # fmt: skip
             # The normal has to point to the side that the ray comes from, and the index goes with it (§2).
             side = -1.0 if dot(geometric, direction) > 0 else 1.0
@@ -251,6 +254,7 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
                 kept = _kept(attenuation, attenuation_reach, distance)
                 weight = (weight[0] * kept, weight[1] * kept, weight[2] * kept)
             if node >= 0:
+                node_inside[node] = side < 0
                 for j in range(3):
                     share[node, j] = weight[j]
             if coated[m] > 0:
