@@ -143,15 +143,16 @@ def test_section_1_what_lies_behind_a_light_throws_no_shadow_through_glass_eithe
     np.testing.assert_allclose(seen(scene, [0.5, 0.3, 0], [-0.5, -0.3, 0]), 0.5 * 0.25 / 4, rtol=1e-6)
 
 
-@pytest.mark.parametrize(("light", "lit"), [(10, True), (80, True), (-80, False), (100, False)])
+@pytest.mark.parametrize(("light", "lit"), [(10, True), (80, True), (-35, False), (-80, False), (100, False)])
 def test_section_1_a_smooth_mesh_is_lit_where_both_its_facet_and_its_normal_face_the_light(light, lit):
     # A flat facet whose normal says that it is tilted by 60° towards +x.
     vertices, tilted = np.array([[-1, 0, 1], [1, 0, 1], [0, 0, -1]], "f4"), np.array([towards(60)] * 3, "f4")
-    mesh = Mesh(vertices, np.array([[0, 1, 2]], np.int32), WhittedMaterial(grey(0.5), highlight=WHITE), tilted)
+    material = WhittedMaterial(grey(0.5), highlight=WHITE, exponent=1)
+    mesh = Mesh(vertices, np.array([[0, 1, 2]], np.int32), material, tilted)
     scene = Scene(DARKNESS, objects=(mesh,), lights=(DistantLight(towards(light), UNIT),))
     found = seen(scene, [0.2, 1, 0], [-0.2, -1, 0])[0]
     halfway = normalised(np.array(towards(light)) + normalised([0.2, 1, 0]))
-    shine = max(float(halfway @ towards(60)), 0) ** 50
+    shine = max(float(halfway @ towards(60)), 0)
     assert found == pytest.approx((0.5 * np.cos(np.radians(60 - light)) + shine) * lit, rel=1e-5)
 
 
