@@ -275,6 +275,7 @@ def test_a_picture_is_metered_by_the_scenes_own_lights(folder):
         ("clay.toml", "turn", ["--frames", "0"], "--frames is 0; give 1 or more"),
         ("clay.toml", "a.png", ["--degrees", "90"], "--degrees tells how things move; give --frames N too"),
         ("clay.toml", "a.png", ["--size", "0x0"], "--size: 0x0 holds no pixels"),
+        ("clay.toml", "a.png", ["--size", "65537x9"], "--size: 65537x9 is too large; give at most 65536 pixels"),
         ("clay.toml", "a.png", ["--size", "big"], '"big" is no size; write WIDTHxHEIGHT'),
         ("clay.toml", "a.png", ["--renderer", "mapped", "--samples", "9"], "--samples is for --renderer mitsuba"),
         ("clay.toml", "a.png", ["--renderer", "mitsuba", "--filter", "mip"], "--filter is for --renderer mapped"),

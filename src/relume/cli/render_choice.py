@@ -19,6 +19,8 @@ Name = Literal["mapped", "mitsuba", "whitted"]
 Region = tuple[int, int, int, int]
 SCENES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")
 PICTURES = (".exr", ".hdr", ".png", ".jpg", ".jpeg")
+LARGEST = 65536
+"""Pixels along a side of a picture, as in the scene file."""
 FOR: dict[str, tuple[Name, ...]] = {
     "--filter": ("mapped",),
     "--plate": ("mapped",),
@@ -174,4 +176,6 @@ def _read_size(size: str) -> tuple[int, int]:
         raise ValueError(f'--size: "{size}" is no size; write WIDTHxHEIGHT, like 1280x720') from None
     if width < 1 or height < 1:
         raise ValueError(f"--size: {size} holds no pixels; write WIDTHxHEIGHT, like 1280x720")
+    if max(width, height) > LARGEST:
+        raise ValueError(f"--size: {size} is too large; give at most {LARGEST} pixels along a side")
     return width, height
