@@ -252,7 +252,7 @@ def leaks(caster, origins, targets):
     towards = targets - origins
     length = np.linalg.norm(towards, axis=-1)
     hits = caster.nearest(origins, towards / length[:, None])
-    return int(np.sum(~(hits.distance <= length * (1 + 1e-9) + 1e-9)))
+    return int(np.sum(~(hits.distance <= length + 1e-4)))
 
 
 def in_body(count, seed):
@@ -294,7 +294,7 @@ def test_no_ray_slips_through_a_seam():
     corners = at(patches.control[which], fixed, random.integers(0, 65, len(which)) / 64)
     assert leaks(caster, inside, corners) == 0
     # From far away a millimetre is rounded to fewer digits.
-    assert leaks(caster, corners - 1e5 * normalised(inside - corners), corners) == 0
+    assert leaks(caster, corners - 1e7 * normalised(inside - corners), corners) == 0
 
 
 def test_every_ray_at_a_pole_meets_it():

@@ -65,10 +65,17 @@ def render(
     ] = None,
     tolerance: Annotated[
         float | None,
-        Parameter(help="whitted: corners that differ by this share are halved; 0.05 unless the file says."),
+        Parameter(help="whitted: corners that differ by this share are halved; 0.1 unless the file says."),
     ] = None,
     region: Annotated[
         str | None, Parameter(help="whitted: only this part of the picture, LEFT,TOP,RIGHT,BOTTOM in pixels.")
+    ] = None,
+    tree: Annotated[
+        str | None,
+        Parameter(
+            help="whitted: instead of the picture draw the tree of rays behind pixel X,Y (.png or .svg), and print "
+            "where the picture's time goes."
+        ),
     ] = None,
     frames: Annotated[int | None, Parameter(help="mapped, whitted: this many pictures of a motion.")] = None,
     motion: Annotated[
@@ -96,6 +103,7 @@ def render(
     """Render a scene under an illumination map and lights, as one picture or as frames of a motion."""
     from relume.cli import render_choice as choice
     from relume.cli import render_frames as pictures
+    from relume.cli.render_tree import draw_tree, read_pixel
     from relume.shot.metering import metered_scene
 
     with speaking(manner):
@@ -109,10 +117,14 @@ def render(
             "--subdivisions": subdivisions,
             "--tolerance": tolerance,
             "--region": region,
+            "--tree": tree,
             "--frames": frames,
         }
         possible = choice.renderers_for(options, renderer)
-        choice.check_output(out, frames, {"--motion": motion, "--degrees": degrees})
+        if tree is not None:
+            choice.check_drawing(out, {"--frames": frames, "--region": region})
+        else:
+            choice.check_output(out, frames, {"--motion": motion, "--degrees": degrees})
         require_files([plate] if plate is not None else [])
         read = choice.read_file(scene, light, size)
         world, camera = read.scene, read.camera
@@ -137,8 +149,13 @@ def render(
             "size": f"{camera.width}×{camera.height}",
             "exposure": film.exposure,
         }
+        pixel = None if tree is None else read_pixel(tree, camera)
         if dry_run:
             tell(manner, {"would write": str(out), **told})
+            return
+        if pixel is not None:
+            drawn = draw_tree(out, whitted, world, camera, pixel, film=film, seed=seed or 0)
+            tell(manner, {"written": str(out), **told, **drawn})
             return
         with progress(manner) as report:
             if renderer == "mitsuba":

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from relume.cli.arguments import require_files, require_suffix
+from relume.cli.render_tree import DRAWINGS
 from relume.errors import UnreadableFile
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ FOR: dict[str, tuple[Name, ...]] = {
     "--subdivisions": ("whitted",),
     "--tolerance": ("whitted",),
     "--region": ("whitted",),
+    "--tree": ("whitted",),
     "--frames": ("mapped", "whitted"),
 }
 """The renderers that an option means something to; an option that is not here means something to all."""
@@ -100,6 +102,17 @@ def check_output(out: Path, frames: int | None, for_frames: Mapping[str, object]
         raise ValueError(f"-o {out}: with --frames give a folder for numbered pictures, or an .mp4")
     elif left := sorted(path.name for path in out.glob("frame_*.png"))[frames:]:
         raise ValueError(f"-o {out}: holds frames of another movie, from {left[0]} on; remove them")
+
+
+def check_drawing(out: Path, others: Mapping[str, object]) -> None:
+    """Refuse what cannot be drawn of a tree, before any work.
+
+    others : options that ask for pictures
+    """
+    given = [name for name, value in others.items() if value is not None]
+    if given:
+        raise ValueError(f"--tree draws one pixel's rays, and {given[0]} asks for pictures; leave one of them out")
+    require_suffix(out, *DRAWINGS)
 
 
 def read_file(path: Path, light: Path | None, size: str | None) -> SceneFile:

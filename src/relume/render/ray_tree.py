@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from relume.render.antialiasing import Traced
 from relume.render.whitted import PreparedWhitted
 from relume.render.whitted_kernel import EYE, REFLECTED, REFRACTED, SHADOW, Record
 from relume.scene.camera import Camera
@@ -93,28 +94,37 @@ def ray_tree(prepared: PreparedWhitted, camera: Camera, at: tuple[float, float],
 
 def breakdown(prepared: PreparedWhitted, camera: Camera, *, seed: int = 0) -> Breakdown:
     """Measure where the time of a picture goes, on one core: the whole, its trees alone, their rays alone."""
-    alone = replace(prepared, method=replace(prepared.method, threads=1))
+    alone = _Timed(replace(prepared.method, threads=1), prepared.scene)
     x, y = ((np.arange(count) + 0.5) / count for count in GRID)
     across, down = np.meshgrid(x * camera.width, y * camera.height)
     points = np.column_stack([across.ravel(), down.ravel()])
     record = alone.recorded(camera, points, seed, int(alone.traced(camera, points, seed)[2].sum()))
     count = int(record.count[0])
     alone.render(camera, seed=seed)
-    pictures: list[np.ndarray] = []
-    seconds = _seconds(lambda: pictures.append(_rays_of(alone, camera, seed)), 1)
-    rays = int(pictures[-1].sum())
-    trees = _seconds(lambda: alone.traced(camera, points, seed)) / count * rays
-    meetings = _seconds(_meetings(alone, record, count, alone.settings(camera, seed).clear)) / count * rays
-    trees, meetings = min(trees, seconds), min(meetings, trees, seconds)
-    return Breakdown(
-        (seconds - trees) / seconds, meetings / seconds, (trees - meetings) / seconds, seconds, rays
-    )  # fmt: skip
-
-
-def _rays_of(prepared: PreparedWhitted, camera: Camera, seed: int) -> np.ndarray:
-    rays = prepared.render(camera, seed=seed).rays
+    alone.spent.clear()
+    begin = time.thread_time()
+    rays = alone.render(camera, seed=seed).rays
+    seconds = time.thread_time() - begin
     assert rays is not None
-    return rays
+    total = int(rays.sum())
+    trees = sum(alone.spent)
+    # The rays of the grid stand for all: they are of the same kinds, in the same proportions.
+    meetings = _seconds(_meetings(alone, record, count, alone.settings(camera, seed).clear)) / count * total
+    meetings = min(meetings, trees)
+    return Breakdown((seconds - trees) / seconds, meetings / seconds, (trees - meetings) / seconds, seconds, total)
+
+
+@dataclass(frozen=True, eq=False)
+class _Timed(PreparedWhitted):
+    """Notes the time that its trees take."""
+
+    spent: list[float] = field(default_factory=list)
+
+    def traced(self, camera: Camera, points: np.ndarray, seed: int = 0) -> Traced:
+        begin = time.thread_time()
+        told = super().traced(camera, points, seed)
+        self.spent.append(time.thread_time() - begin)
+        return told
 
 
 def _meetings(prepared: PreparedWhitted, record: Record, count: int, clear: bool) -> Callable[[], object]:
@@ -136,9 +146,9 @@ def _meetings(prepared: PreparedWhitted, record: Record, count: int, clear: bool
     return work
 
 
-def _seconds(work: Callable[[], object], rounds: int = ROUNDS) -> float:
+def _seconds(work: Callable[[], object]) -> float:
     times = []
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         begin = time.thread_time()
         work()
         times.append(time.thread_time() - begin)

@@ -194,9 +194,10 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
                 kind_of, first_of, sizes, smooth, textured, faces, vertices, normals, mesh_uv,
                 s, primitive_of[slot], second, third, point, paint[m] == PICTURE or bump[m] >= 0,
             )  # fmt: skip
-            # The normal has to point to the side that the ray comes from, and the index goes with it (§2).
+            # The normal has to point to the side that the ray comes from, and the index goes with it (§2); what lets
+            # no light through has no inside to come from, whichever way its faces were put together.
             side = -1.0 if dot(geometric, direction) > 0 else 1.0
-            index = ior[m] if side > 0 else 1 / ior[m]
+            index = ior[m] if side > 0 or not max(through[0], through[1], through[2]) > 0 else 1 / ior[m]
             if bump[m] >= 0:
                 which = np.int64(bump[m])
                 if slope_picture[which] < 0:

@@ -17,7 +17,7 @@ from relume.scene.shapes import Plane, Shape, Sphere
 
 COLOURS = {EYE: "#222222", REFLECTED: "#2c5fb3", REFRACTED: "#27803f", SHADOW: "#c98a00"}
 LABELS = {EYE: "from the eye", REFLECTED: "S, reflected", REFRACTED: "T, refracted", SHADOW: "L, towards a light"}
-MOST = 60
+MOST = 32
 """Nodes that are drawn; the weakest are left out."""
 POINTS = 4000
 """Of a mesh's outline."""
