@@ -212,7 +212,8 @@ def meet(scene: Scene, origin: np.ndarray, direction: np.ndarray, way: float) ->
     side = 1.0 if outside else -1.0
     material = WhittedMaterial(shape.material.reflectance) if isinstance(shape.material, Diffuse) else shape.material
     assert isinstance(material, WhittedMaterial) and material.roughness == 0 and material.bumps is None
-    index = material.ior if outside else 1 / material.ior
+    # What lets no light through has no inside to come from.
+    index = material.ior if outside or not any(material.transmission) else 1 / material.ior
     return Node(point, distance, side * normal, side * face, index, uv, material, way + distance)
 
 

@@ -177,6 +177,13 @@ def test_a23_a_dielectric_reflects_by_fresnels_law(ior, angle, expected):
     assert seen(Plane(glass(ior)), deep, [0, 1, 0], downwards(angle)) == pytest.approx(1 - expected, abs=1.2e-6)
 
 
+@pytest.mark.parametrize("angle", [10.0, 60.0])
+def test_a23_an_opaque_surface_reflects_alike_on_both_sides(angle):
+    varnish = Plane(WhittedMaterial(specular=WHITE, ior=1.5, fresnel=True))
+    above, below = (seen(varnish, SKY, [0, y, 0], y * downwards(angle)) for y in (1, -1))
+    assert below == pytest.approx(above, rel=1e-6)
+
+
 def test_a23_its_mean_over_directions_from_outside_and_inside():
     nodes, weights = np.polynomial.legendre.leggauss(200)
     share, weights = (nodes + 1) / 2, weights / 2

@@ -30,6 +30,7 @@ RIM, BODY, HANDLE, SPOUT, LID, BOTTOM = (
     range(20, 28),
     range(28, 32),
 )
+TURN, SHIFT = rotation_about(normalised(X - 2 * Y + Z), 0.9), np.array([0.3, -0.7, 0.9])
 ARC = 4 / 3 * (math.sqrt(2) - 1)
 """Of a cubic's handles that follow a quarter of a circle to 0.03 % of its radius."""
 
@@ -220,28 +221,23 @@ def camera_towards(camera, x, y):
     return Camera.looking_at(camera.position, target, width=640, height=480, focal_length=1000 * camera.focal_length)
 
 
-def test_an_outline_is_out_by_no_more_than_the_footprint():
-    patches, eye, footprint = teapot(), np.array([1.0, 4.5, 8.0]), 2e-3
+def test_an_outline_is_out_by_no_more_than_half_the_footprint():
+    patches, eye, footprint = teapot(), np.array([1.0, 4.5, 8.0]), 5e-4
     caster, camera = RayCaster.of([patches]), seen_from((1, 4.5, 8), (0.2, 1.4, 0), 1)
     directions = camera.rays().reshape(-1, 3)
-    exact = caster.nearest(eye, directions, footprint=0)
-    rough = caster.nearest(eye, directions, footprint=footprint)
-    differ = (exact.shape != rough.shape) | ~np.isclose(exact.distance, rough.distance, rtol=1e-6)
-    # A sample of wider and wider rings finds both.
-    around = [
-        normalised(directions[differ] + footprint * r * (math.cos(a) * X + math.sin(a) * Y))
-        for r in (0.25, 0.5, 1)
-        for a in np.arange(16) * math.pi / 8
-    ]
-    seen = np.array([caster.nearest(eye, ring, footprint=0).distance for ring in around])
-    here = exact.distance[differ]
-    changes = np.any(~np.isclose(seen, here, rtol=2e-3), axis=0)
-    print(f"{differ.sum()} of {len(directions)} rays differ; {np.sum(~changes)} of them at no outline")
-    assert 0 < differ.sum() < 300
+    exact, rough = (caster.nearest(eye, directions, footprint=each) for each in (0, footprint))
+    differ = ~np.isclose(exact.distance, rough.distance, rtol=1e-6)
+    assert 10 < differ.sum() < 100
+    # So near to an outline is each ray that differs that another within half a footprint meets something else.
+    changes = np.zeros(differ.sum(), bool)
+    for radius in (0.1, 0.25, 0.5):
+        for angle in np.arange(32) * math.pi / 16:
+            aside = footprint * radius * (math.cos(angle) * X + math.sin(angle) * Y)
+            hits = caster.nearest(eye, normalised(directions[differ] + aside), footprint=0)
+            changes |= ~np.isclose(hits.distance, exact.distance[differ], rtol=2e-3)
     assert np.all(changes)
-    for finer in (1e-6, 2e-5):
-        same = caster.nearest(eye, directions, footprint=finer)
-        assert np.sum(same.shape != exact.shape) <= 2
+    finer = caster.nearest(eye, directions, footprint=2e-5)
+    assert np.sum(finer.shape != exact.shape) <= 2
 
 
 # --- seams and poles -------------------------------------------------------------------------------------------------
@@ -298,16 +294,18 @@ def test_no_ray_slips_through_a_seam():
 
 
 def test_every_ray_at_a_pole_meets_it():
-    caster, random = RayCaster.of([teapot()]), np.random.default_rng(7)
-    for pole, up in ((3.15 * Y, 1), (0 * Y, -1)):
-        origins = pole + random.normal(size=(20_000, 3)) * (1, 0.5, 1) + 4 * up * Y
-        origins = np.concatenate([origins, pole + up * np.outer(np.arange(1, 9), Y)])
-        towards = pole - origins
+    # Away from the origin, where nothing is exactly 0.
+    moved = Patches(teapot().control @ TURN.T + SHIFT, GREY)
+    caster, surfaces, random = RayCaster.of([moved]), Surfaces.of([moved]), np.random.default_rng(7)
+    for pole, up in ((3.15 * Y, Y), (0 * Y, -Y)):
+        origins = pole + random.normal(size=(20_000, 3)) * (1, 0.5, 1) + 4 * up
+        origins = np.concatenate([origins, pole + np.outer(np.arange(1, 9), up)]) @ TURN.T + SHIFT
+        towards = pole @ TURN.T + SHIFT - origins
         length = np.linalg.norm(towards, axis=-1)
         hits = caster.nearest(origins, towards / length[:, None])
         np.testing.assert_allclose(hits.distance, length, rtol=1e-9)
-        surface = Surfaces.of([teapot()]).at(origins, towards / length[:, None], hits)
-        np.testing.assert_allclose(surface.geometric_normal, np.tile(up * Y, (len(length), 1)), atol=1e-3)
+        surface = surfaces.at(origins, towards / length[:, None], hits)
+        np.testing.assert_allclose(surface.geometric_normal, np.tile(TURN @ up, (len(length), 1)), atol=1e-3)
 
 
 # --- where they are met ----------------------------------------------------------------------------------------------
@@ -489,21 +487,17 @@ def pole_patch():
 
 
 def test_a_pole_has_the_normal_of_what_is_around_it():
-    patches = Patches(pole_patch(), GREY)
-    spread = 10.0 ** np.arange(-18, -2, 0.25)
+    patches = Patches(pole_patch() @ TURN.T + SHIFT, GREY)
+    spread = np.concatenate([[0], 10.0 ** np.arange(-18, -2, 0.25)])
     targets = np.stack([0.6 * spread, np.ones_like(spread), 0.8 * spread], axis=-1)
-    origins = targets + 2 * Y
-    hits = hits_of(patches, origins, np.tile(-Y, (len(spread), 1)))
+    origins, directions = (targets + 2 * Y) @ TURN.T + SHIFT, np.tile(-TURN @ Y, (len(spread), 1))
+    hits = hits_of(patches, origins, directions)
     np.testing.assert_allclose(hits.distance, 2, atol=1e-4)
-    surface = Surfaces.of([patches]).at(origins, np.tile(-Y, (len(spread), 1)), hits)
-    lengths = np.linalg.norm(surface.geometric_normal, axis=-1)
-    np.testing.assert_allclose(lengths, 1, atol=1e-12)
-    at_pole = surface.geometric_normal[spread < 1e-6]
-    np.testing.assert_allclose(at_pole, np.tile(Y, (len(at_pole), 1)), atol=1e-4)
-    around = surface.geometric_normal[spread >= 1e-6]
-    np.testing.assert_allclose(around, targets[spread >= 1e-6], atol=2e-3)
-    pole = hits_of(patches, 3 * Y, [-Y])
-    assert pole.barycentric[0, 1] == pytest.approx(1, abs=1e-6)
+    assert hits.barycentric[0, 1] == pytest.approx(1, abs=1e-6)
+    surface = Surfaces.of([patches]).at(origins, directions, hits)
+    np.testing.assert_allclose(np.linalg.norm(surface.geometric_normal, axis=-1), 1, atol=1e-12)
+    # A dome's normal is its place, to what four arcs of a cubic are out; nearer to the pole rounding is as much.
+    np.testing.assert_allclose(surface.geometric_normal @ TURN, targets, atol=2e-3)
 
 
 def strange_patches():

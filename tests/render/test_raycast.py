@@ -12,7 +12,8 @@ from relume.render.raycast import RayCaster
 from relume.render.raycast_surface import Surfaces
 from relume.render.raycast_tree import LARGEST_LEAF, build_tree
 from relume.scene.materials import Diffuse
-from relume.scene.shapes import Mesh, Plane, Sphere
+from relume.scene.patches import Patches
+from relume.scene.shapes import Mesh, Plane, Polygon, Sphere
 from relume.sphere.directions import normalised, rotation_about
 
 GREY = Diffuse((0.5, 0.5, 0.5))
@@ -475,14 +476,22 @@ def textured(mesh, seed):
     return Mesh(mesh.vertices, mesh.faces, GREY, uv=uv)
 
 
+def sheet():
+    """A patch that is a little bent."""
+    x, y = np.meshgrid(np.linspace(-4, 5, 4), np.linspace(-3, 4, 4), indexing="ij")
+    return np.stack([x, y, 2 + 0.1 * x * y / 4 - 0.02 * x**2], axis=-1)[None]
+
+
 @pytest.mark.parametrize(
     "shape",
     [
         Sphere((0.2, 0.1, -0.3), 1.5, GREY),
         Plane(GREY, (6.0, 9.0), height=-2.0),
         textured(triangle((-4, -3, 2), (5, -2, 1), (0, 6, 3)), 26),
+        Polygon(np.array([(-4, -3, 2), (5, -3, 1), (5, 4, 1), (0, 1, 14 / 9), (-4, 6, 2)], float), GREY),
+        Patches(sheet(), GREY),
     ],
-    ids=["sphere", "plane", "mesh"],
+    ids=["sphere", "plane", "mesh", "polygon", "patches"],
 )
 def test_the_derivatives_lead_from_one_hit_to_the_next(shape):
     # p(u + Δu, v + Δv) − p(u, v) = dp/du Δu + dp/dv Δv, but for the curvature of a sphere.

@@ -2,8 +2,9 @@
 
 A leaf is one piece of a patch, split off ahead of time (`patch_leaves`). Where a ray cannot meet it twice, because none
 of its normals is at right angles to the ray, Newton's steps find the one place. Elsewhere, at outlines above all, it is
-halved, and its halves again, as long as the ray pierces their spheres; so outlines are exact however near they are
-looked at. A ray misses what is neither met before it is smaller than the ray's footprint, nor seen as any wider.
+halved, and its halves again, as long as the ray pierces their bounding spheres, until Newton's steps can decide or the
+piece is smaller than the ray's footprint, or seen as narrower. Every hit lies on the patch itself, so that outlines are
+exact to half a footprint however near they are looked at.
 """
 
 from __future__ import annotations
@@ -166,8 +167,8 @@ def _look_at(pieces, n, margin):
     apart = low_u > margin * mean_u or -high_u > margin * mean_u or low_v > margin * mean_v or -high_v > margin * mean_v
     width_u = (high_u - low_u) / mean_u if mean_u > 0 else np.inf
     width_v = (high_v - low_v) / mean_v if mean_v > 0 else np.inf
-    # All differences along u are within `off_u` of their mean, and so are those along v: no two are parallel unless
-    # rounding them off turns one round.
+    # Differences along u are within `off_u` of their mean, and those along v within `off_v` of theirs. Where the means'
+    # product is greater than that can take from it, every such product has its sign: nowhere is the piece folded.
     off_u, off_v = 0.0, 0.0
     for j in range(3):
         for k in range(4):

@@ -9,7 +9,7 @@ import numpy as np
 from relume.render.patch_point import BEYOND, TOUCH
 from relume.scene.patches import Patches
 
-BENT = 0.4
+BENT = 0.3
 """Sine of the angle to a leaf's mean normal that none of its own may exceed: rays at less steep ones are subdivided."""
 FINEST = 4
 """A patch is halved this often at most along u and along v."""

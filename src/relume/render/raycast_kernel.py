@@ -60,10 +60,11 @@ def meet(
     origin, direction, beyond, limit, footprint, any_will_do, waiting, entry, pieces,
 ):  # fmt: skip
     """The nearest hit, or any, of one ray between two distances: its distance, the primitive's place in the leaves
-    (planes come after them; −1 for none), and the second and third weight of a triangle's vertices.
+    (planes come after them; −1 for none), and the second and third weight of a triangle's vertices or a patch's u, v.
 
-    Compiled into the caller, and given what `Geometry` and `scratch` hold one by one: to call it, or to take arrays out
-    of tuples for every ray, would take half as long again. The caller has to be an exact kernel.
+    Compiled into the caller, and given what `Geometry` and `scratch` hold one by one, `borrowed` before the loop over
+    rays: references to the arrays would be counted for every ray otherwise, which takes half as long again. The caller
+    has to be an exact kernel.
 
     origin, direction : triples, metres; the direction of any length, which then is the distances' unit
     footprint : radians, the width of the cone that the ray stands for

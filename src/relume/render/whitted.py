@@ -28,7 +28,7 @@ from relume.scene.lights import Attenuation, Unattenuated
 from relume.scene.scene import Scene
 from relume.sphere.polar import padded
 
-BAND = 1 << 13
+BAND = 1 << 14
 """Pixels that a thread works on at once: what it knows of their samples stays in the processor's cache."""
 FINEST = 1 / 64
 """Patches are subdivided to this share of a pixel."""

@@ -111,7 +111,7 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
     kind_of, first_of, sizes, smooth, textured, faces, vertices, normals, mesh_uv = surfaces[:9]
     primitive_of, material_of = surfaces[9], surfaces[10]
     diffuse, second_colour, ambient, specular, transmission, highlight = materials[:6]
-    exponent, ior, law, roughness, coated, metal, everywhere, paint, picture, size, bump = materials[6:]
+    exponent, ior, law, roughness, coated, metal, everywhere, paint, picture, size, bump, by_uv = materials[6:]
     pixels, picture_begin, picture_rows, picture_columns = pictures
     waves, first_wave, last_wave, wave_height, slope_picture = bumps
     place, strength, falloff, reach, shines, glow = lights
@@ -192,7 +192,7 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
                 continue
             geometric, shading, uv, dp_du, dp_dv = surface_at(
                 kind_of, first_of, sizes, smooth, textured, faces, vertices, normals, mesh_uv,
-                s, primitive_of[slot], second, third, point, paint[m] == PICTURE or bump[m] >= 0,
+                s, primitive_of[slot], second, third, point, by_uv[m] > 0,
             )  # fmt: skip
             # The normal has to point to the side that the ray comes from, and the index goes with it (§2); what lets
             # no light through has no inside to come from, whichever way its faces were put together.
@@ -262,7 +262,10 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
                 if law[m] == FRESNEL:
                     colour = (colour[0] * share_of_light, colour[1] * share_of_light, colour[2] * share_of_light)
                 else:
-                    colour = (colour[0] * (1 - back[0]), colour[1] * (1 - back[1]), colour[2] * (1 - back[2]))
+                    below = (1 - back[0], 1 - back[1], 1 - back[2])
+                    colour = (colour[0] * below[0], colour[1] * below[1], colour[2] * below[2])
+                    if law[m] == CONSTANT:
+                        through = (through[0] * below[0], through[1] * below[1], through[2] * below[2])
 
             # I_a
             own = (ambient[m, 0], ambient[m, 1], ambient[m, 2]) if ambient[m, 0] >= 0 else colour
@@ -289,7 +292,9 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
                 shine = 0.0
                 if shiny and (shines[light] > 0 or everywhere[m] > 0):
                     half = unit((towards[0] - direction[0], towards[1] - direction[1], towards[2] - direction[2]))
-                    shine = max(dot(normal, half), 0.0) ** exponent[m]
+                    aligned = max(dot(normal, half), 0.0)
+                    # Far from a highlight it is e^(−25) and less, which is not worth a power.
+                    shine = aligned ** exponent[m] if exponent[m] * (1 - aligned) < 25 else 0.0
                 reaching = (
                     weight[0] * (colour[0] * facing + highlight[m, 0] * shine) * strength[light, 0] * arriving,
                     weight[1] * (colour[1] * facing + highlight[m, 1] * shine) * strength[light, 1] * arriving,

@@ -39,6 +39,7 @@ class Coefficients(NamedTuple):
     everywhere : whether the lights of a constellation show highlights, for there are no S rays to see the map
     paint, picture, size : FLAT, CHECKED or PICTURE; which picture; metres of a check
     bumps : the row of the bumps; −1 for none
+    by_uv : whether texture coordinates are asked for
     """
 
     diffuse: np.ndarray
@@ -58,6 +59,7 @@ class Coefficients(NamedTuple):
     picture: np.ndarray
     size: np.ndarray
     bumps: np.ndarray
+    by_uv: np.ndarray
 
 
 class Pictures(NamedTuple):
@@ -98,8 +100,9 @@ class MaterialTables:
         pictures: list[np.ndarray] = []
         every_bumps: list[Bumps] = []
         rows = [_row(as_whitted(material), pictures, every_bumps) for material in materials]
-        columns = zip(*rows, strict=True) if rows else ([] for _ in Coefficients._fields)
-        coefficients = Coefficients(*(np.ascontiguousarray(column, np.float64) for column in columns))
+        # A first row that is cut off again gives an empty scene's tables their shapes.
+        columns = zip(_row(Model(WhittedMaterial()), [], []), *rows, strict=True)
+        coefficients = Coefficients(*(np.array(column, np.float64)[1:].copy() for column in columns))
         return MaterialTables(coefficients, *_bump_tables(every_bumps, pictures))
 
 
@@ -255,6 +258,7 @@ def _row(model: Model, pictures: list[np.ndarray], bumps: list[Bumps]) -> Coeffi
         np.asarray(m.exponent), np.asarray(m.ior), np.asarray(model.law), np.asarray(m.roughness),
         np.asarray(m.coated), np.asarray(model.metal), np.asarray(model.everywhere),
         np.asarray(paint), np.asarray(picture), np.asarray(size), np.asarray(which),
+        np.asarray(paint == PICTURE or isinstance(m.bumps, BumpMap)),
     )  # fmt: skip
 
 

@@ -32,31 +32,29 @@ def unit(v):
 
 
 @exact_small
-def lengthened(incoming, normal):
-    """V′ = V / |V·N|: the incoming direction, as long as makes its part along the normal 1."""
-    scale = 1 / max(abs(dot(incoming, normal)), 1e-12)
-    return incoming[0] * scale, incoming[1] * scale, incoming[2] * scale
-
-
-@exact_small
 def reflected(incoming, normal):
-    """R = V′ + 2N, made unit; `incoming` is V, which points to the surface: V·N < 0."""
-    return unit(along(lengthened(incoming, normal), normal, 2.0))
+    """R = V′ + 2N with V′ = V / |V·N|, as long as V: V + 2|V·N| N.
+
+    incoming : V, which points to the surface: V·N < 0
+    """
+    return along(incoming, normal, 2 * abs(dot(incoming, normal)))
 
 
 @exact_small
 def refracted(incoming, normal, ior):
     """P = k_f (N + V′) − N, made unit, with k_f = (k_n² |V′|² − |V′ + N|²)^(−1/2); 0 where k_f is imaginary.
 
+    Times |V·N|, k_f is 1/√u with u = k_n² − |V + |V·N| N|², and P's length is k_n/√u.
+
     ior : k_n, of the far side to the near side
     """
-    longer = lengthened(incoming, normal)
-    across = along(longer, normal, 1.0)
-    under = ior * ior * dot(longer, longer) - dot(across, across)
+    cosine = abs(dot(incoming, normal))
+    across = along(incoming, normal, cosine)
+    under = ior * ior - dot(across, across)
     if not under > 0:
         return 0.0, 0.0, 0.0
-    k_f = 1 / np.sqrt(under)
-    return unit((k_f * across[0] - normal[0], k_f * across[1] - normal[1], k_f * across[2] - normal[2]))
+    x, y, z = along(across, normal, -np.sqrt(under))
+    return x / ior, y / ior, z / ior
 
 
 @exact_small

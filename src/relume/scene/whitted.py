@@ -47,7 +47,8 @@ class WhittedMaterial:
     exponent : n of eq. 1, the glossiness; 50 is polished plastic
     ior : k_n, index of refraction of the inside to the outside
     fresnel : multiply k_s by Fresnel's reflectance and k_t by what it leaves ("for the best accuracy", §2)
-    coated : the diffuse surface lies below the specular one and gets what that leaves, as in varnish and plastic
+    coated : what is diffuse and what goes through lie below the specular surface and get what it leaves, as in varnish
+        and plastic
     roughness : standard deviation of the random perturbation of the normal, in both directions, of unit normals;
         glossy for reflection, frosted for transmission (§2)
     bumps : how normals are wrinkled (Blinn 1978), or None
