@@ -78,6 +78,7 @@ def intensity(
         k_s, k_t = k_s * reflected_share, k_t * (1 - reflected_share)
     if material.coated:
         k_d = k_d * (1 - reflected_share if material.fresnel else 1 - k_s)
+        k_t = k_t if material.fresnel else k_t * (1 - k_s)
     highlight = np.array(material.specular if material.highlight is None else material.highlight)
 
     i_a = sum((np.array(light.radiance) for light in scene.lights if isinstance(light, AmbientLight)), np.zeros(3))
