@@ -13,7 +13,7 @@ from relume.scene.lights import AmbientLight, PointLight, Unattenuated
 from relume.scene.whitted import WhittedMaterial
 from relume.shot.tree_plot import tree_plot
 
-SKY = rl.IlluminationMap(np.tile(np.float32([0.2, 0.4, 0.8]), (4, 8, 1)))
+SKY = rl.IlluminationMap(np.full((4, 8, 3), [0.2, 0.4, 0.8], np.float32))
 LAMP = PointLight((0, 10, 0), (np.pi, np.pi, np.pi), Unattenuated())
 
 

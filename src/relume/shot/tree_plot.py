@@ -19,6 +19,8 @@ COLOURS = {EYE: "#222222", REFLECTED: "#2c5fb3", REFRACTED: "#27803f", SHADOW: "
 LABELS = {EYE: "from the eye", REFLECTED: "S, reflected", REFRACTED: "T, refracted", SHADOW: "L, towards a light"}
 MOST = 32
 """Nodes that are drawn; the weakest are left out."""
+WIDE = 8
+"""Leaves of a tree that is drawn beside the scene, at most."""
 POINTS = 4000
 """Of a mesh's outline."""
 
@@ -31,8 +33,11 @@ def tree_plot(tree: RayTree, scene: Scene, film: Film, title: str = "", *, forma
     kept = _kept(tree)
     position = _laid_out(tree, kept)
     wide = max(x for x, _ in position.values()) + 1
-    figure = Figure(figsize=(6 + max(6, 1.15 * wide), 6), dpi=110, layout="constrained")
-    place, diagram = figure.subplots(1, 2, width_ratios=[6, max(6, 1.15 * wide)])
+    across = max(6, 1.15 * wide)
+    # A wide tree goes below the scene, a narrow one beside it.
+    size = (across, 10) if wide > WIDE else (6 + across, 6)
+    figure = Figure(figsize=size, dpi=110, layout="constrained")
+    place, diagram = figure.subplots(2, 1) if wide > WIDE else figure.subplots(1, 2, width_ratios=[6, across])
     _draw_rays(place, tree, kept, (*scene.local, *scene.objects))
     _draw_tree(diagram, tree, position, (*scene.local, *scene.objects), film)
     left_out = len(tree.kind) - len(kept)
