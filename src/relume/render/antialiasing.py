@@ -203,8 +203,8 @@ def _quarters(squares, fresh, place, half):
     smaller = np.empty((4 * len(squares), 4), np.int32)
     begin = np.empty((4 * len(squares), 3), np.int64)
     for i in range(len(squares)):
-        a, b, c, d = squares[i]
-        above, left, middle, right, below = fresh[i]
+        a, b, c, d = squares[i, 0], squares[i, 1], squares[i, 2], squares[i, 3]
+        above, left, middle, right, below = fresh[i, 0], fresh[i, 1], fresh[i, 2], fresh[i, 3], fresh[i, 4]
         for k, corners in enumerate(
             ((a, above, left, middle), (above, b, middle, right), (left, middle, c, below), (middle, right, below, d))
         ):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from relume._kernel import exact_inlined, exact_kernel
+from relume._kernel import exact_inlined, exact_kernel, exact_small
 from relume.render.patch_kernel import LEVELS, PIECE, meet_leaf
 from relume.render.polygon_kernel import meet_polygon
 
@@ -124,7 +124,7 @@ def meet(
     return best, nearest, second, third
 
 
-@exact_inlined
+@exact_small
 def _before(t, best, shape, candidate, nearest):
     """Whether a hit at t comes before the best so far; of two at one place the first shape's does."""
     if nearest < 0 or shape[candidate] == shape[nearest]:
@@ -132,7 +132,7 @@ def _before(t, best, shape, candidate, nearest):
     return t < best * (1 - TIE if shape[candidate] > shape[nearest] else 1 + TIE)
 
 
-@exact_inlined
+@exact_small
 def _cross_box(boxes, node, first, near, origin, inverse, enter, leave):
     """Where in [enter, leave] a ray enters the box whose sides begin at `first`, and where it leaves it at the latest.
 
@@ -155,7 +155,7 @@ def _cross_box(boxes, node, first, near, origin, inverse, enter, leave):
     return enter, leave
 
 
-@exact_inlined
+@exact_small
 def _shear_along(origin, direction):
     """The axes in an order that ends with the ray's longest; the origin in that order; the shear that turns the ray
     along the last axis, and its length along that axis of one."""
@@ -170,7 +170,7 @@ def _shear_along(origin, direction):
     return (x, y, z), (origin[x], origin[y], origin[z]), shear
 
 
-@exact_inlined
+@exact_small
 def _meet_triangle(corners, i, axes, eye, shear):
     """The distance of a triangle's plane along the ray and its second and third weight; ∞ outside the triangle.
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume._kernel import exact_kernel
+from relume._kernel import exact_kernel, exact_small
 
 BINS = 16
 """Candidate splits along each axis, and one."""
@@ -65,11 +65,11 @@ def _build(boxes, order, nodes, children):
     areas = np.empty(BINS)
     low, scale = np.empty(3, np.float32), np.empty(3)
     root, made, deepest = 0, 0, 0
-    waiting[0] = (0, len(order), -1, 0)
+    _wait(waiting, 0, 0, len(order), -1, 0)
     top = 1
     while top > 0:
         top -= 1
-        begin, end, parent, depth = waiting[top]
+        begin, end, parent, depth = waiting[top, 0], waiting[top, 1], waiting[top, 2], waiting[top, 3]
         box = _measure(boxes, begin, end, low, scale)
         axis, cut, cost = -1, 0, np.inf
         if end - begin > 1:
@@ -89,10 +89,9 @@ def _build(boxes, order, nodes, children):
             middle = begin + size // 2
             if axis >= 0:
                 middle = _partition(boxes, order, begin, end, axis, cut, low[axis], scale[axis])
-            left, right = (begin, middle, 2 * reference, depth + 1), (middle, end, 2 * reference + 1, depth + 1)
             larger_first = middle - begin > end - middle
-            waiting[top] = left if larger_first else right
-            waiting[top + 1] = right if larger_first else left
+            _wait(waiting, top if larger_first else top + 1, begin, middle, 2 * reference, depth + 1)
+            _wait(waiting, top + 1 if larger_first else top, middle, end, 2 * reference + 1, depth + 1)
             top += 2
         if parent < 0:
             root = reference
@@ -101,6 +100,12 @@ def _build(boxes, order, nodes, children):
             for i in range(6):
                 nodes[parent >> 1, (parent & 1) * 6 + i] = box[i]
     return root, made, deepest
+
+
+@exact_small
+def _wait(waiting, place, begin, end, parent, depth):
+    """Put down a part that is yet to be divided; assigning a row at once would take seconds to compile."""
+    waiting[place, 0], waiting[place, 1], waiting[place, 2], waiting[place, 3] = begin, end, parent, depth
 
 
 @exact_kernel
@@ -127,9 +132,11 @@ def _measure(boxes, begin, end, low, scale):
 @exact_kernel
 def _fill_bins(boxes, begin, end, low, scale, bins, counts):
     """Count the primitives whose centre falls into each bin of each axis, and the box round them."""
-    bins[:, :, :3] = np.inf
-    bins[:, :, 3:] = -np.inf
-    counts[:] = 0
+    for axis in range(3):
+        for here in range(BINS):
+            counts[axis, here] = 0
+            for j in range(3):
+                bins[axis, here, j], bins[axis, here, j + 3] = np.inf, -np.inf
     for i in range(begin, end):
         for axis in range(3):
             here = int((boxes[i, axis] + boxes[i, axis + 3] - low[axis]) * scale[axis])

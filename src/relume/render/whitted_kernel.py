@@ -16,7 +16,7 @@ from relume.render.raycast_kernel import meet, scratch
 from relume.render.raycast_surface import surface_at
 from relume.render.whitted_lights import DISTANT, LINEAR, NONE, SQUARE
 from relume.render.whitted_materials import CHECKED, CONSTANT, FRESNEL, PICTURE, SCHLICK
-from relume.render.whitted_optics import along, dot, fresnel, hashed, perturbed, reflected, refracted, unit
+from relume.render.whitted_optics import along, dot, fresnel, hashed, largest, perturbed, reflected, refracted, unit
 from relume.render.whitted_textures import bumped, picture_at, wrinkled
 from relume.sphere.polar import looked_up, polar_point
 
@@ -180,7 +180,7 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
                         sent[node, j] += arrived[j]
                 continue
             through = (transmission[m, 0], transmission[m, 1], transmission[m, 2])
-            if kind == SHADOW and not (clear and max(through[0], through[1], through[2]) > 0):
+            if kind == SHADOW and not (clear and largest(through) > 0):
                 if level == 0 and shines[light] > 0:
                     key += np.int64(hashed(light + 1, 77) >> np.uint64(1))
                 continue
@@ -197,7 +197,7 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
             # The normal has to point to the side that the ray comes from, and the index goes with it (§2); what lets
             # no light through has no inside to come from, whichever way its faces were put together.
             side = -1.0 if dot(geometric, direction) > 0 else 1.0
-            index = ior[m] if side > 0 or not max(through[0], through[1], through[2]) > 0 else 1 / ior[m]
+            index = ior[m] if side > 0 or not largest(through) > 0 else 1 / ior[m]
             if bump[m] >= 0:
                 which = np.int64(bump[m])
                 if slope_picture[which] < 0:
@@ -243,7 +243,7 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
                 top = _dim(rays, notes, top, node, point, weight, through, limit - distance, way)
                 continue
 
-            if max(weight[0], weight[1], weight[2]) > WORTH:
+            if largest(weight) > WORTH:
                 key += np.int64(hashed(4 * (64 * s + level) + kind, cell) >> np.uint64(1))
             if kind == EYE:
                 values[i, 3] = 1.0 if s >= first_object else 0.0
@@ -275,7 +275,7 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
                 for j in range(3):
                     sent[node, j] += own[j]
 
-            shiny = max(highlight[m, 0], highlight[m, 1], highlight[m, 2]) > 0
+            shiny = largest((highlight[m, 0], highlight[m, 1], highlight[m, 2])) > 0
             # k_d Σ (N·L) and k_s Σ (N·L′)ⁿ: a ray to every light that the surface faces.
             for light in range(len(place)):
                 far = np.inf
@@ -300,7 +300,7 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
                     weight[1] * (colour[1] * facing + highlight[m, 1] * shine) * strength[light, 1] * arriving,
                     weight[2] * (colour[2] * facing + highlight[m, 2] * shine) * strength[light, 2] * arriving,
                 )
-                if max(reaching[0], reaching[1], reaching[2]) > 0:
+                if largest(reaching) > 0:
                     _push(rays, notes, seeds, top, point, towards, reaching, far, way, split)
                     notes[top, 0], notes[top, 1], notes[top, 2], notes[top, 3] = SHADOW, level, node, light
                     top += 1
@@ -310,8 +310,8 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
                 continue
             back = (weight[0] * back[0], weight[1] * back[1], weight[2] * back[2])
             through = (weight[0] * through[0], weight[1] * through[1], weight[2] * through[2])
-            reflects = everywhere[m] == 0 and max(back[0], back[1], back[2]) * split >= contribution
-            refracts = max(through[0], through[1], through[2]) * split >= contribution
+            reflects = everywhere[m] == 0 and largest(back) * split >= contribution
+            refracts = largest(through) * split >= contribution
             if not reflects and not refracts:
                 continue
             many = scattered if roughness[m] > 0 and level == 0 else 1
@@ -323,7 +323,7 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
                     facet = perturbed(normal, roughness[m], which, many, hashed(node_seed, level))
                     if dot(facet, direction) > -1e-3:
                         facet = normal
-                if reflects and max(back[0], back[1], back[2]) > 0:
+                if reflects and largest(back) > 0:
                     towards = reflected(direction, facet)
                     under = dot(towards, outward)
                     if under <= 0:
@@ -333,7 +333,7 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
                     notes[top, 0], notes[top, 1], notes[top, 2], notes[top, 3] = REFLECTED, level + 1, node, -1
                     seeds[top] = hashed(node_seed, 2 * which + 1)
                     top += 1
-                if refracts and max(through[0], through[1], through[2]) > 0:
+                if refracts and largest(through) > 0:
                     towards = refracted(direction, facet, index)
                     above = dot(towards, outward)
                     if towards[0] == 0 and towards[1] == 0 and towards[2] == 0:
@@ -352,7 +352,7 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
 def _dim(rays, notes, top, node, point, weight, through, limit, way):
     """Send the ray at the top of the stack on behind a transparent shape, unless nothing is left; the stack's size."""
     weight = (weight[0] * through[0], weight[1] * through[1], weight[2] * through[2])
-    if notes[top, 1] >= CROSSINGS or max(weight[0], weight[1], weight[2]) <= 1e-9:
+    if notes[top, 1] >= CROSSINGS or largest(weight) <= 1e-9:
         return top
     rays[top, 0], rays[top, 1], rays[top, 2] = point
     rays[top, 6], rays[top, 7], rays[top, 8] = weight

@@ -14,6 +14,13 @@ def dot(a, b):
 
 
 @exact_small
+def largest(v):
+    """The largest of three."""
+    larger = v[0] if v[0] > v[1] else v[1]
+    return larger if larger > v[2] else v[2]
+
+
+@exact_small
 def along(origin, direction, distance):
     """The point at a distance on a ray, or any sum of a vector and a scaled one."""
     return (
