@@ -146,8 +146,8 @@ def _see_along(net, i, origin, direction, length, pieces):
 
 @kernel
 def _look_at(pieces, n, margin):
-    """The piece at n as seen along the ray: whether it lies apart from it, by more than the margin; how wide it is seen
-    at most, across the direction in which that is least; whether it may be folded, so that the ray can meet it twice;
+    """The piece at n as seen along the ray: whether it lies apart from it, by more than the margin, on one side of a line
+    along one of its borders; how wide it is seen across the one across which that is least; whether it may be folded, so that the ray can meet it twice;
     and whether it is longer along u than along v."""
     ux, uy, vx, vy, along_u, along_v = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(3):
@@ -158,15 +158,18 @@ def _look_at(pieces, n, margin):
             x, y, z = pieces[b + 3] - pieces[b], pieces[b + 4] - pieces[b + 1], pieces[b + 5] - pieces[b + 2]
             vx, vy, along_v = vx + x, vy + y, along_v + (x * x + y * y + z * z)
     ux, uy, vx, vy = ux / 12, uy / 12, vx / 12, vy / 12
-    low_u, high_u, low_v, high_v = np.inf, -np.inf, np.inf, -np.inf
-    for k in range(n, n + 48, 3):
-        across_u, across_v = ux * pieces[k + 1] - uy * pieces[k], vx * pieces[k + 1] - vy * pieces[k]
-        low_u, high_u = min(low_u, across_u), max(high_u, across_u)
-        low_v, high_v = min(low_v, across_v), max(high_v, across_v)
     mean_u, mean_v = np.sqrt(ux * ux + uy * uy), np.sqrt(vx * vx + vy * vy)
-    apart = low_u > margin * mean_u or -high_u > margin * mean_u or low_v > margin * mean_v or -high_v > margin * mean_v
-    width_u = (high_u - low_u) / mean_u if mean_u > 0 else np.inf
-    width_v = (high_v - low_v) / mean_v if mean_v > 0 else np.inf
+    apart, width = False, np.inf
+    for start, end in ((n, n + 36), (n + 9, n + 45), (n, n + 9), (n + 36, n + 45)):
+        x, y = pieces[end] - pieces[start], pieces[end + 1] - pieces[start + 1]
+        length = np.sqrt(x * x + y * y)
+        if length > 0:
+            low, high = np.inf, -np.inf
+            for k in range(n, n + 48, 3):
+                across = x * pieces[k + 1] - y * pieces[k]
+                low, high = min(low, across), max(high, across)
+            apart |= low > margin * length or -high > margin * length
+            width = min(width, (high - low) / length)
     # Differences along u are within `off_u` of their mean, and those along v within `off_v` of theirs. Where the means'
     # product is greater than that can take from it, every such product has its sign: nowhere is the piece folded.
     off_u, off_v = 0.0, 0.0
@@ -179,7 +182,7 @@ def _look_at(pieces, n, margin):
             off_v = max(off_v, x * x + y * y)
     off_u, off_v = np.sqrt(off_u), np.sqrt(off_v)
     folded = abs(ux * vy - uy * vx) <= mean_u * off_v + mean_v * off_u + off_u * off_v
-    return apart, min(width_u, width_v), folded, along_u > along_v
+    return apart, width, folded, along_u > along_v
 
 
 @kernel
