@@ -533,7 +533,7 @@ def test_strange_patches_are_met_where_fine_triangles_are(number, finest, monkey
     assert np.sum(sure) > 2000 and np.sum(sure & (slow.shape == 0)) > 700
     np.testing.assert_allclose(hits.distance[sure], slow.distance[sure], atol=0.01)
     met = hits.shape >= 0
-    on = at(np.broadcast_to(net, (np.sum(met), 4, 4, 3)), *hits.barycentric[met].T)
+    on = at(np.broadcast_to(net, (int(np.sum(met)), 4, 4, 3)), *hits.barycentric[met].T)
     off = on - (origins + hits.distance[:, None] * directions)[met]
     assert np.abs(off).max() < 1e-8
 

@@ -146,9 +146,12 @@ def _see_along(net, i, origin, direction, length, pieces):
 
 @kernel
 def _look_at(pieces, n, margin):
-    """The piece at n as seen along the ray: whether it lies apart from it, by more than the margin, on one side of a line
-    along one of its borders; how wide it is seen across the one across which that is least; whether it may be folded, so that the ray can meet it twice;
-    and whether it is longer along u than along v."""
+    """The piece at n as seen along the ray.
+
+    Whether all of it is on one side, farther than the margin, of the line through the ray along one of its borders; how
+    wide it is seen across that border where it is least; whether it may be folded, so that the ray can meet it twice;
+    whether it is longer along u than along v.
+    """
     ux, uy, vx, vy, along_u, along_v = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(3):
         for k in range(4):

@@ -23,6 +23,8 @@ CONSTANT, FRESNEL, SCHLICK = 0, 1, 2
 """How k_s varies with the angle: not; times Fresnel's reflectance; from k_s along the normal to 1 at grazing angles."""
 FLAT, CHECKED, PICTURE = 0, 1, 2
 """What paints the diffuse colour."""
+SMOOTH = 0.03
+"""Below this roughness a surface is smooth, as for Mitsuba (`mitsuba_scene`)."""
 BROAD = 0.25
 """Above this microfacet width the reflected lights stand for the whole reflection: no rays are scattered."""
 
@@ -33,9 +35,10 @@ class Coefficients(NamedTuple):
     diffuse, second : k_d, or the two colours of checks
     ambient : what multiplies ambient light; −1 for as the paint
     specular, transmission, highlight : k_s and k_t of eq. 2, k_s of eq. 1
+    coat : what is kept, along the normal, from what lies below a coat; −1 for no coat
     law : how k_s varies with the angle
-    coated : whether the diffuse part gets only what the specular one leaves
-    metal : whether the paint multiplies k_s, too
+    alpha : width of GGX facets, whose highlight is then shown; 0 for eq. 1's
+    tint : how much of the picture is added to k_s; a picture tints glass too
     everywhere : whether the lights of a constellation show highlights, for there are no S rays to see the map
     paint, picture, size : FLAT, CHECKED or PICTURE; which picture; metres of a check
     bumps : the row of the bumps; −1 for none
@@ -48,12 +51,13 @@ class Coefficients(NamedTuple):
     specular: np.ndarray
     transmission: np.ndarray
     highlight: np.ndarray
+    coat: np.ndarray
     exponent: np.ndarray
     ior: np.ndarray
     law: np.ndarray
     roughness: np.ndarray
-    coated: np.ndarray
-    metal: np.ndarray
+    alpha: np.ndarray
+    tint: np.ndarray
     everywhere: np.ndarray
     paint: np.ndarray
     picture: np.ndarray
@@ -108,13 +112,21 @@ class MaterialTables:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A material in Whitted's terms, and what the others need beyond them."""
+    """A material in Whitted's terms, and what the others need beyond them.
+
+    law : how k_s varies with the angle
+    alpha : width of GGX microfacets; 0 for the paper's own highlight and perturbation
+    coat : what a coat keeps from what lies below, along the normal; k_s unless given
+    tint : share of the picture in k_s, as a metal has it
+    everywhere : whether all lights stand for the reflection, instead of rays
+    """
 
     material: WhittedMaterial
     law: int = CONSTANT
-    metal: bool = False
+    alpha: float = 0.0
+    coat: Colour | None = None
+    tint: float = 0.0
     everywhere: bool = False
-    picture: np.ndarray | None = None
 
 
 def as_whitted(material: AnyMaterial) -> Model:
@@ -127,55 +139,51 @@ def as_whitted(material: AnyMaterial) -> Model:
 
 
 def _metallic_roughness(material: Material) -> Model:
-    """glTF's model: mirrors, glass and plastic exactly where smooth; rough ones by perturbed normals or highlights."""
+    """glTF's model: smooth mirrors, glass and plastic exactly; rough ones by GGX facets, which scatter rays where they
+    are narrow or let light through, and else reflect all lights."""
     for name in ("metallic", "roughness"):
         if np.ndim(getattr(material, name)):
             warnings.warn(
                 f"the {name} image of {material.name!r} is taken at its mean; Whitted's model has one for a surface",
                 stacklevel=2,
             )
-    metallic = float(np.mean(material.metallic))
-    alpha = float(np.mean(material.roughness)) ** 2
+    metallic, roughness = float(np.mean(material.metallic)), float(np.mean(material.roughness))
+    alpha = roughness**2 if roughness > SMOOTH else 0.0
     base = np.asarray(material.base_color, np.float64)
-    mean = base.reshape(-1, 3).mean(axis=0)
+    image = base.ndim > 1
     dielectric = ((material.ior - 1) / (material.ior + 1)) ** 2
     through = material.transmission * (1 - metallic)
-    shares = {"roughness": 0.0 if alpha > BROAD else alpha / np.sqrt(2), "ior": material.ior, "name": material.name}
-    normal = dielectric * (1 - metallic) + mean * metallic
-    # A normalised Blinn–Phong lobe of the same width; its mirror image at alpha 0 is S itself.
-    exponent = 2 / max(alpha, 1e-3) ** 2 - 2 if alpha < 1 else 1e-3
-    highlight = normal * (exponent + 8) / 8 if alpha > 0 else np.zeros(3)
-    broad = alpha > BROAD
-    # The tint of glass is that of both crossings of a closed body together.
-    transmission = np.sqrt(mean) * through
-    specular = np.zeros(3) if broad and not through else np.ones(3) if metallic == 0 else normal
-    law = FRESNEL if metallic == 0 else CONSTANT if metallic == 1 and alpha == 0 else SCHLICK
-    painted = base * (1 - metallic) * (1 - material.transmission)
-    plain = WhittedMaterial(
-        _triple(painted) if painted.ndim == 1 else painted.astype(np.float32),
-        _triple(specular),
-        highlight=_triple(highlight),
-        exponent=max(exponent, 1e-3),
-        transmission=_triple(transmission),
+    plain = np.ones(3) if image else base
+    normal = dielectric * (1 - metallic) + (0 if image else metallic * base)
+    law = FRESNEL if metallic == 0 else CONSTANT if metallic == 1 and not alpha else SCHLICK
+    painted = (1 - metallic) * (1 - material.transmission) * base
+    surface = WhittedMaterial(
+        painted.astype(np.float32) if image else _triple(painted),
+        _triple(np.ones(3) if law == FRESNEL else normal),
+        # The tint of glass is that of both crossings of a closed body together.
+        transmission=_triple(np.sqrt(plain) * through),
+        highlight=(0.0, 0.0, 0.0),
+        ior=material.ior,
         coated=True,
-        **shares,
+        roughness=alpha / np.sqrt(2),
+        name=material.name,
     )
-    metal = metallic == 1 and base.ndim > 1
-    return Model(plain, law, metal, broad, base.astype(np.float32) if metal else None)
+    broad = alpha > BROAD and not through
+    return Model(surface, law, alpha, _triple(np.full(3, dielectric)), metallic if image else 0.0, broad)
 
 
 def _of_layers(material: Reflective) -> Model:
     """Line 9 of Miller & Hoffman with true rays where their model looks maps up."""
     parts: dict[str, Any] = {"bumps": material.bumps, "name": material.name}
-    law = CONSTANT
+    law, alpha = CONSTANT, 0.0
     for layer in material.layers:
         colour, weight = np.asarray(layer.colour, np.float64), layer.weight
         under = isinstance(weight, Complement)
         inner = weight.weight if isinstance(weight, Complement) else weight
-        known = isinstance(inner, Even | Fresnel | Schlick) and (not under or not isinstance(inner, Even))
-        if not known or not isinstance(layer.grazing, Even) or layer.grazing.value != 0.0:
+        if not isinstance(inner, Even | Fresnel | Schlick) or not isinstance(layer.grazing, Even) or layer.grazing.value != 0.0:
             raise _unsupported(material, "its weights")
-        k = getattr(layer.lobe, "k", 1.0) * (np.asarray(inner.value) if isinstance(inner, Even) else 1.0)
+        even = np.asarray(inner.value) if isinstance(inner, Even) and not under else 1.0
+        k = getattr(layer.lobe, "k", 1.0) * even
         if isinstance(layer.lobe, Lambert) and layer.towards is Towards.NORMAL and "diffuse" not in parts:
             parts["coated"] = under
             parts["diffuse"] = _triple(colour * k) if colour.ndim == 1 else (colour * k).astype(np.float32)
@@ -184,12 +192,13 @@ def _of_layers(material: Reflective) -> Model:
         elif layer.towards is Towards.REFLECTED and colour.ndim == 1 and "specular" not in parts:
             law, normal = _law(inner, parts)
             parts["specular"] = _triple(colour * k * (normal if law == SCHLICK else 1.0))
-            parts |= _glossiness(layer.lobe, colour * k * normal, material)
+            alpha = float(getattr(layer.lobe, "alpha", 0.0))
+            parts |= _glossiness(layer.lobe, alpha, colour * k * normal, material)
         else:
             raise _unsupported(material, "one of its layers")
     # Glass is a surface of two layers, of which one gets what the other leaves.
     parts.setdefault("coated", "transmission" in parts)
-    return Model(WhittedMaterial(**parts), law)
+    return Model(WhittedMaterial(**parts), law, alpha)
 
 
 def _law(weight: Weight, parts: dict[str, Any]) -> tuple[int, np.ndarray]:
@@ -202,26 +211,17 @@ def _law(weight: Weight, parts: dict[str, Any]) -> tuple[int, np.ndarray]:
     return CONSTANT, np.ones(3)
 
 
-def _glossiness(lobe: Lobe | Reflectance, normal: np.ndarray, material: Reflective) -> dict[str, Any]:
-    """The perturbation of normals that spreads rays as a lobe does, and its highlight of the same energy."""
-    if isinstance(lobe, Mirror):
-        return {"highlight": (0.0, 0.0, 0.0)}
+def _glossiness(lobe: Lobe | Reflectance, alpha: float, normal: np.ndarray, material: Reflective) -> dict[str, Any]:
+    """The perturbation of normals that spreads rays as a lobe does, and the highlight of a lobe that has no facets."""
     if getattr(lobe, "varnish", 0.0):
         raise _unsupported(material, "a lobe with varnish")
-    if isinstance(lobe, Phong | PhongReflectance):
+    if isinstance(lobe, Mirror) or alpha > 0:
+        return {"highlight": (0.0, 0.0, 0.0), "roughness": alpha / np.sqrt(2)}
+    if isinstance(lobe, Phong | PhongReflectance) and lobe.n > 0:
         # cosⁿ of an angle twice the normal's has the width 1/√n, and about the halfway vector four times the exponent.
-        return {
-            "roughness": 0.5 / np.sqrt(lobe.n),
-            "exponent": 4 * lobe.n,
-            "highlight": _triple(normal * (lobe.n + 2) / 2),
-        }
-    alpha = getattr(lobe, "alpha", None)
-    if alpha is None:
-        raise _unsupported(material, f"the lobe {type(lobe).__name__}")
-    exponent = max(2 / alpha**2 - 2, 1e-3)
-    return {
-        "roughness": alpha / np.sqrt(2), "exponent": exponent, "highlight": _triple(normal * (exponent + 8) / 8)
-    }  # fmt: skip
+        highlight = _triple(normal * (lobe.n + 2) / 2)
+        return {"roughness": 0.5 / np.sqrt(lobe.n), "exponent": 4 * lobe.n, "highlight": highlight}
+    raise _unsupported(material, f"the lobe {type(lobe).__name__}")
 
 
 def _unsupported(material: Reflective, what: str) -> UnsupportedScene:
@@ -242,21 +242,21 @@ def _row(model: Model, pictures: list[np.ndarray], bumps: list[Bumps]) -> Coeffi
     first = second = m.diffuse
     if isinstance(m.diffuse, Checks):
         paint, size, first, second = CHECKED, m.diffuse.size, m.diffuse.first, m.diffuse.second
-    image = model.picture if model.picture is not None else m.diffuse
-    if isinstance(image, np.ndarray) and image.ndim == 3:
-        paint, picture = PICTURE, len(pictures)
-        pictures.append(image)
-        first = second = (1.0, 1.0, 1.0) if model.picture is None else (0.0, 0.0, 0.0)
+    elif isinstance(m.diffuse, np.ndarray) and m.diffuse.ndim == 3:
+        # The row holds what multiplies the picture.
+        paint, picture, first, second = PICTURE, len(pictures), (1.0, 1.0, 1.0), (1.0, 1.0, 1.0)
+        pictures.append(m.diffuse)
     which = -1
     if m.bumps is not None:
         which = len(bumps)
         bumps.append(m.bumps)
+    coat = np.asarray(m.specular if model.coat is None else model.coat) if m.coated else np.full(3, -1.0)
     return Coefficients(
         np.asarray(first), np.asarray(second), np.full(3, -1.0) if m.ambient is None else np.asarray(m.ambient),
         np.asarray(m.specular), np.asarray(m.transmission),
-        np.asarray(m.specular if m.highlight is None else m.highlight),
+        np.asarray(m.specular if m.highlight is None else m.highlight), coat,
         np.asarray(m.exponent), np.asarray(m.ior), np.asarray(model.law), np.asarray(m.roughness),
-        np.asarray(m.coated), np.asarray(model.metal), np.asarray(model.everywhere),
+        np.asarray(model.alpha), np.asarray(model.tint), np.asarray(model.everywhere),
         np.asarray(paint), np.asarray(picture), np.asarray(size), np.asarray(which),
         np.asarray(paint == PICTURE or isinstance(m.bumps, BumpMap)),
     )  # fmt: skip
