@@ -189,6 +189,8 @@ def let_through(scene: Scene, node: Node, towards: np.ndarray, distance: float, 
         if not renderer.clear_shadows:
             return np.zeros(3)
         share = share * blocker.material.transmission
+        if blocker.material.coated and not blocker.material.fresnel:
+            share = share * (1 - np.array(blocker.material.specular))
         if blocker.material.fresnel:
             share = share * (1 - reflectance(-float(towards @ blocker.normal), blocker.index))
         point, way, left = blocker.point, blocker.way, left - blocker.distance

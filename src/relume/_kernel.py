@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
@@ -26,14 +27,22 @@ _FLAGS = {"nsz", "arcp", "contract", "afn", "reassoc"}
 def _cache_folder() -> str:
     """Where compiled kernels are kept: a folder for this very source.
 
-    Numba alone looks at the file that holds a kernel, not at those whose functions are compiled into it.
+    Numba alone looks at the file that holds a kernel, not at those whose functions and numbers are compiled into it:
+    these are the modules with kernels and all that they import.
     """
-    digest = hashlib.sha1()
     package = Path(__file__).parent
-    for path in sorted(package.rglob("*.py")):
-        source = path.read_bytes()
-        if b"relume._kernel" in source or path.name == "_kernel.py":
-            digest.update(source)
+    sources = {path: path.read_bytes() for path in sorted(package.rglob("*.py"))}
+    waiting = [path for path, source in sources.items() if b"relume._kernel" in source]
+    within = {Path(__file__), *waiting}
+    while waiting:
+        for name in re.findall(rb"^from relume\.([\w.]+) import", sources[waiting.pop()], re.MULTILINE):
+            path = package / (name.decode().replace(".", "/") + ".py")
+            if path in sources and path not in within:
+                within.add(path)
+                waiting.append(path)
+    digest = hashlib.sha1()
+    for path in sorted(within):
+        digest.update(sources.get(path, b""))
     place = package / "__pycache__" if os.access(package, os.W_OK) else Path.home() / ".cache" / "relume"
     return str(place / f"kernels-{digest.hexdigest()[:12]}")
 

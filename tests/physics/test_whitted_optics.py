@@ -11,8 +11,8 @@ import trimesh
 from lights import constant
 from relume.render.ray_tree import ray_tree
 from relume.render.whitted import Whitted
-from relume.render.whitted_kernel import REFLECTED, REFRACTED
 from relume.render.whitted_optics import fresnel, reflected, refracted
+from relume.render.whitted_record import REFLECTED, REFRACTED
 from relume.scene.camera import Camera
 from relume.scene.lights import PointLight
 from relume.scene.scene import Scene

@@ -8,7 +8,7 @@ import pytest
 import relume as rl
 from relume.develop.film import Film
 from relume.render.ray_tree import breakdown, ray_tree
-from relume.render.whitted_kernel import EYE, REFLECTED, REFRACTED, SHADOW
+from relume.render.whitted_record import EYE, REFLECTED, REFRACTED, SHADOW
 from relume.scene.lights import AmbientLight, PointLight, Unattenuated
 from relume.scene.whitted import WhittedMaterial
 from relume.shot.tree_plot import tree_plot

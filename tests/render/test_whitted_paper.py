@@ -12,8 +12,8 @@ from lights import constant, of_directions
 from relume.render.antialiasing import Antialiasing
 from relume.render.ray_tree import ray_tree
 from relume.render.whitted import Whitted
-from relume.render.whitted_kernel import EYE, REFLECTED, REFRACTED, SHADOW
 from relume.render.whitted_optics import perturbed
+from relume.render.whitted_record import EYE, REFLECTED, REFRACTED, SHADOW
 from relume.scene.bumps import BumpMap, Wrinkles
 from relume.scene.camera import Camera
 from relume.scene.lights import AmbientLight, DistantLight, Linear, PointLight, SquareLaw, Unattenuated

@@ -56,7 +56,7 @@ def draw_tree(
 
 
 def _counted(tree: RayTree) -> str:
-    from relume.render.whitted_kernel import REFLECTED, REFRACTED, SHADOW
+    from relume.render.whitted_record import REFLECTED, REFRACTED, SHADOW
 
     counts = {kind: int((tree.kind == kind).sum()) for kind in (REFLECTED, REFRACTED, SHADOW)}
     return (

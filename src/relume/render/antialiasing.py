@@ -78,7 +78,9 @@ def sampled(
     place = np.stack([column.ravel(), row.ravel(), np.arange(height * width)], axis=1).astype(np.int64)
     place[:, :2] <<= levels
     marks = _marked(small, region)
-    _count(rays, squares[:, 0], place[:, 2], counts)
+    # The corners of the right and the lower border belong to the last pixels.
+    whose = np.minimum(np.arange(height + 1), height - 1)[:, None] * width + np.minimum(np.arange(width + 1), width - 1)
+    _count(rays, np.arange(len(values)), whose.ravel(), counts)
     for level in range(levels + 1):
         if not len(squares):
             break

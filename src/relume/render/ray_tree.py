@@ -10,7 +10,7 @@ import numpy as np
 
 from relume.render.antialiasing import Traced
 from relume.render.whitted import PreparedWhitted
-from relume.render.whitted_kernel import EYE, REFLECTED, REFRACTED, SHADOW, Record
+from relume.render.whitted_record import EYE, REFLECTED, REFRACTED, SHADOW, Record, Settings
 from relume.scene.camera import Camera
 
 ROOM = 100_000
@@ -109,7 +109,7 @@ def breakdown(prepared: PreparedWhitted, camera: Camera, *, seed: int = 0) -> Br
     total = int(rays.sum())
     trees = sum(alone.spent)
     # The rays of the grid stand for all: they are of the same kinds, in the same proportions.
-    meetings = _seconds(_meetings(alone, record, count, alone.settings(camera, seed).clear)) / count * total
+    meetings = _seconds(_meetings(alone, record, count, alone.settings(camera, seed))) / count * total
     meetings = min(meetings, trees)
     return Breakdown((seconds - trees) / seconds, meetings / seconds, (trees - meetings) / seconds, seconds, total)
 
@@ -127,20 +127,21 @@ class _Timed(PreparedWhitted):
         return told
 
 
-def _meetings(prepared: PreparedWhitted, record: Record, count: int, clear: bool) -> Callable[[], object]:
+def _meetings(prepared: PreparedWhitted, record: Record, count: int, settings: Settings) -> Callable[[], object]:
     """What finds only the intersections of recorded rays."""
     start, kind, limits = record.ends[:count, :3], record.kind[:count], record.limits[:count]
     towards = record.ends[:count, 3:] - start
     length = np.linalg.norm(towards, axis=1, keepdims=True)
     directions = np.divide(towards, length, out=np.tile([0.0, 1.0, 0.0], (count, 1)), where=length > 0)
     origins = start + limits[:, :1] * directions
-    nearest = (kind != SHADOW) | clear
+    nearest = (kind != SHADOW) | settings.clear
+    cone = {"footprint": settings.footprint, "threads": 1}
     first = origins[nearest], directions[nearest]
     others = origins[~nearest], directions[~nearest], limits[~nearest, 1]
 
     def work() -> None:
-        prepared.caster.nearest(*first, threads=1)
-        prepared.caster.occluded(*others, threads=1)
+        prepared.caster.nearest(*first, **cone)
+        prepared.caster.occluded(*others, **cone)
 
     work()
     return work

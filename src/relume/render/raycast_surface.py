@@ -225,8 +225,12 @@ def surface_at(
                 weight * normals[a, 1] + second * normals[b, 1] + third * normals[c, 1],
                 weight * normals[a, 2] + second * normals[b, 2] + third * normals[c, 2],
             )
-            if mean[0] != 0 or mean[1] != 0 or mean[2] != 0:
+            # Of files whose faces go round the other way the normals tell less than the faces do.
+            agree = mean[0] * geometric[0] + mean[1] * geometric[1] + mean[2] * geometric[2]
+            if agree > 0:
                 shading = mean
+            elif agree < 0:
+                shading = (-mean[0], -mean[1], -mean[2])
         if textured[s]:
             uv = (
                 weight * mesh_uv[a, 0] + second * mesh_uv[b, 0] + third * mesh_uv[c, 0],

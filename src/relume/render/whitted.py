@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeGuard
 
 import numpy as np
 
@@ -19,13 +20,15 @@ from relume.render.antialiasing import Antialiasing, Small, Traced, sampled
 from relume.render.raycast import RayCaster
 from relume.render.raycast_surface import Surfaces
 from relume.render.renderer import Progress, Render
-from relume.render.whitted_kernel import CHANNELS, Record, Settings, empty_record, trace
+from relume.render.whitted_kernel import CHANNELS, MOST_RAYS, trace
 from relume.render.whitted_lights import attenuation_code, light_table
 from relume.render.whitted_materials import MaterialTables
+from relume.render.whitted_record import Record, Settings, empty_record
 from relume.scene.bounds import bounding_sphere
 from relume.scene.camera import Camera
 from relume.scene.lights import Attenuation, Unattenuated
 from relume.scene.scene import Scene
+from relume.scene.shapes import Mesh, Shape, Sphere
 from relume.sphere.polar import padded
 
 BAND = 1 << 14
@@ -53,7 +56,7 @@ class Whitted:
         in mirrors and behind all things, but light nothing
     rays : perturbed rays at a glossy or frosted surface that is seen directly; one at others
     clear_shadows : light goes straight through transparent shapes, dimmed by k_t; False gives them full shadows
-    background : show the light behind the objects
+    background : show the light behind the objects, where nothing is; it is seen in and through them all the same
     threads : all cores unless given; the pixels do not depend on it
     """
 
@@ -68,14 +71,12 @@ class Whitted:
     threads: int | None = None
 
     def __post_init__(self) -> None:
-        if not 1 <= self.depth <= 1000:
-            raise ValueError(f"depth is {self.depth}; expected 1 to 1000 nodes")
+        for name, least, most in (("depth", 1, 1000), ("constellation", 0, 65536), ("rays", 1, 65536)):
+            value = getattr(self, name)
+            if not isinstance(value, int) or not least <= value <= most:
+                raise ValueError(f"{name} is {value}; expected a whole number from {least} to {most}")
         if not 0 <= self.contribution < 1:
             raise ValueError(f"contribution is {self.contribution}; expected a share of the pixel from 0 to 1")
-        if self.constellation < 0 or self.rays < 1:
-            raise ValueError(
-                f"constellation {self.constellation}, rays {self.rays}; expected at least 0 lights and 1 ray"
-            )
         if self.threads is not None and self.threads < 1:
             raise ValueError(f"threads is {self.threads}; expected at least 1, or none for all cores")
 
@@ -98,6 +99,13 @@ class PreparedWhitted:
     @cached_property
     def caster(self) -> RayCaster:
         """The one tree over all objects."""
+        for solid in self.scene.objects:
+            if isinstance(solid, Mesh) and (flat := _flat(solid)):
+                warnings.warn(
+                    f"{flat} of the {len(solid.faces)} triangles of {solid.name!r} have no area and are left out; "
+                    "mend the mesh if it should have them",
+                    stacklevel=2,
+                )
         return RayCaster.of((*self.scene.local, *self.scene.objects))
 
     @cached_property
@@ -127,6 +135,8 @@ class PreparedWhitted:
         region: tuple[int, int, int, int] | None = None,
     ) -> Render:
         """One picture, or only the part of it from `region`'s left and top to its right and bottom, in pixels."""
+        if not isinstance(seed, int) or not 0 <= seed < 2**63:
+            raise ValueError(f"seed is {seed}; expected a whole number from 0, below 2⁶³")
         left, top, right, bottom = region or (0, 0, camera.width, camera.height)
         if not (0 <= left < right <= camera.width and 0 <= top < bottom <= camera.height):
             raise ValueError(
@@ -146,10 +156,16 @@ class PreparedWhitted:
 
         bands = in_threads(work, bottom - top, self.method.threads, chunk=max(BAND // (right - left), 1))
         means, rays = (np.concatenate(part) for part in zip(*bands, strict=True))
+        if rays.max() >= MOST_RAYS:
+            warnings.warn(
+                f"a tree grew to {MOST_RAYS} rays and was cut; lower the depth or raise the contribution", stacklevel=2
+            )
         hit = np.maximum(means[..., 4:5], 1e-30)
+        # Perturbed normals leave noise, and nobody has measured it.
+        variance = np.full((*rays.shape, 3), np.nan if np.any(self.tables[2].roughness) else 0.0, np.float32)
         return Render(
             radiance=means[..., :3].copy(),
-            variance=np.zeros((*rays.shape, 3), np.float32),
+            variance=variance,
             matte=means[..., 3].copy(),
             depth=(means[..., 5] / hit[..., 0]).astype(np.float32),
             normal=means[..., 6:9] / hit,
@@ -216,31 +232,49 @@ class PreparedWhitted:
 
     def _look_from(self, camera: Camera, seed: int) -> None:
         """Warn of an eye inside glass: what it sees is bent by a surface that the picture does not show."""
-        transparent = np.any(self.tables[2].transmission > 0, axis=1)[self.tables[1][10]]
-        if not np.any(transparent):
+        shapes = (*self.scene.local, *self.scene.objects)
+        coefficients, which = self.tables[2], self.tables[1][10]
+        transparent = np.any(coefficients.transmission > 0, axis=1)[which]
+        # A hollow in glass is a shape whose inside is the thinner.
+        glass = transparent & (coefficients.ior > 1)[which]
+        if not np.any(glass):
             return
+        balls = [(shape.radius, index) for index, shape in enumerate(shapes) if _holds(shape, camera.position)]
+        innermost = [index for _, index in sorted(balls) if transparent[index]][:1]
+        around = [i for i in innermost if glass[i]] if innermost else self._met_from_within(camera, seed, glass)
+        for index in around[:1]:
+            warnings.warn(
+                f"the camera stands inside {getattr(shapes[index], 'name', 'the plane')!r}, which is transparent: the "
+                "picture shows what is seen from in there; move the camera out unless that is meant",
+                stacklevel=3,
+            )
+
+    def _met_from_within(self, camera: Camera, seed: int, glass: np.ndarray) -> list[int]:
+        """The glass whose inside is met first in most of six directions, none of which is straight up or down."""
         met: list[int] = []
-        # Six ways, none of them straight up or down, where a camera has no level horizon.
         for axis in np.concatenate([np.eye(3) + 0.1, -np.eye(3) - 0.1]):
             ahead = Camera.looking_at(camera.position, camera.position + axis, width=1, height=1, focal_length=1.0)
             record = self.recorded(ahead, np.array([[0.5, 0.5]]), seed, 1)
             shape = int(record.shape[0])
-            met.append(shape if shape >= 0 and record.inside[0] and transparent[shape] else -1)
-        # The eye is outside what it sees from within through a gap only.
-        around = max(set(met), key=met.count)
-        if around >= 0 and met.count(around) >= 4:
-            name = getattr((*self.scene.local, *self.scene.objects)[around], "name", "the plane")
-            warnings.warn(
-                f"the camera stands inside {name!r}, which is transparent: the picture shows what is seen from in "
-                "there; move the camera out unless that is meant",
-                stacklevel=3,
-            )
+            met.append(shape if shape >= 0 and record.inside[0] and glass[shape] else -1)
+        return [shape for shape in set(met) - {-1} if met.count(shape) >= 4]
 
 
 def view_of(camera: Camera) -> np.ndarray:
     """The camera as sixteen numbers: eye, rotation in rows, focal length, the middle of the picture."""
     middle = (camera.width / 2, camera.height / 2)
     return np.array([*camera.position, *np.ravel(camera.rotation), camera.focal_length, *middle, 0.0], np.float64)
+
+
+def _holds(shape: Shape, point: np.ndarray) -> TypeGuard[Sphere]:
+    """Whether the shape is a sphere with this point in it."""
+    return isinstance(shape, Sphere) and bool(np.linalg.norm(point - np.asarray(shape.centre)) < shape.radius)
+
+
+def _flat(mesh: Mesh) -> int:
+    """How many triangles have no area."""
+    a, b, c = (mesh.vertices[mesh.faces[:, i]].astype(np.float64) for i in range(3))
+    return int(np.sum(~np.any(np.cross(b - a, c - a), axis=1)))
 
 
 def _room_for(count: int) -> Traced:

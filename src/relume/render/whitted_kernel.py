@@ -6,80 +6,31 @@ pixel that eq. 2 gives to what it will find, so that nothing has to be gathered 
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from relume._kernel import exact_kernel, exact_small
 from relume.render.borrowed import borrowed
 from relume.render.raycast_kernel import meet, scratch
 from relume.render.raycast_surface import surface_at
+from relume.render.whitted_facets import facets, schlick, shadowed, under_coat
 from relume.render.whitted_lights import DISTANT, LINEAR, NONE, SQUARE
 from relume.render.whitted_materials import CHECKED, CONSTANT, FRESNEL, PICTURE, SCHLICK
 from relume.render.whitted_optics import along, dot, fresnel, hashed, largest, perturbed, reflected, refracted, unit
+from relume.render.whitted_record import EYE, REFLECTED, REFRACTED, SHADOW
 from relume.render.whitted_textures import bumped, picture_at, wrinkled
 from relume.sphere.polar import looked_up, polar_point
 
-EYE, REFLECTED, REFRACTED, SHADOW = 0, 1, 2, 3
-"""Kinds of rays."""
 NEAR = 4e-6
 """A ray ignores what it meets within this share of the way from the eye: the surface that it leaves, and one that
 coincides with it."""
 CROSSINGS = 64
 """Transparent surfaces that a ray towards a light passes, at most, less the level of its node."""
+MOST_RAYS = 1 << 16
+"""After so many a tree grows no more branches: trees between parallel panes of glass double with every node."""
 WORTH = 0.1
 """Samples count as seeing different things only where these carry more than this share of the pixel."""
 CHANNELS = 12
 """Of a sample: radiance, object, anything, distance, normal, albedo."""
-
-
-class Settings(NamedTuple):
-    """What the kernel follows a tree by."""
-
-    depth: int
-    contribution: float
-    attenuation: int
-    reach: float
-    rays: int
-    clear: bool
-    background: bool
-    first_object: int
-    footprint: float
-    seed: int
-
-
-class Record(NamedTuple):
-    """The nodes of one sample's tree, for who wants to see it; empty arrays where nobody does.
-
-    ends : (N, 6) where each ray begins and ends, metres
-    weight : (N, 3) share of the pixel that the node's intensity has
-    sent : (N, 3) what the node itself adds to the pixel, without its children
-    parent, kind, shape, light : (N,); a shape of −1 is none, a blocked light's ray ends at its blocker
-    inside : (N,) whether the shape is met from within
-    limits : (N, 2) the interval of distances in which each ray was traced
-    count : (1,) nodes so far
-    """
-
-    ends: np.ndarray
-    weight: np.ndarray
-    sent: np.ndarray
-    parent: np.ndarray
-    kind: np.ndarray
-    shape: np.ndarray
-    light: np.ndarray
-    inside: np.ndarray
-    limits: np.ndarray
-    count: np.ndarray
-
-
-def empty_record(size: int = 0) -> Record:
-    """Room for this many nodes of a tree."""
-    return Record(
-        np.empty((size, 6)), np.empty((size, 3)), np.empty((size, 3)), np.empty(size, np.int64),
-        np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size, np.int64), np.zeros(size, np.bool_),
-        np.empty((size, 2)),
-        np.zeros(1, np.int64),
-    )  # fmt: skip
 
 
 @exact_kernel
@@ -110,8 +61,8 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
     boxes, children, root, _, corners, form, whose, measures, planes = geometry
     kind_of, first_of, sizes, smooth, textured, faces, vertices, normals, mesh_uv = surfaces[:9]
     primitive_of, material_of = surfaces[9], surfaces[10]
-    diffuse, second_colour, ambient, specular, transmission, highlight = materials[:6]
-    exponent, ior, law, roughness, coated, metal, everywhere, paint, picture, size, bump, by_uv = materials[6:]
+    diffuse, second_colour, ambient, specular, transmission, highlight, coat = materials[:7]
+    exponent, ior, law, roughness, alpha, tint, everywhere, paint, picture, size, bump, by_uv = materials[7:]
     pixels, picture_begin, picture_rows, picture_columns = pictures
     waves, first_wave, last_wave, wave_height, slope_picture = bumps
     place, strength, falloff, reach, shines, glow = lights
@@ -187,7 +138,9 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
 
             point = along(origin, direction, distance)
             way += distance
-            if kind == SHADOW and law[m] == CONSTANT:
+            if kind == SHADOW and law[m] == CONSTANT and paint[m] != PICTURE:
+                if coat[m, 0] >= 0:
+                    through = under_coat(through, (coat[m, 0], coat[m, 1], coat[m, 2]), 0.0)
                 top = _dim(rays, notes, top, node, point, weight, through, limit - distance, way)
                 continue
             geometric, shading, uv, dp_du, dp_dv = surface_at(
@@ -218,26 +171,31 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
             colour = (diffuse[m, 0], diffuse[m, 1], diffuse[m, 2])
             cell = 0
             if paint[m] == CHECKED:
-                cell_x, cell_z = np.floor(point[0] / size[m]), np.floor(point[2] / size[m])
-                cell_y = np.floor(point[1] / size[m] + 0.5)
+                # A little inside the surface, for one that lies where two cubes meet would show both.
+                deep = along(point, geometric, -1e-4 * size[m])
+                cell_x, cell_z = np.floor(deep[0] / size[m]), np.floor(deep[2] / size[m])
+                cell_y = np.floor(deep[1] / size[m] + 0.5)
                 if np.int64(cell_x + cell_y + cell_z) & 1:
                     colour = (second_colour[m, 0], second_colour[m, 1], second_colour[m, 2])
                 cell = np.int64(cell_x) * 73856093 ^ np.int64(cell_y) * 19349663 ^ np.int64(cell_z) * 83492791
             elif paint[m] == PICTURE:
                 r, g, b = picture_at(pixels, picture_begin, picture_rows, picture_columns, np.int64(picture[m]), uv)
-                if metal[m] > 0:
-                    back = (r, g, b)
+                back = (back[0] + tint[m] * r, back[1] + tint[m] * g, back[2] + tint[m] * b)
+                through = (through[0] * np.sqrt(r), through[1] * np.sqrt(g), through[2] * np.sqrt(b))
                 colour = (colour[0] * r, colour[1] * g, colour[2] * b)
-            share_of_light = 1.0
+            straight = back
+            grazing = 0.0
             if law[m] == FRESNEL:
-                f = fresnel(cosine, index)
-                back = (back[0] * f, back[1] * f, back[2] * f)
-                through = (through[0] * (1 - f), through[1] * (1 - f), through[2] * (1 - f))
-                share_of_light = 1 - f
+                grazing = fresnel(cosine, index)
+                back = (back[0] * grazing, back[1] * grazing, back[2] * grazing)
             elif law[m] == SCHLICK:
-                f = (1 - cosine) ** 5
-                back = (back[0] + (1 - back[0]) * f, back[1] + (1 - back[1]) * f, back[2] + (1 - back[2]) * f)
-                through = (through[0] * (1 - back[0]), through[1] * (1 - back[1]), through[2] * (1 - back[2]))
+                grazing = (1 - cosine) ** 5
+                back = schlick(back, grazing)
+            if coat[m, 0] >= 0:
+                kept = (coat[m, 0], coat[m, 1], coat[m, 2]) if law[m] != FRESNEL else (0.0, 0.0, 0.0)
+                colour, through = under_coat(colour, kept, grazing), under_coat(through, kept, grazing)
+            elif law[m] == FRESNEL:
+                through = under_coat(through, (0.0, 0.0, 0.0), grazing)
 
             if kind == SHADOW:
                 top = _dim(rays, notes, top, node, point, weight, through, limit - distance, way)
@@ -258,15 +216,6 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
                 node_inside[node] = side < 0
                 for j in range(3):
                     share[node, j] = weight[j]
-            if coated[m] > 0:
-                if law[m] == FRESNEL:
-                    colour = (colour[0] * share_of_light, colour[1] * share_of_light, colour[2] * share_of_light)
-                else:
-                    below = (1 - back[0], 1 - back[1], 1 - back[2])
-                    colour = (colour[0] * below[0], colour[1] * below[1], colour[2] * below[2])
-                    if law[m] == CONSTANT:
-                        through = (through[0] * below[0], through[1] * below[1], through[2] * below[2])
-
             # I_a
             own = (ambient[m, 0], ambient[m, 1], ambient[m, 2]) if ambient[m, 0] >= 0 else colour
             own = (weight[0] * own[0] * glow[0], weight[1] * own[1] * glow[1], weight[2] * own[2] * glow[2])
@@ -289,24 +238,37 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
                 facing = dot(normal, towards)
                 if facing <= 0 or dot(outward, towards) <= 0 or arriving <= 0:
                     continue
-                shine = 0.0
-                if shiny and (shines[light] > 0 or everywhere[m] > 0):
+                shine = (0.0, 0.0, 0.0)
+                if shines[light] > 0 or everywhere[m] > 0:
                     half = unit((towards[0] - direction[0], towards[1] - direction[1], towards[2] - direction[2]))
                     aligned = max(dot(normal, half), 0.0)
-                    # Far from a highlight it is e^(−25) and less, which is not worth a power.
-                    shine = aligned ** exponent[m] if exponent[m] * (1 - aligned) < 25 else 0.0
+                    if alpha[m] > 0:
+                        # Of eq. 1 only the place is left: a facet's reflectance is that at the halfway vector.
+                        across = -dot(direction, half)
+                        if law[m] == FRESNEL:
+                            f = fresnel(across, index)
+                            shine = (straight[0] * f, straight[1] * f, straight[2] * f)
+                        else:
+                            shine = schlick(straight, (1 - across) ** 5 if law[m] == SCHLICK else 0.0)
+                        f = facets(alpha[m], aligned, cosine, facing)
+                        shine = (shine[0] * f, shine[1] * f, shine[2] * f)
+                    elif shiny and exponent[m] * (1 - aligned) < 25:
+                        # Further from a highlight it is e^(−25) and less, which is not worth a power.
+                        f = aligned ** exponent[m]
+                        shine = (highlight[m, 0] * f, highlight[m, 1] * f, highlight[m, 2] * f)
                 reaching = (
-                    weight[0] * (colour[0] * facing + highlight[m, 0] * shine) * strength[light, 0] * arriving,
-                    weight[1] * (colour[1] * facing + highlight[m, 1] * shine) * strength[light, 1] * arriving,
-                    weight[2] * (colour[2] * facing + highlight[m, 2] * shine) * strength[light, 2] * arriving,
+                    weight[0] * (colour[0] * facing + shine[0]) * strength[light, 0] * arriving,
+                    weight[1] * (colour[1] * facing + shine[1]) * strength[light, 1] * arriving,
+                    weight[2] * (colour[2] * facing + shine[2]) * strength[light, 2] * arriving,
                 )
                 if largest(reaching) > 0:
-                    _push(rays, notes, seeds, top, point, towards, reaching, far, way, split)
+                    # A lamp that lies on a surface is not in that surface's shadow.
+                    _push(rays, notes, seeds, top, point, towards, reaching, far * (1 - NEAR), way, split)
                     notes[top, 0], notes[top, 1], notes[top, 2], notes[top, 3] = SHADOW, level, node, light
                     top += 1
 
             # k_s S and k_t T
-            if level + 1 >= depth:
+            if level + 1 >= depth or traced >= MOST_RAYS:
                 continue
             back = (weight[0] * back[0], weight[1] * back[1], weight[2] * back[2])
             through = (weight[0] * through[0], weight[1] * through[1], weight[2] * through[2])
@@ -325,11 +287,15 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
                         facet = normal
                 if reflects and largest(back) > 0:
                     towards = reflected(direction, facet)
+                    sent_on = back
+                    if alpha[m] > 0 and roughness[m] > 0:
+                        f = shadowed(alpha[m], dot(facet, normal), -dot(direction, facet), cosine, dot(towards, normal))
+                        sent_on = (back[0] * f, back[1] * f, back[2] * f)
                     under = dot(towards, outward)
                     if under <= 0:
                         # A turned normal sent it below the surface: it grazes instead.
                         towards = unit(along(towards, outward, 1e-3 - under))
-                    _push(rays, notes, seeds, top, point, towards, back, np.inf, way, split * many)
+                    _push(rays, notes, seeds, top, point, towards, sent_on, np.inf, way, split * many)
                     notes[top, 0], notes[top, 1], notes[top, 2], notes[top, 3] = REFLECTED, level + 1, node, -1
                     seeds[top] = hashed(node_seed, 2 * which + 1)
                     top += 1

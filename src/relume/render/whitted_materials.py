@@ -117,7 +117,7 @@ class Model:
     law : how k_s varies with the angle
     alpha : width of GGX microfacets; 0 for the paper's own highlight and perturbation
     coat : what a coat keeps from what lies below, along the normal; k_s unless given
-    tint : share of the picture in k_s, as a metal has it
+    picture : paints the diffuse part by `share`, and k_s by `tint`, as of a metal
     everywhere : whether all lights stand for the reflection, instead of rays
     """
 
@@ -125,6 +125,8 @@ class Model:
     law: int = CONSTANT
     alpha: float = 0.0
     coat: Colour | None = None
+    picture: np.ndarray | None = None
+    share: float = 1.0
     tint: float = 0.0
     everywhere: bool = False
 
@@ -156,9 +158,9 @@ def _metallic_roughness(material: Material) -> Model:
     plain = np.ones(3) if image else base
     normal = dielectric * (1 - metallic) + (0 if image else metallic * base)
     law = FRESNEL if metallic == 0 else CONSTANT if metallic == 1 and not alpha else SCHLICK
-    painted = (1 - metallic) * (1 - material.transmission) * base
+    share = (1 - metallic) * (1 - material.transmission)
     surface = WhittedMaterial(
-        painted.astype(np.float32) if image else _triple(painted),
+        (0.0, 0.0, 0.0) if image else _triple(share * base),
         _triple(np.ones(3) if law == FRESNEL else normal),
         # The tint of glass is that of both crossings of a closed body together.
         transmission=_triple(np.sqrt(plain) * through),
@@ -169,7 +171,10 @@ def _metallic_roughness(material: Material) -> Model:
         name=material.name,
     )
     broad = alpha > BROAD and not through
-    return Model(surface, law, alpha, _triple(np.full(3, dielectric)), metallic if image else 0.0, broad)
+    if not image:
+        return Model(surface, law, alpha, _triple(np.full(3, dielectric)), everywhere=broad)
+    picture = base.astype(np.float32)
+    return Model(surface, law, alpha, _triple(np.full(3, dielectric)), picture, share, metallic, broad)
 
 
 def _of_layers(material: Reflective) -> Model:
@@ -180,7 +185,11 @@ def _of_layers(material: Reflective) -> Model:
         colour, weight = np.asarray(layer.colour, np.float64), layer.weight
         under = isinstance(weight, Complement)
         inner = weight.weight if isinstance(weight, Complement) else weight
-        if not isinstance(inner, Even | Fresnel | Schlick) or not isinstance(layer.grazing, Even) or layer.grazing.value != 0.0:
+        if (
+            not isinstance(inner, Even | Fresnel | Schlick)
+            or not isinstance(layer.grazing, Even)
+            or layer.grazing.value != 0.0
+        ):
             raise _unsupported(material, "its weights")
         even = np.asarray(inner.value) if isinstance(inner, Even) and not under else 1.0
         k = getattr(layer.lobe, "k", 1.0) * even
@@ -231,7 +240,7 @@ def _unsupported(material: Reflective, what: str) -> UnsupportedScene:
     )
 
 
-def _triple(value: np.ndarray) -> Colour:
+def _triple(value: np.ndarray | float) -> Colour:
     r, g, b = np.broadcast_to(value, (3,))
     return float(r), float(g), float(b)
 
@@ -242,10 +251,12 @@ def _row(model: Model, pictures: list[np.ndarray], bumps: list[Bumps]) -> Coeffi
     first = second = m.diffuse
     if isinstance(m.diffuse, Checks):
         paint, size, first, second = CHECKED, m.diffuse.size, m.diffuse.first, m.diffuse.second
-    elif isinstance(m.diffuse, np.ndarray) and m.diffuse.ndim == 3:
+    image = m.diffuse if model.picture is None else model.picture
+    if isinstance(image, np.ndarray) and image.ndim == 3:
         # The row holds what multiplies the picture.
-        paint, picture, first, second = PICTURE, len(pictures), (1.0, 1.0, 1.0), (1.0, 1.0, 1.0)
-        pictures.append(m.diffuse)
+        paint, picture, first = PICTURE, len(pictures), (model.share,) * 3
+        second = first
+        pictures.append(image)
     which = -1
     if m.bumps is not None:
         which = len(bumps)

@@ -26,8 +26,10 @@ class Camera:
     rotation: np.ndarray
 
     def __post_init__(self) -> None:
-        if self.width < 1 or self.height < 1 or not self.focal_length > 0:
+        if self.width < 1 or self.height < 1 or not 0 < self.focal_length < np.inf:
             raise ValueError(f"a camera of {self.width}×{self.height} pixels and focal length {self.focal_length}")
+        if not np.all(np.abs(self.position) < 1e15):
+            raise ValueError(f"a camera at {self.position}; expected metres, less than 1e15 from the origin")
 
     @staticmethod
     def looking_at(position: np.ndarray, target: np.ndarray, *, width: int, height: int, focal_length: float) -> Camera:

@@ -103,5 +103,6 @@ def _check_vector(what: str, value: tuple[float, float, float]) -> None:
 
 
 def _check_colour(what: str, value: Colour) -> None:
-    if len(value) != 3 or not np.all(np.isfinite(value)) or min(value) < 0:
-        raise ValueError(f"{what} is {value}; expected three finite numbers of 0 or more")
+    # Pixels are kept in single precision, which ends at 3e38.
+    if len(value) != 3 or not np.all(np.asarray(value) <= 1e30) or min(value) < 0:
+        raise ValueError(f"{what} is {value}; expected three numbers from 0 to 1e30")

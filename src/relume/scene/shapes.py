@@ -54,7 +54,9 @@ class Plane:
     height: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.size is not None and not all(s > 0 for s in self.size):
+        if not np.isfinite(self.height):
+            raise ValueError(f"height of the plane is {self.height}; expected metres")
+        if self.size is not None and not all(0 < s < np.inf for s in self.size):
             raise ValueError(f"size of the plane is {self.size}; expected two positive lengths in metres")
 
     @property

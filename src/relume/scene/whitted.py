@@ -75,7 +75,7 @@ class WhittedMaterial:
         for field in ("diffuse", "specular", "transmission", "ambient", "highlight"):
             value = getattr(self, field)
             if value is not None and not isinstance(value, Checks):
-                _check_coefficient(field + who, value)
+                _check_coefficient(field + who, value, image=field == "diffuse")
         if not 0 < self.ior < np.inf:
             raise ValueError(f"ior{who} is {self.ior}; expected above 0, like 1.5 for glass")
         if not 0 < self.exponent < np.inf:
@@ -100,9 +100,10 @@ class WhittedMaterial:
         return float(np.max(np.asarray(diffuse) + (np.maximum(through, back) if self.fresnel else through + back)))
 
 
-def _check_coefficient(what: str, value: Colour | np.ndarray) -> None:
+def _check_coefficient(what: str, value: Colour | np.ndarray, *, image: bool = False) -> None:
     array = np.asarray(value)
-    if array.shape[-1:] != (3,) or array.ndim not in (1, 3) or not array.size:
-        raise ValueError(f"{what} has shape {array.shape}; expected three numbers, or an image of them (H, W, 3)")
+    if array.shape[-1:] != (3,) or array.ndim not in ((1, 3) if image else (1,)) or not array.size:
+        or_image = ", or an image of them (H, W, 3)" if image else ""
+        raise ValueError(f"{what} has shape {array.shape}; expected three numbers{or_image}")
     if not np.all(np.isfinite(array)) or array.min() < 0:
         raise ValueError(f"{what} goes from {array.min():g} to {array.max():g}; expected finite numbers of 0 or more")

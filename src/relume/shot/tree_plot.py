@@ -10,7 +10,7 @@ import numpy as np
 
 from relume.develop.film import Film, develop
 from relume.render.ray_tree import NAMES, RayTree
-from relume.render.whitted_kernel import EYE, REFLECTED, REFRACTED, SHADOW
+from relume.render.whitted_record import EYE, REFLECTED, REFRACTED, SHADOW
 from relume.scene.patches import Patches
 from relume.scene.scene import Scene
 from relume.scene.shapes import Plane, Shape, Sphere
