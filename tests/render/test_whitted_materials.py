@@ -32,7 +32,7 @@ def in_furnace(material, **settings) -> np.ndarray:
 @pytest.mark.parametrize("transmission", [0.0, 0.5])
 def test_no_material_makes_light_and_smooth_ones_lose_none(metallic, roughness, transmission):
     seen = in_furnace(rl.Material(WHITE, metallic, roughness, transmission))
-    # A constellation of 64 lights tells constant light to a few per cent; what diffuses inside a half clear ball is lost.
+    # A constellation of 64 lights tells constant light to a few per cent; what diffuses inside a ball is lost.
     assert seen.mean() <= 1.02
     assert seen.max() <= 1.15
     if roughness == 0 and transmission == 0:

@@ -62,7 +62,7 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
     kind_of, first_of, sizes, smooth, textured, faces, vertices, normals, mesh_uv = surfaces[:9]
     primitive_of, material_of = surfaces[9], surfaces[10]
     diffuse, second_colour, ambient, specular, transmission, highlight, coat = materials[:7]
-    exponent, ior, law, roughness, alpha, tint, everywhere, paint, picture, size, bump, by_uv = materials[7:]
+    exponent, ior, law, roughness, alpha, tint, stained, everywhere, paint, picture, size, bump, by_uv = materials[7:]
     pixels, picture_begin, picture_rows, picture_columns = pictures
     waves, first_wave, last_wave, wave_height, slope_picture = bumps
     place, strength, falloff, reach, shines, glow = lights
@@ -138,7 +138,7 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
 
             point = along(origin, direction, distance)
             way += distance
-            if kind == SHADOW and law[m] == CONSTANT and paint[m] != PICTURE:
+            if kind == SHADOW and law[m] == CONSTANT and not stained[m] > 0:
                 if coat[m, 0] >= 0:
                     through = under_coat(through, (coat[m, 0], coat[m, 1], coat[m, 2]), 0.0)
                 top = _dim(rays, notes, top, node, point, weight, through, limit - distance, way)
@@ -181,7 +181,8 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
             elif paint[m] == PICTURE:
                 r, g, b = picture_at(pixels, picture_begin, picture_rows, picture_columns, np.int64(picture[m]), uv)
                 back = (back[0] + tint[m] * r, back[1] + tint[m] * g, back[2] + tint[m] * b)
-                through = (through[0] * np.sqrt(r), through[1] * np.sqrt(g), through[2] * np.sqrt(b))
+                if stained[m] > 0:
+                    through = (through[0] * np.sqrt(r), through[1] * np.sqrt(g), through[2] * np.sqrt(b))
                 colour = (colour[0] * r, colour[1] * g, colour[2] * b)
             straight = back
             grazing = 0.0

@@ -38,7 +38,7 @@ class Coefficients(NamedTuple):
     coat : what is kept, along the normal, from what lies below a coat; −1 for no coat
     law : how k_s varies with the angle
     alpha : width of GGX facets, whose highlight is then shown; 0 for eq. 1's
-    tint : how much of the picture is added to k_s; a picture tints glass too
+    tint, stained : how much of the picture is added to k_s, and whether its root multiplies k_t
     everywhere : whether the lights of a constellation show highlights, for there are no S rays to see the map
     paint, picture, size : FLAT, CHECKED or PICTURE; which picture; metres of a check
     bumps : the row of the bumps; −1 for none
@@ -58,6 +58,7 @@ class Coefficients(NamedTuple):
     roughness: np.ndarray
     alpha: np.ndarray
     tint: np.ndarray
+    stained: np.ndarray
     everywhere: np.ndarray
     paint: np.ndarray
     picture: np.ndarray
@@ -267,7 +268,8 @@ def _row(model: Model, pictures: list[np.ndarray], bumps: list[Bumps]) -> Coeffi
         np.asarray(m.specular), np.asarray(m.transmission),
         np.asarray(m.specular if m.highlight is None else m.highlight), coat,
         np.asarray(m.exponent), np.asarray(m.ior), np.asarray(model.law), np.asarray(m.roughness),
-        np.asarray(model.alpha), np.asarray(model.tint), np.asarray(model.everywhere),
+        np.asarray(model.alpha), np.asarray(model.tint), np.asarray(model.picture is not None),
+        np.asarray(model.everywhere),
         np.asarray(paint), np.asarray(picture), np.asarray(size), np.asarray(which),
         np.asarray(paint == PICTURE or isinstance(m.bumps, BumpMap)),
     )  # fmt: skip
