@@ -178,13 +178,36 @@ def chosen(folder: Path, capsys, scene: str, *options: str) -> str:
         ("clay.toml", ["--depth", "2"], "whitted"),
         ("chrome.toml", ["--seed", "2"], "whitted"),
         ("clay.toml", ["--seed", "2"], "mitsuba"),
-        ("asking.toml", ["--samples", "2"], "mitsuba"),
         ("asking.toml", ["--renderer", "mitsuba"], "mitsuba"),
         ("clay.toml", ["--region", "0,0,9,9", "--frames", "2"], "whitted"),
     ],
 )
 def test_the_renderer_is_what_the_options_allow_and_the_scene_asks_for(folder, capsys, scene, options, renderer):
     assert chosen(folder, capsys, scene, *options) == renderer
+
+
+def test_a_picture_of_darkness_says_why(folder, capsys):
+    for light, reason in (
+        ('[[lights]]\nkind = "point"\nposition = [0, 0, 0]\nintensity = [1, 1, 1]', "is a lamp inside a shape"),
+        ("[light]\ncolour = 1\n[whitted]\nconstellation = 0", "lights nothing while constellation is 0"),
+    ):
+        (folder / "dark.toml").write_text(
+            f"""{light}
+[camera]
+position = [0, 0, 3]
+target = [0, 0, 0]
+[materials.clay]
+kind = "diffuse"
+reflectance = 0.5
+[[objects]]
+sphere = {{ centre = [0, 0, 0], radius = 0.5 }}
+material = "clay"
+"""
+        )
+        assert run(folder, "dark.toml", "dark.png", "--renderer", "whitted", "--size", "16x12") == 0
+        said = capsys.readouterr().err
+        assert "no light reaches the surfaces that are seen, so they are black" in said
+        assert reason in said
 
 
 def test_an_exr_by_trees_holds_the_number_of_rays_too(folder):
@@ -297,6 +320,7 @@ def test_a_picture_is_metered_by_the_scenes_own_lights(folder):
         ("clay.toml", "a.png", ["--subdivisions", "9"], "subdivisions 9"),
         ("moving.toml", "turn", ["--renderer", "mapped", "--frames", "2"], "orbits are for --renderer whitted"),
         ("moving.toml", "turn", ["--frames", "2", "--degrees", "90"], "--degrees tells how far a motion goes"),
+        ("asking.toml", "a.png", ["--samples", "2"], "the scene file's [whitted] table asks for the renderer whitted"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(folder, capsys, scene: str, out: str, options: Sequence[str], line: str):

@@ -17,6 +17,8 @@ FURNACE = rl.IlluminationMap(np.ones((16, 32, 3), np.float32))
 BLACK = rl.IlluminationMap(np.zeros((4, 8, 3), np.float32))
 CAMERA = rl.Camera.looking_at(np.array([0, 0, 5.0]), np.zeros(3), width=24, height=24, focal_length=50)
 WHITE = (1.0, 1.0, 1.0)
+HALF = (0.5, 0.5, 0.5)
+RED = np.full((1, 1, 3), [0.8, 0.0, 0.0], np.float32)
 
 
 def in_furnace(material, **settings) -> np.ndarray:
@@ -75,11 +77,11 @@ def test_frosted_glass_grows_more_frosted_and_never_clear_again():
 @pytest.mark.parametrize(
     "material",
     [
-        rl.Material(np.float32([[[0.8, 0.0, 0.0]]]), 1.0, 0.0),
-        rl.Material(np.float32([[[0.8, 0.0, 0.0]]]), 0.99, 0.3),
-        rl.Material(np.float32([[[0.8, 0.0, 0.0]]]), 1.0, 0.7),
-        rl.Material(np.float32([[[0.8, 0.0, 0.0]]]), 0.0, 0.0, 1.0),
-        rl.Material(np.float32([[[0.8, 0.0, 0.0]]])),
+        rl.Material(RED, 1.0, 0.0),
+        rl.Material(RED, 0.99, 0.3),
+        rl.Material(RED, 1.0, 0.7),
+        rl.Material(RED, 0.0, 0.0, 1.0),
+        rl.Material(RED),
     ],
 )
 def test_an_image_of_one_colour_is_that_colour(material):
@@ -106,7 +108,9 @@ def test_ggx_under_one_light_is_the_microfacet_formula():
 
     f = 0.9 + 0.1 * (1 - half) ** 5
     expected = d * g1(1.0) * g1(np.cos(tilt)) * f / 4
-    floor = rl.Polygon(np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]), rl.Material((0.9,) * 3, 1.0, 0.6))
+    floor = rl.Polygon(
+        np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]), rl.Material((0.9, 0.9, 0.9), 1.0, 0.6)
+    )
     light = DistantLight((np.sin(tilt), 0, np.cos(tilt)), WHITE)
     camera = replace(CAMERA, width=1, height=1)
     picture = rl.Whitted(antialiasing=None).render(rl.Scene(BLACK, objects=(floor,), lights=(light,)), camera)
@@ -172,7 +176,7 @@ def test_a_coated_pane_dims_the_light_that_goes_through_it():
     )
     floor = rl.Plane(rl.Diffuse(WHITE), (4, 4))
     camera = rl.Camera.looking_at(np.array([0, 0.6, 1.5]), np.zeros(3), width=1, height=1, focal_length=1)
-    scene = rl.Scene(BLACK, (floor,), (pane,), (DistantLight((0, 1, 0), (np.pi,) * 3),))
+    scene = rl.Scene(BLACK, (floor,), (pane,), (DistantLight((0, 1, 0), (np.pi, np.pi, np.pi)),))
     picture = rl.Whitted(antialiasing=None, constellation=0).render(scene, camera)
     assert picture.radiance[0, 0, 0] == pytest.approx(0.5, rel=1e-6)
 
@@ -195,8 +199,8 @@ def test_an_eye_in_glass_is_told_of_and_one_in_a_hollow_is_not():
 
 
 def test_triangles_without_area_are_told_of():
-    points = np.float32([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0]])
-    mesh = rl.Mesh(points, np.int32([[0, 1, 2], [0, 1, 3]]), rl.Diffuse((0.5, 0.5, 0.5)), name="sheet")
+    points = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0]], np.float32)
+    mesh = rl.Mesh(points, np.array([[0, 1, 2], [0, 1, 3]], np.int32), rl.Diffuse((0.5, 0.5, 0.5)), name="sheet")
     with pytest.warns(UserWarning, match="1 of the 2 triangles of 'sheet' have no area"):
         rl.Whitted().render(rl.Scene(FURNACE, objects=(mesh,)), CAMERA)
 
@@ -205,7 +209,7 @@ def test_a_tree_without_end_is_cut_and_told_of():
     panes = tuple(
         rl.Polygon(
             np.array([[-9.0, -9, z], [9, -9, z], [9, 9, z], [-9, 9, z]]),
-            WhittedMaterial(specular=(0.5,) * 3, transmission=(0.5,) * 3, ior=1.0),
+            WhittedMaterial(specular=HALF, transmission=HALF, ior=1.0),
         )
         for z in np.linspace(-1, 0, 8)
     )
@@ -231,9 +235,25 @@ def test_settings_that_make_no_sense_are_refused(settings, words):
 
 
 def test_seeds_and_darkness_that_make_no_sense_are_refused():
-    scene = rl.Scene(FURNACE, objects=(rl.Sphere((0, 0, 0), 1.0, rl.Diffuse((0.5,) * 3)),))
+    scene = rl.Scene(FURNACE, objects=(rl.Sphere((0, 0, 0), 1.0, rl.Diffuse(HALF)),))
     for seed in (-1, 2**70, 1.5):
         with pytest.raises(ValueError, match="expected a whole number from 0"):
             rl.Whitted().render(scene, CAMERA, seed=seed)  # pyright: ignore[reportArgumentType]
     with pytest.raises(rl.UnsupportedScene, match="nothing shines in this scene"):
         rl.Whitted().render(replace(scene, light=BLACK), CAMERA)
+
+
+def test_what_scattered_rays_find_is_lit_by_all_of_the_constellation_in_the_mean():
+    """A rough mirror shows a ball as bright as a smooth one does, though each ray asks an eighth of the lights."""
+    seen = {}
+    for roughness in (0.0, 0.03):
+        wall = rl.Polygon(
+            np.array([[-2.0, -2, -1], [2, -2, -1], [2, 2, -1], [-2, 2, -1]]),
+            WhittedMaterial(specular=WHITE, highlight=(0, 0, 0), roughness=roughness),
+        )
+        # It stands behind the camera, and is seen in the mirror alone.
+        ball = rl.Sphere((0, 0, 12), 5.0, rl.Diffuse(HALF))
+        scene = rl.Scene(FURNACE, objects=(wall, ball))
+        picture = rl.Whitted(antialiasing=None, rays=256).render(scene, replace(CAMERA, width=6, height=6))
+        seen[roughness] = picture.radiance.mean()
+    assert seen[0.03] == pytest.approx(seen[0.0], rel=0.03)

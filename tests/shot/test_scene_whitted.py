@@ -300,11 +300,11 @@ def test_the_docs_tell_the_renderers_defaults() -> None:
         (HEAD + "[[objects]]\norbit = { turns = 1 }", "objects.0: has no shape; give one of sphere, mesh, polygon and"),
         (
             HEAD + BLOB + "[[objects]]\npolygon = [[0, 0, 0], [1, 0, 0]]\nmaterial = 'blob'",
-            "objects.0.polygon: vertices of 'objects.0' are (2, 3); expected (N, 3), three or more",
+            "objects.0.polygon: 'objects.0' has 2 vertices; expected three or more",
         ),
         (
             HEAD + BLOB + "[[objects]]\npolygon = []\nmaterial = 'blob'",
-            "objects.0.polygon: vertices of 'objects.0' are (0,); expected (N, 3), three or more",
+            "objects.0.polygon: 'objects.0' has 0 vertices; expected three or more",
         ),
         (
             HEAD + BLOB + "[[objects]]\npolygon = [[0, 0, 0], [1, 0], [1, 1, 1]]\nmaterial = 'blob'",
@@ -374,7 +374,7 @@ def test_a_fault_of_a_point_of_light_is_one_line_with_its_key(folder: Path, keys
     [
         ("difuse = 1", ".difuse: unknown key; did you mean diffuse?"),
         ("diffuse = [1, 2]", ".diffuse: too few numbers (got [1, 2])"),
-        ("diffuse = -1", ": diffuse of material 'blob' goes from -1 to -1; expected finite numbers of 0 or more"),
+        ("diffuse = -1", ": diffuse of material 'blob' is [-1.0, -1.0, -1.0]; expected finite numbers of 0 or more"),
         ("diffuse = 'none.png'", ".diffuse: {folder}/none.png: "),
         ("diffuse = true", ".diffuse: input should be a list of numbers (got True)"),
         ("diffuse = {{ checks = [1] }}", ".diffuse.checks: too few numbers (got [1])"),
@@ -382,7 +382,7 @@ def test_a_fault_of_a_point_of_light_is_one_line_with_its_key(folder: Path, keys
         ("diffuse = {{ checks = [1, 0], sise = 1 }}", ".diffuse.sise: unknown key; did you mean size?"),
         ("diffuse = {{ checks = [1, 0], size = 0 }}", ".diffuse: size of checks is 0.0; expected a positive length"),
         ("specular = 'red'", ".specular: input should be a list of numbers (got 'red')"),
-        ("highlight = [1, 1, -1]", ": highlight of material 'blob' goes from -1 to 1"),
+        ("highlight = [1, 1, -1]", ": highlight of material 'blob' is [1.0, 1.0, -1.0]"),
         ("exponent = 0", ": exponent of material 'blob' is 0.0; expected above 0, like 50"),
         ("ior = 0", ": ior of material 'blob' is 0.0; expected above 0, like 1.5 for glass"),
         ("roughness = -1", ": roughness of material 'blob' is -1.0; expected 0 or more"),
@@ -399,14 +399,14 @@ def test_a_fault_of_a_material_is_one_line_with_its_key(folder: Path, keys: str,
     ("keys", "line"),
     [
         ("depht = 3", ".depht: unknown key; did you mean depth?"),
-        ("depth = 0", ": depth is 0; expected 1 to 1000 nodes"),
+        ("depth = 0", ": depth is 0; expected a whole number from 1 to 1000"),
         ("depth = 1.5", ".depth: input should be a valid integer"),
         ("contribution = 1", ": contribution is 1.0; expected a share of the pixel from 0 to 1"),
         ("attenuation = 'quadratic'", '.attenuation: got \'quadratic\'; expected "square", "none" or {{ linear'),
         ("attenuation = {{ linear = -1 }}", ".attenuation: reach of linear attenuation is -1.0"),
         ("subdivisions = 9", ": subdivisions 9, tolerance "),
         ("antialiasing = false\ntolerance = 0.1", ": has tolerance, but antialiasing is false; remove one of them"),
-        ("rays = 0", ": constellation 64, rays 0; expected at least 0 lights and 1 ray"),
+        ("rays = 0", ": rays is 0; expected a whole number from 1 to 65536"),
         ("threads = 2", ".threads: unknown key"),
     ],
 )

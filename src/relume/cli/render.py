@@ -60,6 +60,17 @@ def render(
     rays: Annotated[
         int | None, Parameter(help="whitted: rays at a glossy or frosted surface; 16 unless the file says.")
     ] = None,
+    contribution: Annotated[
+        float | None,
+        Parameter(help="whitted: branches that carry less of the pixel are cut off; 1/1024 unless the file says."),
+    ] = None,
+    constellation: Annotated[
+        int | None,
+        Parameter(
+            help="whitted: lights that stand for the illumination map on diffuse surfaces; 64 unless the file says. "
+            "More make shadows of an even sky smoother."
+        ),
+    ] = None,
     subdivisions: Annotated[
         int | None, Parameter(help="whitted: how often a pixel's square is halved; 3 unless the file says.")
     ] = None,
@@ -68,7 +79,10 @@ def render(
         Parameter(help="whitted: corners that differ by this share are halved; 0.1 unless the file says."),
     ] = None,
     region: Annotated[
-        str | None, Parameter(help="whitted: only this part of the picture, LEFT,TOP,RIGHT,BOTTOM in pixels.")
+        str | None,
+        Parameter(
+            help="whitted: only this part of the picture, LEFT,TOP,RIGHT,BOTTOM in pixels, as a smaller picture."
+        ),
     ] = None,
     tree: Annotated[
         str | None,
@@ -114,12 +128,15 @@ def render(
             "--seed": seed,
             "--depth": depth,
             "--rays": rays,
+            "--contribution": contribution,
+            "--constellation": constellation,
             "--subdivisions": subdivisions,
             "--tolerance": tolerance,
             "--region": region,
             "--tree": tree,
             "--frames": frames,
         }
+        given = renderer is not None
         possible = choice.renderers_for(options, renderer)
         if tree is not None:
             choice.check_drawing(out, {"--frames": frames, "--region": region})
@@ -128,7 +145,7 @@ def render(
         require_files([plate] if plate is not None else [])
         read = choice.read_file(scene, light, size)
         world, camera = read.scene, read.camera
-        renderer = choice.chosen(read, possible, moving=frames is not None)
+        renderer = choice.chosen(read, possible, given=given, moving=frames is not None)
         if degrees is not None and motion is None and read.moves:
             raise ValueError("--degrees tells how far a motion goes, and the scene file's orbits do; give --motion too")
         movie = None if frames is None else pictures.Movie(frames, motion, degrees)
@@ -137,6 +154,8 @@ def render(
             read.whitted,
             depth=depth,
             rays=rays,
+            contribution=contribution,
+            constellation=constellation,
             subdivisions=subdivisions,
             tolerance=tolerance,
             threads=threads,
@@ -146,7 +165,7 @@ def render(
         told = {
             "renderer": renderer,
             "shapes": len(world.local) + len(world.objects),
-            "size": f"{camera.width}×{camera.height}",
+            "size": f"{camera.width}×{camera.height}" if part is None else f"{part[2] - part[0]}×{part[3] - part[1]}",
             "exposure": film.exposure,
         }
         pixel = None if tree is None else read_pixel(tree, camera)

@@ -29,6 +29,8 @@ FOR: dict[str, tuple[Name, ...]] = {
     "--seed": ("mitsuba", "whitted"),
     "--depth": ("whitted",),
     "--rays": ("whitted",),
+    "--contribution": ("whitted",),
+    "--constellation": ("whitted",),
     "--subdivisions": ("whitted",),
     "--tolerance": ("whitted",),
     "--region": ("whitted",),
@@ -58,9 +60,10 @@ def renderers_for(options: Mapping[str, object], renderer: Name | None) -> list[
     return left
 
 
-def chosen(read: SceneFile, left: list[Name], *, moving: bool) -> Name:
+def chosen(read: SceneFile, left: list[Name], *, given: bool, moving: bool) -> Name:
     """The renderer among those left that can show what the scene holds; raises ValueError for orbits that none shows.
 
+    given : whether the renderer was named
     moving : whether frames are asked for
     """
     from relume.render.mitsuba_scene import why_not
@@ -75,6 +78,11 @@ def chosen(read: SceneFile, left: list[Name], *, moving: bool) -> Name:
     else:
         wanted = "whitted" if read.scene.lights else "mapped"
     # Whitted shades nearly everything in its way; the others refuse what they have no place for.
+    if read.asks_whitted and "whitted" not in left and not given:
+        raise ValueError(
+            "the scene file's [whitted] table asks for the renderer whitted, and an option that was given is not for "
+            "it; leave the option out, or give --renderer too"
+        )
     if wanted not in left:
         wanted = "whitted" if "whitted" in left else left[0]
     if orbits and wanted != "whitted":
@@ -122,6 +130,8 @@ def read_file(path: Path, light: Path | None, size: str | None) -> SceneFile:
     from relume.sphere.illumination import as_illumination
 
     require_files([path, *([light] if light is not None else [])])
+    if path.suffix.lower() == ".bpt":
+        raise UnreadableFile(f'{path}: patches have no material; write patches = "{path.name}" in a scene file')
     if path.suffix.lower() not in SCENES:
         raise UnreadableFile(f"{path}: neither a scene file nor a mesh; give {', '.join(SCENES)}")
     if path.suffix.lower() == ".toml":
@@ -146,12 +156,15 @@ def whitted_with(
     rays: int | None,
     subdivisions: int | None,
     tolerance: float | None,
+    contribution: float | None,
+    constellation: int | None,
     threads: int | None,
 ) -> Whitted:
     """The scene file's renderer with what the command line says otherwise; subdivisions bring antialiasing back."""
     from relume.render.antialiasing import Antialiasing
 
-    given = {"depth": depth, "rays": rays, "threads": threads}
+    given = {"depth": depth, "rays": rays, "contribution": contribution}
+    given |= {"constellation": constellation, "threads": threads}
     finer = {"subdivisions": subdivisions, "tolerance": tolerance}
     finer = {name: value for name, value in finer.items() if value is not None}
     antialiasing = replace(method.antialiasing or Antialiasing(), **finer) if finer else method.antialiasing

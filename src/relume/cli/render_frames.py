@@ -90,7 +90,9 @@ def by_trees(
         report("rendering", share)
 
     if movie is None:
-        yield method.prepared(read.scene).render(read.camera, seed=seed, region=region, progress=rendering)
+        picture = method.prepared(read.scene).render(read.camera, seed=seed, region=region, progress=rendering)
+        _tell_of_darkness(picture, method, read)
+        yield picture
         return
     way = None if read.moves and movie.motion is None else movie.way(read.scene)
     orbits = read.orbits or (None,) * len(read.scene.objects)
@@ -101,6 +103,19 @@ def by_trees(
     yield from motions.traced_frames(
         method, read.at, read.camera, way, movie.frames, seed=seed, region=region, progress=rendering
     )
+
+
+def _tell_of_darkness(picture: Render, method: Whitted, read: SceneFile) -> None:
+    """Warn where all surfaces that are seen are black, for a lamp is easily put where it shines on nothing."""
+    from scipy.ndimage import binary_erosion
+
+    # Without the outlines, where the background is seen beside them.
+    surfaces = picture.radiance[binary_erosion(picture.depth > 0)]
+    if not len(surfaces) or surfaces.any():
+        return
+    unlit = not method.constellation and read.scene.light.radiance.any()
+    reason = "the light map lights nothing while constellation is 0" if unlit else "is a lamp inside a shape, or below?"
+    warnings.warn(f"no light reaches the surfaces that are seen, so they are black; {reason}", stacklevel=3)
 
 
 def write_picture(out: Path, picture: Render, film: Film, unit: str) -> None:

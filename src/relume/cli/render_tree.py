@@ -58,8 +58,6 @@ def draw_tree(
 def _counted(tree: RayTree) -> str:
     from relume.render.whitted_record import REFLECTED, REFRACTED, SHADOW
 
+    rays = "1 ray" if len(tree.kind) == 1 else f"{len(tree.kind)} rays"
     counts = {kind: int((tree.kind == kind).sum()) for kind in (REFLECTED, REFRACTED, SHADOW)}
-    return (
-        f"{len(tree.kind)} rays, {counts[REFLECTED]} reflected, {counts[REFRACTED]} refracted, "
-        f"{counts[SHADOW]} towards lights"
-    )
+    return f"{rays}, {counts[REFLECTED]} reflected, {counts[REFRACTED]} refracted, {counts[SHADOW]} towards lights"

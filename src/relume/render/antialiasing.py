@@ -15,6 +15,8 @@ from relume._kernel import exact_kernel, exact_small
 
 Traced = tuple[np.ndarray, np.ndarray, np.ndarray]
 """What samples are: channels (N, C) float32, what was seen first (N,) int64, and the number of rays (N,) int32."""
+Tracer = Callable[[np.ndarray], Traced]
+"""Samples at pixel coordinates (N, 2)."""
 SMALLEST = 6
 """Halvings for the sake of a small object: one of a sixtieth of a pixel still adds its share."""
 
@@ -51,7 +53,7 @@ class Small:
 
 
 def sampled(
-    trace: Callable[[np.ndarray], Traced],
+    trace: Tracer,
     region: tuple[int, int, int, int],
     how: Antialiasing,
     small: Small,
@@ -59,7 +61,7 @@ def sampled(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The mean channels (H, W, C) float32 of a region's pixels, and the rays (H, W) int32 that went into each.
 
-    trace : samples at pixel coordinates (N, 2)
+    trace : gives samples at pixel coordinates (N, 2)
     region : left, top, right, bottom, pixels
     small : objects that are looked for
     reference : radiance below which differences count for less

@@ -74,7 +74,7 @@ class Mapped:
             names = ", ".join(shape.name for shape in scene.objects[:4]) + ("…" if len(scene.objects) > 4 else "")
             warnings.warn(
                 f"reflection maps show no shadows and no reflections of objects in themselves or each other ({names}); "
-                "light transport does (rl.Mitsuba, --renderer mitsuba)",
+                "light transport and ray tracing do (--renderer mitsuba, --renderer whitted)",
                 stacklevel=2,
             )
         shading = Shading.of(materials, scene.light, self.filter, self.threads)

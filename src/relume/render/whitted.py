@@ -16,7 +16,7 @@ import numpy as np
 from relume._kernel import in_threads
 from relume.errors import UnsupportedScene
 from relume.light.convolution import as_latlong
-from relume.render.antialiasing import Antialiasing, Small, Traced, sampled
+from relume.render.antialiasing import Antialiasing, Small, Traced, Tracer, sampled
 from relume.render.raycast import RayCaster
 from relume.render.raycast_surface import Surfaces
 from relume.render.renderer import Progress, Render
@@ -146,9 +146,15 @@ class PreparedWhitted:
         self._look_from(camera, seed)
         reference, small = self._typical(camera, seed), self._small(camera)
         done: list[int] = []
+        longest: list[int] = []
 
         def work(begin: int, end: int) -> tuple[np.ndarray, np.ndarray]:
-            band = self._band(camera, seed, (left, top + begin, right, top + end), small, reference)
+            def noting(points: np.ndarray) -> Traced:
+                told = self.traced(camera, points, seed)
+                longest.append(int(told[2].max(initial=0)))
+                return told
+
+            band = self._band(noting, (left, top + begin, right, top + end), small, reference)
             done.append(end - begin)
             if progress:
                 progress(sum(done) / (bottom - top))
@@ -156,9 +162,10 @@ class PreparedWhitted:
 
         bands = in_threads(work, bottom - top, self.method.threads, chunk=max(BAND // (right - left), 1))
         means, rays = (np.concatenate(part) for part in zip(*bands, strict=True))
-        if rays.max() >= MOST_RAYS:
+        if max(longest) >= MOST_RAYS:
             warnings.warn(
-                f"a tree grew to {MOST_RAYS} rays and was cut; lower the depth or raise the contribution", stacklevel=2
+                f"a tree grew to {max(longest)} rays and was cut; lower the depth or raise the contribution",
+                stacklevel=2,
             )
         hit = np.maximum(means[..., 4:5], 1e-30)
         # Perturbed normals leave noise, and nobody has measured it.
@@ -175,15 +182,13 @@ class PreparedWhitted:
         )
 
     def _band(
-        self, camera: Camera, seed: int, region: tuple[int, int, int, int], small: Small, reference: float
+        self, trace: Tracer, region: tuple[int, int, int, int], small: Small, reference: float
     ) -> tuple[np.ndarray, np.ndarray]:
         if self.method.antialiasing is not None:
-            return sampled(
-                lambda at: self.traced(camera, at, seed), region, self.method.antialiasing, small, reference
-            )  # fmt: skip
+            return sampled(trace, region, self.method.antialiasing, small, reference)
         left, top, right, bottom = region
         x, y = np.meshgrid(np.arange(left, right) + 0.5, np.arange(top, bottom) + 0.5)
-        values, _, counts = self.traced(camera, np.column_stack([x.ravel(), y.ravel()]), seed)
+        values, _, counts = trace(np.column_stack([x.ravel(), y.ravel()]))
         return values.reshape(*x.shape, CHANNELS), counts.reshape(x.shape)
 
     def traced(self, camera: Camera, points: np.ndarray, seed: int = 0) -> Traced:

@@ -25,6 +25,8 @@ NEAR = 4e-6
 coincides with it."""
 CROSSINGS = 64
 """Transparent surfaces that a ray towards a light passes, at most, less the level of its node."""
+THINNED = np.uint64(8)
+"""A scattered ray's node asks one light of so many of a constellation, for all of them."""
 MOST_RAYS = 1 << 16
 """After so many a tree grows no more branches: trees between parallel panes of glass double with every node."""
 WORTH = 0.1
@@ -231,6 +233,11 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
                 far = np.inf
                 towards = (place[light, 0], place[light, 1], place[light, 2])
                 arriving = 1.0
+                if shines[light] == 0 and split > 1:
+                    # One of many scattered rays: together they see all of the constellation.
+                    if (np.uint64(light) + node_seed) % THINNED != 0:
+                        continue
+                    arriving = np.float64(THINNED)
                 if falloff[light] != DISTANT:
                     towards = (towards[0] - point[0], towards[1] - point[1], towards[2] - point[2])
                     far = np.sqrt(dot(towards, towards))

@@ -106,7 +106,7 @@ class Polygon:
 
     def __post_init__(self) -> None:
         if self.vertices.ndim != 2 or self.vertices.shape[1] != 3 or len(self.vertices) < 3:
-            raise ValueError(f"vertices of {self.name!r} are {self.vertices.shape}; expected (N, 3), three or more")
+            raise ValueError(f"{self.name!r} has {len(self.vertices)} vertices; expected three or more, of x, y and z")
         if not np.all(np.isfinite(self.vertices)):
             raise ValueError(f"some vertices of {self.name!r} are not finite; expected metres")
         size = np.ptp(self.vertices, axis=0).max()

@@ -106,4 +106,5 @@ def _check_coefficient(what: str, value: Colour | np.ndarray, *, image: bool = F
         or_image = ", or an image of them (H, W, 3)" if image else ""
         raise ValueError(f"{what} has shape {array.shape}; expected three numbers{or_image}")
     if not np.all(np.isfinite(array)) or array.min() < 0:
-        raise ValueError(f"{what} goes from {array.min():g} to {array.max():g}; expected finite numbers of 0 or more")
+        got = f"is {array.tolist()}" if array.size <= 3 else f"goes from {array.min():g} to {array.max():g}"
+        raise ValueError(f"{what} {got}; expected finite numbers of 0 or more")

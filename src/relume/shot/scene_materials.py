@@ -139,7 +139,7 @@ class DiffuseTable(Table):
     """A Lambert surface."""
 
     kind: Literal["diffuse"]
-    reflectance: Vector
+    reflectance: GreyOrColour
 
 
 class PbrTable(MaterialTable):

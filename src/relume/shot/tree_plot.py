@@ -33,7 +33,7 @@ def tree_plot(tree: RayTree, scene: Scene, film: Film, title: str = "", *, forma
     kept = _kept(tree)
     position = _laid_out(tree, kept)
     wide = max(x for x, _ in position.values()) + 1
-    across = max(6, 1.15 * wide)
+    across = max(6, 1.2 * wide)
     # A wide tree goes below the scene, a narrow one beside it.
     size = (across, 10) if wide > WIDE else (6 + across, 6)
     figure = Figure(figsize=size, dpi=110, layout="constrained")
@@ -64,8 +64,12 @@ def _kept(tree: RayTree) -> np.ndarray:
 
 def _draw_rays(axis: Any, tree: RayTree, kept: np.ndarray, shapes: Sequence[Shape]) -> None:
     """Fig. 2: everything projected along the direction in which the rays spread least, +Y kept upwards."""
+    from matplotlib.patches import FancyArrowPatch
+
     # The window is about the places where light is reflected or refracted, whatever lies far beyond.
-    points = tree.start[kept][1:] if len(kept) > 1 else tree.end[kept]
+    ahead = tree.end[0] - tree.start[0]
+    alone = np.stack([tree.start[0], tree.start[0] + ahead / max(float(np.linalg.norm(ahead)), 1e-30)])
+    points = tree.start[kept][1:] if len(kept) > 1 else alone
     level = points[:, [0, 2]] - points[:, [0, 2]].mean(axis=0)
     across = np.linalg.svd(level, full_matrices=False)[2][0] if np.any(level) else np.array([1.0, 0.0])
     right = np.array([across[0], 0.0, across[1]])
@@ -73,7 +77,8 @@ def _draw_rays(axis: Any, tree: RayTree, kept: np.ndarray, shapes: Sequence[Shap
     basis = np.stack([right, [0.0, 1.0, 0.0]])
     flat = points @ basis.T
     low, high = flat.min(axis=0), flat.max(axis=0)
-    margin = max(0.35 * float((high - low).max()), 0.1 * float(np.linalg.norm(tree.end[0] - tree.start[0])))
+    far = float(np.linalg.norm(ahead)) if tree.shape[0] >= 0 else 1.0
+    margin = max(0.35 * float((high - low).max()), 0.1 * far)
     for index in sorted({int(s) for s in tree.shape[kept] if s >= 0}):
         _draw_shape(axis, shapes[index], basis, low[0] - margin, high[0] + margin)
     for node in kept:
@@ -82,8 +87,8 @@ def _draw_rays(axis: Any, tree: RayTree, kept: np.ndarray, shapes: Sequence[Shap
             # What leaves the scene, or goes to a far light, is drawn a short way.
             end = start + (end - start) * (0.7 * margin / max(float(np.linalg.norm(end - start)), 0.7 * margin))
         colour = COLOURS[int(tree.kind[node])]
-        arrow = {"arrowstyle": "->", "color": colour, "lw": 1.1, "shrinkA": 0, "shrinkB": 0}
-        axis.annotate("", end, start, arrowprops=arrow, annotation_clip=False, clip_on=True)
+        ends = {"posA": tuple(start), "posB": tuple(end), "shrinkA": 0, "shrinkB": 0}
+        axis.add_patch(FancyArrowPatch(**ends, arrowstyle="->", mutation_scale=9, color=colour, lw=1.1))
     for kind, label in LABELS.items():
         axis.plot([], [], color=COLOURS[kind], label=label)
     axis.legend(fontsize=8, loc="best")
@@ -140,7 +145,8 @@ def _draw_tree(
 
 def _caption(tree: RayTree, node: int, shapes: Sequence[Shape]) -> str:
     kind, shape = int(tree.kind[node]), int(tree.shape[node])
-    value = ", ".join(f"{v:.3g}" for v in tree.intensity[node])
+    red, green, blue = tree.intensity[node]
+    value = f"{red:.3g}" if red == green == blue else f"{red:.2g}, {green:.2g}, {blue:.2g}"
     if kind == SHADOW:
         through = f": {getattr(shapes[shape], 'name', 'plane')}" if shape >= 0 else ""
         return f"L{int(tree.light[node]) + 1}{through}\n{value}"

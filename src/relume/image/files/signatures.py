@@ -38,7 +38,7 @@ def kind_of(path: str | os.PathLike[str]) -> str:
         with open(path, "rb") as file:
             head = file.read(16384)
     except FileNotFoundError:
-        raise UnreadableFile(f"{path}: no such file; check the path in the shot file or on the command line") from None
+        raise UnreadableFile(f"{path}: no such file; check the path") from None
     except (OSError, ValueError) as error:
         raise UnreadableFile(f"{path}: cannot be opened: {one_line(error)}; check its permissions") from None
     if not head:
