@@ -110,7 +110,7 @@ def _tell_of_darkness(picture: Render, method: Whitted, read: SceneFile) -> None
     from scipy.ndimage import binary_erosion
 
     # Without the outlines, where the background is seen beside them.
-    surfaces = picture.radiance[binary_erosion(picture.depth > 0)]
+    surfaces = picture.radiance[binary_erosion(picture.depth > 0, [[True] * 3] * 3)]
     if not len(surfaces) or surfaces.any():
         return
     unlit = not method.constellation and read.scene.light.radiance.any()
