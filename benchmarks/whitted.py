@@ -220,7 +220,8 @@ def measure(subject: Subject) -> None:
     print(f"  POV-Ray's time to ours {trace / ours:.2f} × (goal 3 ×); error {error / its_error:.2f} × (limit 1 ×)")
     error = rms(coarse.radiance[rows], truth)
     print(
-        f"  with its cut-off and squares as fine: {ours_coarse:.3f} s, {trace / ours_coarse:.2f} × (goal 3 ×); {error / its_error:.2f} × (limit 1 ×)"
+        f"  with its cut-off and squares as fine: {ours_coarse:.3f} s, {trace / ours_coarse:.2f} × (goal 3 ×), "
+        f"its command {wall / ours_coarse:.1f} ×; error {error / its_error:.2f} × (limit 1 ×)"
     )
     alike = subject.picture(replace(file.whitted, attenuation=Unattenuated()))
     print(
