@@ -32,7 +32,7 @@ def test_a_missing_file_is_named_with_what_to_do(tmp_path, reader):
     path = tmp_path / "plate" / "IMG_1.jpg"
     with pytest.raises(UnreadableFile) as raised:
         reader(path)
-    assert str(raised.value) == f"{path}: no such file; check the path in the shot file or on the command line"
+    assert str(raised.value) == f"{path}: no such file; check the path"
 
 
 @pytest.mark.parametrize(("content", "complaint"), [(b"", "an empty file"), (b"GIF89a" * 9, "no picture relume reads")])

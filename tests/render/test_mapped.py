@@ -500,7 +500,8 @@ def torus():
 )
 def test_what_would_see_itself_or_others_is_warned_of_by_name(objects, names):
     with pytest.warns(
-        UserWarning, match=rf"no shadows and no reflections of objects .* \({names}\); light transport does"
+        UserWarning,
+        match=rf"no shadows and no reflections of objects .* \({names}\); light transport and ray tracing do",
     ):
         Mapped().prepared(Scene(constant(64), objects=objects))
 
