@@ -13,13 +13,13 @@ from relume.render.ray_tree import ray_tree
 from relume.render.whitted import Whitted
 from relume.render.whitted_optics import fresnel, reflected, refracted
 from relume.render.whitted_record import REFLECTED, REFRACTED
-from relume.scene.camera import Camera
 from relume.scene.lights import PointLight
 from relume.scene.scene import Scene
 from relume.scene.shapes import Mesh, Plane, Sphere
 from relume.scene.whitted import WhittedMaterial
 from relume.sphere.directions import normalised
 from relume.sphere.illumination import IlluminationMap
+from solo_ray import eye
 
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 UP = np.array([0.0, 1.0, 0.0])
@@ -54,14 +54,6 @@ def half_lit() -> IlluminationMap:
 def downwards(degrees: float) -> np.ndarray:
     """A direction at this angle to straight down."""
     return np.array([np.sin(np.radians(degrees)), -np.cos(np.radians(degrees)), 0.0])
-
-
-def eye(position, direction) -> Camera:
-    """A camera of one pixel, through whose middle the ray goes."""
-    backward = -normalised(direction)
-    right = normalised(np.cross([0.0, 0.0, 1.0] if abs(backward[2]) < 0.9 else UP, backward))
-    rotation = np.stack([right, np.cross(backward, right), backward], axis=1)
-    return Camera(1, 1, 1.0, np.asarray(position, np.float64), rotation)
 
 
 def tree_of(shape, position, direction, method=DEEP):

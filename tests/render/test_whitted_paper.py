@@ -22,6 +22,7 @@ from relume.scene.scene import Scene
 from relume.scene.shapes import Mesh, Plane, Sphere
 from relume.scene.whitted import Checks, WhittedMaterial
 from relume.sphere.directions import normalised, rotation_about
+from solo_ray import eye
 
 UNIT = (np.pi, np.pi, np.pi)
 """The irradiance of the paper's light of strength 1."""
@@ -34,14 +35,6 @@ POINTS = Whitted(antialiasing=None, constellation=0)
 
 def grey(value):
     return (value, value, value)
-
-
-def eye(position, direction) -> Camera:
-    """A camera of one pixel, through whose middle the ray goes."""
-    backward = -normalised(direction)
-    right = normalised(np.cross([0.0, 0.0, 1.0] if abs(backward[2]) < 0.9 else UP, backward))
-    rotation = np.stack([right, np.cross(backward, right), backward], axis=1)
-    return Camera(1, 1, 1.0, np.asarray(position, np.float64), rotation)
 
 
 def seen(scene, position, direction, method=POINTS):
