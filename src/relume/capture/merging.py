@@ -36,7 +36,7 @@ def merge(bracket: Bracket, response: Response, *, weighting: Weighting = Invers
         saturated |= values > response.levels // 2
         weighted += weights * log_radiance
         total += weights
-        spread += (weights * slopes[channels, values] * response.noise) ** 2
+        spread += (weights * slopes[channels, values] * response.deviation[channels, values]) ** 2
 
     measured = total > 0
     saturated &= ~measured

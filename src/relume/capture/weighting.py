@@ -47,6 +47,6 @@ class InverseVariance:
 
     def table(self, response: Response) -> np.ndarray:
         """Weights (3, levels)."""
-        deviation = np.gradient(response.log_exposure, axis=1) * response.noise[:, None]
+        deviation = np.gradient(response.log_exposure, axis=1) * response.deviation
         counted = np.clip((hat(response.levels) - self.guard) / self.fade, 0.0, 1.0)
         return counted / np.maximum(deviation, 1e-6) ** 2

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from datetime import datetime
 
 import numpy as np
 
@@ -14,11 +15,13 @@ class Exposure:
     seconds : exposure time Δt, s
     f_number : aperture N; None for a lens that tells none
     iso : sensitivity S; None where the camera tells none
+    source : who says so: "given", "sidecar", "EXIF" or "estimated"; exposures of different sources may be equal
     """
 
     seconds: float
     f_number: float | None = None
     iso: float | None = None
+    source: str = field(default="given", compare=False)
 
     def __post_init__(self) -> None:
         for name in ("seconds", "f_number", "iso"):
@@ -36,6 +39,26 @@ class Exposure:
         return self.seconds * (self.iso or 100.0) / 100.0 / (self.f_number or 1.0) ** 2
 
 
+@dataclass(frozen=True)
+class Settings:
+    """What else a file tells of how its photograph was made; None where it tells nothing.
+
+    taken : when the shutter opened, to the fraction of a second where the camera writes one
+    automatic_white : whether the camera chose the white balance itself
+    bias : exposure compensation, stops; it moved what the camera chose and is already in `Exposure`, so never added
+    lens : its model
+    serial : of the body, so that two cameras of one model are told apart
+    focal_length : of the lens, mm
+    """
+
+    taken: datetime | None = None
+    automatic_white: bool | None = None
+    bias: float | None = None
+    lens: str | None = None
+    serial: str | None = None
+    focal_length: float | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Photograph:
     """Encoded pixels as a camera wrote them, with what the file tells of how they were made.
@@ -45,6 +68,9 @@ class Photograph:
     exposure : shutter, aperture, ISO; None where the file tells none
     camera : make and model, "" where unknown; photographs of one camera share a response
     focal_length : in pixels of this photograph's width, None where unknown
+    outside : (H, W) bool, True where a pixel is not part of the picture (a border left by registration, alpha 0, a
+        thing that moved through this frame alone); such pixels count nowhere. None where all are part
+    settings : what else the file tells
     """
 
     pixels: np.ndarray
@@ -52,11 +78,17 @@ class Photograph:
     exposure: Exposure | None = None
     camera: str = ""
     focal_length: float | None = None
+    outside: np.ndarray | None = None
+    settings: Settings = Settings()
 
     def __post_init__(self) -> None:
         if self.pixels.ndim != 3 or self.pixels.shape[2] != 3 or self.pixels.dtype not in (np.uint8, np.uint16):
             raise ValueError(
                 f"pixels are {self.pixels.shape} {self.pixels.dtype}; a photograph is (H, W, 3) uint8 or uint16"
+            )
+        if self.outside is not None and (self.outside.shape != self.pixels.shape[:2] or self.outside.dtype != bool):
+            raise ValueError(
+                f"outside is {self.outside.shape} {self.outside.dtype}; expected {self.pixels.shape[:2]} bool"
             )
 
     @property

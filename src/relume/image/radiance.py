@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-SATURATED, BLACK = 1, 2
+SATURATED, BLACK, OUTSIDE = 1, 2, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,7 +16,8 @@ class RadianceMap:
     radiance : (H, W, 3) float32, in `unit`
     variance : (H, W, 3) float32, squared unit; None where unknown
     clipped : (H, W) uint8; 0 measured, 1 saturated in every photograph (radiance is a lower bound),
-        2 black in every photograph (radiance is an upper bound); None where unknown
+        2 black in every photograph (radiance is an upper bound), 3 outside every photograph (radiance is 0 and says
+        nothing); None where unknown
     unit : "cd/m²" when calibrated, else "relative"
     attributes : what else the file tells (text), e.g. {"mapping": "latlong"}
     """

@@ -14,7 +14,8 @@ class Response:
 
     log_exposure : (3, levels) float64, natural logarithm of the exposure that gives each pixel value;
         rising; its zero is the scale of the radiance that is merged with it
-    noise : (3,) standard deviation of a pixel value about the curve, in pixel values
+    noise : standard deviation of a pixel value about the curve, in pixel values: (3,), or (3, levels) where it is
+        known at every value (photons make bright values noisier)
     """
 
     log_exposure: np.ndarray
@@ -25,11 +26,19 @@ class Response:
             raise ValueError(f"log_exposure is {self.log_exposure.shape}; a response is (3, levels)")
         if np.any(np.diff(self.log_exposure, axis=1) <= 0):
             raise ValueError("log_exposure does not rise everywhere; a response must be invertible")
+        if self.noise.shape not in ((3,), self.log_exposure.shape):
+            raise ValueError(f"noise is {self.noise.shape}; expected (3,) or {self.log_exposure.shape}")
 
     @property
     def levels(self) -> int:
         """The number of pixel values: 256 for 8-bit photographs."""
         return self.log_exposure.shape[1]
+
+    @property
+    def deviation(self) -> np.ndarray:
+        """(3, levels) standard deviation of every pixel value, in pixel values."""
+        noise = self.noise if self.noise.ndim == 2 else self.noise[:, None]
+        return np.broadcast_to(noise, self.log_exposure.shape)
 
     def pixel_values(self, exposure: np.ndarray) -> np.ndarray:
         """Pixel values (H, W, 3), not rounded, of sensor exposures (H, W, 3): a virtual photograph (§2.7)."""

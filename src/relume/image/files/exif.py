@@ -50,7 +50,7 @@ def exposure_of(tags: dict[int, object]) -> Exposure | None:
     iso = _positive(tags, _ISO)
     if iso == 65535:  # the 16-bit tag is full: the true value stands beside it
         iso = _positive(tags, _ISO_SPEED) or _positive(tags, _EXPOSURE_INDEX) or iso
-    return Exposure(seconds, _positive(tags, _F_NUMBER), iso) if seconds else None
+    return Exposure(seconds, _positive(tags, _F_NUMBER), iso, "EXIF") if seconds else None
 
 
 def camera_of(tags: dict[int, object]) -> str:
