@@ -7,8 +7,11 @@ import numpy as np
 from relume.capture.bracket import Bracket
 from relume.capture.weighting import InverseVariance, Weighting
 from relume.errors import NotABracket
-from relume.image.radiance import BLACK, SATURATED, RadianceMap
+from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 from relume.image.response import Response
+
+STRETCH = 16384
+"""Pixels merged at a time: small enough for the caches, large enough that calling the kernel costs nothing."""
 
 
 def merge(bracket: Bracket, response: Response, *, weighting: Weighting = InverseVariance()) -> RadianceMap:
@@ -19,50 +22,64 @@ def merge(bracket: Bracket, response: Response, *, weighting: Weighting = Invers
     The variance plane carries the response's noise through the average. A channel that no photograph measured
     keeps its bound (what its own value tells in the shortest exposure that shows it white, else in the longest,
     where it is black), has infinite variance, and marks its pixel in the `clipped` mask; nothing is invented there.
+    A pixel outside every photograph has radiance 0, infinite variance and its own mark.
     Raises NotABracket when hardly any pixel is measured.
     """
-    photographs, log_times = bracket.photographs, np.log(bracket.exposures)
-    shape = photographs[0].pixels.shape
-    weighted, total, spread = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    bound, saturated = np.zeros(shape), np.zeros(shape, bool)
-    slopes = np.gradient(response.log_exposure, axis=1)
-    table, channels = weighting.table(response), np.arange(3)
-    for photograph, log_time in zip(photographs, log_times, strict=True):
-        values = _values(bracket, photograph.pixels, response)
-        weights = table[channels, values]
-        log_radiance = response.log_exposure[channels, values] - log_time
-        # The shortest exposure that shows white sets a lower bound; until one does, the longest sets an upper one.
-        bound = np.where(saturated, bound, log_radiance)
-        saturated |= values > response.levels // 2
-        weighted += weights * log_radiance
-        total += weights
-        spread += (weights * slopes[channels, values] * response.deviation[channels, values]) ** 2
+    from relume._kernel import in_threads
+    from relume.capture.merge_kernel import merge_stretch
 
-    measured = total > 0
-    saturated &= ~measured
-    black = ~measured & ~saturated
-    _require_light(bracket, measured, saturated)
+    width, height = bracket.photographs[0].size
+    frames = [p.pixels.reshape(-1, 3) for p in bracket.photographs]
+    _require_levels(bracket, response)
+    inside = np.zeros((1, height * width), bool)
+    masks = [inside[0] if p.outside is None else p.outside.ravel() for p in bracket.photographs]
+    masked = any(p.outside is not None for p in bracket.photographs)
+    curve, tables, log_times = response.log_exposure, _tables(response, weighting), np.log(bracket.exposures)
+    radiance = np.empty((height * width, 3), np.float32)
+    variance, clipped = np.empty_like(radiance), np.empty(height * width, np.uint8)
 
-    safe = np.where(measured, total, 1.0)
-    radiance = np.exp(np.where(measured, weighted / safe, bound))
-    variance = np.where(measured, radiance**2 * spread / safe**2, np.inf)
-    clipped = np.where(saturated.any(-1), SATURATED, np.where(black.any(-1), BLACK, 0)).astype(np.uint8)
-    return RadianceMap(radiance.astype(np.float32), variance.astype(np.float32), clipped)
+    def work(begin: int, end: int) -> int:
+        part = slice(begin, end)
+        values = np.stack([frame[part] for frame in frames])
+        outside = np.stack([mask[part] for mask in masks]) if masked else np.zeros((0, 0), bool)
+        logarithm = np.empty((end - begin, 3))
+        relative = np.empty_like(logarithm)
+        measured = merge_stretch(values, outside, curve, tables, log_times, logarithm, relative, clipped[part])
+        np.exp(logarithm, out=logarithm)
+        radiance[part] = logarithm
+        np.square(logarithm, out=logarithm)
+        with np.errstate(invalid="ignore"):  # 0 · ∞ where no photograph shows the pixel
+            np.multiply(logarithm, relative, out=variance[part], casting="same_kind")
+        if masked:
+            variance[part][clipped[part] == OUTSIDE] = np.inf
+        return measured
+
+    measured = sum(in_threads(work, height * width, chunk=STRETCH))
+    _require_light(bracket, measured / radiance.size, clipped)
+    shape = (height, width, 3)
+    return RadianceMap(radiance.reshape(shape), variance.reshape(shape), clipped.reshape(height, width))
 
 
-def _values(bracket: Bracket, pixels: np.ndarray, response: Response) -> np.ndarray:
-    if pixels.dtype != np.uint8 or response.levels != 256:
+def _tables(response: Response, weighting: Weighting) -> np.ndarray:
+    """(3, levels, 3): w g, w and w² var(ln E) of every pixel value."""
+    weights = weighting.table(response)
+    deviation = np.gradient(response.log_exposure, axis=1) * response.deviation
+    return np.stack([weights * response.log_exposure, weights, (weights * deviation) ** 2], axis=-1)
+
+
+def _require_levels(bracket: Bracket, response: Response) -> None:
+    kind = bracket.photographs[0].pixels.dtype
+    if np.iinfo(kind).max + 1 != response.levels:
         raise NotABracket(
-            f"{bracket.name}: {pixels.dtype} photographs and a response of {response.levels} values; "
-            "merging needs 8-bit photographs and a response of 256 values"
+            f"{bracket.name}: {kind} photographs and a response of {response.levels} values; "
+            f"merging needs a response of {np.iinfo(kind).max + 1} values"
         )
-    return pixels.astype(np.intp)
 
 
-def _require_light(bracket: Bracket, measured: np.ndarray, saturated: np.ndarray) -> None:
+def _require_light(bracket: Bracket, measured: float, clipped: np.ndarray) -> None:
     """Refuse a bracket in which less than one pixel value in a thousand is measured."""
-    if measured.mean() >= 1e-3:
+    if measured >= 1e-3:
         return
-    if saturated.sum() > (~measured & ~saturated).sum():
+    if (clipped == SATURATED).sum() > (clipped == BLACK).sum():
         raise NotABracket(f"{bracket.name}: saturated in every photograph; add shorter exposures")
     raise NotABracket(f"{bracket.name}: black in every photograph; add longer exposures (was the lens cap on?)")

@@ -37,7 +37,7 @@ class Hat:
 class InverseVariance:
     """The weights that leave the least noise: 1 / var(ln exposure), fading to 0 before the ends of the curve.
 
-    guard : values at either end that never count; in saturated patches JPEG leaves 250 to 254 where 255 was, and a
+    guard : values, of 256, at either end that never count; in saturated patches JPEG leaves 250 to 254 where 255 was, and a
         value near white is the least noisy of all, so that it would decide
     fade : the values over which the weight then rises, so that nothing jumps where a photograph begins to count
     """
@@ -48,5 +48,6 @@ class InverseVariance:
     def table(self, response: Response) -> np.ndarray:
         """Weights (3, levels)."""
         deviation = np.gradient(response.log_exposure, axis=1) * response.deviation
-        counted = np.clip((hat(response.levels) - self.guard) / self.fade, 0.0, 1.0)
+        scale = response.levels / 256
+        counted = np.clip((hat(response.levels) / scale - self.guard) / self.fade, 0.0, 1.0)
         return counted / np.maximum(deviation, 1e-6) ** 2
