@@ -10,8 +10,9 @@ from relume.capture.calibration import recover_response
 from relume.capture.merging import merge
 from relume.capture.weighting import Hat, InverseVariance, Weighting, hat
 from relume.develop.film import Film, develop
+from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph
-from relume.image.radiance import BLACK, SATURATED
+from relume.image.radiance import BLACK, OUTSIDE, SATURATED
 from relume.image.response import Response
 from synthetic import NOISELESS, NOISY, STOPS, wide_scene
 
@@ -263,3 +264,64 @@ def test_what_jpeg_makes_of_saturated_patches_does_not_decide():
     short.pixels[4:] = generator.integers(250, 255, short.pixels[4:].shape)
     merged = merge(Bracket((short, long)), response)
     assert merged.clipped is not None and np.all(merged.clipped[4:] == SATURATED) and np.all(merged.clipped[:4] == 0)
+
+
+def test_pixels_outside_a_picture_count_nowhere():
+    response = logarithmic_response()
+    dark, bright = flat(100, 1.0, side=40), flat(200, 2.0, side=40)
+    hidden = np.zeros((40, 40), bool)
+    hidden[:10] = True
+    covered = np.zeros((40, 40), bool)
+    covered[5:20] = True
+    merged = merge(Bracket((replace(dark, outside=hidden), replace(bright, outside=covered))), response)
+    assert merged.clipped is not None and merged.variance is not None
+    both, one = merge(Bracket((dark, bright)), response), merge(Bracket((dark,)), response)
+    other = merge(Bracket((bright,)), response)
+    np.testing.assert_array_equal(merged.radiance[:5], other.radiance[:5])
+    np.testing.assert_array_equal(merged.radiance[10:20], one.radiance[10:20])
+    np.testing.assert_array_equal(merged.radiance[20:], both.radiance[20:])
+    assert one.variance is not None
+    np.testing.assert_array_equal(merged.variance[10:20], one.variance[10:20])
+    # In no photograph: radiance 0, known to nobody, with a mark of its own.
+    assert np.all(merged.clipped[5:10] == OUTSIDE) and np.all(merged.clipped[:5] == 0)
+    assert np.all(merged.radiance[5:10] == 0) and np.all(np.isinf(merged.variance[5:10]))
+
+
+def test_the_bound_comes_from_photographs_that_show_the_pixel():
+    response = logarithmic_response()
+    short, long = flat(255, 1.0, side=40), flat(255, 8.0, side=40)
+    for photograph in (short, long):
+        photograph.pixels[:10] = 128
+    hidden = np.zeros((40, 40), bool)
+    hidden[30:] = True
+    merged = merge(Bracket((replace(short, outside=hidden), long)), response)
+    assert merged.clipped is not None and np.all(merged.clipped[10:] == SATURATED)
+    np.testing.assert_allclose(merged.radiance[10:30], 1.0, rtol=1e-6)
+    np.testing.assert_allclose(merged.radiance[30:], 1 / 8, rtol=1e-6)
+
+
+def test_photographs_of_16_bits_merge_as_those_of_8():
+    levels = 65536
+    curve = np.log((np.arange(levels) + 0.5) / levels)
+    response = Response(np.stack([curve] * 3), np.full(3, 20.0))
+    truth = wide_scene(48, 32, stops=6.0, brightest=0.9)
+    frames = []
+    for seconds in (0.25, 0.5, 1.0):
+        values = np.clip(np.rint(truth * seconds * levels - 0.5), 0, levels - 1).astype(np.uint16)
+        frames.append(Photograph(values, f"{seconds}.tif", Exposure(seconds)))
+    merged = merge(Bracket(tuple(frames)), response)
+    assert merged.clipped is not None and merged.variance is not None
+    known = merged.clipped == 0
+    assert known.mean() > 0.6  # below guard values, 6 of 256, nothing is counted
+    np.testing.assert_allclose(merged.radiance[known], truth[known], rtol=2e-3)
+    with pytest.raises(NotABracket, match="uint16 photographs and a response of 256 values"):
+        merge(Bracket(tuple(frames)), logarithmic_response())
+
+
+def test_pictures_larger_than_a_stretch_of_the_kernel_merge_alike():
+    scene = wide_scene(300, 120)
+    bracket = NOISELESS.bracket(scene)
+    response = true_response()
+    whole = merge(bracket, response)
+    half = merge(Bracket(tuple(replace(p, pixels=p.pixels[60:].copy()) for p in bracket.photographs)), response)
+    np.testing.assert_array_equal(whole.radiance[60:], half.radiance)
