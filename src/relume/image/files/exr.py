@@ -139,8 +139,8 @@ def _planes(name: str, layer: np.ndarray) -> dict[str, np.ndarray]:
     if layer.ndim != 2 and (layer.ndim != 3 or layer.shape[2] != 3):
         raise ValueError(f'layer "{name}" is {layer.shape}; expected (H, W, 3) or (H, W)')
     with np.errstate(over="ignore"):
-        stored = layer.astype(np.float32)
-    beyond = np.count_nonzero(np.isinf(stored)) - np.count_nonzero(np.isinf(layer))
+        stored = layer.astype(np.float32, copy=False)  # a picture of 45 megapixels is half a gigabyte
+    beyond = 0 if stored is layer else np.count_nonzero(np.isinf(stored)) - np.count_nonzero(np.isinf(layer))
     if beyond:
         raise ValueError(f'layer "{name}" has {beyond} values beyond float32, 3.4e38; scale it down first')
     return {"Y": stored} if layer.ndim == 2 else {"R": stored[..., 0], "G": stored[..., 1], "B": stored[..., 2]}
