@@ -6,16 +6,19 @@ import shutil
 import struct
 import warnings
 import zlib
+from dataclasses import replace
+from datetime import datetime
 from fractions import Fraction
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 from PIL import Image
+from PIL.TiffImagePlugin import IFDRational
 
 from relume.errors import OutputNotWritten, UnreadableFile
-from relume.image.files import describe, read, read_photograph, write
-from relume.image.photograph import Exposure, Photograph
+from relume.image.files import describe, read, read_facts, read_photograph, write
+from relume.image.photograph import Exposure, Photograph, Settings
 
 
 @pytest.fixture
@@ -129,6 +132,105 @@ def test_opaque_alpha_goes_unsaid_and_other_alpha_does_not(tmp_path, smooth):
         np.testing.assert_array_equal(read_photograph(path).pixels, smooth)  # not multiplied by alpha
 
 
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+def test_where_alpha_is_0_is_outside_the_picture_and_turned_with_it(tmp_path, smooth, suffix):
+    alpha = np.full((48, 64, 1), 255, np.uint8)
+    alpha[3, :5] = 0
+    seen = np.concatenate([smooth, alpha], axis=2)
+    photograph = read_photograph(saved(tmp_path / f"a{suffix}", seen))
+    np.testing.assert_array_equal(photograph.outside, alpha[..., 0] == 0)
+    np.testing.assert_array_equal(photograph.pixels, smooth)  # not multiplied by alpha
+    # Orientation 6 is turned clockwise: the third row from the top becomes the fourth column from the right.
+    turned = read_photograph(saved(tmp_path / f"b{suffix}", seen, {0x0112: 6})).outside
+    assert turned is not None and turned.shape == (64, 48)
+    assert np.argwhere(turned).tolist() == [[row, 44] for row in range(5)]
+    alpha[10, :2] = 9
+    path = saved(tmp_path / f"c{suffix}", np.concatenate([smooth, alpha], axis=2))
+    with pytest.warns(UserWarning, match="though 2 pixels are not opaque"):
+        outside = read_photograph(path).outside
+    assert outside is not None and outside.sum() == 5
+
+
+def test_a_photograph_transparent_everywhere_is_refused(tmp_path, smooth):
+    path = saved(tmp_path / "a.png", np.concatenate([smooth, np.zeros((48, 64, 1), np.uint8)], axis=2))
+    with pytest.raises(UnreadableFile, match=r"a\.png: alpha is 0 everywhere, .*; save it without alpha"):
+        read(path)
+
+
+SETTINGS = Settings(
+    taken=datetime(2010, 5, 15, 13, 1, 23, 20_000),
+    automatic_white=False,
+    bias=-5 / 3,
+    lens="EF-S18-55mm f/3.5-5.6 IS",
+    serial="0430202142",
+    focal_length=28.0,
+)
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png"])
+@pytest.mark.parametrize("settings", [SETTINGS, Settings(), Settings(automatic_white=True, bias=0.0)])
+def test_a_photograph_written_and_read_has_the_same_settings(tmp_path, smooth, settings, suffix):
+    write(tmp_path / f"a{suffix}", Photograph(smooth, settings=settings))
+    again = read_photograph(tmp_path / f"a{suffix}").settings
+    assert again.bias == (None if settings.bias is None else pytest.approx(settings.bias, abs=1e-9))
+    assert replace(again, bias=None) == replace(settings, bias=None)
+
+
+def test_settings_are_read_as_cameras_write_them(tmp_path, smooth):
+    folder = {
+        0x9003: "2010:05:15 13:01:23",
+        0x9291: "02",
+        0xA403: 1,
+        0x9204: IFDRational(-2, 1),
+        0xA434: "18-50mm F2.8 DC DN | Contemporary 021",
+        0xA431: "0430202142",
+        0x920A: IFDRational(28, 1),
+    }
+    read_back = read_photograph(saved(tmp_path / "a.jpg", smooth, {}, folder)).settings
+    assert read_back.taken == datetime(2010, 5, 15, 13, 1, 23, 20_000)  # two hundredths of a second
+    assert (read_back.automatic_white, read_back.bias, read_back.focal_length) == (False, -2.0, 28.0)
+    assert (read_back.lens, read_back.serial) == ("18-50mm F2.8 DC DN | Contemporary 021", "0430202142")
+
+
+@pytest.mark.parametrize("when", ["0000:00:00 00:00:00", "    :  :     :  :  ", "yesterday"])
+def test_a_camera_without_a_clock_tells_no_time(tmp_path, smooth, when):
+    read_back = read_photograph(saved(tmp_path / "a.jpg", smooth, {}, {0x9003: when, 0x9291: "x", 0xA403: 7})).settings
+    assert read_back == Settings()
+
+
+def test_the_settings_of_real_photographs(shared):
+    folder = shared / "data/brackets"
+    middle = read_facts(folder / "ghost_hall/IMG_0959.JPG").settings
+    assert (middle.taken, middle.bias) == (datetime(2011, 12, 13, 3, 9, 10, 320_000), 0.0)
+    darker = read_facts(folder / "ghost_hall/IMG_0960.JPG")
+    assert (darker.settings.bias, darker.exposure) == (-2.0, Exposure(0.01, 5.6, 100))
+    assert read_facts(folder / "arch_full/img_15.jpg").settings.automatic_white is True
+    assert read_facts(folder / "garage/1_40.JPG").settings.automatic_white is False
+
+
+def test_the_facts_of_a_photograph_are_those_read_with_its_pixels(tmp_path, smooth):
+    photograph = Photograph(smooth, exposure=Exposure(0.25, 8.0, 100), camera="Virtual curve_a", settings=SETTINGS)
+    for name in ("a.jpg", "a.png"):
+        write(tmp_path / name, photograph)
+        facts, whole = read_facts(tmp_path / name), read_photograph(tmp_path / name)
+        assert (facts.name, facts.size, facts.exposure) == (whole.name, whole.size, whole.exposure)
+        assert (facts.camera, facts.settings) == (whole.camera, whole.settings)
+    assert read_facts(saved(tmp_path / "c.jpg", smooth, {}, {0x9201: IFDRational(37, 8)})).shutter_speed == 4.625
+    for suffix in ("jpg", "png", "tif"):
+        assert read_facts(saved(tmp_path / f"b.{suffix}", smooth, {0x0112: 6})).size == (48, 64)
+
+
+def test_the_facts_of_what_is_no_photograph_are_refused(tmp_path, smooth):
+    from relume.image.radiance import RadianceMap
+
+    write(tmp_path / "a.hdr", RadianceMap(np.ones((4, 4, 3), np.float32)))
+    with pytest.raises(UnreadableFile, match=r"a\.hdr: a radiance map"):
+        read_facts(tmp_path / "a.hdr")
+    (tmp_path / "b.png").write_bytes(saved(tmp_path / "c.png", smooth).read_bytes()[:20])
+    with pytest.raises(UnreadableFile, match=r"b\.png: damaged PNG"):
+        read_facts(tmp_path / "b.png")
+
+
 @pytest.mark.parametrize(
     ("orientation", "corners"),
     [
@@ -171,8 +273,6 @@ def test_the_photograph_is_turned_upright(tmp_path, orientation, corners, suffix
 def test_the_focal_length_in_pixels_is_known_or_none(tmp_path, smooth, folder, pixels):
     rational = {k: Fraction(v).limit_denominator(10_000) for k, v in folder.items() if isinstance(v, float)}
     exact = {k: (v.numerator, v.denominator) for k, v in rational.items()}
-    from PIL.TiffImagePlugin import IFDRational
-
     path = saved(tmp_path / "a.jpg", smooth, {}, {**folder, **{k: IFDRational(*v) for k, v in exact.items()}})
     found = read_photograph(path).focal_length
     assert found == (None if pixels is None else pytest.approx(pixels, rel=1e-6))
@@ -336,7 +436,7 @@ def test_describing_a_photograph_tells_exposure_camera_and_codes(tmp_path, smoot
     write(tmp_path / "a.png", Photograph(smooth, exposure=Exposure(0.25, 8.0, 100), camera="Virtual curve_a"))
     facts = describe(tmp_path / "a.png")
     assert facts["kind"] == "photograph"
-    assert facts["exposure"] == {"seconds": 0.25, "f_number": 8.0, "iso": 100.0}
+    assert facts["exposure"] == {"seconds": 0.25, "f_number": 8.0, "iso": 100.0, "source": "EXIF"}
     assert (facts["camera"], facts["size"], facts["dtype"], facts["unit"]) == (
         "Virtual curve_a",
         [64, 48],

@@ -2,7 +2,8 @@
 
 Files are told by their content, never by their suffix. A JPEG, PNG or TIFF of 8 or 16 bits is a `Photograph` (encoded
 values), an OpenEXR or Radiance .hdr file a `RadianceMap` (scene-linear): what a file is decides what it becomes, and
-nothing converts between the two unseen. Format libraries are imported at first use.
+nothing converts between the two unseen. A camera raw is neither until it is merged: `read_raw` gives its sensor's own
+values. Format libraries are imported at first use.
 """
 
 from __future__ import annotations
@@ -15,16 +16,21 @@ import numpy as np
 
 from relume.errors import UnreadableFile
 from relume.image.files.atomic import replacing, write_text
+from relume.image.files.facts import Facts
 from relume.image.files.signatures import kind_of
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
+from relume.image.raw import RawPhotograph
 
 __all__ = [
+    "Facts",
     "describe",
     "read",
+    "read_facts",
     "read_layers",
     "read_photograph",
     "read_radiance",
+    "read_raw",
     "replacing",
     "write",
     "write_layers",
@@ -35,6 +41,8 @@ __all__ = [
 def read(path: str | os.PathLike[str]) -> Photograph | RadianceMap:
     """The photograph or radiance map in a file; raises UnreadableFile, in one line, for anything missing or damaged."""
     kind = kind_of(path)
+    if kind == "RAW":
+        raise UnreadableFile(f"{path}: a camera raw file, not a photograph yet; give raw files to `relume merge`")
     try:
         if kind == "EXR":
             from relume.image.files import exr
@@ -67,6 +75,28 @@ def read_radiance(path: str | os.PathLike[str]) -> RadianceMap:
             f"{path}: a photograph where a radiance map is needed; give an EXR or .hdr, or merge a bracket"
         )
     return image
+
+
+def read_facts(path: str | os.PathLike[str]) -> Facts:
+    """What the header of a photograph tells, without its pixels; raises UnreadableFile for what is no photograph."""
+    from relume.image.files import facts
+
+    return facts.read(path)
+
+
+def read_raw(path: str | os.PathLike[str]) -> RawPhotograph:
+    """What the sensor read, from a camera raw file (DNG, NEF, CR2, CR3, ARW, …); see `RawPhotograph`.
+
+    Raises UnreadableFile for another kind of file, a damaged one, and a sensor without a Bayer pattern.
+    """
+    if (kind := kind_of(path)) != "RAW":
+        raise UnreadableFile(f"{path}: a {kind} file where a camera raw is needed; give the camera's own raw file")
+    from relume.image.files import camera_raw
+
+    try:
+        return camera_raw.read(path)
+    except MemoryError:
+        raise UnreadableFile(f"{path}: larger than the memory there is") from None
 
 
 def write(path: str | os.PathLike[str], image: RadianceMap | Photograph) -> None:

@@ -1,4 +1,4 @@
-"""What a photograph's EXIF tells: exposure, camera, focal length, orientation; read and written through Pillow.
+"""What a photograph's EXIF tells: exposure, settings, camera, orientation; read and written through Pillow.
 
 Pillow and not OpenImageIO, because it keeps rationals exact (OpenImageIO hands 1/60 over as a 32-bit float, and a
 bracket written and read again would change its exposures). Tags and units: EXIF 2.32 (CIPA DC-008).
@@ -9,18 +9,23 @@ from __future__ import annotations
 import math
 import os
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
 from fractions import Fraction
 
 from PIL import Image, JpegImagePlugin, PngImagePlugin, TiffImagePlugin
 from PIL.TiffImagePlugin import IFDRational
 
 from relume.image.files.signatures import one_line
-from relume.image.photograph import Exposure, Photograph
+from relume.image.photograph import Exposure, Photograph, Settings
 
 _MAKE, _MODEL, _ORIENTATION, _EXIF_IFD = 0x010F, 0x0110, 0x0112, 0x8769
 _EXPOSURE_TIME, _F_NUMBER, _ISO, _ISO_SPEED, _EXPOSURE_INDEX = 0x829A, 0x829D, 0x8827, 0x8833, 0x8832
 _FOCAL_LENGTH, _FOCAL_LENGTH_35MM, _MAKER_NOTE, _PIXEL_WIDTH = 0x920A, 0xA405, 0x927C, 0xA002
 _PLANE_RESOLUTION, _PLANE_UNIT = 0xA20E, 0xA210
+_TAKEN, _TAKEN_FRACTION, _WHITE_BALANCE, _BIAS = 0x9003, 0x9291, 0xA403, 0x9204
+_LENS, _SERIAL, _SHUTTER_SPEED = 0xA434, 0xA431, 0x9201
 _MILLIMETRES = {2: 25.4, 3: 10.0, 4: 1.0}
 _FULL_FRAME = 36.0  # mm, the longer side to which FocalLengthIn35mmFilm refers
 
@@ -35,13 +40,22 @@ _OPENERS = {
 def tags(path: str | os.PathLike[str], kind: str) -> dict[int, object]:
     """All tags of a JPEG, PNG or TIFF by number, those of the EXIF folder among them; warns where they are damaged."""
     try:
-        with open(path, "rb") as file, _OPENERS[kind](file) as image:
+        with _unheard(), open(path, "rb") as file, _OPENERS[kind](file) as image:
             # The base class's method: that of PNG decodes the whole picture in search of a late chunk.
             exif = Image.Image.getexif(image)
             return {**exif, **exif.get_ifd(_EXIF_IFD)}
     except Exception as error:  # Pillow raises SyntaxError, struct.error, KeyError and others for damaged tags
         warnings.warn(f"{path}: its EXIF cannot be read ({one_line(error)}); exposure unknown", stacklevel=4)
         return {}
+
+
+def size(path: str | os.PathLike[str], kind: str) -> tuple[int, int]:
+    """(width, height) of the picture seen upright; raises whatever Pillow raises for a damaged header."""
+    with _unheard(), open(path, "rb") as file, _OPENERS[kind](file) as image:
+        width, height = image.size
+        # Pillow has a TIFF's sides exchanged already, and those of no other kind.
+        lying = kind != "TIFF" and orientation_of(dict(Image.Image.getexif(image))) >= 5
+        return (height, width) if lying else (width, height)
 
 
 def exposure_of(tags: dict[int, object]) -> Exposure | None:
@@ -53,9 +67,27 @@ def exposure_of(tags: dict[int, object]) -> Exposure | None:
     return Exposure(seconds, _positive(tags, _F_NUMBER), iso, "EXIF") if seconds else None
 
 
+def settings_of(tags: dict[int, object]) -> Settings:
+    """When and how else the photograph was made; None for each thing that is missing or senseless."""
+    white = tags.get(_WHITE_BALANCE)
+    return Settings(
+        taken=_taken(tags),
+        automatic_white={0: True, 1: False}.get(white) if isinstance(white, int) else None,
+        bias=_number(tags, _BIAS),
+        lens=_text(tags, _LENS) or None,
+        serial=_text(tags, _SERIAL) or None,
+        focal_length=_positive(tags, _FOCAL_LENGTH),
+    )
+
+
+def shutter_speed_of(tags: dict[int, object]) -> float | None:
+    """ShutterSpeedValue, −log₂ of the exposure time in seconds (APEX); None where it is missing."""
+    return _number(tags, _SHUTTER_SPEED)
+
+
 def camera_of(tags: dict[int, object]) -> str:
     """Make and model, the make once where the model repeats it; "" where unknown."""
-    make, model = (str(tags.get(tag, "")).strip("\0 ") for tag in (_MAKE, _MODEL))
+    make, model = _text(tags, _MAKE), _text(tags, _MODEL)
     return model if model.startswith(make) else f"{make} {model}".strip()
 
 
@@ -84,8 +116,10 @@ def orientation_of(tags: dict[int, object]) -> int:
 
 
 def encoded(photograph: Photograph) -> bytes:
-    """EXIF of a photograph's exposure, camera and focal length, such that reading gives the same again.
+    """EXIF of a photograph's exposure, settings, camera and focal length, such that reading gives the same again.
 
+    Where the focal length in pixels is known the file tells that of a full-frame camera of the same view, in place of
+    `Settings.focal_length`: only so does it keep more than its two leading digits.
     Raises ValueError for an ISO that is no whole number: the tag holds none.
     """
     exif = Image.Exif()
@@ -102,6 +136,7 @@ def encoded(photograph: Photograph) -> bytes:
             folder[_ISO] = min(int(exposure.iso), 65535)
             if exposure.iso >= 65535:
                 folder[_ISO_SPEED] = int(exposure.iso)
+    _encode_settings(folder, photograph.settings)
     if photograph.focal_length is not None:
         millimetres = photograph.focal_length * _FULL_FRAME / max(photograph.size)
         folder[_FOCAL_LENGTH] = _rational(millimetres)
@@ -109,7 +144,43 @@ def encoded(photograph: Photograph) -> bytes:
     return exif.tobytes()
 
 
-def _positive(tags: dict[int, object], tag: int) -> float | None:
+@contextmanager
+def _unheard() -> Iterator[None]:
+    """Pillow's remarks on tags that hold more values than they should: none that is read here."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Metadata Warning")
+        yield
+
+
+def _encode_settings(folder: dict[int, object], settings: Settings) -> None:
+    if settings.taken is not None:
+        folder[_TAKEN] = settings.taken.strftime("%Y:%m:%d %H:%M:%S")
+        if settings.taken.microsecond:
+            folder[_TAKEN_FRACTION] = f"{settings.taken.microsecond:06d}".rstrip("0")
+    if settings.automatic_white is not None:
+        folder[_WHITE_BALANCE] = 0 if settings.automatic_white else 1
+    if settings.bias is not None:
+        folder[_BIAS] = IFDRational(Fraction(settings.bias).limit_denominator(1000))
+    folder.update({tag: text for tag, text in ((_LENS, settings.lens), (_SERIAL, settings.serial)) if text})
+    if settings.focal_length is not None:
+        folder[_FOCAL_LENGTH] = _rational(settings.focal_length)
+
+
+def _taken(tags: dict[int, object]) -> datetime | None:
+    try:
+        taken = datetime.strptime(_text(tags, _TAKEN), "%Y:%m:%d %H:%M:%S")
+    except ValueError:  # cameras without a clock write blanks or zeros
+        return None
+    # The digits stand behind the decimal point: "02" is two hundredths.
+    digits = _text(tags, _TAKEN_FRACTION)
+    return taken.replace(microsecond=int(f"{digits[:6]:0<6}")) if digits.isdecimal() else taken
+
+
+def _text(tags: dict[int, object], tag: int) -> str:
+    return str(tags.get(tag, "")).strip("\0 ")
+
+
+def _number(tags: dict[int, object], tag: int) -> float | None:
     value = tags.get(tag)
     if isinstance(value, tuple) and value:
         value = value[0]
@@ -117,7 +188,12 @@ def _positive(tags: dict[int, object], tag: int) -> float | None:
         number = float(value)  # pyright: ignore[reportArgumentType]
     except (TypeError, ValueError, ZeroDivisionError):
         return None
-    return number if math.isfinite(number) and number > 0 else None
+    return number if math.isfinite(number) else None
+
+
+def _positive(tags: dict[int, object], tag: int) -> float | None:
+    number = _number(tags, tag)
+    return number if number is not None and number > 0 else None
 
 
 def _rational(value: float) -> IFDRational:

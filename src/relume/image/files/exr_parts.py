@@ -90,7 +90,7 @@ def placed(path: str | os.PathLike[str], part: Part) -> dict[str, np.ndarray]:
 
 def _open(path: str | os.PathLike[str], *, header_only: bool) -> list:
     try:
-        with _gathered_messages() as messages:
+        with gathered_messages() as messages:
             parts = OpenEXR.File(str(path), separate_channels=True, header_only=header_only).parts
     except Exception as error:  # the library raises RuntimeError, ValueError or UnicodeDecodeError for a damaged file
         detail = messages[0] if messages else one_line(error).replace(f"'{path}' ", "")
@@ -101,7 +101,7 @@ def _open(path: str | os.PathLike[str], *, header_only: bool) -> list:
 
 
 @contextmanager
-def _gathered_messages() -> Iterator[list[str]]:
+def gathered_messages() -> Iterator[list[str]]:
     """What the library prints on stderr (from C) and stdout (from Python), instead of printing it."""
     messages: list[str] = []
     with _decoding, tempfile.TemporaryFile() as caught, redirect_stdout(io.StringIO()) as printed:

@@ -40,23 +40,27 @@ _UPRIGHT = {
 
 
 def read(path: str | os.PathLike[str]) -> Photograph:
-    """The photograph in a JPEG, PNG or TIFF, with the exposure, camera and focal length its EXIF tells.
+    """The photograph in a JPEG, PNG or TIFF, with the exposure, settings, camera and focal length its EXIF tells.
 
-    Grey becomes three equal channels. Warns where alpha is dropped that was not opaque, and where an embedded profile
-    is not sRGB. Raises UnreadableFile for damaged files, floating-point or LogLuv TIFF, and camera raw.
+    Grey becomes three equal channels. Where alpha is 0 the picture is `outside`. Warns where alpha is dropped that was
+    neither 0 nor opaque, and where an embedded profile is not sRGB. Raises UnreadableFile for damaged files,
+    floating-point or LogLuv TIFF, and camera raw.
     """
     kind = kind_of(path)
     if kind == "PNG":
         png.refuse_damaged(path)
-    pixels = _decoded(path, kind)
+    pixels, outside = _decoded(path, kind)
     tags = exif.tags(path, kind)
     height, width = pixels.shape[:2]
+    upright = _UPRIGHT[exif.orientation_of(tags)]
     return Photograph(
-        pixels=np.ascontiguousarray(_UPRIGHT[exif.orientation_of(tags)](pixels)),
+        pixels=np.ascontiguousarray(upright(pixels)),
         name=str(path),
         exposure=exif.exposure_of(tags),
         camera=exif.camera_of(tags),
         focal_length=exif.focal_length_of(tags, width, height),
+        outside=None if outside is None else np.ascontiguousarray(upright(outside)),
+        settings=exif.settings_of(tags),
     )
 
 
@@ -81,8 +85,8 @@ def write_png(path: str | os.PathLike[str], photograph: Photograph) -> None:
         temporary.write_bytes(encoded)
 
 
-def _decoded(path: str | os.PathLike[str], kind: str) -> np.ndarray:
-    """(H, W, 3) uint8 or uint16 as stored."""
+def _decoded(path: str | os.PathLike[str], kind: str) -> tuple[np.ndarray, np.ndarray | None]:
+    """(H, W, 3) uint8 or uint16 as stored, and (H, W) bool where alpha is 0; None where it is nowhere."""
     wanted = oiio.ImageSpec()
     wanted.attribute("oiio:UnassociatedAlpha", 1)  # else colours come multiplied by alpha
     source = oiio.ImageInput.open(str(path), wanted)
@@ -102,7 +106,9 @@ def _decoded(path: str | os.PathLike[str], kind: str) -> np.ndarray:
     if complaint:
         _refuse_truncated(path, kind)
         warnings.warn(f"{path}: has stray bytes among its headers; look whether the picture is whole", stacklevel=4)
-    return _three_channels(path, pixels.reshape(spec.height, spec.width, spec.nchannels), spec)
+    pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
+    three = pixels[..., :3] if spec.nchannels >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
+    return three, _transparent(path, pixels[..., -1]) if spec.nchannels in (2, 4) else None
 
 
 def _refuse_unusable(path: str | os.PathLike[str], kind: str, spec: oiio.ImageSpec) -> None:
@@ -129,9 +135,11 @@ def _refuse_truncated(path: str | os.PathLike[str], kind: str) -> None:
         raise UnreadableFile(f"{path}: damaged {kind}: {one_line(error)}; copy it again from where it came") from error
 
 
-def _three_channels(path: str | os.PathLike[str], pixels: np.ndarray, spec: oiio.ImageSpec) -> np.ndarray:
-    if spec.nchannels in (2, 4):
-        seen_through = np.count_nonzero(pixels[..., -1] != np.iinfo(pixels.dtype).max)
-        if seen_through:
-            warnings.warn(f"{path}: alpha is left out, though {seen_through} pixels are not opaque", stacklevel=5)
-    return pixels[..., :3] if spec.nchannels >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
+def _transparent(path: str | os.PathLike[str], alpha: np.ndarray) -> np.ndarray | None:
+    transparent = alpha == 0
+    if transparent.all():
+        raise UnreadableFile(f"{path}: alpha is 0 everywhere, so there is nothing to see; save it without alpha")
+    seen_through = np.count_nonzero(~transparent & (alpha != np.iinfo(alpha.dtype).max))
+    if seen_through:
+        warnings.warn(f"{path}: alpha is left out, though {seen_through} pixels are not opaque", stacklevel=5)
+    return transparent if transparent.any() else None

@@ -1,0 +1,141 @@
+"""From camera raws to a radiance map with all that is known of it."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from relume.capture.absolute import Scale, calibrated
+from relume.capture.alignment import align
+from relume.capture.bracket import Bracket
+from relume.capture.consistency import Doubt, check
+from relume.capture.deghosting import deghost
+from relume.capture.extent import extent
+from relume.capture.measurement import Measured, Measurement, Treatment, without_lens
+from relume.capture.raw_merging import RawCalibration, RawSource, calibrate_raw, merge_raw, opened
+from relume.capture.steps import Steps
+from relume.image.photograph import Photograph
+from relume.image.radiance import RadianceMap
+from relume.image.raw import RawPhotograph
+from relume.image.response import Response
+
+PREVIEW = 1600
+"""Pixels, about, of a preview's longer side: enough to see a shift of half a pixel of the raw."""
+LEVELS = 65536
+MOVED = 0.5
+"""Pixels of the raw by which a frame may lie off before it is told: sharp detail is smeared from there on."""
+
+RawScale = Callable[[RadianceMap, RawCalibration], Scale]
+
+
+def measure_raw(
+    photographs: Sequence[RawSource],
+    *,
+    times: Sequence[float] | None = None,
+    balance: Sequence[float] | None = None,
+    refine: bool = True,
+    scale: RawScale | None = None,
+    treatment: Treatment = Treatment(),
+    told: Callable[[str], None] = lambda step: None,
+) -> Measurement:
+    """Merge one bracket of camera raws photosite by photosite, with what its photographs say against it.
+
+    times, balance : as in `merge_raw`
+    refine : whether the ratios of the exposures are measured from the pixels
+    scale : given the map and what the raws tell, the scale to cd/m²
+    treatment : its glare, vignetting and focal length count; raws need no response
+    told : called with the name of each step as it begins
+
+    Raws are merged as they lie: frames that moved against each other, or things that moved in them, are found in
+    small pictures of them and told as doubts. Raises UnreadableFile, NotABracket.
+    """
+    steps = Steps(told)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        with steps.step("exposures and noise"):
+            known = calibrate_raw(photographs, times=times, refine_exposures=refine)
+        with steps.step("check"):
+            bracket, shrunk = _previews(photographs, known)
+            response = _linear()
+            doubts = (*check(bracket, response), *_movement(bracket, response, shrunk))
+        with steps.step("merge"):
+            picture = merge_raw(photographs, calibration=known, balance=balance)
+        picture = without_lens(picture, known.exposures, treatment, steps)
+    found = scale(picture, known) if scale is not None else None
+    if found is not None:
+        picture = calibrated(picture, found)
+    focal_length = treatment.focal_length or (bracket.focal_length and bracket.focal_length * shrunk)
+    measured = Measured(
+        picture, bracket.name, bracket.exposure_table, doubts, None, None,
+        extent(picture, focal_length=focal_length), found,
+    )  # fmt: skip
+    lines = dict.fromkeys(str(w.message) for w in caught)
+    return Measurement((measured,), None, None, steps.seconds, tuple(lines))
+
+
+def _previews(photographs: Sequence[RawSource], known: RawCalibration) -> tuple[Bracket, int]:
+    """Small linear pictures of the raws, and how many raw pixels one of theirs is wide."""
+    frames, shrunk = [], 2
+    for raw, factor, exposure in zip(opened(photographs), known.factors, known.exposures, strict=True):
+        shrunk = 2 * max(1, max(raw.size) // (2 * PREVIEW))
+        told = replace(exposure, seconds=exposure.seconds * float(factor) / exposure.factor)
+        frames.append(replace(preview(raw, shrunk), exposure=told))
+    return Bracket(tuple(frames)), shrunk
+
+
+def preview(raw: RawPhotograph, shrunk: int) -> Photograph:
+    """The raw as a small linear picture of 16 bits in camera colours, black at 0 and saturation at 65535.
+
+    shrunk : even; raw pixels along the side of one of its pixels. One that holds a saturated photosite is saturated
+    """
+    width, height = (side // shrunk * shrunk for side in raw.size)
+    pixels = np.empty((height // shrunk, width // shrunk, 3), np.uint16)
+    for channel in range(3):
+        planes = []
+        for row, column in zip(*np.nonzero(raw.pattern == channel), strict=True):
+            sites = raw.mosaic[row:height:2, column:width:2]
+            blocks = sites.reshape(height // shrunk, shrunk // 2, width // shrunk, shrunk // 2)
+            black = raw.black[row, column]
+            mean = (blocks.mean((1, 3), dtype=np.float32) - black) / (raw.white - black)
+            planes.append(np.where(blocks.max((1, 3)) >= raw.white, 1.0, mean))
+        pixels[..., channel] = np.rint(np.clip(np.mean(planes, axis=0), 0, 1) * (LEVELS - 1))
+    focal_length = raw.focal_length and raw.focal_length / shrunk
+    return Photograph(pixels, raw.name, raw.exposure, raw.camera, focal_length, settings=raw.settings)
+
+
+def _linear() -> Response:
+    """Values as they are; a preview's noise is small beside 1 % of its value."""
+    values = np.arange(LEVELS) + 0.5
+    return Response(np.tile(np.log(values / LEVELS), (3, 1)), np.tile(8 + 0.01 * values, (3, 1)))
+
+
+def _movement(bracket: Bracket, response: Response, shrunk: int) -> list[Doubt]:
+    if len(bracket.photographs) == 1:
+        return []
+    aligned = align(bracket)
+    doubts = []
+    for photograph, motion in zip(aligned.bracket.photographs, aligned.motions, strict=True):
+        moved = motion.displacement(photograph.size) * shrunk
+        if moved > MOVED:
+            doubts.append(
+                Doubt(
+                    photograph.name,
+                    f"lies {moved:.1f} pixels off the others, and raws are merged as they lie",
+                    "develop the raws to 16-bit TIFF with a known curve and merge those, or photograph from a tripod",
+                    True,
+                )
+            )
+    share = float(deghost(aligned.bracket, response).ghosts.mean())
+    if share > 1e-3:
+        doubts.append(
+            Doubt(
+                bracket.name,
+                f"something moved in {100 * share:.2g} % of the picture, and raws are merged without taking it out",
+                "develop the raws to 16-bit TIFF with a known curve and merge those, or leave out the frames it is in",
+                True,
+            )
+        )
+    return doubts

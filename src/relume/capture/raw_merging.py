@@ -1,0 +1,281 @@
+"""Merging camera raws: every photosite by itself, before any colour is made of it.
+
+A sensor's values are linear in the light and their noise is known, so the merge is the mean of value / exposure with
+weights of one over the variance; for photon noise alone that is the sum of the values over the sum of the exposures.
+Nothing that a weight or a verdict depends on may depend on the photosite's own noise, or the mean would be drawn to one
+side. So weights come from the eight nearest photosites of its colour, and near saturation so does the verdict whether
+it is saturated, from theirs in the same frame and in the next shorter one. (Detail sharper than that, five deviations
+above their mean just below saturation, is judged by its own value; that frame's share of it then comes out up to 0.8 of
+a deviation too dark.)
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from relume.capture.raw_noise import SensorNoise, fitted_noise, noise_between, noise_within
+from relume.errors import NotABracket
+from relume.image import files
+from relume.image.photograph import Exposure
+from relume.image.radiance import SATURATED, RadianceMap
+from relume.image.raw import RawPhotograph
+
+_SAMPLES = 2**18
+"""Photosites of each frame that the survey keeps."""
+_DOUBTFUL_STOPS = 0.2
+"""Nominal shutter speeds are up to 0.1 of a stop from the true ones (1/30 s is 1/32 s)."""
+
+RawSource = str | os.PathLike[str] | RawPhotograph
+
+
+@dataclass(frozen=True, eq=False)
+class RawCalibration:
+    """What a bracket of raws tells of its exposures and of its sensor, frame by frame in the order they were given.
+
+    names : of the files
+    exposures : as their EXIF or the caller tells them
+    factors : (P,) float64, light per unit of radiance that is merged with: `Exposure.factor`, its ratios refined from
+        the pixels where that was asked for, its geometric mean kept
+    noise : of the sensor
+    saturation : the signal, as a share of white above black, at which photosites are seen to be saturated
+    """
+
+    names: tuple[str, ...]
+    exposures: tuple[Exposure, ...]
+    factors: np.ndarray
+    noise: SensorNoise
+    saturation: float
+
+
+def opened(photographs: Sequence[RawSource], order: Sequence[int] | None = None) -> Iterator[RawPhotograph]:
+    """The raws one at a time, each read when it is its turn, in the order given or in that of the indices `order`."""
+    for index in range(len(photographs)) if order is None else order:
+        source = photographs[index]
+        yield source if isinstance(source, RawPhotograph) else files.read_raw(Path(source))
+
+
+def merge_raw(
+    photographs: Sequence[RawSource],
+    *,
+    times: Sequence[float] | None = None,
+    calibration: RawCalibration | None = None,
+    balance: Sequence[float] | np.ndarray | None = None,
+) -> RadianceMap:
+    """Merge camera raws of one scene from one place into relative radiance; 1 saturates green at 1 s, f/1, ISO 100.
+
+    photographs : raw files, opened one at a time, or raws already read; their order does not matter
+    times : exposure time of each in seconds, in place of the whole EXIF exposure
+    calibration : what `calibrate_raw` found of the same photographs, where it has been asked before
+    balance : multipliers of red, green and blue; the camera's for daylight unless given, so that every bracket of a
+        camera is on one scale and lamplight keeps its colour. `RawPhotograph.as_shot` gives the camera's own choice
+
+    Values below black stay negative, and so may the darkest radiance. The variance holds through interpolation and
+    colour matrix. Where a nearest sample of a pixel is saturated in all photographs its variance is infinite and its
+    radiance, in camera colours, a lower bound (see `developed_mosaic`). Raises UnreadableFile, NotABracket.
+    """
+    # Numba is imported only where a kernel is used.
+    from relume.capture.demosaic import developed_mosaic
+    from relume.capture.raw_kernel import Frame, accumulate, concluded
+
+    if balance is not None and (np.shape(balance) != (3,) or not np.all(np.asarray(balance) > 0)):
+        raise ValueError(f"balance is {balance}; expected three positive multipliers, of red, green and blue")
+    known = calibration or calibrate_raw(photographs, times=times)
+    if len(known.factors) != len(photographs):
+        raise ValueError(f"the calibration is of {len(known.factors)} photographs; {len(photographs)} were given")
+    order = np.argsort(known.factors, kind="stable").tolist()
+    first, shorter, sums = None, None, np.empty(0)
+    for index, raw in zip(order, opened(photographs, order), strict=True):
+        if first is None:
+            # Only its colours and its corner are needed later: its mosaic goes.
+            first = replace(raw, mosaic=raw.mosaic[:6, :6].copy())
+            sums = np.zeros((4, *raw.mosaic.shape), np.float32)
+        noise = known.noise.at(known.exposures[index].iso)
+        factor, scatter = float(known.factors[index]), (noise.shot, noise.read)
+        frame = Frame(raw.mosaic, raw.black, raw.white, factor, scatter, known.saturation)
+        del raw
+        accumulate(sums, frame, shorter)
+        shorter = frame
+    del shorter, frame
+    assert first is not None
+    mosaic, variance, clipped = concluded(sums, first.black)
+    _require_light(known, mosaic, variance, clipped)
+    del sums
+    multipliers = first.daylight if balance is None else np.asarray(balance, np.float64)
+    return RadianceMap(*developed_mosaic(mosaic, variance, clipped, first.pattern, multipliers, first.matrix))
+
+
+def calibrate_raw(
+    photographs: Sequence[RawSource],
+    *,
+    times: Sequence[float] | None = None,
+    noise: SensorNoise | None = None,
+    refine_exposures: bool = True,
+) -> RawCalibration:
+    """Exposures, noise and saturation of a bracket of raws, from a sample of rows of each.
+
+    times : exposure time of each in seconds, in place of the whole EXIF exposure
+    noise : of the sensor where it is known; else it is told from how the photographs differ
+    refine_exposures : take the ratios of exposures from the pixels, which know them better than nominal times do
+
+    Warns where exposures differ otherwise than they claim, where the sensor saturates below its white, and where noise
+    cannot be told. Raises UnreadableFile, NotABracket.
+    """
+    if not photographs:
+        raise NotABracket("no raw photographs were given; name at least one file")
+    if times is not None and len(times) != len(photographs):
+        raise NotABracket(f"{len(times)} times were given for {len(photographs)} photographs; give one a photograph")
+    facts: list[RawPhotograph] = []
+    samples = []
+    for position, raw in enumerate(opened(photographs)):
+        given = raw if times is None else replace(raw, exposure=Exposure(float(times[position])))
+        facts.append(_fitting(given, facts[0] if facts else None))
+        samples.append(_sample(raw))
+        del raw, given
+    exposures = _exposures(facts)
+    nominal = np.array([exposure.factor for exposure in exposures])
+    order = np.argsort(nominal, kind="stable")
+    names = tuple(raw.name for raw in facts)
+    factors = _refined(names, nominal, samples, order) if refine_exposures else nominal
+    saturation = _saturation(names, factors, samples, order)
+    found = noise or _noise(exposures, factors, samples, order, saturation)
+    if found is None:
+        warnings.warn(f"{names[0]}: its noise cannot be told; taken as one electron a value", stacklevel=3)
+        found = SensorNoise(1 / (facts[0].white - facts[0].black.mean()), 0.0, exposures[0].iso or 100.0)
+    return RawCalibration(names, exposures, factors, found, saturation)
+
+
+def _fitting(raw: RawPhotograph, first: RawPhotograph | None) -> RawPhotograph:
+    """The facts of a photograph, without its pixels but for a corner; refuses one that does not go with the first."""
+    facts = replace(raw, mosaic=np.broadcast_to(raw.mosaic[0, 0], raw.mosaic.shape))
+    if raw.exposure is None:
+        raise NotABracket(f"{raw.name}: no exposure time in its EXIF; give one per photograph with --times")
+    if first is None:
+        return facts
+    for what, mine, other in (
+        ("camera", raw.camera, first.camera),
+        ("size", f"{raw.size[0]}×{raw.size[1]}", f"{first.size[0]}×{first.size[1]}"),
+        ("filter pattern", raw.pattern.tolist(), first.pattern.tolist()),
+    ):
+        if mine != other:
+            raise NotABracket(f"{raw.name}: its {what} is {mine}, that of {first.name} {other}; merge them apart")
+    return facts
+
+
+def _exposures(facts: Sequence[RawPhotograph]) -> tuple[Exposure, ...]:
+    exposures = tuple(raw.exposure for raw in facts if raw.exposure is not None)
+    for attribute in ("f_number", "iso"):
+        known = [getattr(exposure, attribute) is not None for exposure in exposures]
+        if any(known) and not all(known):
+            raise NotABracket(
+                f"{facts[known.index(False)].name}: no {attribute} in its EXIF while other frames have one; "
+                "give all exposures with --times"
+            )
+    return exposures
+
+
+def _sample(raw: RawPhotograph) -> np.ndarray:
+    """(R, W) float32 signals of pairs of rows spread over the picture."""
+    height, width = raw.mosaic.shape
+    pairs = int(np.clip(_SAMPLES // (2 * width), 1, height // 2))
+    starts = 2 * np.linspace(0, height // 2 - 1, pairs).round().astype(int)
+    rows = np.unique((starts[:, None] + [0, 1]).ravel())
+    level = raw.black[rows % 2][:, np.arange(width) % 2]
+    return ((raw.mosaic[rows] - level) / (raw.white - level)).astype(np.float32)
+
+
+def _refined(names: Sequence[str], nominal: np.ndarray, samples: Sequence[np.ndarray], order: np.ndarray) -> np.ndarray:
+    """The factors with ratios between neighbouring exposures as the pixels have them, where enough of them tell."""
+    logarithm = np.log(nominal)
+    for short, long in pairwise(order.tolist()):
+        ratio, told = _ratio(samples[short].ravel(), samples[long].ravel()), nominal[long] / nominal[short]
+        if ratio is None:
+            continue
+        if abs(np.log2(ratio / told)) > _DOUBTFUL_STOPS:
+            warnings.warn(
+                f"{names[long]}: it got {ratio:.3g} times the light of {names[short]}, not {told:.3g} times as its "
+                "exposure tells; merged as the pixels have it",
+                stacklevel=4,
+            )
+        # All longer exposures move with this one.
+        later = order[np.flatnonzero(order == long)[0] :]
+        logarithm[later] += np.log(ratio / told)
+    return np.exp(logarithm - logarithm.mean() + np.log(nominal).mean())
+
+
+def _ratio(first: np.ndarray, second: np.ndarray) -> float | None:
+    """How many times the light of `first` `second` got; None where fewer than 1000 photosites tell.
+
+    The ratio of sums over photosites chosen by the sum of both: how the photons of a sum were shared out between two
+    exposures does not depend on it, so the choice favours neither.
+    """
+    total = first + second
+    used = (total > 0.02) & (total < 0.8)
+    ratio = None
+    for _ in range(4):
+        if used.sum() < 1000 or first[used].sum(dtype=np.float64) <= 0:
+            return None
+        ratio = float(second[used].sum(dtype=np.float64) / first[used].sum(dtype=np.float64))
+        # What moved between the two tells nothing of the exposures.
+        misfit = (second - ratio * first) / np.sqrt(np.maximum(total, 0.02))
+        limit = 5 * 1.4826 * np.median(np.abs(misfit[used])) + 1e-6
+        used = (total > 0.02) & (total < 0.8) & (np.abs(misfit) < limit)
+    return ratio
+
+
+def _saturation(names: Sequence[str], factors: np.ndarray, samples: Sequence[np.ndarray], order: np.ndarray) -> float:
+    """The signal that photosites show which, by a shorter exposure, must be saturated; 1 where none must be."""
+    seen = 1.0
+    for short, long in pairwise(order.tolist()):
+        expected = samples[short] * (factors[long] / factors[short])
+        values = samples[long][(expected > 1.25) & (samples[short] < 0.8)]
+        if len(values) < 100:
+            continue
+        level = float(np.median(values))
+        level -= 4 * 1.4826 * float(np.median(np.abs(values - level)))
+        # Much lower ones are not saturated: something moved.
+        if 0.5 < level < seen:
+            seen = level
+            if level < 0.97:
+                warnings.warn(
+                    f"{names[long]}: saturated at {level:.0%} of the white its file tells; taken as saturated there",
+                    stacklevel=4,
+                )
+    return seen
+
+
+def _noise(
+    exposures: Sequence[Exposure],
+    factors: np.ndarray,
+    samples: Sequence[np.ndarray],
+    order: np.ndarray,
+    saturation: float,
+) -> SensorNoise | None:
+    """From pairs of neighbouring exposures at the sensitivity most frames have; from single frames without a pair."""
+    sensitivities = [exposure.iso or 100.0 for exposure in exposures]
+    iso = max(sorted(set(sensitivities)), key=sensitivities.count)
+    alike = [index for index in order.tolist() if sensitivities[index] == iso]
+    rows = [
+        noise_between(samples[a].ravel(), samples[b].ravel(), float(factors[b] / factors[a]), saturation)
+        for a, b in pairwise(alike)
+    ]
+    found = fitted_noise(np.concatenate(rows), iso) if rows else None
+    return found or fitted_noise(np.concatenate([noise_within(samples[index]) for index in alike]), iso)
+
+
+def _require_light(known: RawCalibration, mosaic: np.ndarray, variance: np.ndarray, clipped: np.ndarray) -> None:
+    """Refuse a bracket in which less than one photosite in a thousand is measured and lit."""
+    some = (slice(None, None, 7), slice(None, None, 5))
+    lit = (clipped[some] == 0) & (mosaic[some] > 3 * np.sqrt(variance[some]))
+    if lit.mean() >= 1e-3:
+        return
+    name = known.names[0] if len(known.names) == 1 else f"{known.names[0]} … {known.names[-1]}"
+    if (clipped[some] == SATURATED).mean() > 0.5:
+        raise NotABracket(f"{name}: saturated in every photograph; add shorter exposures")
+    raise NotABracket(f"{name}: black in every photograph; add longer exposures (was the lens cap on?)")
