@@ -8,6 +8,7 @@
     ├── InvalidShot         the shot file has an unknown key, a missing one or a wrong value
     ├── InvalidScene        the scene file has an unknown key, a missing one or a wrong value
     ├── UnsupportedScene    a renderer was given something it cannot render
+    ├── DoubtfulResult      all was done and written, but the result should not be used unseen
     └── OutputNotWritten    a file or folder could not be written
 
 A wrong call (an array of the wrong shape, a negative size) raises ``ValueError``: got, expected, remedy.
@@ -44,6 +45,10 @@ class InvalidScene(RelumeError):
 
 class UnsupportedScene(RelumeError):
     """A renderer was given something it cannot render."""
+
+
+class DoubtfulResult(RelumeError):
+    """All was done and written, but something makes the result worse than it looks; the message names it."""
 
 
 class OutputNotWritten(RelumeError):

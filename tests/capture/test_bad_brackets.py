@@ -73,10 +73,9 @@ def test_photographs_that_are_all_black():
     refused(lambda: recover_response(Bracket(frames)), "black_2.jpg … black_0.jpg", "well exposed")
 
 
-def test_photographs_of_16_bits():
+def test_photographs_of_16_bits_and_a_response_of_8():
     frames = tuple(grey(f"deep_{i}.tif", Exposure(2.0**-i), value=30000, kind=np.uint16) for i in range(2))
-    refused(lambda: recover_response(Bracket(frames)), "deep_1.tif … deep_0.tif", "16-bit", "8-bit")
-    refused(lambda: merge(Bracket(frames), straight()), "deep_1.tif … deep_0.tif", "8-bit")
+    refused(lambda: merge(Bracket(frames), straight()), "deep_1.tif … deep_0.tif", "response of 65536 values")
 
 
 def test_photographs_of_one_exposure_only():

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from relume.capture.exposures import Times, exposed
 from relume.errors import NotABracket
 from relume.image import files
-from relume.image.photograph import Exposure, Photograph
+from relume.image.photograph import Photograph
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +51,13 @@ class Bracket:
         return np.array([_factor(p) for p in self.photographs])
 
     @property
+    def exposure_table(self) -> tuple[FrameFacts, ...]:
+        """What is known of each exposure, from the least to the most exposed."""
+        stops = np.log2(self.exposures / self.exposures[0])
+        told = [(p.name, p.exposure, float(s)) for p, s in zip(self.photographs, stops, strict=True) if p.exposure]
+        return tuple(FrameFacts(name, e.seconds, e.f_number, e.iso, s, e.source) for name, e, s in told)
+
+    @property
     def focal_length(self) -> float | None:
         """Of the lens, in pixels; None where the photographs tell none."""
         return next((p.focal_length for p in self.photographs if p.focal_length is not None), None)
@@ -60,20 +69,97 @@ class Bracket:
         return names[0] if len(names) == 1 else f"{names[0]} … {names[-1]}"
 
 
-def read_bracket(paths: Sequence[str | Path], *, times: Sequence[float] | None = None) -> Bracket:
-    """Read photographs into a bracket.
+@dataclass(frozen=True)
+class FrameFacts:
+    """What is known of the exposure of one photograph of a bracket: a line of its exposure table.
 
-    paths : image files; their order does not matter
-    times : exposure time of each path in seconds, for photographs without EXIF; replaces the whole EXIF exposure,
-        because a hand-written list is the stronger word
-    Raises UnreadableFile, NotABracket.
+    name : the file
+    seconds, f_number, iso : as in `Exposure`; None where unknown
+    stops : above the least exposed photograph of the bracket
+    source : who told it: "given", "sidecar", "EXIF" or "estimated"
     """
-    if times is not None and len(times) != len(paths):
-        raise NotABracket(f"{len(times)} times were given for {len(paths)} photographs; give one a photograph")
+
+    name: str
+    seconds: float
+    f_number: float | None
+    iso: float | None
+    stops: float
+    source: str
+
+
+def read_bracket(
+    paths: Sequence[str | Path],
+    *,
+    times: Times = None,
+    ignore: tuple[int, int, int] | None = None,
+    true_powers: bool = False,
+    sidecars: bool = True,
+) -> Bracket:
+    """Read photographs into a bracket, each with the exposure of the strongest source that tells it.
+
+    The order of sources is fixed: `times`, a list beside the photographs, EXIF, the pixels (`exposures.exposed`).
+
+    paths : image files; their order does not matter but for `times` in seconds
+    times : exposure time of each path in seconds, or the path of a file that lists them; replaces the whole EXIF
+        exposure, because a hand-written list is the stronger word
+    ignore : red, green and blue of pixels that are not part of the picture, as stored in the file (0 to 255, or to
+        65535): the pure blue (0, 0, 255) of the memorial church's borders. Exactly this colour is meant, so give it for
+        losslessly stored photographs only
+    true_powers : take marked shutter speeds for the powers of two that they stand for; `true_shutter` says why not
+        always
+    sidecars : look for a list of exposures beside the photographs
+
+    A photograph that is there twice, pixel for pixel and with the same exposure, is kept once, with a warning.
+    Raises UnreadableFile, NotABracket. Warns of exposures that are not plainly told.
+    """
     photographs = [files.read_photograph(path) for path in paths]
-    if times is not None:
-        photographs = [replace(p, exposure=Exposure(float(t))) for p, t in zip(photographs, times, strict=True)]
-    return Bracket(tuple(photographs))
+    if ignore is not None:
+        photographs = _ignoring(photographs, ignore)
+    speeds = None
+    if true_powers:
+        facts = [files.read_facts(path) for path in paths]
+        speeds = {f.name: f.shutter_speed for f in facts}
+    photographs = exposed(photographs, times=times, sidecars=sidecars, shutter_speeds=speeds)
+    return Bracket(_once_each(photographs))
+
+
+def same_pixels(first: Photograph, second: Photograph) -> bool:
+    """Whether two photographs are one, pixel for pixel."""
+    # A few pixels tell nearly all pairs apart; only copies are compared whole.
+    return np.array_equal(first.pixels[::37, ::37], second.pixels[::37, ::37]) and np.array_equal(
+        first.pixels, second.pixels
+    )
+
+
+def _ignoring(photographs: list[Photograph], colour: tuple[int, int, int]) -> list[Photograph]:
+    found = [np.all(p.pixels == np.array(colour), axis=2) for p in photographs]
+    if photographs and not any(outside.any() for outside in found):
+        warnings.warn(
+            f"{photographs[0].name} and the others have no pixel of the colour {','.join(map(str, colour))} to ignore; "
+            "give it as it is stored in the files",
+            stacklevel=3,
+        )
+    return [_without(p, outside) for p, outside in zip(photographs, found, strict=True)]
+
+
+def _without(photograph: Photograph, outside: np.ndarray) -> Photograph:
+    if not outside.any():
+        return photograph
+    return replace(photograph, outside=outside if photograph.outside is None else outside | photograph.outside)
+
+
+def _once_each(photographs: list[Photograph]) -> tuple[Photograph, ...]:
+    kept: list[Photograph] = []
+    for photograph in photographs:
+        twin = next((p for p in kept if p.exposure == photograph.exposure and same_pixels(p, photograph)), None)
+        if twin is None:
+            kept.append(photograph)
+        else:
+            warnings.warn(
+                f"{photograph.name}: pixel for pixel {twin.name}, so it is left out; take one of them away",
+                stacklevel=3,
+            )
+    return tuple(kept)
 
 
 def _factor(photograph: Photograph) -> float:

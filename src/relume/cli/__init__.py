@@ -18,7 +18,8 @@ COMMANDS = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; returns the exit code: 0 done, 2 bad input, 3 output could not be written, 130 interrupted."""
+    """Run one command; returns the exit code: 0 done, 2 bad input, 3 output could not be written, 4 done but doubtful,
+    130 interrupted."""
     from cyclopts import App, CycloptsError
 
     from relume.cli import console

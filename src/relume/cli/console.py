@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from relume.errors import OutputNotWritten, RelumeError
+from relume.errors import DoubtfulResult, OutputNotWritten, RelumeError
 
 
 @Parameter(name="*")
@@ -45,6 +45,8 @@ def refuse_error(error: Exception, *, verbose: bool) -> int:
         traceback.print_exc()
     if isinstance(error, OutputNotWritten):
         return refuse(str(error), 3)
+    if isinstance(error, DoubtfulResult):
+        return refuse(str(error), 4)
     if isinstance(error, RelumeError | ValueError):
         return refuse(str(error), 2)
     if isinstance(error, MemoryError):

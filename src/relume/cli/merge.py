@@ -1,70 +1,119 @@
-"""`relume merge`: photographs in, a radiance map out."""
+"""`relume merge`: photographs in, calibrated radiance out, with a report of how sure it is."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from relume.cli.arguments import DryRun, Times, read_times, require_files, require_suffix
-from relume.cli.console import Manner, note, speaking, tell
+from relume.cli.arguments import DryRun, read_times, require_suffix
+from relume.cli.console import Manner, note, progress, speaking, tell
+from relume.cli.merge_options import Lens, Readings, Steps, numbers, treatment_of
+from relume.errors import DoubtfulResult, NotABracket, OutputNotWritten
+
+MAPS = (".exr", ".hdr")
 
 
 def merge(
-    photographs: Annotated[list[Path], Parameter(help="The bracket: JPEG, PNG or TIFF, in any order.", negative="")],
+    photographs: Annotated[
+        list[Path],
+        Parameter(help="Photographs (JPEG, PNG, TIFF or camera raw) or folders of them, in any order.", negative=""),
+    ],
     /,
     *,
-    out: Annotated[Path, Parameter(alias="-o", help="The radiance map to write, .exr (all of it) or .hdr.")],
-    times: Times = None,
-    response: Annotated[
-        Path | None, Parameter(help="A response.json of the same camera, instead of recovering it.")
+    out: Annotated[
+        Path,
+        Parameter(alias="-o", help="The radiance map, .exr (all of it) or .hdr; a folder for several brackets."),
+    ],
+    times: Annotated[
+        str | None,
+        Parameter(help="Exposure time of each photograph in seconds, like 1/30,1/60, or a file that lists them."),
     ] = None,
-    save_response: Annotated[Path | None, Parameter(help="Also write the recovered response here, .json.")] = None,
-    paper_weights: Annotated[bool, Parameter(negative="", help="Weigh as Debevec & Malik do (eq. 4).")] = False,
+    true_shutter: Annotated[
+        bool, Parameter(negative="", help="Take marked shutter speeds for powers of two: 1/60 s for 1/64 s.")
+    ] = False,
+    ignore: Annotated[
+        str | None, Parameter(help="Colour R,G,B of pixels that are no part of the picture, like 0,0,255.")
+    ] = None,
+    profile: Annotated[
+        Path | None,
+        Parameter(help="The camera's profile, or a curve of pfstools or hdrgen, used as it is."),
+    ] = None,
+    save_profile: Annotated[Path | None, Parameter(help="Also write the camera's profile here, .json.")] = None,
+    report: Annotated[Path | None, Parameter(help="Also write a report here, .html.")] = None,
+    accept: Annotated[bool, Parameter(negative="", help="Exit with 0 although the result is doubtful.")] = False,
+    steps: Steps = Steps(),
+    lens: Lens = Lens(),
+    readings: Readings = Readings(),
     dry_run: DryRun = False,
     manner: Manner = Manner(),
 ) -> None:
-    """Recover the camera's response from a bracket and merge it into a radiance map with variance and clipped mask."""
-    from relume.capture.bracket import read_bracket
-    from relume.capture.calibration import DOUBTFUL_MISFIT, recover_response
-    from relume.capture.merging import merge as merged
-    from relume.capture.weighting import Hat, InverseVariance
-    from relume.errors import UnreadableFile
-    from relume.image import files
-    from relume.image.radiance import BLACK, SATURATED
-    from relume.image.response import Response
+    """Measure radiance from differently exposed photographs: several brackets of a camera come out on one scale.
+
+    Exposures come from --times, else from a list beside the photographs, else from EXIF, else from the pixels. A
+    doubtful result is written all the same and told with exit code 4.
+    """
+    from relume.capture.folder import expand
+    from relume.capture.grouping import group_files
+    from relume.capture.profile import read_profile
+    from relume.cli.merge_job import Job, Reading, forecast, results_of, write
+    from relume.image.files.signatures import kind_of
 
     with speaking(manner):
-        require_files(photographs)
-        require_suffix(out, ".exr", ".hdr")
-        bracket = read_bracket(photographs, times=read_times(times))
-        exposures = {p.name: f"{p.exposure.seconds:.6g} s" for p in bracket.photographs if p.exposure}
+        paths = expand(photographs)
+        raws = tuple(path for path in paths if kind_of(path) == "RAW")
+        if raws and len(raws) < len(paths):
+            note(manner, f"{len(paths) - len(raws)} photographs beside {len(raws)} camera raws are left out")
+            paths = raws
+        colour = tuple(int(n) for n in numbers(ignore, "--ignore", 3)) if ignore else None
+        reading = Reading(exposure_times(times), colour, true_shutter)
+        groups = (paths,) if times else group_files(paths)
+        for path, suffix in ((save_profile, ".json"), (report, ".html")):
+            if path is not None:
+                require_suffix(path, suffix)
+        known = read_profile(profile) if profile is not None else None
+        treatment = treatment_of(steps, lens, readings, known.vignetting if known else ())
+        job = Job(groups, targets(groups, out), reading, known, treatment, readings, bool(raws))
         if dry_run:
-            tell(manner, {"would write": str(out), "exposures": exposures})
+            tell(manner, forecast(job))
             return
-        facts: dict[str, object] = {"written": str(out), "exposures": exposures}
-        if response is not None:
-            try:
-                curve = Response.from_json(response.read_text())
-            except (OSError, ValueError) as error:
-                raise UnreadableFile(f"{response}: not a response that relume wrote ({error})") from None
-        else:
-            calibration = recover_response(bracket)
-            curve = calibration.response.balanced_at(calibration.response.levels - 1)
-            if calibration.residual.max() > DOUBTFUL_MISFIT:
-                note(manner, "the response fits badly; are the exposure times right, and did nothing move?")
-            facts |= {"residual": calibration.residual.round(4).tolist(), "noise": curve.noise.round(3).tolist()}
-        picture = merged(bracket, curve, weighting=Hat() if paper_weights else InverseVariance())
-        files.write(out, picture)
-        if save_response is not None:
-            files.write_text(save_response, curve.to_json())
-            facts["response"] = str(save_response)
-        clipped = picture.clipped
-        if clipped is not None and clipped.any():
-            saturated, black = int((clipped == SATURATED).sum()), int((clipped == BLACK).sum())
-            note(
-                manner, f"{saturated} pixels are saturated and {black} black in every photograph; they hold bounds only"
+        with progress(manner) as advance:
+            results = results_of(job, lambda step: advance(step, 0.0))
+        for line in (line for result in results for line in result.measurement.notes()):
+            note(manner, line)
+        tell(manner, write(results, save_profile=save_profile, report=report))
+        objections = [line for result in results for line in result.measurement.objections()]
+        for line in objections if accept or len(objections) > 1 else ():
+            note(manner, line)
+        if objections and not accept:
+            raise DoubtfulResult(
+                f"{objections[0]} (all was written; --accept takes it as it is)"
+                if len(objections) == 1
+                else f"{len(objections)} doubts, noted above (all was written; --accept takes it as it is)"
             )
-            facts |= {"saturated": saturated, "black": black}
-        tell(manner, facts)
+
+
+def exposure_times(text: str | None) -> list[float] | Path | None:
+    """Seconds from the command line, or the file that lists them."""
+    if text is not None and Path(text).is_file():
+        return Path(text)
+    return read_times(text)
+
+
+def targets(groups: Sequence[Sequence[Path]], out: Path) -> tuple[Path, ...]:
+    """The map to write for each bracket; refuses before any work what cannot be written."""
+    names = [group[0].stem if len(group) == 1 else f"{group[0].stem}-{group[-1].stem}" for group in groups]
+    if len(groups) == 1:
+        path = out / f"{names[0]}.exr" if out.is_dir() else out
+        require_suffix(path, *MAPS)
+        return (path,)
+    if out.suffix.lower() in MAPS:
+        found = "; ".join(f"{group[0].name} … {group[-1].name} ({len(group)})" for group in groups)
+        raise NotABracket(
+            f"{len(groups)} brackets are here, not one: {found}. Give a folder as -o, or the photographs of one bracket"
+        )
+    if out.exists() and not out.is_dir():
+        raise OutputNotWritten(f"-o {out}: not a folder; {len(groups)} radiance maps are to be written in it")
+    return tuple(out / f"{name}.exr" for name in names)

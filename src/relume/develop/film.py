@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.capture.absolute import Scale
 from relume.image.colour import encode_srgb, luminance
-from relume.image.photograph import Photograph
+from relume.image.photograph import Exposure, Photograph
+from relume.image.radiance import OUTSIDE, RadianceMap
 from relume.image.response import Response
 from relume.sphere.illumination import IlluminationMap
 
@@ -52,3 +54,56 @@ def develop(radiance: np.ndarray, film: Film) -> Photograph:
     else:
         values = film.response.pixel_values(exposed) * (255 / (film.response.levels - 1))
     return Photograph(np.rint(np.clip(values, 0, 255)).astype(np.uint8), "developed picture")
+
+
+def virtual_photograph(
+    picture: RadianceMap,
+    response: Response,
+    exposure: Exposure,
+    *,
+    scale: Scale | None = None,
+    noise: np.random.Generator | None = None,
+    name: str = "virtual photograph",
+) -> Photograph:
+    """Photograph a radiance map with any camera at any exposure (Debevec & Malik 1997, §2.7, eq. 1).
+
+    response : the camera's; 256 values make 8-bit pixels, 65536 make 16-bit ones. It may be another than the one the
+        map was merged with; then the zeros of both must have been set alike, or both have a scale
+    exposure : shutter, aperture and ISO, which the photograph carries
+    scale : cd/m² per relative unit of that response, for maps in cd/m²
+    noise : draws the camera's noise, by the response's deviation at each pixel value; None for none. The same seed
+        gives the same pixels. What saturates does so without noise, being far above the largest value or clipped
+    name : of the photograph
+
+    Pixels outside the map are 0 and outside the photograph. Raises ValueError for a response of other levels, and for
+    a map in cd/m² without a scale (or the other way round).
+    """
+    if response.levels not in _DEPTHS:
+        raise ValueError(f"the response has {response.levels} values; photographs have 256 or 65536")
+    if (picture.unit == "cd/m²") != (scale is not None):
+        raise ValueError(
+            f"the map's unit is {picture.unit} and scale is {scale}; give the response's scale with a map in cd/m², "
+            "and none with a relative one"
+        )
+    light = picture.radiance.astype(np.float64)
+    values = response.pixel_values(light * (exposure.factor / np.array(1.0 if scale is None else scale.factor)))
+    if noise is not None:
+        values = _noisy(values, response, noise)
+    outside = None if picture.clipped is None else picture.clipped == OUTSIDE
+    pixels = np.rint(np.clip(values, 0, response.levels - 1)).astype(_DEPTHS[response.levels])
+    if outside is not None and outside.any():
+        pixels[outside] = 0
+    return Photograph(pixels, name, exposure, outside=outside if outside is not None and outside.any() else None)
+
+
+def _noisy(values: np.ndarray, response: Response, generator: np.random.Generator) -> np.ndarray:
+    """The values with the noise that makes up the response's deviation once they are rounded."""
+    steps = np.arange(response.levels, dtype=np.float64)
+    # Rounding adds the variance of an even spread over one value.
+    sigma = np.sqrt(np.maximum(response.deviation**2 - 1 / 12, 0))
+    spread = np.stack([np.interp(values[..., c], steps, sigma[c]) for c in range(3)], axis=-1)
+    spread[values >= response.levels - 1] = 0.0
+    return values + spread * generator.standard_normal(values.shape)
+
+
+_DEPTHS = {256: np.uint8, 65536: np.uint16}

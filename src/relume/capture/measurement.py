@@ -1,0 +1,220 @@
+"""From brackets to radiance maps with all that is known of them: the steps in their order."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from relume.capture.absolute import Scale, calibrated
+from relume.capture.alignment import Aligned, align
+from relume.capture.bracket import Bracket, FrameFacts
+from relume.capture.calibration import (
+    DOUBTFUL_MISFIT,
+    Calibration,
+    ResponseMethod,
+    corrected,
+    recover_response,
+)
+from relume.capture.consistency import Doubt, check
+from relume.capture.debevec_malik import DebevecMalik
+from relume.capture.deghosting import Consistency, Deghosted, deghost
+from relume.capture.extent import Extent, extent
+from relume.capture.glare import Glare, diminish_glare
+from relume.capture.luminaire import Balance, balanced
+from relume.capture.merging import merge
+from relume.capture.ratios import Ratios
+from relume.capture.steps import Steps
+from relume.capture.vignetting import Vignetting
+from relume.capture.vignetting import corrected as without_vignetting
+from relume.capture.weighting import InverseVariance, Weighting
+from relume.errors import NotABracket
+from relume.image.photograph import Exposure
+from relume.image.radiance import RadianceMap
+from relume.image.response import Response
+
+
+@dataclass(frozen=True)
+class Treatment:
+    """What is done to photographs on their way to radiance.
+
+    method : that recovers the response
+    weighting : of the merge
+    refine : how exposures that the photographs contradict are corrected; None takes them as told
+    aligned : whether frames are brought onto one another
+    consistency : what may differ between frames before it is left out as a ghost; None leaves everything in
+    neutral : the pixel value at which equal channels are achromatic; white unless given (see `Response.balanced_at`)
+    glare : given the merged map, the lens's glare, taken out first, for the veil lies over the vignetted light
+    vignetting : of the lens, at one aperture or several
+    balance : given the map, the gains that show a luminaire in its known colour (§2.6)
+    scale : given the map, its bracket and the response, the scale to cd/m²
+    focal_length : pixels, where the photographs tell none
+    """
+
+    method: ResponseMethod = DebevecMalik()
+    weighting: Weighting = InverseVariance()
+    refine: Ratios | None = Ratios()
+    aligned: bool = True
+    consistency: Consistency | None = Consistency()
+    neutral: int | None = None
+    glare: Callable[[RadianceMap], Glare] | None = None
+    vignetting: Sequence[Vignetting] = ()
+    balance: Callable[[RadianceMap], Balance] | None = None
+    scale: Callable[[RadianceMap, Bracket, Response], Scale] | None = None
+    focal_length: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """One bracket's radiance map, with what it was made from.
+
+    picture : the radiance map
+    name : of the bracket, for messages
+    frames : what is known of each exposure, from the least to the most exposed
+    doubts : what the photographs themselves say against the result
+    aligned, deghosted : what was moved and left out; None where that was switched off
+    extent : what was measured of the scene
+    scale : to cd/m²; None for relative radiance
+    """
+
+    picture: RadianceMap
+    name: str
+    frames: tuple[FrameFacts, ...]
+    doubts: tuple[Doubt, ...]
+    aligned: Aligned | None
+    deghosted: Deghosted | None
+    extent: Extent
+    scale: Scale | None
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """The brackets of one camera, on one scale.
+
+    measured : in the brackets' order
+    response : that all were merged with; None for camera raws
+    calibration : what it was recovered from; None where it was given
+    seconds : of each step
+    warnings : what the steps had to say, a line each
+    """
+
+    measured: tuple[Measured, ...]
+    response: Response | None
+    calibration: Calibration | None
+    seconds: dict[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    def objections(self) -> tuple[str, ...]:
+        """Why the result should not be used unseen, a line each; none where all is well."""
+        found = [doubt.line for one in self.measured for doubt in one.doubts if doubt.degraded]
+        if self.calibration is not None and self.calibration.residual.max() > DOUBTFUL_MISFIT:
+            found.append(
+                f"the response fits badly (misfit {self.calibration.residual.max():.2f} of ln exposure); "
+                "are the exposure times right, and did nothing move?"
+            )
+        return tuple(found)
+
+    def notes(self) -> tuple[str, ...]:
+        """What a photographer should know and need not act on, a line each."""
+        doubts = [doubt.line for one in self.measured for doubt in one.doubts if not doubt.degraded]
+        return (*self.warnings, *doubts)
+
+
+def measure(
+    brackets: Bracket | Sequence[Bracket],
+    *,
+    response: Response | None = None,
+    treatment: Treatment = Treatment(),
+    told: Callable[[str], None] = lambda step: None,
+) -> Measurement:
+    """Check, align, recover the response, take out ghosts, merge, and take out what the lens added.
+
+    brackets : of one camera; they share one response, and their maps one scale
+    response : of that camera, where it is known; recovered from the brackets unless given
+    told : called with the name of each step as it begins
+    Raises NotABracket. Warnings of the steps are kept in the result and not given out.
+    """
+    taken = [brackets] if isinstance(brackets, Bracket) else list(brackets)
+    steps = Steps(told)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        with steps.step("check"):
+            doubts = [check(bracket) for bracket in taken]
+        aligned: list[Aligned | None] = [None] * len(taken)
+        if treatment.aligned:
+            with steps.step("align"):
+                aligned = [align(bracket) for bracket in taken]
+        placed = [one.bracket if one else bracket for one, bracket in zip(aligned, taken, strict=True)]
+        calibration = None
+        if response is None:
+            with steps.step("response"):
+                calibration = _recovered(placed, doubts, treatment)
+                response = calibration.response
+            mended = [corrected(bracket, calibration) for bracket in placed]
+            with steps.step("check"):
+                # What was corrected need not be doubted any more.
+                doubts = [
+                    was if now is bracket else check(now)
+                    for was, bracket, now in zip(doubts, placed, mended, strict=True)
+                ]
+            placed = mended
+        measured = []
+        for bracket, moved, doubt in zip(placed, aligned, doubts, strict=True):
+            measured.append(_measured(bracket, response, moved, doubt, treatment, steps))
+    lines = dict.fromkeys(str(w.message) for w in caught)
+    return Measurement(tuple(measured), response, calibration, steps.seconds, tuple(lines))
+
+
+def _recovered(
+    brackets: Sequence[Bracket], doubts: Sequence[Sequence[Doubt]], treatment: Treatment
+) -> Calibration:
+    """The calibration, balanced; where there is none, the doubt that tells why stands in for the mere fact."""
+    try:
+        calibration = recover_response(brackets, method=treatment.method, refine=treatment.refine)
+    except NotABracket as error:
+        grave = [doubt.line for each in doubts for doubt in each if doubt.degraded]
+        if not grave:
+            raise
+        raise NotABracket(grave[0]) from error
+    neutral = calibration.response.levels - 1 if treatment.neutral is None else treatment.neutral
+    return calibration.balanced_at(neutral)
+
+
+def _measured(
+    bracket: Bracket,
+    response: Response,
+    aligned: Aligned | None,
+    doubts: tuple[Doubt, ...],
+    treatment: Treatment,
+    steps: Steps,
+) -> Measured:
+    deghosted = None
+    if treatment.consistency is not None and len(bracket.photographs) > 1:
+        with steps.step("deghost"):
+            deghosted = deghost(bracket, response, method=treatment.consistency)
+    with steps.step("merge"):
+        picture = merge(deghosted.bracket if deghosted else bracket, response, weighting=treatment.weighting)
+    picture = without_lens(picture, [p.exposure for p in bracket.photographs if p.exposure], treatment, steps)
+    scale = None
+    if treatment.scale is not None:
+        scale = treatment.scale(picture, bracket, response)
+        picture = calibrated(picture, scale)
+    focal_length = treatment.focal_length or bracket.focal_length
+    found = extent(picture, focal_length=focal_length)
+    return Measured(picture, bracket.name, bracket.exposure_table, doubts, aligned, deghosted, found, scale)
+
+
+def without_lens(
+    picture: RadianceMap, exposures: Sequence[Exposure], treatment: Treatment, steps: Steps
+) -> RadianceMap:
+    """The map without the glare and the vignetting of its lens, in balance, as far as `treatment` tells of them."""
+    if treatment.glare is not None:
+        with steps.step("glare"):
+            picture = diminish_glare(picture, treatment.glare(picture)).picture
+    if treatment.vignetting:
+        apertures = {exposure.f_number for exposure in exposures}
+        f_number = apertures.pop() if len(apertures) == 1 else None
+        picture = without_vignetting(picture, treatment.vignetting, f_number=f_number)
+    if treatment.balance is not None:
+        picture = balanced(picture, treatment.balance(picture))
+    return picture

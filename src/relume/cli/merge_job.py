@@ -1,0 +1,152 @@
+"""The work of `relume merge`: brackets read, measured camera by camera, and written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from relume.capture.bracket import Bracket, FrameFacts, read_bracket
+from relume.capture.measurement import Measured, Measurement, Treatment, measure
+from relume.capture.profile import CameraProfile, write_profile
+from relume.capture.raw_measurement import measure_raw
+from relume.cli.merge_options import Readings
+from relume.errors import NotABracket, OutputNotWritten
+from relume.image import files
+from relume.shot.capture_report import clipped_facts, seconds_in_words, write_capture_report
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How exposures and pixels are read: see `read_bracket`."""
+
+    times: list[float] | Path | None
+    ignore: tuple[int, ...] | None
+    true_powers: bool
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is to be merged, where it goes, and how.
+
+    groups, targets : the files of each bracket, and its map
+    """
+
+    groups: Sequence[Sequence[Path]]
+    targets: Sequence[Path]
+    reading: Reading
+    profile: CameraProfile | None
+    treatment: Treatment
+    readings: Readings
+    raw: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """The measurement of one camera, and where each of its maps goes."""
+
+    measurement: Measurement
+    targets: tuple[Path, ...]
+
+
+def results_of(job: Job, told: Callable[[str], None]) -> list[Result]:
+    """A result for each camera, or for each bracket of camera raws."""
+    if job.raw:
+        return [_raw(job, group, target, told) for group, target in zip(job.groups, job.targets, strict=True)]
+    told("read")
+    by_camera: dict[str, list[tuple[Bracket, Path]]] = {}
+    for bracket, target in zip(read_brackets(job), job.targets, strict=True):
+        by_camera.setdefault(bracket.photographs[0].camera, []).append((bracket, target))
+    response = job.profile.response if job.profile else None
+    results = []
+    for taken in by_camera.values():
+        brackets, targets = zip(*taken, strict=True)
+        found = measure(brackets, response=response, treatment=job.treatment, told=told)
+        results.append(Result(found, targets))
+    return results
+
+
+def read_brackets(job: Job) -> list[Bracket]:
+    """Every bracket, with its exposures."""
+    reading = job.reading
+    return [
+        read_bracket(group, times=reading.times, ignore=reading.ignore, true_powers=reading.true_powers)
+        for group in job.groups
+    ]
+
+
+def forecast(job: Job) -> dict[str, object]:
+    """What a dry run tells: each map, and the exposures it would be made of."""
+    facts: dict[str, object] = {}
+    if job.raw:
+        for group, target in zip(job.groups, job.targets, strict=True):
+            told = [files.read_facts(path) for path in group]
+            facts[f"would write {target}"] = {
+                Path(f.name).name: seconds_in_words(f.exposure.seconds) if f.exposure else "unknown" for f in told
+            }
+        return facts
+    for bracket, target in zip(read_brackets(job), job.targets, strict=True):
+        facts[f"would write {target}"] = _exposures(bracket.exposure_table)
+    return facts
+
+
+def write(results: Sequence[Result], *, save_profile: Path | None, report: Path | None) -> dict[str, object]:
+    """Write the maps, and the profile and the report where asked for; what was written and what came of it."""
+    facts: dict[str, object] = {}
+    for result in results:
+        for measured, target in zip(result.measurement.measured, result.targets, strict=True):
+            try:
+                target.parent.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise OutputNotWritten(
+                    f"{target.parent}: cannot be made ({error.strerror}); choose another -o"
+                ) from None
+            files.write(target, measured.picture)
+            facts |= _facts(measured, target, alone=len(results) == 1 == len(result.targets))
+    calibrations = [r.measurement for r in results if r.measurement.calibration is not None]
+    for index, measurement in enumerate(calibrations):
+        calibration = measurement.calibration
+        assert calibration is not None
+        facts |= {"residual": calibration.residual.round(4).tolist()} if index == 0 else {}
+    if save_profile is not None:
+        profiles = [found for r in results if (found := r.measurement.profile()) is not None]
+        for index, profile in enumerate(profiles):
+            path = save_profile if index == 0 else save_profile.with_stem(f"{save_profile.stem}_{index}")
+            write_profile(path, profile)
+            facts.setdefault("profile", str(path))
+    if report is not None:
+        write_capture_report([r.measurement for r in results], report)
+        facts["report"] = str(report)
+    return facts
+
+
+def _raw(job: Job, group: Sequence[Path], target: Path, told: Callable[[str], None]) -> Result:
+    times = job.reading.times
+    if isinstance(times, Path):
+        raise NotABracket(f"{times}: no list of times is read for camera raws; write them as --times 1/30,1/60")
+    measurement = measure_raw(
+        group,
+        times=times,
+        refine=job.treatment.refine is not None,
+        scale=job.readings.raw_scale(),
+        treatment=job.treatment,
+        told=told,
+    )
+    return Result(measurement, (target,))
+
+
+def _exposures(frames: Sequence[FrameFacts]) -> dict[str, str]:
+    return {Path(f.name).name: f"{seconds_in_words(f.seconds)} ({f.source})" for f in frames}
+
+
+def _facts(measured: Measured, target: Path, *, alone: bool) -> dict[str, object]:
+    found: dict[str, object] = {"written": str(target), "exposures": _exposures(measured.frames)}
+    found["unit"] = measured.picture.unit
+    if measured.scale is not None:
+        found["scale"] = str(measured.scale)
+    if measured.aligned is not None and measured.aligned.moved:
+        found["moved"] = sum(motion != type(motion)() for motion in measured.aligned.motions)
+    if measured.deghosted is not None and measured.deghosted.ghosts.any():
+        found["ghosts"] = f"{100 * float(measured.deghosted.ghosts.mean()):.2g} % of the picture"
+    found |= dict(clipped_facts(measured.extent, measured.picture.unit))
+    return found if alone else {str(target): {k: v for k, v in found.items() if k != "written"}}

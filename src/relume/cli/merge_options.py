@@ -1,0 +1,199 @@
+"""What `relume merge` is told of the camera and the light, turned into a `Treatment`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Group, Parameter
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from relume.capture.absolute import Scale
+    from relume.capture.bracket import Bracket
+    from relume.capture.measurement import Treatment
+    from relume.capture.raw_merging import RawCalibration
+    from relume.capture.vignetting import Vignetting
+    from relume.image.radiance import RadianceMap
+    from relume.image.response import Response
+
+Method = Literal["debevec-malik", "mitsunaga-nayar", "robertson"]
+STEPS, LENS, SCALE = Group("Steps", sort_key=1), Group("Lens", sort_key=2), Group("Absolute scale, one of", sort_key=3)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Steps:
+    """How the photographs are treated."""
+
+    method: Annotated[Method, Parameter(group=STEPS, help="How the response is recovered.")] = "debevec-malik"
+    refine: Annotated[bool, Parameter(group=STEPS, help="Correct exposures that the photographs contradict.")] = True
+    align: Annotated[bool, Parameter(group=STEPS, help="Bring photographs that moved onto one another.")] = True
+    deghost: Annotated[bool, Parameter(group=STEPS, help="Leave out what moved between them.")] = True
+    paper_weights: Annotated[bool, Parameter(group=STEPS, negative="", help="Weigh as Debevec & Malik do (eq. 4).")] = (
+        False
+    )
+    neutral: Annotated[
+        int | None,
+        Parameter(group=STEPS, help="Pixel value whose equal channels are grey; white unless given, 128 for film."),
+    ] = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Lens:
+    """What the lens did to the light."""
+
+    glare: Annotated[
+        str | None,
+        Parameter(group=LENS, help="Diminish the veil that a black place X,Y,WIDTH,HEIGHT of the picture shows."),
+    ] = None
+    flat_field: Annotated[
+        list[Path] | None,
+        Parameter(
+            group=LENS, negative="", consume_multiple=True,
+            help="Radiance maps of an evenly lit wall by the same lens and aperture: its vignetting is taken out.",
+        ),
+    ] = None  # fmt: skip
+    white: Annotated[
+        str | None, Parameter(group=LENS, help="A white light or card in X,Y,WIDTH,HEIGHT that is to come out grey.")
+    ] = None
+    focal_length: Annotated[float | None, Parameter(group=LENS, help="In pixels, where the photographs tell none.")] = (
+        None
+    )
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Readings:
+    """What ties the map to cd/m²."""
+
+    absolute: Annotated[
+        bool, Parameter(group=SCALE, negative="", help="From shutter, aperture and ISO; good to a third of a stop.")
+    ] = False
+    spot: Annotated[str | None, Parameter(group=SCALE, help="A spot meter's reading X,Y,CD: cd/m² at pixel X,Y.")] = (
+        None
+    )
+    lux: Annotated[
+        str | None,
+        Parameter(
+            group=SCALE, help="A lux meter's reading X,Y,WIDTH,HEIGHT,LUX,REFLECTANCE on a matt card in that rectangle."
+        ),
+    ] = None
+    luminaire: Annotated[
+        str | None,
+        Parameter(group=SCALE, help="A light of known cd/m² and colour, X,Y,WIDTH,HEIGHT,R,G,B (white: R = G = B)."),
+    ] = None
+
+    def scale(self) -> Callable[[RadianceMap, Bracket, Response], Scale] | None:
+        """The scale's maker; None where no reading was given. Raises ValueError for two, or for wrong numbers."""
+        given = [name for name in ("absolute", "spot", "lux", "luminaire") if getattr(self, name)]
+        if not given:
+            return None
+        if len(given) > 1:
+            raise ValueError(f"--{given[0]} and --{given[1]} both tell the scale; give one")
+        if self.absolute:
+            return _from_exposure
+        return self._from_reading(given[0])
+
+    def raw_scale(self) -> Callable[[RadianceMap, RawCalibration], Scale] | None:
+        """The same for camera raws."""
+        found = self.scale()
+        if found is None:
+            return None
+        if self.absolute:
+            return _from_saturation
+        reading: Any = found
+        return lambda picture, _: reading(picture, None, None)
+
+    def _from_reading(self, name: str) -> Callable[[RadianceMap, Bracket, Response], Scale]:
+        from relume.capture.absolute import scale_from_lux, scale_from_spot
+        from relume.capture.luminaire import scale_from_luminaire
+        from relume.capture.regions import rectangle
+
+        values = numbers(getattr(self, name), f"--{name}", {"spot": 3, "lux": 6, "luminaire": 7}[name])
+        if name == "spot":
+            x, y, reading = values
+            return lambda picture, *_: scale_from_spot(picture, int(x), int(y), reading)
+        left, top, width, height = (int(v) for v in values[:4])
+        if name == "lux":
+            lux, reflectance = values[4:]
+            return lambda picture, *_: scale_from_lux(
+                picture, rectangle(picture.size, left, top, width, height), lux, reflectance=reflectance
+            )
+        colour = (values[4], values[5], values[6])
+        return lambda picture, *_: scale_from_luminaire(
+            picture, rectangle(picture.size, left, top, width, height), colour
+        )
+
+
+def _from_exposure(picture: RadianceMap, bracket: Bracket, response: Response) -> Scale:
+    from relume.capture.absolute import scale_from_exposure
+
+    return scale_from_exposure(response, [p.exposure for p in bracket.photographs if p.exposure])
+
+
+def _from_saturation(picture: RadianceMap, calibration: RawCalibration) -> Scale:
+    from relume.capture.absolute import scale_from_saturation
+
+    return scale_from_saturation(calibration.saturation, calibration.exposures)
+
+
+def treatment_of(steps: Steps, lens: Lens, readings: Readings, vignetting: Sequence[Vignetting]) -> Treatment:
+    """What the options ask for; `vignetting` is the profile's, which a flat field replaces."""
+    from relume.capture.debevec_malik import DebevecMalik
+    from relume.capture.deghosting import Consistency
+    from relume.capture.glare_recovery import recover_glare_from_dark
+    from relume.capture.luminaire import balance_from_luminaire
+    from relume.capture.measurement import Treatment
+    from relume.capture.mitsunaga_nayar import MitsunagaNayar
+    from relume.capture.ratios import Ratios
+    from relume.capture.robertson import Robertson
+    from relume.capture.weighting import Hat, InverseVariance
+
+    methods = {"debevec-malik": DebevecMalik(), "mitsunaga-nayar": MitsunagaNayar(), "robertson": Robertson()}
+    dark, white = _rectangle(lens.glare, "--glare"), _rectangle(lens.white, "--white")
+    return Treatment(
+        method=methods[steps.method],
+        weighting=Hat() if steps.paper_weights else InverseVariance(),
+        refine=Ratios() if steps.refine else None,
+        aligned=steps.align,
+        consistency=Consistency() if steps.deghost else None,
+        neutral=steps.neutral,
+        glare=None if dark is None else lambda picture: recover_glare_from_dark(picture, dark(picture)),
+        vignetting=flat_fields(lens.flat_field) or tuple(vignetting),
+        balance=None if white is None else lambda picture: balance_from_luminaire(picture, white(picture)),
+        scale=readings.scale(),
+        focal_length=lens.focal_length,
+    )
+
+
+def _rectangle(text: str | None, option: str) -> Callable[[RadianceMap], np.ndarray] | None:
+    if text is None:
+        return None
+    from relume.capture.regions import rectangle
+
+    left, top, width, height = (int(v) for v in numbers(text, option, 4))
+    return lambda picture: rectangle(picture.size, left, top, width, height)
+
+
+def numbers(text: str, option: str, count: int) -> list[float]:
+    """`count` numbers from text like "10,20,5.5"; raises ValueError naming the option."""
+    try:
+        values = [float(word) for word in text.replace(",", " ").split()]
+    except ValueError:
+        values = []
+    if len(values) != count:
+        raise ValueError(f'{option}: "{text}" is not {count} numbers; write them with commas between')
+    return values
+
+
+def flat_fields(paths: Sequence[Path] | None) -> tuple[Vignetting, ...]:
+    """The vignetting that radiance maps of an even wall show; none without any."""
+    from relume.capture.vignetting import recover_vignetting
+    from relume.image import files
+
+    return (recover_vignetting([files.read_radiance(path) for path in paths]),) if paths else ()

@@ -1,0 +1,204 @@
+"""The report of a measurement: what was photographed, what came of it, and what should be doubted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from relume.capture.calibration import Calibration
+from relume.capture.extent import Extent
+from relume.capture.measurement import Measured, Measurement
+from relume.image import files
+from relume.shot import capture_plots, plots
+from relume.shot.page import figure, heading, note, page, paragraph, side_by_side, table, triple
+
+GRID = (6, 8)
+"""Arrows down and across."""
+
+
+def write_capture_report(measurements: Sequence[Measurement], path: Path) -> None:
+    """Write one page: doubts, exposures, radiance, false colour, response, noise, alignment, ghosts, what was clipped.
+
+    measurements : one for each camera
+    Raises OutputNotWritten.
+    """
+    parts = ["<h1>relume merge</h1>"]
+    for measurement in measurements:
+        parts += [note(line) for line in measurement.objections()]
+        parts += [note(line) for line in measurement.warnings]
+        for measured in measurement.measured:
+            parts += _bracket(measured, measurement)
+        if measurement.calibration is not None:
+            parts += [heading("The camera's response"), _response(measurement.calibration)]
+        rows = [(step, f"{seconds:.2f} s") for step, seconds in measurement.seconds.items()]
+        parts += [heading("Timings"), table(rows)]
+    files.write_text(path, page("relume merge", parts))
+
+
+def _bracket(measured: Measured, measurement: Measurement) -> list[str]:
+    picture = measured.picture
+    parts = [
+        heading(measured.name),
+        *(note(doubt.line) for doubt in measured.doubts if not doubt.degraded),
+        _pictures(measured),
+        figure(
+            capture_plots.false_colour(picture),
+            f"Luminance in false colour: {measured.extent.orders:.1f} orders of magnitude between the darkest "
+            "thousandth and the brightest ten-thousandth.",
+        ),
+        heading("Exposures"),
+        _exposures(measured, measurement.calibration),
+        heading("What no photograph measured"),
+        _clipped(measured),
+    ]
+    if picture.variance is not None:
+        parts += [
+            heading("How sure it is"),
+            figure(
+                capture_plots.relative_error(picture),
+                "Standard error of the radiance. White: measured by no photograph.",
+            ),
+        ]
+    return parts + _alignment(measured) + _ghosts(measured)
+
+
+def _pictures(measured: Measured) -> str:
+    light = measured.picture.radiance
+    seen = light[light > 0]
+    whites = np.percentile(seen, (75, 98, 99.95)) if seen.size else np.ones(3)
+    words = ("dark places", "as a photograph", "lights")
+    return side_by_side(
+        [
+            figure(plots.exposed(light, float(w)), f"{word}: {w:.3g} is white")
+            for w, word in zip(whites, words, strict=True)
+        ]
+    )
+
+
+def _exposures(measured: Measured, calibration: Calibration | None) -> str:
+    found = _corrections(calibration)
+    motions, shares = {}, {}
+    if measured.aligned is not None:
+        for photograph, motion in zip(measured.aligned.bracket.photographs, measured.aligned.motions, strict=True):
+            motions[photograph.name] = f"{motion.dx:+.2f}, {motion.dy:+.2f} px, {np.degrees(motion.angle):+.3f}°"
+    if measured.deghosted is not None:
+        names = [p.name for p in measured.deghosted.bracket.photographs]
+        shares = {name: f"{100 * s:.2g} %" for name, s in zip(names, measured.deghosted.shares, strict=True)}
+    rows = [
+        (
+            Path(frame.name).name,
+            seconds_in_words(frame.seconds),
+            f"f/{frame.f_number:g}" if frame.f_number else "–",
+            f"{frame.iso:g}" if frame.iso else "–",
+            f"{frame.stops:+.2f}",
+            frame.source,
+            found.get(frame.name, "–"),
+            motions.get(frame.name, "–"),
+            shares.get(frame.name, "–"),
+        )
+        for frame in measured.frames
+    ]
+    head = ("photograph", "time", "aperture", "ISO", "stops", "told by", "corrected by", "moved by", "ghosts")
+    return table(rows, head=head)
+
+
+def seconds_in_words(seconds: float) -> str:
+    """1/60 s, 0.4 s, 15 s: as photographers say it."""
+    if seconds < 0.3:
+        return f"1/{1 / seconds:.4g} s"
+    return f"{seconds:.4g} s"
+
+
+def _corrections(calibration: Calibration | None) -> dict[str, str]:
+    """What each photograph's exposure was corrected by, in stops, by its name."""
+    if calibration is None or calibration.ratios is None:
+        return {}
+    ratios, told = calibration.ratios, {}
+    for names, corrections, errors in zip(ratios.names, ratios.corrections, ratios.errors, strict=True):
+        for name, correction, error in zip(names, corrections, errors, strict=True):
+            if correction != 0:
+                told[name] = f"{correction / np.log(2):+.3f} ± {error / np.log(2):.3f}"
+    return told
+
+
+def _clipped(measured: Measured) -> str:
+    found = measured.extent
+    if found.saturated == found.black == found.outside == 0:
+        return paragraph("Nothing: every pixel was measured by at least one photograph.")
+    rows = clipped_facts(found, measured.picture.unit)
+    return figure(
+        capture_plots.clipped_marks(measured.picture),
+        "Red: saturated in every photograph, a lower bound. Blue: black in every one, an upper bound. Green: outside.",
+    ) + table(rows)
+
+
+def clipped_facts(found: Extent, unit: str) -> list[tuple[str, str]]:
+    """What an `Extent` tells, a line each; nothing is added to the bounds."""
+    rows = []
+    if found.saturated:
+        rows.append(("saturated in every photograph", f"{found.saturated} of {found.pixels} pixels"))
+        if found.solid_angle is not None and found.irradiance is not None:
+            rows.append(("their solid angle", f"{found.solid_angle:.3g} sr"))
+            rows.append(("irradiance they bring at least", f"{triple(found.irradiance)} {unit}·sr"))
+        else:
+            rows.append(("their solid angle", "not known: the photographs tell no focal length"))
+        rows.append(("their luminance reaches at least", f"{found.brightest:.4g} {unit}"))
+        rows.append(("their share of all light in the picture", f"at least {100 * found.share:.2g} %"))
+    if found.black:
+        rows.append(("black in every photograph", f"{found.black} pixels"))
+    if found.outside:
+        rows.append(("outside every photograph", f"{found.outside} pixels"))
+    return rows
+
+
+def _response(calibration: Calibration) -> str:
+    residual = ", ".join(f"{r:.3f}" for r in calibration.residual)
+    words = f"Curves over the observations they were recovered from. Misfit of ln exposure {residual}"
+    if calibration.noise is not None:
+        noise = calibration.noise
+        words += f"; shot noise {triple(noise.shot)}, read noise {triple(noise.read)} of the exposure at white"
+    return figure(plots.response_plot(calibration), words + " (red, green, blue).")
+
+
+def _alignment(measured: Measured) -> list[str]:
+    aligned = measured.aligned
+    if aligned is None or len(aligned.motions) == 1:
+        return []
+    if not aligned.moved:
+        return [heading("Alignment"), paragraph("All photographs lay on one another; none was moved.")]
+    height, width = measured.picture.radiance.shape[:2]
+    y, x = np.meshgrid(*((np.arange(n) + 0.5) / n for n in GRID), indexing="ij")
+    places = np.stack([(x - 0.5) * width, (y - 0.5) * height], axis=-1)
+    fields = [
+        (Path(photograph.name).name, motion.apply(places) - places)
+        for photograph, motion in zip(aligned.bracket.photographs, aligned.motions, strict=True)
+        if motion != type(motion)()
+    ]
+    reference = Path(aligned.bracket.photographs[aligned.reference].name).name
+    return [
+        heading("Alignment"),
+        figure(
+            capture_plots.arrows(measured.picture.radiance, fields),
+            f"From where a point is in {reference} to where each photograph shows it.",
+        ),
+    ]
+
+
+def _ghosts(measured: Measured) -> list[str]:
+    found = measured.deghosted
+    if found is None:
+        return []
+    if not found.ghosts.any():
+        return [heading("Ghosts"), paragraph("Nothing moved; nothing was left out.")]
+    marks = [(found.ghosts, capture_plots.GHOST)]
+    share = 100 * float(found.ghosts.mean())
+    return [
+        heading("Ghosts"),
+        figure(
+            capture_plots.marked(measured.picture.radiance, marks),
+            f"Where something moved, {share:.2g} % of the picture: there the radiance is that of the photographs which "
+            "agree, not of all.",
+        ),
+    ]

@@ -1,0 +1,55 @@
+"""The sensor's noise comes back from its photographs, and the variance of a merge is as large as its errors."""
+
+import numpy as np
+import pytest
+
+from camera_curves import CurveCamera, camera_curves, mixed_scene
+from relume.capture.calibration import recover_response
+from relume.capture.merging import merge
+from relume.capture.noise import Noise
+from synthetic import NOISELESS, NOISY, VirtualCamera, wide_scene
+
+CURVED = CurveCamera(camera_curves(9)[6:], 5_000.0, 10.0)
+CAMERAS = [
+    pytest.param(NOISY, wide_scene(), id="12 000 electrons"),
+    pytest.param(VirtualCamera(electrons=4_000.0, read_noise=4.0), wide_scene(), id="4 000 electrons"),
+    pytest.param(VirtualCamera(electrons=40_000.0, read_noise=10.0), wide_scene(), id="40 000 electrons"),
+    pytest.param(CURVED, mixed_scene(), id="textured"),
+]
+
+
+@pytest.mark.parametrize("camera, scene", CAMERAS)
+def test_the_normalised_residuals_of_a_merge_have_variance_one(camera, scene):
+    bracket = camera.bracket(scene, seed=3)
+    merged = merge(bracket, recover_response(bracket).response)
+    known = (merged.clipped == 0) & np.isfinite(merged.variance).all(-1)
+    found, true = merged.radiance[known].astype(float), scene[known].astype(float)
+    scale = np.exp(np.median(np.log(true / found), axis=0))
+    normalised = (found * scale - true) / (np.sqrt(merged.variance[known]) * scale)
+    assert normalised.var(axis=0) == pytest.approx([1, 1, 1], abs=0.1)
+
+
+@pytest.mark.parametrize("camera, scene", CAMERAS)
+def test_photon_and_read_noise_are_the_sensor_s(camera, scene):
+    noise = recover_response(camera.bracket(scene, seed=3)).noise
+    assert noise is not None
+    # Exposure 1 is the curve's own white, which extrapolation misses by a per cent or two.
+    assert 1 / noise.shot == pytest.approx([camera.electrons] * 3, rel=0.15)
+    electrons = noise.read / noise.shot
+    assert np.median(electrons) == pytest.approx(camera.read_noise, rel=0.35)
+
+
+def test_without_noise_rounding_is_what_is_left():
+    calibration = recover_response(NOISELESS.bracket(wide_scene()))
+    middle = calibration.response.noise[:, 40:230]
+    assert middle == pytest.approx(12**-0.5, rel=0.15)
+
+
+def test_noise_of_exposure_goes_through_the_curve_s_slope():
+    # A straight camera: a value is 255 X, its noise 255 √(X / 10000 + 0.001²) and rounding.
+    straight = np.log(np.maximum(np.arange(256), 0.5) / 255) * np.ones((3, 1))
+    deviation = Noise(np.full(3, 1e-4), np.full(3, 1e-3)).deviation(straight)
+    exposure = np.arange(256) / 255
+    expected = np.sqrt(255**2 * (exposure * 1e-4 + 1e-6) + 1 / 12)
+    np.testing.assert_allclose(deviation[0, 20:250], expected[20:250], rtol=2e-3)
+    assert deviation[1, 128] == pytest.approx(1.8475, abs=2e-3)

@@ -1,0 +1,132 @@
+"""Camera profiles are written and read back whole, and other programs' curves are understood."""
+
+import numpy as np
+import pytest
+
+from relume.capture.calibration import recover_response
+from relume.capture.profile import CameraProfile, profile_of, read_profile, write_profile
+from relume.image.response import Response
+from synthetic import NOISY, wide_scene
+
+HDRGEN = """3 1.43595 -0.797421 0.366855 -0.00538145
+3 1.36782 -0.747398 0.38487 -0.00529511
+3 1.50535 -0.976516 0.471376 -0.000206902
+"""
+"""What hdrgen writes: the order and the coefficients from the highest, red, green and blue."""
+
+
+def power(exponent: float) -> np.ndarray:
+    return (np.arange(256) / 255) ** exponent
+
+
+def matrix(name: str, exposure: np.ndarray) -> str:
+    """What pfshdrcalibrate writes of one channel."""
+    rows = [f" {np.log10(x) if x > 0 else -6:e} {m:4d} {x:e}" for m, x in enumerate(exposure)]
+    head = [f"# Camera response curve, channel {name}", "# data layout: log10(response) | camera output | response"]
+    return "\n".join([*head, f"# name: {name}", "# type: matrix", f"# rows: {len(rows)}", "# columns: 3", *rows, "", ""])
+
+
+def test_a_profile_is_read_back_as_it_was_written(tmp_path):
+    calibration = recover_response(NOISY.bracket(wide_scene(96, 64)))
+    made = profile_of(calibration, "Maker One", brackets=1)
+    profile = CameraProfile(
+        **{
+            **vars(made),
+            "black": (64.0,) * 4,
+            "white": (4095.0,),
+            "vignetting": {"radial": [1, 2]},
+            "scale": 179.0,
+            "balance": (1.1, 1.0, 0.9),
+        }
+    )
+    write_profile(tmp_path / "one.json", profile)
+    again = read_profile(tmp_path / "one.json")
+    np.testing.assert_array_equal(again.response.log_exposure, profile.response.log_exposure)
+    np.testing.assert_array_equal(again.response.noise, profile.response.noise)
+    assert {k: v for k, v in vars(again).items() if k != "response"} == {
+        k: v for k, v in vars(profile).items() if k != "response"
+    }
+    assert again.camera == "Maker One" and again.pixels == calibration.pixels.max() and again.shot is not None
+
+
+def test_the_response_that_relume_wrote_before_is_a_profile(tmp_path):
+    response = Response(np.log(np.arange(1, 257) / 128) * np.ones((3, 1)), np.full(3, 0.7))
+    (tmp_path / "response.json").write_text(response.to_json())
+    profile = read_profile(tmp_path / "response.json")
+    np.testing.assert_array_equal(profile.response.log_exposure, response.log_exposure)
+    assert profile.camera == "" and profile.scale is None
+
+
+def test_hdrgen_s_polynomials(tmp_path):
+    (tmp_path / "camera.rsp").write_text(HDRGEN)
+    g = read_profile(tmp_path / "camera.rsp").response.log_exposure
+    v = np.array([128, 255]) / 255
+    red = 1.43595 * v**3 - 0.797421 * v**2 + 0.366855 * v - 0.00538145
+    assert g[0, 255] - g[0, 128] == pytest.approx(np.log(red[1] / red[0]))
+    assert g[0, 255] - g[0, 128] == pytest.approx(1.96, abs=0.05)
+    assert np.all(np.diff(g, axis=1) > 0) and np.all(g[:, 127] == 0)
+
+
+def test_pfstools_matrices_of_three_channels_and_of_one(tmp_path):
+    three = "".join(matrix(n, power(e)) for n, e in zip(("IR", "IG", "IB"), (2.0, 2.2, 2.4), strict=True))
+    (tmp_path / "three.m").write_text(three)
+    g = read_profile(tmp_path / "three.m").response.log_exposure
+    for channel, exponent in enumerate((2.0, 2.2, 2.4)):
+        np.testing.assert_allclose(g[channel, 1:], exponent * np.log(np.arange(1, 256) / 127), atol=1e-5)
+    (tmp_path / "one.m").write_text(matrix("IY", power(2.0)))
+    np.testing.assert_allclose(read_profile(tmp_path / "one.m").response.log_exposure[2], g[0], atol=1e-12)
+
+
+def test_luminance_hdr_s_seven_columns(tmp_path):
+    rows = [
+        f" {m:4d} " + " ".join(f"{np.log10(x) if x > 0 else -6:15.9f} {x:15.9f}" for x in (r, gr, b))
+        for m, (r, gr, b) in enumerate(zip(power(2.0), power(2.2), power(1.8), strict=True))
+    ]
+    text = "\n".join(["# Camera response curve", "# type: matrix", "# rows: 256", "# columns: 7", *rows, ""])
+    (tmp_path / "l.m").write_text(text)
+    g = read_profile(tmp_path / "l.m").response.log_exposure
+    assert g[:, 254] - g[:, 127] == pytest.approx(np.array([2.0, 2.2, 1.8]) * np.log(2), abs=1e-6)
+
+
+@pytest.mark.parametrize("columns", ["one", "three", "value and three"])
+def test_tables(tmp_path, columns):
+    table = {
+        "one": power(2.0)[:, None],
+        "three": np.stack([power(2.0)] * 3, 1),
+        "value and three": np.column_stack([np.arange(256), *[power(2.0)] * 3]),
+    }[columns]
+    text = "# exposure\n" + "\n".join(",".join(f"{x:.9g}" for x in row) for row in table)
+    (tmp_path / "t.csv").write_text(text)
+    g = read_profile(tmp_path / "t.csv").response.log_exposure
+    np.testing.assert_allclose(g[1, 1:], 2 * np.log(np.arange(1, 256) / 127), atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "text, word",
+    [
+        ("no curve at all", "not a response curve"),
+        ("{", "not a camera profile"),
+        ('{"relume": "shot", "version": 1}', "not a camera profile"),
+        ('{"relume": "camera profile", "version": 1, "camera": "x"}', "log_exposure"),
+        ("1 2 3\n4 5 6\n", "2 rows of 3 numbers"),
+        ("\n".join(str(255 - i) for i in range(256)), "a response rises"),
+        ("\n".join("0" for _ in range(256)), "not positive"),
+        (matrix("IR", power(2.0)) + matrix("IG", power(2.0)), "2 curves; expected one"),
+        (matrix("IR", power(2.0)).replace("columns: 3", "columns: 4"), "damaged"),
+    ],
+)
+def test_other_files_are_refused_in_one_line(tmp_path, text, word):
+    (tmp_path / "wrong.txt").write_text(text)
+    with pytest.raises(ValueError, match="wrong.txt") as caught:
+        read_profile(tmp_path / "wrong.txt")
+    assert word in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_missing_file_and_wrong_numbers_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="none.json: no camera profile"):
+        read_profile(tmp_path / "none.json")
+    response = Response(np.log(np.arange(1, 257)) * np.ones((3, 1)), np.ones(3))
+    with pytest.raises(ValueError, match="scale is -1"):
+        CameraProfile("x", response, scale=-1.0)
+    with pytest.raises(ValueError, match="balance"):
+        CameraProfile("x", response, balance=(1.0, 0.0, 1.0))
