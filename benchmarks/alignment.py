@@ -21,16 +21,18 @@ from relume.capture.alignment_pyramid import pyramid
 from relume.capture.warping import move
 
 
-def timed(work: Callable[[], object], times: int = 3) -> tuple[float, float]:
-    """Seconds of wall and of processor time, medians of several after one that compiles and warms."""
-    work()
-    wall, busy = [], []
-    for _ in range(times):
-        begin, began = time.perf_counter(), time.process_time()
-        work()
-        wall.append(time.perf_counter() - begin)
-        busy.append(time.process_time() - began)
-    return statistics.median(wall), statistics.median(busy)
+def timed(work: dict[str, Callable[[], object]], rounds: int = 3) -> dict[str, tuple[float, float]]:
+    """Seconds of wall and of processor time of each, medians; by turns, after a round that compiles and warms."""
+    taken: dict[str, list[tuple[float, float]]] = {name: [] for name in work}
+    for _ in range(rounds + 1):
+        for name, each in work.items():
+            begin, began = time.perf_counter(), time.process_time()
+            each()
+            taken[name].append((time.perf_counter() - begin, time.process_time() - began))
+    return {
+        name: (statistics.median(wall for wall, _ in runs[1:]), statistics.median(busy for _, busy in runs[1:]))
+        for name, runs in taken.items()
+    }
 
 
 if __name__ == "__main__":
@@ -48,13 +50,13 @@ if __name__ == "__main__":
         return moved
 
     aligned: Aligned = align(held.bracket)
-    work = {
+    work: dict[str, Callable[[], object]] = {
         "relume, all": lambda: align(held.bracket),
         "its reducing": lambda: [pyramid(photograph) for photograph in photographs],
         "its moving": lambda: [move(p, m) for p, m in zip(photographs, aligned.motions, strict=True)],
         "AlignMTB": by_opencv,
     }
-    seconds = {name: timed(each) for name, each in work.items()}
+    seconds = timed(work)
     for name, (wall, busy) in seconds.items():
         print(f"{name:14} {wall:6.2f} s, {busy:6.2f} s of processors")
     (ours, busy), (peer, peer_busy) = seconds["relume, all"], seconds["AlignMTB"]

@@ -11,6 +11,7 @@ from moving_scenes import CAMERA, MovingScene, background, known_response, movin
 from relume.capture.bracket import Bracket, read_bracket
 from relume.capture.calibration import recover_response
 from relume.capture.deghosting import Consistency, Deghosted, deghost
+from relume.capture.deghosting_levels import Scale, corrections
 from relume.capture.deghosting_regions import Regions, excluded_frames, moving_regions
 from relume.capture.ghost_kernel import consensus, disagreement, square_bounds
 from relume.capture.merging import merge
@@ -55,7 +56,7 @@ def test_saturated_and_black_places_stay():
     require_unchanged(deghost(bracket, RESPONSE), bracket)
 
 
-@pytest.mark.parametrize("wrong", [0.5, 0.8, 1.26])
+@pytest.mark.parametrize("wrong", [0.3, 0.8, 1.26])
 def test_wrong_times_and_a_wrong_response_are_no_motion(wrong):
     scene = MovingScene("still", (plain_scene(),) * 3, SECONDS)
     bracket = scene.bracket()
@@ -269,6 +270,22 @@ def test_the_only_frame_that_shows_a_place_is_kept_beside_what_moved_in_it():
     expected[4:9, 3:9] = True  # grown by one, but for the row that only this frame shows
     np.testing.assert_array_equal(excluded[1], expected)
     assert not excluded[0].any()
+
+
+def test_what_dark_values_say_against_the_longer_frame_counts_from_above_only():
+    # Two frames a factor of 4 apart through a straight curve; nothing in the shorter one is darker than 60.
+    curve = np.stack([(np.arange(256) - 255.0) / 30] * 3)
+    scale, generator = Scale(curve, np.array([[6, 249]] * 3)), np.random.default_rng(9)
+    log_times = np.array([0.0, math.log(4.0)])
+    radiance = generator.uniform(curve[0, 10], curve[0, 200], (20_000, 1)) * np.ones(3)
+    values = np.stack([np.interp(radiance - math.log(4.0) + t, curve[0], np.arange(256.0)) for t in log_times])
+    values[0] = np.maximum(values[0], 60)
+    middle = np.rint(values).astype(np.uint8)
+    told = curve[0][middle] - log_times[:, None, None]
+    tables = corrections(np.stack([told - 0.02, told + 0.02], axis=1), middle, log_times, scale, 1, slack=0.05)
+    assert np.all(tables[0, 0, :, :55] == -np.inf) and np.all(np.isfinite(tables[0, 0, :, 80:]))
+    assert np.all(np.isfinite(tables[0, 1])) and np.all(np.isfinite(tables[1]))
+    np.testing.assert_allclose(tables[1, :, :, 100], [[-0.05] * 3, [0.05] * 3], atol=1e-6)
 
 
 def test_noise_and_lines_are_no_regions():

@@ -33,7 +33,7 @@ def test_a_polynomial_is_recovered(method, levels):
 
 def test_ratios_that_were_told_a_little_wrong_are_found():
     right = seen(65536)
-    wrong = Observations(right.values, right.log_exposures + [0.0, 0.05, 0.0, 0.0])
+    wrong = Observations(right.values, right.log_exposures + np.array([0.0, 0.05, 0.0, 0.0]))
     deviations = []
     for rounds in (0, 30):
         curve, _ = MitsunagaNayar(3, rounds=rounds).curve([wrong], 65536)

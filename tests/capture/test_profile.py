@@ -23,7 +23,9 @@ def matrix(name: str, exposure: np.ndarray) -> str:
     """What pfshdrcalibrate writes of one channel."""
     rows = [f" {np.log10(x) if x > 0 else -6:e} {m:4d} {x:e}" for m, x in enumerate(exposure)]
     head = [f"# Camera response curve, channel {name}", "# data layout: log10(response) | camera output | response"]
-    return "\n".join([*head, f"# name: {name}", "# type: matrix", f"# rows: {len(rows)}", "# columns: 3", *rows, "", ""])
+    return "\n".join(
+        [*head, f"# name: {name}", "# type: matrix", f"# rows: {len(rows)}", "# columns: 3", *rows, "", ""]
+    )
 
 
 def test_a_profile_is_read_back_as_it_was_written(tmp_path):
@@ -63,7 +65,7 @@ def test_hdrgen_s_polynomials(tmp_path):
     v = np.array([128, 255]) / 255
     red = 1.43595 * v**3 - 0.797421 * v**2 + 0.366855 * v - 0.00538145
     assert g[0, 255] - g[0, 128] == pytest.approx(np.log(red[1] / red[0]))
-    assert g[0, 255] - g[0, 128] == pytest.approx(1.96, abs=0.05)
+    assert g[0, 255] - g[0, 128] == pytest.approx(1.8360, abs=1e-4)
     assert np.all(np.diff(g, axis=1) > 0) and np.all(g[:, 127] == 0)
 
 
@@ -117,13 +119,13 @@ def test_tables(tmp_path, columns):
 )
 def test_other_files_are_refused_in_one_line(tmp_path, text, word):
     (tmp_path / "wrong.txt").write_text(text)
-    with pytest.raises(ValueError, match="wrong.txt") as caught:
+    with pytest.raises(ValueError, match=r"wrong\.txt") as caught:
         read_profile(tmp_path / "wrong.txt")
     assert word in str(caught.value) and "\n" not in str(caught.value)
 
 
 def test_a_missing_file_and_wrong_numbers_are_refused(tmp_path):
-    with pytest.raises(ValueError, match="none.json: no camera profile"):
+    with pytest.raises(ValueError, match=r"none\.json: no camera profile"):
         read_profile(tmp_path / "none.json")
     response = Response(np.log(np.arange(1, 257)) * np.ones((3, 1)), np.ones(3))
     with pytest.raises(ValueError, match="scale is -1"):

@@ -120,7 +120,9 @@ def test_a_camera_that_is_a_power_law_is_recovered_as_one(exponent):
     expected = exponent * np.log(np.arange(1, 256) / MIDDLE)
     error = {}
     for power_law in (True, False):
-        recovered = recover_response(bracket, method=DebevecMalik(power_law=power_law, difference=2)).response.log_exposure
+        recovered = recover_response(
+            bracket, method=DebevecMalik(power_law=power_law, difference=2)
+        ).response.log_exposure
         error[power_law] = np.abs(recovered[:, 1:] - expected)
     # Down to the dark end, where hardly a value is seen and a level is a tenth of its exposure.
     assert error[True][:, 29:245].max() < 0.01 and error[True][:, 9:].max() < 0.05

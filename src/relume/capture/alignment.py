@@ -127,5 +127,9 @@ def _told(estimate: Estimate) -> bool:
 
 
 def _needed(estimate: Estimate, size: tuple[int, int]) -> Motion:
+    motion = estimate.motion
+    if not np.isfinite(estimate.error) and motion.angle == 0:
+        # Known no better than this: whole pixels are copied, and the lamps of the darkest frame stay as sharp as they are.
+        motion = Motion(float(round(motion.dx)), float(round(motion.dy)))
     least = max(UNMOVED, 2 * estimate.error if np.isfinite(estimate.error) else 0.0)
-    return estimate.motion if estimate.motion.displacement(size) >= least else Motion()
+    return motion if motion.displacement(size) >= least else Motion()

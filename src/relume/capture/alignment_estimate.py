@@ -9,7 +9,6 @@ import numpy as np
 from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import gaussian_filter
 
-from relume._kernel import in_threads
 from relume.capture.alignment_kernel import _look_up
 from relume.capture.alignment_pyramid import HIGH, LOW, Level
 from relume.capture.warping import Motion
@@ -235,11 +234,7 @@ def _refined(level: Level, points: _Points, motion: Motion, rotation: bool) -> E
     for _ in range(ITERATIONS):
         placed = motion.apply(points.positions)
         x, y = level.indices(placed)
-        in_threads(
-            lambda begin, end: _look_up(level.values, level.valid, x, y, begin, end, seen),  # noqa: B023
-            len(x),
-            chunk=16384,
-        )
+        _look_up(level.values, level.valid, x, y, 0, len(x), seen)
         sound = seen[:, 3] == 1
         if sound.sum() < FEWEST:
             return Estimate(motion, np.inf, 0.0)

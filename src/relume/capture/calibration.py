@@ -58,6 +58,13 @@ class Calibration:
     noise: Noise | None = None
     pixels: np.ndarray = field(default_factory=lambda: np.zeros(3, int))
 
+    def balanced_at(self, value: int) -> Calibration:
+        """The calibration with its curves and observations shifted alike, see `Response.balanced_at`."""
+        balanced = self.response.balanced_at(value)
+        shift = self.response.log_exposure[:, 0] - balanced.log_exposure[:, 0]
+        red, green, blue = (np.column_stack([s[:, 0] - d, s[:, 1]]) for s, d in zip(self.samples, shift, strict=True))
+        return replace(self, response=balanced, samples=(red, green, blue))
+
 
 def recover_response(
     brackets: Bracket | Sequence[Bracket],
@@ -95,13 +102,12 @@ def recover_response(
         if refine is not None:
             ratios = refine.estimate(observed, [[p.name for p in b.photographs] for b in telling], levels)
             observed = [ratios.applied(each) for each in observed]
-        curves = list(pool.map(lambda each: method.curve(each, levels), observed))
         still = list(pool.map(lambda channel: _still(telling, channel, ratios), range(3)))
+    # One after the other: the solvers bring their own threads, which would wait for each other.
+    curves = [method.curve(each, levels) for each in observed]
     log_exposure = np.stack([curve for curve, _ in curves])
     noise, table = fit_noise(log_exposure, still)
-    samples, residual = zip(
-        *(_misfit(*each) for each in zip(log_exposure, table, observed, strict=True)), strict=True
-    )
+    samples, residual = zip(*(_misfit(*each) for each in zip(log_exposure, table, observed, strict=True)), strict=True)
     return Calibration(
         Response(log_exposure, table),
         (samples[0], samples[1], samples[2]),
@@ -124,7 +130,9 @@ def corrected(bracket: Bracket, calibration: Calibration) -> Bracket:
     known = calibration.ratios.factors()
     missing = [p.name for p in bracket.photographs if p.name not in known]
     if missing:
-        raise ValueError(f"{missing[0]} is not one of the photographs of this calibration; recover the response with it")
+        raise ValueError(
+            f"{missing[0]} is not one of the photographs of this calibration; recover the response with it"
+        )
     photographs = []
     for photograph in bracket.photographs:
         exposure, factor = photograph.exposure, known[photograph.name]

@@ -32,6 +32,9 @@ _FEWEST_LEVELS = 64
 _SAMPLES = 1_000_000  # pixels in which levels are counted
 
 
+NOTHING_TO_DO = "nothing need be done"
+
+
 @dataclass(frozen=True)
 class Doubt:
     """Something about a bracket that a photographer should know.
@@ -250,7 +253,7 @@ def _of_order(bracket: Bracket) -> Iterator[Doubt]:
     names = [name_order(p.name) for p in bracket.photographs]
     if names not in (sorted(names), sorted(names, reverse=True)):
         what = "the files are not named in the order of their exposures; they were sorted by exposure"
-        yield Doubt(bracket.name, what, "nothing need be done", False)
+        yield Doubt(bracket.name, what, NOTHING_TO_DO, False)
 
 
 def _turned(pictures: Sequence[Reduced], told: np.ndarray) -> bool:

@@ -33,7 +33,8 @@ class DebevecMalik:
         is the paper's own term
     difference : which difference of g is kept small; 2 is the paper's g″. Curves bend slowly over their whole range,
         while the ripple that exposures one step apart cannot see (g + p(g), p periodic with the step) bends within
-        the step: the third difference tells them apart better and leaves half the error
+        the step: the third difference tells them apart better. Over 30 curves it left two thirds of the error of the
+        worst twentieth (0.36 % of white for 0.55 %), and as much at the median (0.06 %)
     steepness : once the curve is known, weigh a value less where the curve is steeper than a power law. Film's base fog
         and a camera's toe give the same few values whatever the exposure, and eq. 4 knows of neither
     monotone : where the curve does not rise by itself, solve again for increments that are not negative, as §2.1
@@ -97,8 +98,8 @@ def _relevance(curve: np.ndarray) -> np.ndarray:
 def smoothness_for(observed: Sequence[Observations], equations: Equations, difference: int) -> float:
     """λ per pixel for exposures as far apart as those of `observed`.
 
-    The ripple that the photographs cannot see is as long as the step between them, so λ grows with its square:
-    over 30 curves λ was best at 1, 3 to 10 and 10 times its value for steps of one stop at steps of 1, 2 and 3.
+    The ripple that the photographs cannot see is as long as the step between them, so λ grows with its square.
+    Over 30 curves the best λ was a tenth to a third of 0.72 at one stop, four times that at two and more at three.
     Three such steps either way of the best double the error of few curves.
     """
     steps = [np.diff(np.unique(np.round(o.log_exposures, 3))) for o in observed]
@@ -108,7 +109,7 @@ def smoothness_for(observed: Sequence[Observations], equations: Equations, diffe
     return share * float(np.trace(equations.normal[:KNOTS, :KNOTS])) / equations.pixels
 
 
-_ONE_STOP = {1: 4e-6, 2: 1.2e-3, 3: 0.72, 4: 33.0}
+_ONE_STOP = {1: 4e-6, 2: 1.2e-3, 3: 0.18, 4: 8.0}
 """λ for steps of one stop over the mean weight of an observation, by the difference it multiplies."""
 
 
@@ -149,7 +150,7 @@ class Equations:
             mean = (weights * log_exposures).sum(1) / total
             target = (log_exposures - mean[:, None]).ravel()
             weighted = _scaled(row, weights.ravel())
-            per_pixel = _summed(weighted, frames)
+            per_pixel = _summed(weighted, frames, unknowns)
             normal += (row.T @ weighted).toarray()
             normal -= (per_pixel.T @ _scaled(per_pixel, 1 / total)).toarray()
             right += weighted.T @ target
@@ -172,7 +173,7 @@ class Equations:
         """(K, K) Σ sᵢ sᵢᵀ, sᵢ the gradient of pixel i's own term: the covariance of `right` as the data show it."""
         total = np.zeros_like(self.normal)
         for (row, _, _, frames), (misfit, share) in zip(self.rows, self.residuals(solution), strict=True):
-            gradient = _summed(_scaled(row, (share * misfit).ravel()), frames)
+            gradient = _summed(_scaled(row, (share * misfit).ravel()), frames, len(total))
             total += (gradient.T @ gradient).toarray()
         return total
 
@@ -244,10 +245,10 @@ def _scaled(rows: csr_array, factors: np.ndarray) -> csr_array:
     return csr_array((data, rows.indices, rows.indptr), shape=rows.shape)
 
 
-def _summed(rows: csr_array, frames: int) -> csr_array:
+def _summed(rows: csr_array, frames: int, unknowns: int) -> csr_array:
     """(N, K) the sums of every `frames` rows."""
     starts = rows.indptr[::frames]
-    shape = (rows.shape[0] // frames, rows.shape[1])
+    shape = (len(starts) - 1, unknowns)
     found = csr_array((rows.data.copy(), rows.indices.copy(), starts.copy()), shape=shape)
     found.sum_duplicates()
     return found

@@ -50,7 +50,8 @@ class Deghosted:
     ghosts : (H, W) bool, where anything was left out of any frame
     sources : (H, W) int16, the frame, counted from the least exposed, that a moving region was taken from; −1 elsewhere
     shares : (P,) the share of each frame's pixels that was left out
-    reference : the frame with the fewest clipped pixels, from which regions are taken where it shows them
+    reference : the frame that shows what moved with the fewest holes, from which regions are taken where it shows them;
+        in a static bracket the frame with the fewest clipped squares
     """
 
     bracket: Bracket
@@ -66,8 +67,8 @@ def deghost(bracket: Bracket, response: Response, *, method: Consistency = Consi
     bracket : aligned photographs; what is outside in one of them already stays outside and says nothing here
     response : with the noise of its pixel values
 
-    Moving regions come from the frame with the fewest clipped pixels; where that is clipped within a region and no
-    agreeing frame measures it, from the frame that leaves the fewest holes. Every pixel keeps a frame.
+    Moving regions come from the reference, the frame with the fewest holes there: squares that it clips and no agreeing
+    frame measures. A region of which another frame shows clearly more comes from that one. Every pixel keeps a frame.
     Raises NotABracket where the response is of another depth.
     """
     from relume.capture.ghost_kernel import disagreement, square_bounds

@@ -143,7 +143,7 @@ def _of_channel(
         useless = _mostly(frame[0] + lower[middle] - towards[1] > 0, bins, np.isfinite(frame[0] - towards[1]))
         useless &= np.arange(BINS) <= BINS * (1 - SHADOWS / (high - low))
         last = BINS - 1 - np.argmax(useless[::-1])
-        pass
+        lower = np.where(scale.bins(channel) <= last, -np.inf, lower) if useless.any() else lower
     return np.stack([lower, upper])
 
 

@@ -16,7 +16,7 @@ from relume.capture.calibration import (
     corrected,
     recover_response,
 )
-from relume.capture.consistency import Doubt, check
+from relume.capture.consistency import NOTHING_TO_DO, Doubt, check
 from relume.capture.debevec_malik import DebevecMalik
 from relume.capture.deghosting import Consistency, Deghosted, deghost
 from relume.capture.extent import Extent, extent
@@ -91,6 +91,7 @@ class Measured:
 class Measurement:
     """The brackets of one camera, on one scale.
 
+    camera : make and model, "" where unknown
     measured : in the brackets' order
     response : that all were merged with; None for camera raws
     calibration : what it was recovered from; None where it was given
@@ -98,6 +99,7 @@ class Measurement:
     warnings : what the steps had to say, a line each
     """
 
+    camera: str
     measured: tuple[Measured, ...]
     response: Response | None
     calibration: Calibration | None
@@ -116,7 +118,12 @@ class Measurement:
 
     def notes(self) -> tuple[str, ...]:
         """What a photographer should know and need not act on, a line each."""
-        doubts = [doubt.line for one in self.measured for doubt in one.doubts if not doubt.degraded]
+        doubts = [
+            doubt.line
+            for one in self.measured
+            for doubt in one.doubts
+            if not doubt.degraded and doubt.remedy != NOTHING_TO_DO
+        ]
         return (*self.warnings, *doubts)
 
 
@@ -162,12 +169,12 @@ def measure(
         for bracket, moved, doubt in zip(placed, aligned, doubts, strict=True):
             measured.append(_measured(bracket, response, moved, doubt, treatment, steps))
     lines = dict.fromkeys(str(w.message) for w in caught)
-    return Measurement(tuple(measured), response, calibration, steps.seconds, tuple(lines))
+    return Measurement(
+        taken[0].photographs[0].camera, tuple(measured), response, calibration, steps.seconds, tuple(lines)
+    )
 
 
-def _recovered(
-    brackets: Sequence[Bracket], doubts: Sequence[Sequence[Doubt]], treatment: Treatment
-) -> Calibration:
+def _recovered(brackets: Sequence[Bracket], doubts: Sequence[Sequence[Doubt]], treatment: Treatment) -> Calibration:
     """The calibration, balanced; where there is none, the doubt that tells why stands in for the mere fact."""
     try:
         calibration = recover_response(brackets, method=treatment.method, refine=treatment.refine)

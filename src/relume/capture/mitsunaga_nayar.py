@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -52,7 +53,7 @@ class MitsunagaNayar:
         pairs = []
         for values, log_exposures in observed:
             order = np.argsort(log_exposures, kind="stable")
-            for first, second in zip(order[:-1], order[1:], strict=True):
+            for first, second in pairwise(order):
                 both = values[:, [first, second]]
                 kept = ((both >= low) & (both <= high)).all(1)
                 if kept.sum() >= 20:

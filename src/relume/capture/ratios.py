@@ -175,9 +175,7 @@ def _solved(
     return inverse @ gradient, inverse @ scatter @ inverse.T
 
 
-def _agreed(
-    told: np.ndarray, found: np.ndarray, owner: np.ndarray, usable: np.ndarray
-) -> tuple[np.ndarray, float]:
+def _agreed(told: np.ndarray, found: np.ndarray, owner: np.ndarray, usable: np.ndarray) -> tuple[np.ndarray, float]:
     """Corrections (F,) of the told exposures after `found` is stretched and shifted to agree with most of them."""
     places = np.flatnonzero(usable)
     brackets = np.unique(owner[places])

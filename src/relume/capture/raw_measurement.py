@@ -73,7 +73,7 @@ def measure_raw(
         extent(picture, focal_length=focal_length), found,
     )  # fmt: skip
     lines = dict.fromkeys(str(w.message) for w in caught)
-    return Measurement((measured,), None, None, steps.seconds, tuple(lines))
+    return Measurement(bracket.photographs[0].camera, (measured,), None, None, steps.seconds, tuple(lines))
 
 
 def _previews(photographs: Sequence[RawSource], known: RawCalibration) -> tuple[Bracket, int]:

@@ -69,7 +69,8 @@ class Robertson:
         extended = curve.copy()
         for edge, inner in ((first, min(first + 12, last)), (last, max(last - 12, first))):
             if edge != inner:
-                slope = (curve[inner] - curve[edge]) / (logarithm[inner] - logarithm[edge])
+                # Noise may make the last values fall; what goes on from them rises or is level.
+                slope = max(0.0, (curve[inner] - curve[edge]) / (logarithm[inner] - logarithm[edge]))
                 beyond = np.arange(len(curve)) < first if edge == first else np.arange(len(curve)) > last
                 extended[beyond] = curve[edge] + slope * (logarithm[beyond] - logarithm[edge])
         return extended

@@ -17,7 +17,7 @@ EVEN = 3.0
 """Greatest standard deviation of a 3×3 neighbourhood, in 256ths of the range, for its middle to be believed."""
 NEAR_WHITE = 9
 """Side of the neighbourhood that must hold no saturated pixel: JPEG rings over its 8×8 blocks."""
-LOOKED_AT = 60_000
+LOOKED_AT = 40_000
 """About how many pixels of a photograph are looked at: every one of a small picture, an even grid of a large one."""
 MOST = 6_000
 """Most pixels that are used; twice as many move a curve by less than its error."""
@@ -132,9 +132,7 @@ def _believed(bracket: Bracket, index: int, channel: int, chosen: np.ndarray) ->
     return np.where(good, values, 0)
 
 
-def _near_white(
-    image: np.ndarray, rows: np.ndarray, columns: np.ndarray, asked: np.ndarray, levels: int
-) -> np.ndarray:
+def _near_white(image: np.ndarray, rows: np.ndarray, columns: np.ndarray, asked: np.ndarray, levels: int) -> np.ndarray:
     """Whether a saturated pixel is near each of the places for which it is asked."""
     height, width = image.shape
     near = np.zeros(len(rows), bool)
@@ -154,7 +152,7 @@ def _near_white(
     return near
 
 
-def still_values(bracket: Bracket, channel: int, wanted: int = 20_000) -> Observations:
+def still_values(bracket: Bracket, channel: int, wanted: int = 12_000) -> Observations:
     """Pixel values of an even grid of places, chosen without regard to their own noise, to measure noise by.
 
     wanted : about how many places. A place counts in a photograph where its eight neighbours vary no more than those

@@ -37,8 +37,8 @@ class Hat:
 class InverseVariance:
     """The weights that leave the least noise: 1 / var(ln exposure), fading to 0 before the ends of the curve.
 
-    guard : values, of 256, at either end that never count; in saturated patches JPEG leaves 250 to 254 where 255 was, and a
-        value near white is the least noisy of all, so that it would decide
+    guard : values, of 256, at either end that never count; in saturated patches JPEG leaves 250 to 254 where 255
+        was, and a value near white is the least noisy of all, so that it would decide
     fade : the values over which the weight then rises, so that nothing jumps where a photograph begins to count
     """
 

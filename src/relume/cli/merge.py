@@ -41,7 +41,9 @@ def merge(
         Path | None,
         Parameter(help="The camera's profile, or a curve of pfstools or hdrgen, used as it is."),
     ] = None,
-    save_profile: Annotated[Path | None, Parameter(help="Also write the camera's profile here, .json.")] = None,
+    save_profile: Annotated[
+        Path | None, Parameter(alias="--save-response", help="Also write the camera's profile here, .json.")
+    ] = None,
     report: Annotated[Path | None, Parameter(help="Also write a report here, .html.")] = None,
     accept: Annotated[bool, Parameter(negative="", help="Exit with 0 although the result is doubtful.")] = False,
     steps: Steps = Steps(),
@@ -67,14 +69,13 @@ def merge(
         if raws and len(raws) < len(paths):
             note(manner, f"{len(paths) - len(raws)} photographs beside {len(raws)} camera raws are left out")
             paths = raws
-        colour = tuple(int(n) for n in numbers(ignore, "--ignore", 3)) if ignore else None
-        reading = Reading(exposure_times(times), colour, true_shutter)
+        reading = Reading(exposure_times(times), ignored_colour(ignore), true_shutter)
         groups = (paths,) if times else group_files(paths)
         for path, suffix in ((save_profile, ".json"), (report, ".html")):
             if path is not None:
                 require_suffix(path, suffix)
         known = read_profile(profile) if profile is not None else None
-        treatment = treatment_of(steps, lens, readings, known.vignetting if known else ())
+        treatment = treatment_of(steps, lens, readings, known)
         job = Job(groups, targets(groups, out), reading, known, treatment, readings, bool(raws))
         if dry_run:
             tell(manner, forecast(job))
@@ -83,7 +84,7 @@ def merge(
             results = results_of(job, lambda step: advance(step, 0.0))
         for line in (line for result in results for line in result.measurement.notes()):
             note(manner, line)
-        tell(manner, write(results, save_profile=save_profile, report=report))
+        tell(manner, write(job, results, save_profile=save_profile, report=report))
         objections = [line for result in results for line in result.measurement.objections()]
         for line in objections if accept or len(objections) > 1 else ():
             note(manner, line)
@@ -100,6 +101,14 @@ def exposure_times(text: str | None) -> list[float] | Path | None:
     if text is not None and Path(text).is_file():
         return Path(text)
     return read_times(text)
+
+
+def ignored_colour(text: str | None) -> tuple[int, int, int] | None:
+    """The colour of what is no part of the picture."""
+    if text is None:
+        return None
+    red, green, blue = (int(n) for n in numbers(text, "--ignore", 3))
+    return red, green, blue
 
 
 def targets(groups: Sequence[Sequence[Path]], out: Path) -> tuple[Path, ...]:

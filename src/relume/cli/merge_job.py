@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from relume.capture.bracket import Bracket, FrameFacts, read_bracket
 from relume.capture.measurement import Measured, Measurement, Treatment, measure
-from relume.capture.profile import CameraProfile, write_profile
+from relume.capture.profile import CameraProfile, profile_of, write_profile
 from relume.capture.raw_measurement import measure_raw
 from relume.cli.merge_options import Readings
 from relume.errors import NotABracket, OutputNotWritten
@@ -21,7 +21,7 @@ class Reading:
     """How exposures and pixels are read: see `read_bracket`."""
 
     times: list[float] | Path | None
-    ignore: tuple[int, ...] | None
+    ignore: tuple[int, int, int] | None
     true_powers: bool
 
 
@@ -90,7 +90,7 @@ def forecast(job: Job) -> dict[str, object]:
     return facts
 
 
-def write(results: Sequence[Result], *, save_profile: Path | None, report: Path | None) -> dict[str, object]:
+def write(job: Job, results: Sequence[Result], *, save_profile: Path | None, report: Path | None) -> dict[str, object]:
     """Write the maps, and the profile and the report where asked for; what was written and what came of it."""
     facts: dict[str, object] = {}
     for result in results:
@@ -103,21 +103,32 @@ def write(results: Sequence[Result], *, save_profile: Path | None, report: Path 
                 ) from None
             files.write(target, measured.picture)
             facts |= _facts(measured, target, alone=len(results) == 1 == len(result.targets))
-    calibrations = [r.measurement for r in results if r.measurement.calibration is not None]
-    for index, measurement in enumerate(calibrations):
-        calibration = measurement.calibration
-        assert calibration is not None
-        facts |= {"residual": calibration.residual.round(4).tolist()} if index == 0 else {}
+        if result.measurement.calibration is not None:
+            facts["residual"] = result.measurement.calibration.residual.round(4).tolist()
     if save_profile is not None:
-        profiles = [found for r in results if (found := r.measurement.profile()) is not None]
-        for index, profile in enumerate(profiles):
-            path = save_profile if index == 0 else save_profile.with_stem(f"{save_profile.stem}_{index}")
-            write_profile(path, profile)
-            facts.setdefault("profile", str(path))
+        facts |= _write_profiles(results, job, save_profile)
     if report is not None:
         write_capture_report([r.measurement for r in results], report)
         facts["report"] = str(report)
     return facts
+
+
+def _write_profiles(results: Sequence[Result], job: Job, path: Path) -> dict[str, object]:
+    """The profile of each camera whose response was recovered, the second as NAME_1.json and so on."""
+    recovered = [r.measurement for r in results if r.measurement.calibration is not None]
+    written = []
+    for index, measurement in enumerate(recovered):
+        calibration, first = measurement.calibration, measurement.measured[0]
+        assert calibration is not None
+        profile = profile_of(calibration, measurement.camera, brackets=len(measurement.measured))
+        vignetting = job.treatment.vignetting[0].to_dict() if job.treatment.vignetting else None
+        scale = None if first.scale is None else first.scale.luminance
+        target = path if index == 0 else path.with_stem(f"{path.stem}_{index}")
+        write_profile(target, replace(profile, vignetting=vignetting, scale=scale))
+        written.append(str(target))
+    if not written:
+        raise NotABracket("no response was recovered (a profile was given, or camera raws), so there is none to save")
+    return {"profile": written[0] if len(written) == 1 else written}
 
 
 def _raw(job: Job, group: Sequence[Path], target: Path, told: Callable[[str], None]) -> Result:

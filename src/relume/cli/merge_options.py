@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
     from relume.capture.absolute import Scale
     from relume.capture.bracket import Bracket
+    from relume.capture.luminaire import Balance
     from relume.capture.measurement import Treatment
+    from relume.capture.profile import CameraProfile
     from relume.capture.raw_merging import RawCalibration
     from relume.capture.vignetting import Vignetting
     from relume.image.radiance import RadianceMap
@@ -142,8 +144,8 @@ def _from_saturation(picture: RadianceMap, calibration: RawCalibration) -> Scale
     return scale_from_saturation(calibration.saturation, calibration.exposures)
 
 
-def treatment_of(steps: Steps, lens: Lens, readings: Readings, vignetting: Sequence[Vignetting]) -> Treatment:
-    """What the options ask for; `vignetting` is the profile's, which a flat field replaces."""
+def treatment_of(steps: Steps, lens: Lens, readings: Readings, profile: CameraProfile | None) -> Treatment:
+    """What the options ask for; what they leave open the profile tells."""
     from relume.capture.debevec_malik import DebevecMalik
     from relume.capture.deghosting import Consistency
     from relume.capture.glare_recovery import recover_glare_from_dark
@@ -155,6 +157,7 @@ def treatment_of(steps: Steps, lens: Lens, readings: Readings, vignetting: Seque
     from relume.capture.weighting import Hat, InverseVariance
 
     methods = {"debevec-malik": DebevecMalik(), "mitsunaga-nayar": MitsunagaNayar(), "robertson": Robertson()}
+    known = vignetting_of(profile)
     dark, white = _rectangle(lens.glare, "--glare"), _rectangle(lens.white, "--white")
     return Treatment(
         method=methods[steps.method],
@@ -164,11 +167,35 @@ def treatment_of(steps: Steps, lens: Lens, readings: Readings, vignetting: Seque
         consistency=Consistency() if steps.deghost else None,
         neutral=steps.neutral,
         glare=None if dark is None else lambda picture: recover_glare_from_dark(picture, dark(picture)),
-        vignetting=flat_fields(lens.flat_field) or tuple(vignetting),
-        balance=None if white is None else lambda picture: balance_from_luminaire(picture, white(picture)),
-        scale=readings.scale(),
+        vignetting=flat_fields(lens.flat_field) or known,
+        balance=_balance(profile) if white is None else lambda picture: balance_from_luminaire(picture, white(picture)),
+        scale=readings.scale() or _scale(profile),
         focal_length=lens.focal_length,
     )
+
+
+def vignetting_of(profile: CameraProfile | None) -> tuple[Vignetting, ...]:
+    """What a profile knows of its lens."""
+    from relume.capture.vignetting import Vignetting
+
+    return () if profile is None or profile.vignetting is None else (Vignetting.from_dict(profile.vignetting),)
+
+
+def _balance(profile: CameraProfile | None) -> Callable[[RadianceMap], Balance] | None:
+    from relume.capture.luminaire import Balance
+
+    if profile is None or profile.balance == (1.0, 1.0, 1.0):
+        return None
+    return lambda _: Balance(profile.balance)
+
+
+def _scale(profile: CameraProfile | None) -> Callable[[RadianceMap, Bracket, Response], Scale] | None:
+    from relume.capture.absolute import METER, Scale
+
+    if profile is None or profile.scale is None:
+        return None
+    scale = Scale.grey(profile.scale, METER, "the camera's profile")
+    return lambda *_: scale
 
 
 def _rectangle(text: str | None, option: str) -> Callable[[RadianceMap], np.ndarray] | None:

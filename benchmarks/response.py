@@ -1,0 +1,76 @@
+"""How near each method comes to true response curves, and how long recovering one takes: response.py [SEED]."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from camera_curves import CurveCamera, camera_curves, exposure_error, mixed_scene
+from relume.capture.bracket import Bracket
+from relume.capture.calibration import ResponseMethod, recover_response
+from relume.capture.debevec_malik import DebevecMalik
+from relume.capture.mitsunaga_nayar import MitsunagaNayar
+from relume.capture.robertson import Robertson
+from relume.image.photograph import Photograph
+from synthetic import STOPS
+
+CURVES = 201
+METHODS: dict[str, ResponseMethod] = {
+    "Debevec & Malik": DebevecMalik(),
+    "Debevec & Malik, g''": DebevecMalik(difference=2),
+    "as printed, λ = 100": DebevecMalik(100.0, power_law=False, difference=2, steepness=False),
+    "Mitsunaga & Nayar": MitsunagaNayar(),
+    "Robertson": Robertson(),
+}
+
+
+def accuracy(seed: int) -> None:
+    """Root mean square error of normalised exposure, per cent, over all curves, for nine exposures a stop apart."""
+    curves, scene = camera_curves(CURVES, seed), mixed_scene()
+    for electrons in (20_000.0, None):
+        errors: dict[str, list[float]] = {name: [] for name in METHODS}
+        rising = dict.fromkeys(METHODS, True)
+        for first in range(0, CURVES, 3):
+            camera = CurveCamera(curves[first : first + 3], electrons)
+            bracket, true = camera.bracket(scene, STOPS, seed=first), camera.true_exposure()
+            for name, method in METHODS.items():
+                found = recover_response(bracket, method=method).response.log_exposure
+                rising[name] &= bool(np.all(np.diff(found, axis=1) > 0))
+                errors[name] += [exposure_error(g, t) for g, t in zip(found, true, strict=True)]
+        print(f"{CURVES} curves, seed {seed}, {'no noise' if electrons is None else f'{electrons:g} electrons'}")
+        for name, each in errors.items():
+            middle, high, most = 100 * np.percentile(each, [50, 95, 100])
+            print(f"  {name:22} median {middle:.3f} %  P95 {high:.3f} %  most {most:.2f} %  rising {rising[name]}")
+
+
+def speed() -> None:
+    """Seconds for seven photographs of 12 megapixels, the median of five."""
+    small = CurveCamera(camera_curves(3)).bracket(mixed_scene(), STOPS[:7])
+    frames = [np.tile(p.pixels, (15, 14, 1))[:3000, :4000] for p in small.photographs]
+    bracket = Bracket(
+        tuple(
+            Photograph(np.ascontiguousarray(f), p.name, p.exposure)
+            for f, p in zip(frames, small.photographs, strict=True)
+        )
+    )
+    wall, cpu = [], []
+    for _ in range(6):
+        start, worked = time.perf_counter(), time.process_time()
+        recover_response(bracket)
+        wall.append(time.perf_counter() - start)
+        cpu.append(time.process_time() - worked)
+    print(
+        f"7 × 12 megapixels: {np.median(wall[1:]):.3f} s ({np.median(cpu[1:]):.3f} s of both cores); "
+        f"load {os.getloadavg()[0]:.1f}; limit 0.3 s"
+    )
+
+
+if __name__ == "__main__":
+    speed()
+    accuracy(int(sys.argv[1]) if len(sys.argv) > 1 else 0)
