@@ -281,5 +281,5 @@ def test_less_than_an_eighth_of_a_pixel_or_twice_the_error_is_left_alone() -> No
 
     assert needed(0.12, 0.01) == Motion() and needed(0.13, 0.01) == Motion(0.13)
     assert needed(0.19, 0.1) == Motion() and needed(0.21, 0.1) == Motion(0.21)
-    # A neighbour's motion, kept where nothing was told.
-    assert needed(0.5, np.inf) == Motion(0.5)
+    # A neighbour's motion, kept in whole pixels where nothing was told.
+    assert needed(2.6, np.inf) == Motion(3.0) and needed(0.4, np.inf) == Motion()

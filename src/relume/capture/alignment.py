@@ -64,7 +64,7 @@ def align(bracket: Bracket, *, rotation: bool = True) -> Aligned:
     are clipped in neither; values are matched by their ranks, since exposure keeps their order (Ward 2003 thresholds
     at one rank). A frame that needs less than an eighth of a pixel, or less than twice its error, is left alone.
     Where nothing can be told, in a frame nearly all black or of another scene, a frame keeps the motion of its
-    neighbour in exposure, and a warning says so.
+    neighbour in exposure, in whole pixels, and a warning says so.
     """
     photographs = bracket.photographs
     if len(photographs) == 1:
@@ -129,7 +129,7 @@ def _told(estimate: Estimate) -> bool:
 def _needed(estimate: Estimate, size: tuple[int, int]) -> Motion:
     motion = estimate.motion
     if not np.isfinite(estimate.error) and motion.angle == 0:
-        # Known no better than this: whole pixels are copied, and the lamps of the darkest frame stay as sharp as they are.
+        # Known no better than this: whole pixels are copied, and lamps in the darkest frame stay as sharp as they are.
         motion = Motion(float(round(motion.dx)), float(round(motion.dy)))
     least = max(UNMOVED, 2 * estimate.error if np.isfinite(estimate.error) else 0.0)
     return motion if motion.displacement(size) >= least else Motion()

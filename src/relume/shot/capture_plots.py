@@ -80,7 +80,7 @@ def arrows(radiance: np.ndarray, fields: Sequence[tuple[str, np.ndarray]]) -> by
     from matplotlib.figure import Figure
 
     height, width = radiance.shape[:2]
-    columns = min(3, len(fields))
+    columns = min(3 if len(fields) <= 6 else 5, len(fields))
     rows = -(-len(fields) // columns)
     figure = Figure(figsize=(11, 11 / columns * height / width * rows + 0.3 * rows), dpi=100, layout="constrained")
     axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()

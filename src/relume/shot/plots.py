@@ -16,15 +16,21 @@ WIDEST = 1024
 
 
 def response_plot(calibration: Calibration) -> bytes:
-    """The curves over the observations, channel by channel and together (Debevec & Malik 1997, Fig. 7)."""
+    """The curves over the observations, channel by channel with twice their standard error, and all together.
+
+    After Debevec & Malik 1997, Fig. 7.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11, 3.2), dpi=110, layout="constrained")
     axes = figure.subplots(1, 4, sharex=True, sharey=True)
     values = np.arange(calibration.response.levels)
-    for axis, (name, colour), curve, samples in zip(
-        axes, CHANNELS, calibration.response.log_exposure, calibration.samples, strict=False
+    curves = calibration.response.log_exposure
+    errors = np.zeros_like(curves) if calibration.error is None else np.nan_to_num(calibration.error)
+    for axis, (name, colour), curve, error, samples in zip(
+        axes, CHANNELS, curves, errors, calibration.samples, strict=False
     ):
+        axis.fill_betweenx(values, curve - 2 * error, curve + 2 * error, color=colour, alpha=0.25, lw=0)
         kept = samples[:: max(1, len(samples) // 2000)]
         axis.plot(kept[:, 0], kept[:, 1], "o", ms=2.5, mfc="none", mec="#999999", mew=0.4, alpha=0.6)
         for each in (axis, axes[3]):
@@ -32,7 +38,9 @@ def response_plot(calibration: Calibration) -> bytes:
         axis.set_title(name, fontsize=9)
     axes[3].set_title("red, green, blue", fontsize=9)
     middle = calibration.response.log_exposure[:, 4:-1]
-    axes[0].set_xlim(float(middle.min()) - 0.3, float(middle.max()) + 0.5)
+    # Where a film's fog makes the curve level it goes on for ever; what was observed ends sooner.
+    darkest = min(float(np.percentile(samples[:, 0], 0.5)) for samples in calibration.samples if len(samples))
+    axes[0].set_xlim(max(float(middle.min()), darkest) - 0.3, float(middle.max()) + 0.5)
     axes[0].set_ylim(0, calibration.response.levels - 1)
     axes[0].set_ylabel("pixel value Z")
     for axis in axes:
