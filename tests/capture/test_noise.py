@@ -22,6 +22,7 @@ CAMERAS = [
 def test_the_normalised_residuals_of_a_merge_have_variance_one(camera, scene):
     bracket = camera.bracket(scene, seed=3)
     merged = merge(bracket, recover_response(bracket).response)
+    assert merged.variance is not None
     known = (merged.clipped == 0) & np.isfinite(merged.variance).all(-1)
     found, true = merged.radiance[known].astype(float), scene[known].astype(float)
     scale = np.exp(np.median(np.log(true / found), axis=0))

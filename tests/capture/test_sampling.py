@@ -1,11 +1,13 @@
 """Which pixels speak for the response: every value, the whole image, flat places, none beside white."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from relume.capture.bracket import Bracket
 from relume.capture.calibration import recover_response
-from relume.capture.sampling import _choose_pixels, observations
+from relume.capture.sampling import _choose_pixels, _Grid, observations, still_values
 from relume.image.photograph import Exposure, Photograph
 from synthetic import NOISELESS, wide_scene
 
@@ -108,3 +110,30 @@ def test_a_thumbnail_gives_a_response():
     curve = recover_response(camera.bracket(wide_scene(24, 16, stops=3.0))).response.log_exposure
     error = (curve - camera.log_exposure())[:, 20:236]
     assert np.median(np.abs(error - np.median(error, axis=1, keepdims=True))) < 0.01
+
+
+def test_pixels_outside_the_picture_are_not_sampled():
+    picture = np.full((96, 96), 100.0)
+    picture[:, 48:] = 180.0
+    outside = np.zeros((96, 96), bool)
+    outside[:, 48:] = True
+    inside = bracket_of(picture, picture)
+    assert set(np.unique(observations(inside, 0).values)) == {100, 180}
+    masked = Bracket(tuple(replace(p, outside=outside) for p in inside.photographs))
+    assert set(np.unique(observations(masked, 0).values)) == {100}
+    assert set(np.unique(still_values(masked, 0).values)) == {100}
+    # Outside in one photograph alone, a place tells of the others only, and of one other nothing.
+    once = Bracket((replace(inside.photographs[0], outside=outside), inside.photographs[1]))
+    assert set(np.unique(observations(once, 0).values)) == {100}
+
+
+def test_large_photographs_are_sampled_on_a_grid_over_all_of_them():
+    y, x = np.mgrid[:900, :1200]
+    chosen = _choose_pixels(bracket_of(40 + x / 8, 40 + y / 8), 1)
+    rows, columns = np.divmod(chosen, 1200)
+    counts, _, _ = np.histogram2d(rows, columns, bins=(6, 8), range=((0, 900), (0, 1200)))
+    assert counts.min() > 0
+    # An odd step meets every place of JPEG's blocks.
+    grid = _Grid(1200, 900, 40_000)
+    assert grid.step == 5 and 30_000 < len(grid) < 50_000
+    assert len(np.unique(grid.columns % 8)) == 8 and len(np.unique(grid.rows % 8)) == 8

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -121,6 +121,17 @@ def read_bracket(
         speeds = {f.name: f.shutter_speed for f in facts}
     photographs = exposed(photographs, times=times, sidecars=sidecars, shutter_speeds=speeds)
     return Bracket(_once_each(photographs))
+
+
+def require_told(brackets: Iterable[Bracket]) -> None:
+    """Refuse brackets whose exposures were only estimated where several have to lie on one scale."""
+    for bracket in brackets:
+        for photograph in bracket.photographs:
+            if photograph.exposure is not None and photograph.exposure.source == "estimated":
+                raise NotABracket(
+                    f"{photograph.name}: no exposure time in its EXIF, so its scale is not that of the others; "
+                    "give the times of its bracket"
+                )
 
 
 def same_pixels(first: Photograph, second: Photograph) -> bool:

@@ -33,8 +33,8 @@ class DebevecMalik:
         is the paper's own term
     difference : which difference of g is kept small; 2 is the paper's g″. Curves bend slowly over their whole range,
         while the ripple that exposures one step apart cannot see (g + p(g), p periodic with the step) bends within
-        the step: the third difference tells them apart better where steps are wide. At one stop both leave the same error;
-        at two the worst twentieth of 30 curves is 0.60 % off instead of 0.69 %, and real photographs ripple half as much
+        the step: the third difference tells them apart better: of 201 curves the worst twentieth is 0.48 % off, not
+        0.57 %, though the median is 0.07 % for 0.06 %; two of five real brackets ripple half as much, one a little more
     steepness : once the curve is known, weigh a value less where the curve is steeper than a power law. Film's base fog
         and a camera's toe give the same few values whatever the exposure, and eq. 4 knows of neither
     monotone : where the curve does not rise by itself, solve again for increments that are not negative, as §2.1

@@ -75,6 +75,7 @@ class Measured:
     aligned, deghosted : what was moved and left out; None where that was switched off
     extent : what was measured of the scene
     scale : to cd/m²; None for relative radiance
+    balance : of the channels; None where nothing told one
     """
 
     picture: RadianceMap
@@ -85,6 +86,7 @@ class Measured:
     deghosted: Deghosted | None
     extent: Extent
     scale: Scale | None
+    balance: Balance | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,14 +141,16 @@ def measure(
     brackets : of one camera; they share one response, and their maps one scale
     response : of that camera, where it is known; recovered from the brackets unless given
     told : called with the name of each step as it begins
-    Raises NotABracket. Warnings of the steps are kept in the result and not given out.
+    Raises NotABracket, ValueError. Warnings of the steps are kept in the result and not given out.
     """
     taken = [brackets] if isinstance(brackets, Bracket) else list(brackets)
+    if not taken:
+        raise ValueError("no brackets were given; give one at least")
     steps = Steps(told)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         with steps.step("check"):
-            doubts = [check(bracket) for bracket in taken]
+            doubts = [check(bracket, response) for bracket in taken]
         aligned: list[Aligned | None] = [None] * len(taken)
         if treatment.aligned:
             with steps.step("align"):
@@ -157,7 +161,7 @@ def measure(
             with steps.step("response"):
                 calibration = _recovered(placed, doubts, treatment)
                 response = calibration.response
-            mended = [corrected(bracket, calibration) for bracket in placed]
+            mended = [_mended(bracket, calibration) for bracket in placed]
             with steps.step("check"):
                 # What was corrected need not be doubted any more.
                 doubts = [
@@ -183,8 +187,17 @@ def _recovered(brackets: Sequence[Bracket], doubts: Sequence[Sequence[Doubt]], t
         if not grave:
             raise
         raise NotABracket(grave[0]) from error
-    neutral = calibration.response.levels - 1 if treatment.neutral is None else treatment.neutral
+    white = calibration.response.levels - 1
+    neutral = white if treatment.neutral is None else treatment.neutral
+    if not 0 <= neutral <= white:
+        raise ValueError(f"neutral is {neutral}; the photographs' pixel values are 0 to {white}")
     return calibration.balanced_at(neutral)
+
+
+def _mended(bracket: Bracket, calibration: Calibration) -> Bracket:
+    """The bracket with its exposures corrected; one that told nothing of the response has nothing corrected."""
+    seen = set() if calibration.ratios is None else set(calibration.ratios.factors())
+    return corrected(bracket, calibration) if seen.issuperset(p.name for p in bracket.photographs) else bracket
 
 
 def _measured(
@@ -201,20 +214,24 @@ def _measured(
             deghosted = deghost(bracket, response, method=treatment.consistency)
     with steps.step("merge"):
         picture = merge(deghosted.bracket if deghosted else bracket, response, weighting=treatment.weighting)
-    picture = without_lens(picture, [p.exposure for p in bracket.photographs if p.exposure], treatment, steps)
+    exposures = [p.exposure for p in bracket.photographs if p.exposure]
+    picture, balance = without_lens(picture, exposures, treatment, steps)
     scale = None
     if treatment.scale is not None:
         scale = treatment.scale(picture, bracket, response)
         picture = calibrated(picture, scale)
     focal_length = treatment.focal_length or bracket.focal_length
     found = extent(picture, focal_length=focal_length)
-    return Measured(picture, bracket.name, bracket.exposure_table, doubts, aligned, deghosted, found, scale)
+    return Measured(picture, bracket.name, bracket.exposure_table, doubts, aligned, deghosted, found, scale, balance)
 
 
 def without_lens(
     picture: RadianceMap, exposures: Sequence[Exposure], treatment: Treatment, steps: Steps
-) -> RadianceMap:
-    """The map without the glare and the vignetting of its lens, in balance, as far as `treatment` tells of them."""
+) -> tuple[RadianceMap, Balance | None]:
+    """The map without the glare and the vignetting of its lens, in balance, as far as `treatment` tells of them.
+
+    The second is the balance that it was brought into; None where `treatment` tells of none.
+    """
     if treatment.glare is not None:
         with steps.step("glare"):
             picture = diminish_glare(picture, treatment.glare(picture)).picture
@@ -222,6 +239,7 @@ def without_lens(
         apertures = {exposure.f_number for exposure in exposures}
         f_number = apertures.pop() if len(apertures) == 1 else None
         picture = without_vignetting(picture, treatment.vignetting, f_number=f_number)
-    if treatment.balance is not None:
-        picture = balanced(picture, treatment.balance(picture))
-    return picture
+    if treatment.balance is None:
+        return picture, None
+    balance = treatment.balance(picture)
+    return balanced(picture, balance), balance

@@ -63,14 +63,14 @@ def measure_raw(
             doubts = (*check(bracket, response), *_movement(bracket, response, shrunk))
         with steps.step("merge"):
             picture = merge_raw(photographs, calibration=known, balance=balance)
-        picture = without_lens(picture, known.exposures, treatment, steps)
-    found = scale(picture, known) if scale is not None else None
-    if found is not None:
-        picture = calibrated(picture, found)
+        picture, balanced = without_lens(picture, known.exposures, treatment, steps)
+        found = scale(picture, known) if scale is not None else None
+        if found is not None:
+            picture = calibrated(picture, found)
     focal_length = treatment.focal_length or (bracket.focal_length and bracket.focal_length * shrunk)
     measured = Measured(
         picture, bracket.name, bracket.exposure_table, doubts, None, None,
-        extent(picture, focal_length=focal_length), found,
+        extent(picture, focal_length=focal_length), found, balanced,
     )  # fmt: skip
     lines = dict.fromkeys(str(w.message) for w in caught)
     return Measurement(bracket.photographs[0].camera, (measured,), None, None, steps.seconds, tuple(lines))
@@ -82,26 +82,28 @@ def _previews(photographs: Sequence[RawSource], known: RawCalibration) -> tuple[
     for raw, factor, exposure in zip(opened(photographs), known.factors, known.exposures, strict=True):
         shrunk = 2 * max(1, max(raw.size) // (2 * PREVIEW))
         told = replace(exposure, seconds=exposure.seconds * float(factor) / exposure.factor)
-        frames.append(replace(preview(raw, shrunk), exposure=told))
+        frames.append(replace(preview(raw, shrunk, known.saturation), exposure=told))
     return Bracket(tuple(frames)), shrunk
 
 
-def preview(raw: RawPhotograph, shrunk: int) -> Photograph:
+def preview(raw: RawPhotograph, shrunk: int, saturation: float = 1.0) -> Photograph:
     """The raw as a small linear picture of 16 bits in camera colours, black at 0 and saturation at 65535.
 
     shrunk : even; raw pixels along the side of one of its pixels. One that holds a saturated photosite is saturated
+    saturation : as in `RawCalibration`; as white is written in the file unless given
     """
     width, height = (side // shrunk * shrunk for side in raw.size)
     pixels = np.empty((height // shrunk, width // shrunk, 3), np.uint16)
     for channel in range(3):
-        planes = []
+        planes, saturated = [], []
         for row, column in zip(*np.nonzero(raw.pattern == channel), strict=True):
             sites = raw.mosaic[row:height:2, column:width:2]
             blocks = sites.reshape(height // shrunk, shrunk // 2, width // shrunk, shrunk // 2)
             black = raw.black[row, column]
-            mean = (blocks.mean((1, 3), dtype=np.float32) - black) / (raw.white - black)
-            planes.append(np.where(blocks.max((1, 3)) >= raw.white, 1.0, mean))
-        pixels[..., channel] = np.rint(np.clip(np.mean(planes, axis=0), 0, 1) * (LEVELS - 1))
+            planes.append((blocks.mean((1, 3), dtype=np.float32) - black) / (raw.white - black))
+            saturated.append(blocks.max((1, 3)) > black + saturation * (raw.white - black) - 0.5)
+        mean = np.where(np.any(saturated, axis=0), 1.0, np.mean(planes, axis=0))
+        pixels[..., channel] = np.rint(np.clip(mean, 0, 1) * (LEVELS - 1))
     focal_length = raw.focal_length and raw.focal_length / shrunk
     return Photograph(pixels, raw.name, raw.exposure, raw.camera, focal_length, settings=raw.settings)
 

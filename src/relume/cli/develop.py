@@ -20,7 +20,8 @@ def develop(
         float, Parameter(help="Stops to brighten by; negative darkens.", allow_leading_hyphen=True)
     ] = 0.0,
     response: Annotated[
-        Path | None, Parameter(help="A response.json that merge or insert wrote: the picture that camera would take.")
+        Path | None,
+        Parameter(help="A profile or response that merge or insert wrote, or a curve of pfstools or hdrgen."),
     ] = None,
     seconds: Annotated[
         float | None,
@@ -32,22 +33,18 @@ def develop(
     """Develop a radiance map by a camera's own response or the sRGB curve, bright parts near white unless told."""
     import numpy as np
 
+    from relume.capture.profile import read_profile
     from relume.develop.film import Film
     from relume.develop.film import develop as developed
-    from relume.errors import UnreadableFile
     from relume.image import files
-    from relume.image.response import Response
 
     with speaking(manner):
         require_suffix(out, ".png", ".jpg", ".jpeg")
         radiance = files.read_radiance(picture).radiance
         curve, top = None, 1.0
         if response is not None:
-            try:
-                curve = Response.from_json(response.read_text())
-            except (OSError, ValueError) as error:
-                raise UnreadableFile(f"{response}: not a response that relume wrote ({error})") from None
-            top = float(np.exp(curve.log_exposure[:, -8].mean()))
+            curve = read_profile(response).response
+            top = float(np.exp(curve.log_exposure[:, 248 * curve.levels // 256].mean()))
         bright = float(np.percentile(radiance[np.isfinite(radiance)], 99)) if np.isfinite(radiance).any() else 0.0
         film = Film(seconds or top / max(bright, 1e-30), curve).brighter(exposure)
         if dry_run:

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, read_times, require_suffix
 from relume.cli.console import Manner, note, progress, speaking, tell
-from relume.cli.merge_options import Lens, Readings, Steps, numbers, treatment_of
+from relume.cli.merge_options import Lens, Readings, Steps, numbers, treatment_of, whole
 from relume.errors import DoubtfulResult, NotABracket, OutputNotWritten
 
 MAPS = (".exr", ".hdr")
@@ -74,6 +74,9 @@ def merge(
         for path, suffix in ((save_profile, ".json"), (report, ".html")):
             if path is not None:
                 require_suffix(path, suffix)
+        if save_profile is not None and (profile is not None or raws):
+            what = "camera raws need no response" if raws else "--profile gives the response"
+            raise NotABracket(f"--save-profile {save_profile}: {what}, so there is none to save; leave it out")
         known = read_profile(profile) if profile is not None else None
         treatment = treatment_of(steps, lens, readings, known)
         job = Job(groups, targets(groups, out), reading, known, treatment, readings, bool(raws))
@@ -98,16 +101,18 @@ def merge(
 
 def exposure_times(text: str | None) -> list[float] | Path | None:
     """Seconds from the command line, or the file that lists them."""
-    if text is not None and Path(text).is_file():
-        return Path(text)
-    return read_times(text)
+    try:
+        listed = text is not None and Path(text).is_file()
+    except OSError:  # a row of times longer than any file's name
+        listed = False
+    return Path(text) if text is not None and listed else read_times(text)
 
 
 def ignored_colour(text: str | None) -> tuple[int, int, int] | None:
     """The colour of what is no part of the picture."""
     if text is None:
         return None
-    red, green, blue = (int(n) for n in numbers(text, "--ignore", 3))
+    red, green, blue = whole(numbers(text, "--ignore", 3), "--ignore")
     return red, green, blue
 
 
@@ -125,4 +130,8 @@ def targets(groups: Sequence[Sequence[Path]], out: Path) -> tuple[Path, ...]:
         )
     if out.exists() and not out.is_dir():
         raise OutputNotWritten(f"-o {out}: not a folder; {len(groups)} radiance maps are to be written in it")
+    if len(set(names)) < len(names):
+        # Cameras count from 1 in every folder: one map must not overwrite another.
+        names = [f"{group[0].absolute().parent.name}-{name}" for group, name in zip(groups, names, strict=True)]
+    names = [f"{name}_{names[:i].count(name)}" if name in names[:i] else name for i, name in enumerate(names)]
     return tuple(out / f"{name}.exr" for name in names)

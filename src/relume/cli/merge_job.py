@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from relume.capture.bracket import Bracket, FrameFacts, read_bracket
 from relume.capture.measurement import Measured, Measurement, Treatment, measure
@@ -13,6 +16,7 @@ from relume.capture.raw_measurement import measure_raw
 from relume.cli.merge_options import Readings
 from relume.errors import NotABracket, OutputNotWritten
 from relume.image import files
+from relume.image.photograph import Exposure
 from relume.shot.capture_report import clipped_facts, seconds_in_words, write_capture_report
 
 
@@ -59,7 +63,13 @@ def results_of(job: Job, told: Callable[[str], None]) -> list[Result]:
         by_camera.setdefault(bracket.photographs[0].camera, []).append((bracket, target))
     response = job.profile.response if job.profile else None
     results = []
-    for taken in by_camera.values():
+    for camera, taken in by_camera.items():
+        if job.profile and job.profile.camera and camera and camera != job.profile.camera:
+            warnings.warn(
+                f"the profile is of the camera {job.profile.camera}, {taken[0][0].name} are of {camera}; recover a "
+                "profile of their own camera",
+                stacklevel=2,
+            )
         brackets, targets = zip(*taken, strict=True)
         found = measure(brackets, response=response, treatment=job.treatment, told=told)
         results.append(Result(found, targets))
@@ -80,9 +90,12 @@ def forecast(job: Job) -> dict[str, object]:
     facts: dict[str, object] = {}
     if job.raw:
         for group, target in zip(job.groups, job.targets, strict=True):
-            told = [files.read_facts(path) for path in group]
+            told = [f.exposure for f in map(files.read_facts, group)]
+            if (times := _raw_times(job, group)) is not None:
+                told = [Exposure(seconds) for seconds in times]
             facts[f"would write {target}"] = {
-                Path(f.name).name: seconds_in_words(f.exposure.seconds) if f.exposure else "unknown" for f in told
+                path.name: f"{seconds_in_words(e.seconds)} ({e.source})" if e else "unknown"
+                for path, e in zip(group, told, strict=True)
             }
         return facts
     for bracket, target in zip(read_brackets(job), job.targets, strict=True):
@@ -104,7 +117,8 @@ def write(job: Job, results: Sequence[Result], *, save_profile: Path | None, rep
             files.write(target, measured.picture)
             facts |= _facts(measured, target, alone=len(results) == 1 == len(result.targets))
         if result.measurement.calibration is not None:
-            facts["residual"] = result.measurement.calibration.residual.round(4).tolist()
+            name = "residual" if len(results) == 1 else f"residual of {result.measurement.camera or 'unknown camera'}"
+            facts[name] = result.measurement.calibration.residual.round(4).tolist()
     if save_profile is not None:
         facts |= _write_profiles(results, job, save_profile)
     if report is not None:
@@ -122,22 +136,33 @@ def _write_profiles(results: Sequence[Result], job: Job, path: Path) -> dict[str
         assert calibration is not None
         profile = profile_of(calibration, measurement.camera, brackets=len(measurement.measured))
         vignetting = job.treatment.vignetting[0].to_dict() if job.treatment.vignetting else None
-        scale = None if first.scale is None else first.scale.luminance
+        scale, balance = None, np.ones(3)
+        if first.balance is not None:
+            balance *= first.balance.gains
+        if first.scale is not None:
+            # A luminaire of known colour scales each channel by itself: luminance is the scale, the rest is balance.
+            scale = first.scale.luminance
+            balance *= np.array(first.scale.factor) / scale
+        gains = (float(balance[0]), float(balance[1]), float(balance[2]))
         target = path if index == 0 else path.with_stem(f"{path.stem}_{index}")
-        write_profile(target, replace(profile, vignetting=vignetting, scale=scale))
+        write_profile(target, replace(profile, vignetting=vignetting, scale=scale, balance=gains))
         written.append(str(target))
-    if not written:
-        raise NotABracket("no response was recovered (a profile was given, or camera raws), so there is none to save")
     return {"profile": written[0] if len(written) == 1 else written}
 
 
-def _raw(job: Job, group: Sequence[Path], target: Path, told: Callable[[str], None]) -> Result:
+def _raw_times(job: Job, group: Sequence[Path]) -> list[float] | None:
     times = job.reading.times
     if isinstance(times, Path):
         raise NotABracket(f"{times}: no list of times is read for camera raws; write them as --times 1/30,1/60")
+    if times is not None and len(times) != len(group):
+        raise NotABracket(f"{len(times)} times were given for {len(group)} photographs; give one a photograph")
+    return times
+
+
+def _raw(job: Job, group: Sequence[Path], target: Path, told: Callable[[str], None]) -> Result:
     measurement = measure_raw(
         group,
-        times=times,
+        times=_raw_times(job, group),
         refine=job.treatment.refine is not None,
         scale=job.readings.raw_scale(),
         treatment=job.treatment,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -118,9 +119,9 @@ class Readings:
 
         values = numbers(getattr(self, name), f"--{name}", {"spot": 3, "lux": 6, "luminaire": 7}[name])
         if name == "spot":
-            x, y, reading = values
-            return lambda picture, *_: scale_from_spot(picture, int(x), int(y), reading)
-        left, top, width, height = (int(v) for v in values[:4])
+            (x, y), reading = whole(values[:2], "--spot"), values[2]
+            return lambda picture, *_: scale_from_spot(picture, x, y, reading)
+        left, top, width, height = whole(values[:4], f"--{name}")
         if name == "lux":
             lux, reflectance = values[4:]
             return lambda picture, *_: scale_from_lux(
@@ -203,7 +204,7 @@ def _rectangle(text: str | None, option: str) -> Callable[[RadianceMap], np.ndar
         return None
     from relume.capture.regions import rectangle
 
-    left, top, width, height = (int(v) for v in numbers(text, option, 4))
+    left, top, width, height = whole(numbers(text, option, 4), option)
     return lambda picture: rectangle(picture.size, left, top, width, height)
 
 
@@ -213,9 +214,16 @@ def numbers(text: str, option: str, count: int) -> list[float]:
         values = [float(word) for word in text.replace(",", " ").split()]
     except ValueError:
         values = []
-    if len(values) != count:
+    if len(values) != count or not all(map(isfinite, values)):
         raise ValueError(f'{option}: "{text}" is not {count} numbers; write them with commas between')
     return values
+
+
+def whole(values: Sequence[float], option: str) -> list[int]:
+    """Pixels and pixel values as integers; raises ValueError naming the option where one is a fraction."""
+    if broken := [value for value in values if not value.is_integer()]:
+        raise ValueError(f"{option}: {broken[0]:g} is no whole number; pixels and their values are")
+    return [int(value) for value in values]
 
 
 def flat_fields(paths: Sequence[Path] | None) -> tuple[Vignetting, ...]:

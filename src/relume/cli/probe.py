@@ -42,7 +42,7 @@ def probe(
     """Find the mirrored ball, unwrap it with the camera's perspective, and blend up to two views into one light map."""
     import numpy as np
 
-    from relume.capture.bracket import Bracket, read_bracket
+    from relume.capture.bracket import Bracket, read_bracket, require_told
     from relume.capture.calibration import recover_response
     from relume.capture.merging import merge
     from relume.image import files
@@ -71,6 +71,7 @@ def probe(
             tell(manner, {"would write": str(out), "views": [name for _, _, name in pictures]})
             return
         brackets = [p for p, _, _ in pictures if isinstance(p, Bracket)]
+        require_told(brackets)
         curve = None
         if brackets:
             recovered = recover_response(brackets).response

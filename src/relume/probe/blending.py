@@ -25,6 +25,11 @@ TURN_LIMIT = np.radians(6)
 """The farthest that registration turns a view: what a tape measure and a level leave uncertain."""
 NEAREST = 0.2
 """The greatest nearness registration may find: walls five ball radii away."""
+LIKENESS = 0.7
+"""Correlation of ln luminance below which two views do not show one light; the room's two reach 0.995, and −0.04 to
+0.84 where a camera is said to have stood elsewhere."""
+EVEN_LIGHT = 0.05
+"""Standard deviation of ln luminance below which there is nothing to correlate."""
 BRIGHTNESS_LIMIT = 0.1
 """Natural logarithm of the brightness ratio of two views above which it is told."""
 SHARPNESS = 8
@@ -127,7 +132,11 @@ def _registration(reference: BallView, view: BallView) -> tuple[np.ndarray, floa
     ours, theirs = (luminance(v.look_up(directions, solution.x[3])[0]) + 1e-9 for v in (reference, turned))
     ratio = float(np.median(theirs / ours))
     doubts = []
-    if np.any(np.abs(solution.x[:3]) > 0.98 * TURN_LIMIT) or solution.x[3] > 0.98 * NEAREST:
+    # A light that is the same all round says nothing of where the camera stood.
+    alike = min(np.std(np.log(seen)) for seen in (ours, theirs)) < EVEN_LIGHT or (
+        float(np.corrcoef(np.log(ours), np.log(theirs))[0, 1]) > LIKENESS
+    )
+    if not alike or np.any(np.abs(solution.x[:3]) > 0.98 * TURN_LIMIT) or solution.x[3] > 0.98 * NEAREST:
         doubts.append("does not fit the first one; check where its camera stood")
     if abs(np.log(ratio)) > BRIGHTNESS_LIMIT:
         doubts.append(f"is {ratio:.2f} times as bright as the first; did the light or the exposure change?")

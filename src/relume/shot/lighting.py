@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.capture.bracket import Bracket, read_bracket
+from relume.capture.bracket import Bracket, read_bracket, require_told
 from relume.capture.calibration import Calibration, recover_response
 from relume.capture.merging import merge
 from relume.errors import InvalidShot, NotABracket
@@ -48,7 +48,9 @@ def read_photographs(shot: Shot) -> Photographs:
     else:
         plate = read_bracket(paths, times=shot.plate.times)
     balls = tuple(read_bracket(shot.files(b.photographs), times=b.times) for b in shot.light.balls or ())
-    _require_one_scale([*([plate] if plate else []), *balls])
+    taken = [*([plate] if plate else []), *balls]
+    require_told(taken)
+    _require_one_scale(taken)
     return Photographs(plate, plate_map, balls)
 
 

@@ -72,10 +72,11 @@ def _light(result: Inserted) -> str:
 def _response(camera: str, result: Inserted) -> str:
     calibration = result.calibrations[camera]
     residual = ", ".join(f"{r:.3f}" for r in calibration.residual)
-    noise = ", ".join(f"{n:.2f}" for n in calibration.response.noise)
+    response = calibration.response
+    noise = ", ".join(f"{n:.2f}" for n in response.deviation[:, response.levels // 2])
     caption = (
         f"{camera or 'The camera'}: curves over the observations they were recovered from. Misfit of ln exposure "
-        f"{residual}; noise of a pixel value {noise} (red, green, blue)."
+        f"{residual}; noise of a middle pixel value {noise} (red, green, blue)."
     )
     return figure(plots.response_plot(calibration), caption)
 

@@ -1,0 +1,351 @@
+"""The steps from brackets to radiance: in order, each once, each left out when told, and nothing they say lost."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import map_coordinates
+
+from handheld import FINE, MARGIN, luminance, stack, unplaced
+from moving_scenes import CAMERA, known_response, moving_scene
+from relume.capture.absolute import Scale, calibrated
+from relume.capture.bracket import Bracket
+from relume.capture.calibration import DOUBTFUL_MISFIT
+from relume.capture.consistency import NOTHING_TO_DO, Doubt
+from relume.capture.extent import extent
+from relume.capture.glare import Glare, diminish_glare
+from relume.capture.luminaire import Balance, balanced
+from relume.capture.measurement import Measurement, Treatment, measure
+from relume.capture.merging import merge
+from relume.capture.vignetting import Vignetting, corrected
+from relume.capture.weighting import Hat
+from relume.errors import NotABracket
+from relume.image.photograph import Exposure, Photograph
+from relume.image.radiance import RadianceMap
+from shoots import MAKER, SECONDS, exposed, named, textured
+
+PLAIN = Treatment(refine=None, aligned=False, consistency=None)
+
+
+@pytest.fixture(scope="module")
+def scene() -> np.ndarray:
+    return textured()
+
+
+@pytest.fixture(scope="module")
+def sound(scene) -> Bracket:
+    return Bracket(exposed(scene, [Exposure(t) for t in SECONDS]))
+
+
+@pytest.fixture(scope="module")
+def whole(sound) -> Measurement:
+    """`sound` with nothing known and nothing switched off."""
+    return measure(sound)
+
+
+def ratios(picture: RadianceMap, truth: np.ndarray) -> np.ndarray:
+    """Measured radiance over the truth, where it was measured."""
+    return (picture.radiance / truth)[picture.clipped == 0]
+
+
+def told_wrong(bracket: Bracket, place: int, stops: float) -> Bracket:
+    photographs = list(bracket.photographs)
+    exposure = photographs[place].exposure
+    assert exposure is not None
+    photographs[place] = replace(
+        photographs[place], exposure=replace(exposure, seconds=exposure.seconds * 2.0**stops, source="EXIF")
+    )
+    return Bracket(tuple(photographs))
+
+
+def test_a_sound_bracket_is_measured_and_nothing_is_said_against_it(scene, sound, whole):
+    (one,) = whole.measured
+    found = ratios(one.picture, scene)
+    assert (one.picture.clipped == 0).mean() > 0.99 and one.picture.unit == "relative"
+    # White is neutral, so the channels' scales are one; what is left of each pixel is noise.
+    assert np.median(found, axis=0) / np.median(found) == pytest.approx(np.ones(3), abs=0.01)
+    assert np.percentile(found / np.median(found), (1, 99)) == pytest.approx((1, 1), abs=0.04)
+    assert whole.objections() == whole.notes() == whole.warnings == ()
+    assert whole.camera == MAKER and one.name == "frame_0.png … frame_7.png"
+    assert [frame.seconds for frame in one.frames] == pytest.approx(SECONDS, rel=0.02)
+    assert one.aligned is not None and not one.aligned.moved
+    assert one.deghosted is not None and not one.deghosted.ghosts.any()
+    assert one.scale is None and one.balance is None
+    assert whole.calibration is not None and whole.calibration.response is whole.response
+    assert one.extent == extent(one.picture)
+
+
+def test_the_steps_come_in_their_order_and_are_timed(sound, whole):
+    told: list[str] = []
+    measure(sound, treatment=Treatment(refine=None), told=told.append)
+    assert [step for i, step in enumerate(told) if i == 0 or told[i - 1] != step][:3] == ["check", "align", "response"]
+    assert told[-2:] == ["deghost", "merge"]
+    assert list(whole.seconds) == ["check", "align", "response", "deghost", "merge"]
+    assert all(seconds > 0 for seconds in whole.seconds.values())
+
+
+def test_what_is_switched_off_is_not_done(sound):
+    told: list[str] = []
+    found = measure(sound, response=known_response(), treatment=PLAIN, told=told.append)
+    assert told == ["check", "merge"]
+    (one,) = found.measured
+    assert one.aligned is None and one.deghosted is None and found.calibration is None
+    assert np.array_equal(one.picture.radiance, merge(sound, known_response()).radiance)
+    by_paper = measure(sound, response=known_response(), treatment=replace(PLAIN, weighting=Hat()))
+    wanted = merge(sound, known_response(), weighting=Hat()).radiance
+    assert np.array_equal(by_paper.measured[0].picture.radiance, wanted)
+    assert not np.array_equal(wanted, one.picture.radiance)
+
+
+def test_a_photograph_alone_is_measured_by_a_known_response(scene):
+    alone = Bracket(exposed(scene, [Exposure(0.01)]))
+    found = measure(alone, response=known_response())
+    assert found.measured[0].deghosted is None and found.objections() == ()
+    assert np.median(ratios(found.measured[0].picture, scene)) == pytest.approx(1, abs=0.01)
+    with pytest.raises(NotABracket, match="no two photographs differ in exposure"):
+        measure(alone)
+
+
+def test_a_known_response_is_taken_as_it_is(scene, sound):
+    response = known_response()
+    wrong = told_wrong(sound, 3, 1 / 3)
+    found = measure(wrong, response=response)
+    assert found.response is response and found.calibration is None
+    assert [frame.seconds for frame in found.measured[0].frames] == wrong.exposures.tolist()
+    # The scale is the response's own: the virtual camera's, whose radiance 1 is white at one second.
+    assert np.median(ratios(measure(sound, response=response).measured[0].picture, scene)) == pytest.approx(1, abs=0.01)
+    assert "frame_3.png" in found.objections()[0]
+
+
+def test_a_known_response_helps_to_doubt_the_exposures(scene):
+    # Of three photographs a curve that must be fitted as well cannot say that the first is off by a third of a stop.
+    wrong = told_wrong(Bracket(exposed(scene, [Exposure(t) for t in (1 / 256, 1 / 64, 1 / 16)])), 0, 1 / 3)
+    lines = measure(wrong, response=known_response(), treatment=PLAIN).objections()
+    assert len(lines) == 1 and "frame_0.png" in lines[0] and "a third of a stop" in lines[0]
+
+
+def test_a_wrong_exposure_is_corrected_or_told_where_that_is_switched_off(scene, sound):
+    wrong = told_wrong(sound, 3, 1 / 3)
+    refined = measure(wrong, treatment=Treatment(aligned=False, consistency=None))
+    assert [frame.seconds for frame in refined.measured[0].frames] == pytest.approx(SECONDS, rel=0.02)
+    found = ratios(refined.measured[0].picture, scene)
+    assert np.percentile(found / np.median(found), (1, 99)) == pytest.approx((1, 1), abs=0.05)
+    assert not any("a third of a stop" in line for line in refined.objections())
+    as_told = measure(wrong, treatment=PLAIN)
+    assert as_told.calibration is not None and as_told.calibration.ratios is None
+    assert [frame.seconds for frame in as_told.measured[0].frames] == wrong.exposures.tolist()
+    assert [line for line in as_told.objections() if "frame_3.png" in line and "a third of a stop" in line]
+
+
+def test_a_hand_held_bracket_is_measured_as_its_reference_saw_it():
+    size = (420, 300)
+    light = luminance(*size, np.random.default_rng(5))
+    shaken = stack(4, size=size, frames=5, scene=light)
+    whole = measure(shaken.bracket)
+    aligned = whole.measured[0].aligned
+    assert aligned is not None and aligned.moved
+    motions = np.array([[motion.dx, motion.dy, motion.angle] for motion in aligned.motions])
+    assert shaken.errors(motions, aligned.reference)[0].max() < 0.25
+    # Green has no tint: it is the scene itself, seen from where the reference was held.
+    y, x = np.mgrid[: size[1], : size[0]]
+    still = unplaced(
+        np.stack([x.ravel() + 0.5 - size[0] / 2, y.ravel() + 0.5 - size[1] / 2], -1), shaken.motions[aligned.reference]
+    )
+    places = [(still[:, i] + n / 2 + MARGIN) * FINE - 0.5 for i, n in ((1, size[1]), (0, size[0]))]
+    truth = np.maximum(map_coordinates(light, places, order=1), 1e-9).reshape(size[1], size[0])
+
+    def misfit(measurement: Measurement) -> float:
+        picture = measurement.measured[0].picture
+        found = np.log(picture.radiance[..., 1] / truth)[picture.clipped == 0]
+        return float(np.percentile(np.abs(found - np.median(found)), 90))
+
+    apart = measure(shaken.bracket, response=whole.response, treatment=PLAIN)
+    # What is left is noise and the splines' own blur; doubled edges are ten times as much.
+    assert misfit(whole) < 0.06
+    assert misfit(apart) > 5 * misfit(whole)
+
+
+def test_what_moved_is_left_out_unless_that_is_switched_off():
+    moving = moving_scene(1, shape=(200, 300))
+    bracket, response = moving.bracket(), known_response()
+    with_ghosts = measure(bracket, response=response, treatment=PLAIN).measured[0]
+    without = measure(bracket, response=response, treatment=Treatment(aligned=False)).measured[0]
+    assert without.deghosted is not None and without.deghosted.ghosts.mean() > 0.01
+    elsewhere = ~without.deghosted.ghosts
+    assert np.array_equal(with_ghosts.picture.radiance[elsewhere], without.picture.radiance[elsewhere])
+    shown = without.deghosted.sources >= 0
+    truth = np.choose(np.maximum(without.deghosted.sources, 0)[..., None], list(moving.instants))
+
+    def misfit(picture: RadianceMap) -> float:
+        return float(np.percentile(np.abs(np.log(picture.radiance / truth)[shown & (picture.clipped == 0)]), 90))
+
+    assert misfit(without.picture) < 0.3 * misfit(with_ghosts.picture)
+    # The photographs themselves stay as they were given.
+    assert all(photograph.outside is None for photograph in bracket.photographs)
+
+
+def test_brackets_of_one_camera_come_out_on_one_scale(scene):
+    short = named(Bracket(exposed(scene, [Exposure(t) for t in SECONDS[:6]])), "a_", camera=MAKER)
+    long = named(Bracket(exposed(scene, [Exposure(t) for t in (0.3, 0.1, 0.03, 0.01)], seed=3)), "b_", camera=MAKER)
+    stopped = named(
+        Bracket(exposed(scene, [Exposure(t, 8.0, 400.0) for t in (0.2, 0.8, 3.2)], seed=5)), "c_", camera=MAKER
+    )
+    found = measure([short, long, stopped])
+    first, *others = (one.picture for one in found.measured)
+    assert [one.name[:2] for one in found.measured] == ["a_", "b_", "c_"]
+    for other in others:
+        both = (first.clipped == 0) & (other.clipped == 0)
+        assert both.mean() > 0.5
+        assert np.median((other.radiance / first.radiance)[both]) == pytest.approx(1, abs=0.015)
+
+
+def test_a_photograph_beside_a_bracket_of_its_camera_is_measured_by_their_response(scene):
+    bracket = named(Bracket(exposed(scene, [Exposure(t) for t in SECONDS[1:7]])), "a_", camera=MAKER)
+    alone = named(Bracket(exposed(scene, [Exposure(0.01)], seed=8)), "b_", camera=MAKER)
+    of_bracket, of_alone = (one.picture for one in measure([bracket, alone]).measured)
+    both = (of_bracket.clipped == 0) & (of_alone.clipped == 0)
+    assert np.median((of_alone.radiance / of_bracket.radiance)[both]) == pytest.approx(1, abs=0.01)
+    with pytest.raises(ValueError, match="no brackets were given"):
+        measure([])
+
+
+def test_what_the_lens_did_is_undone_once_and_in_order(sound):
+    """The veil lies over the vignetted light, the white card is read in what is left, the meter last of all."""
+    response, seen = known_response(), {}
+    glare, vignetting = Glare(veil=0.01), Vignetting((-0.4,))
+    gains, scale = Balance((1.5, 1.0, 0.5)), Scale((7.0, 8.0, 9.0), 0.1, "a test")
+
+    def given(name: str, answer):
+        def maker(picture: RadianceMap, *others: object):
+            assert name not in seen
+            seen[name] = (picture, others)
+            return answer
+
+        return maker
+
+    treatment = Treatment(
+        glare=given("glare", glare),
+        vignetting=[vignetting],
+        balance=given("balance", gains),
+        scale=given("scale", scale),
+    )
+    found = measure(sound, response=response, treatment=treatment)
+    one = found.measured[0]
+    merged = merge(sound, response)
+    clear = diminish_glare(merged, glare).picture
+    even = corrected(clear, vignetting)
+    white = balanced(even, gains)
+    for name, wanted in (("glare", merged), ("balance", even), ("scale", white)):
+        assert np.array_equal(seen[name][0].radiance, wanted.radiance), name
+    assert np.array_equal(one.picture.radiance, calibrated(white, scale).radiance)
+    assert one.picture.variance is not None and white.variance is not None
+    assert np.array_equal(one.picture.variance, calibrated(white, scale).variance)
+    assert one.picture.unit == "cd/m²" and one.scale is scale and one.balance is gains
+    bracket, known = seen["scale"][1]
+    assert known is response and bracket.exposures.tolist() == sound.exposures.tolist()
+    assert list(found.seconds) == ["check", "align", "deghost", "merge", "glare"]
+
+
+def test_the_vignetting_of_the_photographs_aperture_counts(scene):
+    stopped = Bracket(exposed(scene, [Exposure(t, 8.0) for t in (0.2, 0.8)]))
+    wide, narrow = Vignetting((-0.5,), f_number=2.0), Vignetting((-0.1,), f_number=8.0)
+    treatment = replace(PLAIN, vignetting=(wide, narrow))
+    found = measure(stopped, response=known_response(), treatment=treatment)
+    wanted = corrected(merge(stopped, known_response()), narrow)
+    assert np.array_equal(found.measured[0].picture.radiance, wanted.radiance)
+    # Where it is of another aperture that is said, in the result and not aloud.
+    found = measure([stopped, stopped], response=known_response(), treatment=replace(PLAIN, vignetting=(wide,)))
+    assert len(found.warnings) == 1 and "measured at f/2, the photographs are at f/8" in found.warnings[0]
+    assert found.notes() == found.warnings and found.objections() == ()
+
+
+def test_the_caller_s_own_warnings_stay_his(sound):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        measure(sound, response=known_response(), treatment=PLAIN)
+        warnings.warn("his own", stacklevel=1)
+    assert [str(w.message) for w in caught] == ["his own"]
+
+
+def test_what_degrades_is_an_objection_and_what_is_well_to_know_a_note(whole):
+    doubts = (
+        Doubt("a.jpg", "is of another scene", "leave it out", True),
+        Doubt("b.jpg", "the ISO varies", "switch it off", False),
+        Doubt("c.jpg", "not in order", NOTHING_TO_DO, False),
+    )
+    doubted = replace(whole, measured=(replace(whole.measured[0], doubts=doubts),), warnings=("the wall is uneven",))
+    assert doubted.objections() == ("a.jpg: is of another scene; leave it out",)
+    assert doubted.notes() == ("the wall is uneven", "b.jpg: the ISO varies; switch it off")
+
+
+def test_a_response_that_fits_badly_is_an_objection(whole):
+    def with_misfit(residual: float) -> Measurement:
+        calibration = replace(whole.calibration, residual=np.array([0.01, residual, 0.01]))
+        return replace(whole, calibration=calibration)
+
+    assert with_misfit(0.99 * DOUBTFUL_MISFIT).objections() == ()
+    (line,) = with_misfit(1.01 * DOUBTFUL_MISFIT).objections()
+    assert "the response fits badly (misfit 0.25 of ln exposure)" in line
+
+
+def test_times_in_a_wrong_order_are_objected_to(sound):
+    seconds = [SECONDS[i] for i in (3, 0, 6, 1, 7, 2, 5, 4)]
+    mixed = Bracket(tuple(replace(p, exposure=Exposure(t)) for p, t in zip(sound.photographs, seconds, strict=True)))
+    lines = measure(mixed, treatment=Treatment(consistency=None)).objections()
+    assert any("in another order" in line for line in lines) and any("fits badly" in line for line in lines)
+
+
+def test_where_there_is_no_response_the_doubt_tells_why():
+    pixels = np.full((40, 60, 3), 100, np.uint8)
+    pixels[:, ::7] += 3
+    flat = Bracket(tuple(Photograph(pixels + i, f"flat_{i}.png", Exposure(0.1 * 2**i)) for i in range(3)))
+    with pytest.raises(NotABracket) as caught:
+        measure(flat, treatment=Treatment(aligned=False))
+    assert "flat_" in str(caught.value) and "levels" in str(caught.value) and "\n" not in str(caught.value)
+    assert isinstance(caught.value.__cause__, NotABracket)
+
+
+def test_photographs_of_16_bits_and_a_response_of_8_are_refused_plainly(scene):
+    deep = [
+        replace(p, pixels=p.pixels.astype(np.uint16) * 257) for p in exposed(scene, [Exposure(t) for t in SECONDS[2:5]])
+    ]
+    with pytest.raises(NotABracket, match="65536"):
+        measure(Bracket(tuple(deep)), response=known_response())
+
+
+def test_grey_is_where_it_is_said_to_be(sound, whole):
+    assert whole.response is not None
+    assert np.ptp(whole.response.log_exposure[:, 255]) == pytest.approx(0, abs=1e-12)
+    film = measure(sound, treatment=replace(PLAIN, neutral=128))
+    assert film.response is not None
+    assert np.ptp(film.response.log_exposure[:, 128]) == pytest.approx(0, abs=1e-12)
+    assert np.ptp(film.response.log_exposure[:, 255]) > 0.01
+    with pytest.raises(ValueError, match="neutral is 256; the photographs' pixel values are 0 to 255"):
+        measure(sound, treatment=replace(PLAIN, neutral=256))
+
+
+def test_solid_angles_are_those_of_the_photographs_or_of_what_is_told(scene):
+    photographs = exposed(scene, [Exposure(0.1)])
+    told = Bracket(tuple(replace(p, focal_length=200.0) for p in photographs))
+    response = known_response()
+    own = measure(told, response=response).measured[0].extent
+    given = measure(told, response=response, treatment=Treatment(focal_length=400.0)).measured[0].extent
+    unknown = measure(Bracket(photographs), response=response).measured[0].extent
+    assert own.saturated == given.saturated == unknown.saturated > 100
+    assert own.solid_angle is not None and given.solid_angle is not None and unknown.solid_angle is None
+    assert own.solid_angle > 2 * given.solid_angle > 0
+    assert own == extent(measure(told, response=response).measured[0].picture, focal_length=200.0)
+
+
+def test_noise_is_carried_through(scene):
+    """Normalised by their own variance, errors of a known camera have variance 1, whatever was done to the map."""
+    bracket = Bracket(exposed(scene, [Exposure(t) for t in SECONDS], camera=CAMERA, seed=9))
+    treatment = Treatment(balance=lambda _: Balance((2.0, 1.0, 0.5)), scale=lambda *_: Scale.grey(100.0, 0.0, "a test"))
+    picture = measure(bracket, response=known_response(), treatment=treatment).measured[0].picture
+    assert picture.variance is not None
+    truth = scene * np.array([200.0, 100.0, 50.0])
+    normalised = ((picture.radiance - truth) / np.sqrt(picture.variance))[picture.clipped == 0]
+    assert normalised.std() == pytest.approx(1, abs=0.1)

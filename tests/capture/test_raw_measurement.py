@@ -1,0 +1,189 @@
+"""Camera raws measured: right where they lie well, and doubted where they moved, for they are merged as they lie."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dng_files import RGGB, sensed
+from relume.capture.absolute import Scale, calibrated, scale_from_saturation
+from relume.capture.luminaire import Balance, balanced
+from relume.capture.measurement import Measurement, Treatment
+from relume.capture.raw_measurement import measure_raw, preview
+from relume.capture.raw_merging import calibrate_raw, merge_raw
+from relume.capture.vignetting import Vignetting, corrected
+from relume.errors import NotABracket
+from relume.image.photograph import Exposure, Settings
+from relume.image.raw import RawPhotograph
+from shoots import raw_files, textured
+
+SECONDS = (0.25, 1.0, 4.0, 16.0)
+
+
+@pytest.fixture(scope="module")
+def light() -> np.ndarray:
+    """A luminance that is white, in places, in all but the shortest exposure."""
+    return textured(480, 320).mean(2) / 30
+
+
+@pytest.fixture(scope="module")
+def sound(light, tmp_path_factory) -> list[Path]:
+    return raw_files(tmp_path_factory.mktemp("raws"), [light] * 4, SECONDS)
+
+
+@pytest.fixture(scope="module")
+def whole(sound) -> Measurement:
+    return measure_raw(sound)
+
+
+def raw(mosaic: np.ndarray, **fields) -> RawPhotograph:
+    return RawPhotograph(mosaic, np.array(RGGB), np.full((2, 2), 512.0), 16383.0, np.eye(3), np.ones(3), **fields)
+
+
+def test_a_sound_bracket_is_measured_and_nothing_is_said_against_it(light, sound, whole):
+    (one,) = whole.measured
+    assert whole.objections() == whole.notes() == whole.warnings == ()
+    assert np.array_equal(one.picture.radiance, merge_raw(sound).radiance)
+    found = one.picture.radiance[..., 1][one.picture.clipped == 0] / light[one.picture.clipped == 0]
+    # The virtual sensor gathers at f/4 what it gathers at f/1.
+    assert np.median(found) / 16 == pytest.approx(1 / np.median(1 / (found / 16)), rel=0.01)
+    assert np.percentile(found / np.median(found), (5, 95)) == pytest.approx((1, 1), abs=0.06)
+    assert whole.camera == "Virtual One" and whole.response is None and whole.calibration is None
+    assert one.aligned is None and one.deghosted is None and one.scale is None
+    assert [Path(frame.name).name for frame in one.frames] == [f"raw_{i}.dng" for i in range(4)]
+    assert [frame.seconds for frame in one.frames] == pytest.approx(SECONDS, rel=1e-3)
+    assert list(whole.seconds) == ["exposures and noise", "check", "merge"]
+
+
+def test_a_frame_that_moved_is_doubted_by_how_far(light, tmp_path):
+    moved = [light, light, np.roll(light, 3, axis=1), light]
+    doubts = measure_raw(raw_files(tmp_path, moved, SECONDS)).measured[0].doubts
+    (doubt,) = [doubt for doubt in doubts if "pixels off the others" in doubt.what]
+    assert doubt.degraded and doubt.frame.endswith("raw_2.dng")
+    # Seen in a picture of half the size.
+    assert float(doubt.what.split()[1]) == pytest.approx(3, abs=0.3)
+    assert not any("something moved" in doubt.what for doubt in doubts)
+
+
+def test_a_thing_that_moved_is_doubted_by_its_share(light, tmp_path):
+    instants = [light.copy() for _ in SECONDS]
+    for index, instant in enumerate(instants):
+        instant[100:180, 60 + 90 * index : 110 + 90 * index] = 2.5 * light.mean()
+    found = measure_raw(raw_files(tmp_path, instants, SECONDS))
+    (line,) = [line for line in found.objections() if "something moved" in line]
+    # Four places of 80 × 50 pixels, all but where one is too alike to the wall behind.
+    share = float(line.split("something moved in ")[1].split(" %")[0])
+    assert 0.7 * 100 * 4 * 80 * 50 / light.size < share < 1.3 * 100 * 4 * 80 * 50 / light.size
+    assert "raw_0.dng … " in line and "raw_3.dng" in line
+
+
+def test_a_raw_alone_is_measured(light, tmp_path):
+    (path,) = raw_files(tmp_path, [light], (1.0,))
+    found = measure_raw([path])
+    assert found.objections() == () and found.measured[0].name == str(path)
+
+
+def test_what_the_lens_did_and_the_scale_count(sound):
+    seen = []
+
+    def scale(picture, known):
+        seen.append((picture, known))
+        warnings.warn("the meter is old", stacklevel=2)
+        return scale_from_saturation(known.saturation, known.exposures)
+
+    vignetting, gains = Vignetting((-0.3,)), Balance((2.0, 1.0, 0.5))
+    treatment = Treatment(vignetting=[vignetting], balance=lambda _: gains, focal_length=500.0)
+    found = measure_raw(sound, scale=scale, treatment=treatment)
+    one = found.measured[0]
+    plain = balanced(corrected(merge_raw(sound), vignetting), gains)
+    ((picture, known),) = seen
+    assert np.array_equal(picture.radiance, plain.radiance)
+    wanted = scale_from_saturation(known.saturation, calibrate_raw(sound).exposures)
+    assert one.scale == wanted and one.balance is gains
+    assert np.array_equal(one.picture.radiance, calibrated(plain, wanted).radiance) and one.picture.unit == "cd/m²"
+    assert found.warnings == ("the meter is old",) and found.notes() == found.warnings
+    # The scale of the treatment is for photographs with a response, and no raw's.
+    treatment = Treatment(scale=lambda *_: Scale.grey(5.0, 0.1, "another"))
+    assert measure_raw(sound, treatment=treatment).measured[0].scale is None
+
+
+def test_times_and_white_that_are_given_count(light, sound, whole):
+    doubled = measure_raw(sound, times=[2 * t for t in SECONDS])
+    # Given by hand, the times are the whole exposure: the f/4 of the files counts no more.
+    ratio = whole.measured[0].picture.radiance / doubled.measured[0].picture.radiance
+    assert np.median(ratio) == pytest.approx(2 * 16, rel=1e-4)
+    assert {frame.f_number for frame in doubled.measured[0].frames} == {None}
+    assert {frame.source for frame in doubled.measured[0].frames} == {"given"}
+    white = np.array([1.0, 1.0, 2.0])
+    warm = measure_raw(sound, balance=white).measured[0].picture
+    assert np.array_equal(warm.radiance, merge_raw(sound, balance=white).radiance)
+    assert not np.array_equal(warm.radiance, whole.measured[0].picture.radiance)
+    with pytest.raises(NotABracket, match="2 times were given for 4 photographs"):
+        measure_raw(sound, times=[1.0, 2.0])
+
+
+def test_exposures_are_refined_unless_that_is_switched_off(light, tmp_path):
+    short = tuple(t * f for t, f in zip(SECONDS, (1.0, 1.05, 1.0, 1.0), strict=True))
+    photographs = [
+        raw(sensed(light, t, seed=i), name=f"{i}.dng", exposure=Exposure(told))
+        for i, (t, told) in enumerate(zip(short, SECONDS, strict=True))
+    ]
+    as_told = measure_raw(photographs, refine=False).measured[0].frames
+    assert [frame.seconds for frame in as_told] == pytest.approx(SECONDS, rel=1e-12)
+    refined = np.array([frame.seconds for frame in measure_raw(photographs).measured[0].frames])
+    assert refined / refined[0] == pytest.approx(np.array(short) / short[0], rel=3e-3)
+
+
+def test_raws_that_do_not_go_together_are_refused(sound, light):
+    others = raw(sensed(light[:100], 1.0), name="small.dng", exposure=Exposure(1.0), camera="Virtual One")
+    with pytest.raises(NotABracket, match=r"small\.dng: its size is 480×100"):
+        measure_raw([sound[0], others])
+
+
+def test_a_preview_is_linear_from_black_to_saturation():
+    mosaic = np.full((8, 12), 512, np.uint16)
+    mosaic[0::2, 0::2] = 512 + 15871 // 4  # red a quarter
+    mosaic[0::2, 1::2], mosaic[1::2, 0::2] = 512 + 2000, 512 + 4000  # the two greens
+    settings = Settings(focal_length=35.0)
+    small = preview(raw(mosaic, name="a.dng", camera="C", focal_length=600.0, settings=settings), 4)
+    assert small.pixels.shape == (2, 3, 3) and small.pixels.dtype == np.uint16
+    assert small.pixels[..., 0] == pytest.approx(65535 * (15871 // 4) / 15871, abs=1)
+    assert small.pixels[..., 1] == pytest.approx(65535 * 3000 / 15871, abs=1)
+    assert small.pixels[..., 2].max() == 0
+    assert (small.name, small.camera, small.settings, small.focal_length) == ("a.dng", "C", settings, 150.0)
+    assert preview(raw(mosaic - np.uint16(300)), 4).pixels[..., 2].max() == 0  # below black is black
+
+
+def test_a_preview_leaves_out_the_rows_and_columns_that_fill_no_block():
+    mosaic = np.full((11, 15), 512, np.uint16)
+    mosaic[8:], mosaic[:, 12:] = 16383, 16383
+    assert preview(raw(mosaic), 4).pixels.shape == (2, 3, 3)
+    assert preview(raw(mosaic), 4).pixels.max() == 0
+
+
+@pytest.mark.parametrize("row, column, channel", [(0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 2)])
+def test_a_preview_is_saturated_where_one_photosite_is(row, column, channel):
+    mosaic = np.full((8, 8), 2000, np.uint16)
+    mosaic[4 + row, column] = 16383
+    pixels = preview(raw(mosaic), 4).pixels
+    assert pixels[1, 0, channel] == 65535
+    pixels[1, 0, channel] = pixels[0, 0, channel]
+    assert np.ptp(pixels) == 0
+    # A sensor that is full below the white its file tells.
+    mosaic[4 + row, column] = 14000
+    assert preview(raw(mosaic), 4).pixels.max() < 65535
+    assert preview(raw(mosaic), 4, 0.84).pixels[1, 0, channel] == 65535
+
+
+def test_a_sensor_that_is_full_below_its_white_does_not_look_as_if_things_moved(light):
+    photographs = [
+        raw(np.minimum(sensed(light, t, seed=i), 13600), name=f"{i}.dng", exposure=Exposure(t))
+        for i, t in enumerate(SECONDS)
+    ]
+    found = measure_raw(photographs)
+    assert found.objections() == ()
+    assert any("saturated at" in line for line in found.warnings)
+    assert found.notes() == found.warnings
