@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 
 from relume.capture.bracket import Bracket, read_bracket
 from relume.capture.calibration import recover_response
-from relume.capture.debevec_malik import DebevecMalik
+from relume.capture.debevec_malik import DebevecMalik, Equations, roughness
 from relume.capture.merging import merge
-from relume.capture.sampling import observations
+from relume.capture.sampling import Observations, observations
 from relume.capture.weighting import hat
 from relume.image.colour import luminance
 from relume.image.files import read_radiance
@@ -63,6 +64,37 @@ def test_a_response_told_by_too_few_pixels_is_told_to_be_uncertain():
 def test_the_middle_value_has_unit_exposure(calibration):
     assert calibration.response.log_exposure[:, MIDDLE] == pytest.approx([0, 0, 0], abs=1e-6)
     assert calibration.response.levels == 256
+
+
+def test_a_curve_that_would_fall_is_the_best_that_does_not():
+    # Hardly any pixels, much noise and next to no smoothing: the least squares curve falls.
+    generator = np.random.default_rng(2)
+    light = generator.uniform(0.1, 0.9, (60, 1))
+    log_exposures = np.log([0.5, 1.0])
+    values = np.clip(np.rint(255 * light * [0.5, 1.0] + generator.normal(0, 6, (60, 2))), 1, 254).astype(int)
+    observed = [Observations(values, log_exposures)]
+    smoothing = {"smoothness": 1e-3, "power_law": False, "difference": 2, "steepness": False}
+    equations = Equations.of(observed, 256)
+    matrix = equations.normal + 1e-3 * equations.pixels * roughness(2, False)
+
+    def objective(curve: np.ndarray) -> float:
+        return float(curve @ matrix @ curve - 2 * equations.right @ curve)
+
+    free = np.linalg.lstsq(matrix, equations.right, rcond=None)[0]
+    assert np.diff(free).min() < -0.01
+    best, _ = DebevecMalik(**smoothing).curve(observed, 256)
+    raised, _ = DebevecMalik(**smoothing, monotone=False).curve(observed, 256)
+    assert np.all(np.diff(best) > 0) and np.all(np.diff(raised) > 0)
+    # The slow twin: bounded least squares over the increments, by another algorithm.
+    values_of, vectors = np.linalg.eigh(matrix)
+    kept = values_of > 1e-14 * values_of[-1]
+    root = np.sqrt(values_of[kept])[:, None] * vectors[:, kept].T
+    target = vectors[:, kept].T @ equations.right / np.sqrt(values_of[kept])
+    bounds = (np.r_[-np.inf, np.zeros(255)], np.inf)
+    twin = np.cumsum(lsq_linear(root @ np.tril(np.ones((256, 256))), target, bounds, method="bvls").x)
+    gap = objective(raised) - objective(twin)
+    assert gap > 0
+    assert objective(best) - objective(twin) < 0.01 * gap
 
 
 PAPER = DebevecMalik(smoothness=30.0, power_law=False, difference=2, steepness=False)

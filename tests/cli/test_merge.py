@@ -1,0 +1,526 @@
+"""`relume merge`, run in this process: what it reads, writes, prints and refuses, option by option."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from moving_scenes import known_response
+from relume.capture.absolute import METER, THIRD_OF_A_STOP
+from relume.capture.debevec_malik import DebevecMalik
+from relume.capture.deghosting import Consistency
+from relume.capture.measurement import Treatment
+from relume.capture.mitsunaga_nayar import MitsunagaNayar
+from relume.capture.profile import CameraProfile, read_profile, write_profile
+from relume.capture.ratios import Ratios
+from relume.capture.robertson import Robertson
+from relume.capture.vignetting import Vignetting
+from relume.capture.weighting import Hat, InverseVariance
+from relume.cli import main
+from relume.cli.merge import targets
+from relume.errors import NotABracket
+from relume.image.files import read_layers, read_photograph, read_radiance, write
+from relume.image.photograph import Exposure
+from relume.image.radiance import OUTSIDE, RadianceMap
+from shoots import MAKER, exposed, raw_files, textured, written
+
+SECONDS = (1 / 256, 1 / 128, 1 / 64, 1 / 32, 1 / 16)
+ROOM = Path(__file__).parents[2] / "examples" / "room"
+PLATE = [str(p) for p in sorted((ROOM / "plate").glob("*.jpg"))]
+
+
+def refused(arguments: list[str], capsys: pytest.CaptureFixture[str], code: int = 2) -> str:
+    """Run a command that must fail with `code`; its one line on standard error."""
+    assert main(arguments) == code
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1 and captured.err.startswith("relume: "), captured.err
+    assert "Traceback" not in captured.err and "fault in relume" not in captured.err
+    return captured.err
+
+
+def told(arguments: list[str], capsys: pytest.CaptureFixture[str], code: int = 0) -> dict:
+    """Run a command that must end with `code`; what it prints as JSON."""
+    capsys.readouterr()
+    assert main([*arguments, "--json"]) == code, capsys.readouterr().err
+    return json.loads(capsys.readouterr().out)
+
+
+@pytest.fixture(scope="module")
+def scene() -> np.ndarray:
+    return textured()
+
+
+@pytest.fixture(scope="module")
+def shoot(scene, tmp_path_factory) -> list[str]:
+    """Five photographs a stop apart, with EXIF."""
+    exposures = [Exposure(t, 1.0, 100.0) for t in SECONDS]
+    return written(tmp_path_factory.mktemp("shoot"), exposed(scene, exposures))
+
+
+@pytest.fixture(scope="module")
+def profile(tmp_path_factory) -> str:
+    """The virtual camera's own."""
+    path = tmp_path_factory.mktemp("profile") / "known.json"
+    write_profile(path, CameraProfile(MAKER, known_response()))
+    return str(path)
+
+
+@pytest.fixture
+def merged(shoot, profile, tmp_path, capsys) -> Callable[..., tuple[RadianceMap, dict]]:
+    """Merges `shoot` by the known profile with more words: the map, and what was told."""
+
+    def run(*words: str, photographs: list[str] = shoot, code: int = 0) -> tuple[RadianceMap, dict]:
+        out = tmp_path / f"map_{len(list(tmp_path.iterdir()))}.exr"
+        facts = told(["merge", *photographs, "-o", str(out), "--profile", profile, *words], capsys, code)
+        return read_radiance(out), facts
+
+    return run
+
+
+def test_a_bracket_is_merged_with_its_report_and_its_profile(shoot, scene, tmp_path, capsys):
+    out, profile, report = tmp_path / "a.exr", tmp_path / "p.json", tmp_path / "r.html"
+    words = ["merge", *shoot, "-o", str(out), "--save-profile", str(profile), "--report", str(report), "--no-refine"]
+    facts = told(words, capsys)
+    assert facts["written"] == str(out) and facts["profile"] == str(profile) and facts["report"] == str(report)
+    assert facts["exposures"] == {f"frame_{i}.png": f"1/{256 >> i} s (EXIF)" for i in range(5)}
+    assert facts["unit"] == "relative" and len(facts["residual"]) == 3 and max(facts["residual"]) < 0.1
+    assert list(read_layers(out)) == ["radiance", "variance", "clipped"]
+    picture = read_radiance(out)
+    found = (picture.radiance / scene)[picture.clipped == 0]
+    assert np.percentile(found / np.median(found), (5, 95)) == pytest.approx((1, 1), abs=0.04)
+    page = report.read_text()
+    assert page.startswith("<!doctype html>") and "frame_4.png" in page and "The camera&#x27;s response" in page
+    assert read_profile(profile).camera == MAKER
+
+    # With its profile the same photographs give the same radiance,
+    again = tmp_path / "again.exr"
+    facts = told(["merge", *shoot, "-o", str(again), "--profile", str(profile)], capsys)
+    assert "residual" not in facts
+    assert read_radiance(again).radiance == pytest.approx(picture.radiance, rel=1e-6)
+    # and the map developed through it at a photograph's own exposure is that photograph again.
+    exposure = read_photograph(shoot[2]).exposure
+    assert exposure is not None
+    png = tmp_path / "frame.png"
+    develop = ["develop", str(out), "-o", str(png), "--response", str(profile), "--seconds", str(exposure.factor)]
+    assert main([*develop, "-q"]) == 0
+    difference = read_photograph(png).pixels.astype(int) - read_photograph(shoot[2]).pixels
+    assert np.median(np.abs(difference)) <= 1 and np.percentile(np.abs(difference), 99) <= 8
+    report.write_text("{")
+    assert "r.html: not a camera profile" in refused([*develop[:5], str(report)], capsys)
+    assert "none.json" in refused([*develop[:5], str(tmp_path / "none.json")], capsys)
+
+
+def test_the_example_s_plate_is_merged_and_told_as_lines(tmp_path, capsys):
+    out = tmp_path / "plate.hdr"
+    assert main(["merge", *PLATE, "-o", str(out)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines[:3]] == ["written", "exposures", "unit"]
+    assert "IMG_0001.jpg 0.25 s (EXIF), IMG_0002.jpg 1 s (EXIF)" in lines[1]
+    assert read_radiance(out).size == (768, 512)
+
+
+SWITCHES = {
+    "": lambda t: t == Treatment(),
+    "--method debevec-malik": lambda t: t.method == DebevecMalik(),
+    "--method mitsunaga-nayar": lambda t: t.method == MitsunagaNayar(),
+    "--method robertson": lambda t: t.method == Robertson(),
+    "--no-refine": lambda t: t.refine is None,
+    "--refine": lambda t: t.refine == Ratios(),
+    "--no-align": lambda t: t.aligned is False,
+    "--no-deghost": lambda t: t.consistency is None,
+    "--deghost": lambda t: t.consistency == Consistency(),
+    "--paper-weights": lambda t: t.weighting == Hat(),
+    "--neutral 128": lambda t: t.neutral == 128,
+    "--focal-length 900": lambda t: t.focal_length == 900.0,
+    "--absolute": lambda t: t.scale is not None,
+    "--glare 1,2,3,4": lambda t: t.glare is not None,
+    "--white 1,2,3,4": lambda t: t.balance is not None,
+}
+
+
+@pytest.mark.parametrize("words", SWITCHES)
+def test_every_switch_changes_the_treatment_and_nothing_else(words, shoot, tmp_path, monkeypatch, capsys):
+    import relume.cli.merge_job
+
+    given = {}
+
+    def measure(brackets, **options):
+        given.update(options, brackets=brackets)
+        raise NotABracket("seen enough")
+
+    monkeypatch.setattr(relume.cli.merge_job, "measure", measure)
+    refused(["merge", *shoot, "-o", str(tmp_path / "a.exr"), *words.split()], capsys)
+    assert SWITCHES[words](given["treatment"])
+    plain, name = Treatment(), words.split()[0] if words else ""
+    meant = {
+        "--method": "method", "--no-refine": "refine", "--refine": "refine", "--no-align": "aligned",
+        "--no-deghost": "consistency", "--deghost": "consistency", "--paper-weights": "weighting",
+        "--neutral": "neutral", "--focal-length": "focal_length", "--absolute": "scale", "--glare": "glare",
+        "--white": "balance",
+    }.get(name)  # fmt: skip
+    others = [field for field in vars(plain) if field != meant]
+    assert [field for field in others if getattr(given["treatment"], field) != getattr(plain, field)] == []
+    assert given["response"] is None and plain.weighting == InverseVariance()
+    assert [p.name for p in given["brackets"][0].photographs] == shoot
+
+
+def test_times_come_from_the_command_line_or_from_a_file(scene, tmp_path, profile, capsys):
+    paths = written(
+        tmp_path / "bare", [replace(p, exposure=None) for p in exposed(scene, [Exposure(t) for t in SECONDS])]
+    )
+    words = ["merge", *paths, "--profile", profile, "-o"]
+    first = told([*words, str(tmp_path / "a.exr"), "--times", "1/256,1/128,1/64,1/32,1/16"], capsys)
+    told([*words, str(tmp_path / "b.exr"), "--times", "1/128 1/64 1/32 1/16 1/8"], capsys)
+    listed = tmp_path / "exposures.txt"
+    listed.write_text("".join(f"{Path(p).name} {t}\n" for p, t in zip(paths, SECONDS, strict=True)))
+    from_file = told([*words, str(tmp_path / "c.exr"), "--times", str(listed)], capsys)
+    a, b, c = (read_radiance(tmp_path / f"{name}.exr").radiance for name in "abc")
+    assert np.median(a / b) == pytest.approx(2, rel=1e-6)
+    assert np.array_equal(a, c)
+    assert first["exposures"] == from_file["exposures"] and first["exposures"]["frame_0.png"] == "1/256 s (given)"
+    # A row of times longer than any name of a file is no name of a file.
+    line = refused([*words, str(tmp_path / "d.exr"), "--times", ",".join(["0.00390625"] * 60)], capsys)
+    assert "60 times were given for 5 photographs" in line
+
+
+def test_without_any_exposure_the_pixels_tell_and_the_result_is_doubtful(scene, tmp_path, profile, capsys):
+    paths = written(
+        tmp_path / "bare", [replace(p, exposure=None) for p in exposed(scene, [Exposure(t) for t in SECONDS])]
+    )
+    words = ["merge", *paths, "--profile", profile, "-o", str(tmp_path / "a.exr")]
+    assert main(words) == 4
+    captured = capsys.readouterr()
+    assert "no exposure is told" in captured.err and captured.err.splitlines()[-1].startswith("relume: ")
+    assert "(estimated)" in captured.out and (tmp_path / "a.exr").exists()
+
+
+def test_doubtful_results_are_written_and_exit_with_4_unless_accepted(shoot, tmp_path, capsys):
+    words = ["merge", *shoot, "-o", str(tmp_path / "a.exr"), "--no-refine", "--times", "1/64,1/256,1/16,1/32,1/128"]
+    assert main(words) == 4
+    captured = capsys.readouterr()
+    assert (tmp_path / "a.exr").exists() and "written" in captured.out
+    notes = [line for line in captured.err.splitlines() if line.startswith("relume: note: ")]
+    last = captured.err.splitlines()[-1]
+    assert any("fits badly" in line for line in notes) and any("in another order" in line for line in notes)
+    assert "doubts, noted above" in last and "--accept" in last
+    (tmp_path / "a.exr").unlink()
+    assert main([*words, "--accept"]) == 0
+    captured = capsys.readouterr()
+    assert "fits badly" in captured.err and captured.err.count("\n") == captured.err.count("relume: note: ")
+    assert (tmp_path / "a.exr").exists()
+
+
+def test_a_single_doubt_is_told_in_one_line(merged, shoot, tmp_path, profile, capsys):
+    times = ["1/256", "1/128", "1/48", "1/32", "1/16"]
+    words = ["merge", *shoot, "--profile", profile, "--times", ",".join(times), "-o", str(tmp_path / "a.exr"), "-q"]
+    line = refused(words, capsys, 4)
+    assert "frame_2.png" in line and line.endswith("(all was written; --accept takes it as it is)\n")
+    assert main([*words, "--accept"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_marked_shutter_speeds_stand_for_powers_of_two_where_told(scene, tmp_path, capsys):
+    paths = written(tmp_path, exposed(scene, [Exposure(t) for t in (1 / 60, 1 / 30)]))
+    words = ["merge", *paths, "-o", str(tmp_path / "a.exr"), "--dry-run"]
+    ((_, marked),) = told(words, capsys).items()
+    ((_, true),) = told([*words, "--true-shutter"], capsys).items()
+    assert list(marked.values()) == ["1/60 s (EXIF)", "1/30 s (EXIF)"]
+    assert list(true.values()) == ["1/64 s (EXIF)", "1/32 s (EXIF)"]
+
+
+def test_a_colour_that_is_no_part_of_the_picture_is_left_out(merged, shoot, tmp_path):
+    photographs = [read_photograph(path) for path in shoot]
+    for photograph in photographs:
+        photograph.pixels[:, :9] = (0, 0, 255)
+        photograph.pixels[40, 50] = (0, 1, 255)
+    bordered = written(tmp_path / "bordered", [replace(p, name=Path(p.name).name) for p in photographs])
+    picture, facts = merged("--ignore", "0,0,255", photographs=bordered)
+    assert picture.clipped is not None
+    outside = picture.clipped == OUTSIDE
+    assert outside[:, :9].all() and outside.sum() == 9 * 120
+    assert facts["outside every photograph"] == "1080 pixels"
+
+
+def test_a_hand_held_and_a_moving_bracket_are_told(merged, scene, tmp_path):
+    exposures = [Exposure(t, 1.0, 100.0) for t in SECONDS]
+    shifted = list(exposed(scene, exposures))
+    shifted[1] = replace(shifted[1], pixels=np.roll(shifted[1].pixels, 3, axis=1))
+    _, facts = merged(photographs=written(tmp_path / "held", shifted))
+    assert facts["moved"] == 1
+    assert "moved" not in merged("--no-align", "--accept", photographs=written(tmp_path / "held", shifted))[1]
+    moving = list(exposed(scene, exposures))
+    for index, photograph in enumerate(moving):
+        photograph.pixels[30:90, 20 + 28 * index : 45 + 28 * index] = 60 + 20 * index
+    paths = written(tmp_path / "moving", moving)
+    assert 5 < float(merged("--no-align", photographs=paths)[1]["ghosts"].split()[0]) < 60
+    assert "ghosts" not in merged("--no-align", "--no-deghost", photographs=paths)[1]
+
+
+def test_the_scale_comes_from_any_one_reading(merged, scene):
+    plain, facts = merged()
+    assert plain.unit == "relative" and "scale" not in facts
+    light = plain.radiance @ np.array([0.2126, 0.7152, 0.0722])
+    by_spot, facts = merged("--spot", "60,40,500")
+    assert by_spot.unit == facts["unit"] == "cd/m²" and "a spot-meter reading at 60, 40" in facts["scale"]
+    factor = by_spot.radiance[0, 0] / plain.radiance[0, 0]
+    y, x = np.mgrid[:120, :180]
+    disc = (x - 60) ** 2 + (y - 40) ** 2 <= 16
+    assert factor == pytest.approx(np.full(3, 500 / light[disc].mean()), rel=0.02)
+    by_lux, facts = merged("--lux", "20,30,16,8,1000,0.18")
+    card = light[30:38, 20:36].mean()
+    assert by_lux.radiance[0, 0] / plain.radiance[0, 0] == pytest.approx(np.full(3, 180 / np.pi / card), rel=1e-4)
+    by_lamp, facts = merged("--luminaire", "20,30,16,8,100,200,300")
+    colour = by_lamp.radiance[30:38, 20:36].mean((0, 1))
+    assert colour == pytest.approx((100, 200, 300), rel=0.01)
+    by_exposure, facts = merged("--absolute")
+    assert f"± {100 * THIRD_OF_A_STOP:.2g} %" in facts["scale"] and "aperture" in facts["scale"]
+    assert np.ptp(by_exposure.radiance[0, 0] / plain.radiance[0, 0]) < 1e-2
+
+
+def test_the_lens_is_undone(merged, tmp_path):
+    plain, _ = merged()
+    grey, _ = merged("--white", "100,60,10,10")
+    assert np.ptp(grey.radiance[60:70, 100:110].mean((0, 1))) < 1e-3 * grey.radiance[60, 100, 0]
+    falloff = Vignetting((-0.3,)).falloff((180, 120))[..., None]
+    wall = RadianceMap(np.repeat(falloff, 3, 2).astype(np.float32), clipped=np.zeros((120, 180), np.uint8))
+    write(tmp_path / "wall.exr", wall)
+    even, _ = merged("--flat-field", str(tmp_path / "wall.exr"))
+    assert even.radiance == pytest.approx(plain.radiance / falloff, rel=2e-3)
+    veiled = plain.radiance.min((0, 1)).mean()
+    dark = np.argwhere(plain.radiance.max(2) == plain.radiance[5:-5, 5:-5].max(2).min())[0]
+    clear, _ = merged("--glare", f"{dark[1]},{dark[0]},1,1")
+    assert clear.radiance.min() < 0.2 * veiled and clear.radiance.max() > plain.radiance.max()
+
+
+def test_everything_that_was_measured_is_kept_in_the_profile(shoot, tmp_path, capsys):
+    """Vignetting, the balance of a white card and of a coloured lamp, and the scale: used again they give the same."""
+    falloff = Vignetting((-0.3,)).falloff((180, 120))[..., None]
+    wall = RadianceMap(np.repeat(falloff, 3, 2).astype(np.float32), clipped=np.zeros((120, 180), np.uint8))
+    write(tmp_path / "wall.exr", wall)
+    out, again, profile = (str(tmp_path / name) for name in ("a.exr", "b.exr", "p.json"))
+    words = ["merge", *shoot, "-o", out, "--save-profile", profile, "--flat-field", str(tmp_path / "wall.exr")]
+    words += ["--white", "100,60,10,10", "--luminaire", "20,30,16,8,100,200,300", "--no-refine"]
+    told(words, capsys)
+    facts = told(["merge", *shoot, "-o", again, "--profile", profile], capsys)
+    assert f"± {100 * METER:.2g} %" in facts["scale"] and "the camera's profile" in facts["scale"]
+    assert read_radiance(again).radiance == pytest.approx(read_radiance(out).radiance, rel=1e-5)
+    assert read_radiance(again).unit == "cd/m²"
+
+
+def test_a_profile_of_another_camera_is_told(merged, shoot, tmp_path, capsys):
+    other = tmp_path / "other.json"
+    write_profile(other, CameraProfile("Another Two", known_response()))
+    assert main(["merge", *shoot, "-o", str(tmp_path / "a.exr"), "--profile", str(other)]) == 0
+    (note,) = capsys.readouterr().err.splitlines()
+    assert "of the camera Another Two" in note and f"of {MAKER}" in note
+    merged()
+    assert capsys.readouterr().err == ""
+
+
+def test_a_folder_is_merged_to_a_folder(shoot, profile, tmp_path, capsys):
+    folder = str(Path(shoot[0]).parent)
+    facts = told(["merge", folder, "-o", str(tmp_path), "--profile", profile], capsys)
+    assert facts["written"] == str(tmp_path / "frame_0-frame_4.exr") and Path(facts["written"]).exists()
+    assert "no photograph is in this folder" in refused(["merge", str(tmp_path), "-o", "a.exr"], capsys)
+
+
+def test_several_brackets_are_merged_to_a_folder_and_to_no_file(scene, tmp_path, profile, capsys):
+    exposures = [Exposure(t, 1.0, 100.0) for t in SECONDS]
+    shoot = tmp_path / "shoot"
+    written(shoot, exposed(scene, exposures, prefix="a_"))
+    written(shoot, exposed(scene[::-1].copy(), exposures[1:], prefix="b_"))
+    words = ["merge", str(shoot), "--profile", profile]
+    line = refused([*words, "-o", str(tmp_path / "one.exr")], capsys)
+    assert "2 brackets are here, not one: a_0.png … a_4.png (5); b_0.png … b_3.png (4)" in line
+    (tmp_path / "file").write_text("")
+    assert "not a folder" in refused([*words, "-o", str(tmp_path / "file")], capsys, 3)
+    maps = tmp_path / "maps"
+    planned = told([*words, "-o", str(maps), "--dry-run"], capsys)
+    assert not maps.exists()
+    assert [list(exposures) for exposures in planned.values()] == [
+        [f"a_{i}.png" for i in range(5)], [f"b_{i}.png" for i in range(4)],
+    ]  # fmt: skip
+    facts = told([*words, "-o", str(maps)], capsys)
+    first, second = (read_radiance(maps / name) for name in ("a_0-a_4.exr", "b_0-b_3.exr"))
+    assert [path.name for path in sorted(maps.iterdir())] == ["a_0-a_4.exr", "b_0-b_3.exr"]
+    assert facts[str(maps / "b_0-b_3.exr")]["exposures"]["b_0.png"] == "1/128 s (EXIF)"
+    assert np.median(second.radiance[::-1] / first.radiance) == pytest.approx(1, abs=0.01)
+
+
+def test_maps_of_brackets_with_equal_names_do_not_overwrite_one_another(tmp_path):
+    groups = [[tmp_path / day / f"IMG_{i}.JPG" for i in range(3)] for day in ("monday", "tuesday")]
+    names = [path.name for path in targets(groups, tmp_path / "maps")]
+    assert names == ["monday-IMG_0-IMG_2.exr", "tuesday-IMG_0-IMG_2.exr"]
+    alike = [[tmp_path / year / "day" / f"IMG_{i}.JPG" for i in range(3)] for year in ("1997", "1998")]
+    names = [path.name for path in targets(alike, tmp_path / "maps")]
+    assert len(set(names)) == 2
+    assert targets(groups[:1], tmp_path) == (tmp_path / "IMG_0-IMG_2.exr",)
+    assert targets([groups[0][:1]], tmp_path) == (tmp_path / "IMG_0.exr",)
+
+
+def test_each_camera_has_its_own_response_and_profile(scene, tmp_path, capsys):
+    exposures = [Exposure(t, 1.0, 100.0) for t in SECONDS]
+    from synthetic import VirtualCamera
+
+    other = VirtualCamera(power=(1.8, 1.8, 1.8), electrons=20_000.0, read_noise=6.0)
+    first = written(tmp_path / "shoot", exposed(scene, exposures, prefix="a_"))
+    second = written(tmp_path / "shoot", exposed(scene, exposures, prefix="b_", camera=other, maker="Other Two"))
+    profile, maps = tmp_path / "p.json", tmp_path / "maps"
+    words = ["merge", *first, *second, "-o", str(maps), "--save-profile", str(profile), "--no-refine"]
+    facts = told([*words, "--report", str(tmp_path / "r.html")], capsys)
+    assert facts["profile"] == [str(profile), str(tmp_path / "p_1.json")]
+    assert [read_profile(path).camera for path in facts["profile"]] == [MAKER, "Other Two"]
+    assert f"residual of {MAKER}" in facts and "residual of Other Two" in facts and "residual" not in facts
+    one, two = (read_radiance(path).radiance for path in sorted(maps.iterdir()))
+    ratio = one / two
+    assert np.percentile(ratio / np.median(ratio), (5, 95)) == pytest.approx((1, 1), abs=0.06)
+    assert (tmp_path / "r.html").read_text().count("<h2>The camera&#x27;s response</h2>") == 2
+
+
+def test_dry_runs_write_nothing(shoot, tmp_path, capsys):
+    words = ["merge", *shoot, "-o", str(tmp_path / "a.exr"), "--report", str(tmp_path / "r.html"), "--dry-run"]
+    facts = told([*words, "--save-profile", str(tmp_path / "p.json")], capsys)
+    assert list(facts) == [f"would write {tmp_path / 'a.exr'}"]
+    assert facts[f"would write {tmp_path / 'a.exr'}"]["frame_4.png"] == "1/16 s (EXIF)"
+    assert list(tmp_path.iterdir()) == []
+
+
+WRONG = {
+    "--times 1/x": '"1/x" is no exposure time',
+    "--times 1/2,0": '"0" is not above 0',
+    "--times 1,2": "2 times were given for 5",
+    "--ignore 0,0": '--ignore: "0,0" is not 3 numbers',
+    "--ignore red": '--ignore: "red" is not 3 numbers',
+    "--ignore 0,0,254.5": "--ignore: 254.5 is no whole number",
+    "--ignore 0,0,inf": '"0,0,inf" is not 3 numbers',
+    "--spot 1,2": '--spot: "1,2" is not 3 numbers',
+    "--spot 1.5,2,100": "--spot: 1.5 is no whole number",
+    "--spot 1,2,nan": '"1,2,nan" is not 3 numbers',
+    "--spot 900,2,100": "900",
+    "--spot 20,20,-100": "-100",
+    "--lux 1,2,3,4": '--lux: "1,2,3,4" is not 6 numbers',
+    "--lux 1,2,3,4,100,18": "reflectance is 18",
+    "--luminaire 1,2,3,4,5": '--luminaire: "1,2,3,4,5" is not 7 numbers',
+    "--luminaire 1,2,3,4,5,6,0": "0",
+    "--glare 1,2,3": '--glare: "1,2,3" is not 4 numbers',
+    "--glare 1e30,2,3,4": "1",
+    "--white 1,2,3,x": '--white: "1,2,3,x" is not 4 numbers',
+    "--white 170,2,30,4": "180×120",
+    "--absolute --spot 1,2,3": "--absolute and --spot both tell the scale",
+    "--method magic": "magic",
+    "--neutral white": "white",
+    "--flat-field none.exr": "none.exr",
+    "--profile none.json": "none.json",
+    "--report r.txt": ".html",
+    "--save-profile p.exr": ".json",
+    "--bogus": "--bogus",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("words", WRONG)
+def test_wrong_words_are_refused_in_one_line(words, shoot, profile, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    known = [] if "profile" in words else ["--profile", profile]
+    assert WRONG[words] in refused(["merge", *shoot, "-o", "a.exr", *known, *words.split()], capsys)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_wrong_neutral_is_refused_in_one_line(shoot, tmp_path, capsys):
+    line = refused(["merge", *shoot, "-o", str(tmp_path / "a.exr"), "--neutral", "300", "--no-refine"], capsys)
+    assert "neutral is 300" in line
+
+
+def test_what_cannot_be_saved_is_refused_before_any_work(shoot, profile, tmp_path, capsys):
+    words = ["merge", *shoot, "-o", str(tmp_path / "a.exr"), "--profile", profile, "--save-profile"]
+    assert "so there is none to save" in refused([*words, str(tmp_path / "p.json")], capsys)
+    assert ".exr or .hdr" in refused(["merge", *shoot, "-o", str(tmp_path / "a.png")], capsys)
+    refused(["merge", *shoot, "-o", str(tmp_path / "nowhere" / "a.exr")], capsys, 3)
+    refused(["merge", *shoot, "-o", str(tmp_path / "a.exr"), "--report", str(tmp_path / "no" / "r.html")], capsys, 3)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_photographs_that_are_no_bracket_are_refused_in_one_line(shoot, profile, scene, tmp_path, capsys):
+    out = str(tmp_path / "a.exr")
+    assert "none.jpg: no such file" in refused(["merge", "none.jpg", "-o", out], capsys)
+    assert "--out" in refused(["merge", shoot[0]], capsys)
+    small = written(tmp_path, exposed(scene[:100], [Exposure(1 / 8, 1.0, 100.0)], prefix="small_"))
+    line = refused(["merge", *shoot, *small, "-o", out, "--times", "1,2,4,8,16,32"], capsys)
+    assert "small_0.png" in line and "180×100" in line
+    photographs = exposed(scene, [Exposure(1.0), Exposure(4.0)])
+    for name, value, remedy in (("white", 255, "shorter"), ("black", 0, "longer")):
+        alike = [replace(p, pixels=np.full_like(p.pixels, value), name=f"{name}_{p.name}") for p in photographs]
+        paths = written(tmp_path, alike)
+        line = refused(["merge", *paths, "-o", out, "--profile", profile], capsys)
+        assert remedy in line and f"{name}_frame_0.png" in line
+        refused(["merge", *paths, "-o", out], capsys)
+    torn = tmp_path / "torn.jpg"
+    torn.write_bytes(Path(PLATE[0]).read_bytes()[:20000])
+    assert "torn.jpg" in refused(["merge", str(torn), *PLATE[1:], "-o", out], capsys)
+    assert not Path(out).exists()
+
+
+def test_camera_raws_are_merged_photosite_by_photosite(scene, shoot, tmp_path, capsys):
+    light = textured(240, 160).mean(2) / 30
+    paths = [str(path) for path in raw_files(tmp_path / "raws", [light] * 3, (0.25, 1.0, 4.0))]
+    out, report = tmp_path / "a.exr", tmp_path / "r.html"
+    facts = told(["merge", *paths, "-o", str(out), "--report", str(report), "--no-refine"], capsys)
+    assert facts["exposures"] == {"raw_0.dng": "1/4 s (EXIF)", "raw_1.dng": "1 s (EXIF)", "raw_2.dng": "4 s (EXIF)"}
+    assert "residual" not in facts and report.exists()
+    plain = read_radiance(out)
+    assert plain.size == (240, 160) and plain.variance is not None
+    # f/4 takes a sixteenth of the light: it is allowed for, unless times given by hand replace the whole exposure.
+    words = ["merge", *paths, "-o", str(out), "--times", "1/4 1 4"]
+    assert list(told([*words, "--dry-run"], capsys).values()) == [
+        {"raw_0.dng": "1/4 s (given)", "raw_1.dng": "1 s (given)", "raw_2.dng": "4 s (given)"}
+    ]
+    told(words, capsys)
+    assert np.median(plain.radiance / read_radiance(out).radiance) == pytest.approx(16, rel=1e-3)
+    facts = told(["merge", *paths, "-o", str(out), "--absolute"], capsys)
+    assert facts["unit"] == "cd/m²" and "± 23 %" in facts["scale"]
+    told(["merge", *paths, "-o", str(out), "--spot", "50,50,77"], capsys)
+    seen = read_radiance(out).radiance @ np.array([0.2126, 0.7152, 0.0722])
+    assert seen[46:55, 46:55].mean() == pytest.approx(77, rel=0.05)
+    # Photographs beside them are left out, and that is told.
+    assert main(["merge", *paths, shoot[0], "-o", str(out)]) == 0
+    assert "1 photographs beside 3 camera raws are left out" in capsys.readouterr().err
+
+
+def test_camera_raws_that_cannot_be_merged_are_refused_in_one_line(tmp_path, capsys):
+    light = textured(240, 160).mean(2) / 30
+    paths = [str(path) for path in raw_files(tmp_path / "raws", [light] * 2, (1.0, 4.0))]
+    words = ["merge", *paths, "-o", str(tmp_path / "a.exr")]
+    listed = tmp_path / "times.txt"
+    listed.write_text("1 4\n")
+    for more in ([], ["--dry-run"]):
+        assert "write them as --times" in refused([*words, "--times", str(listed), *more], capsys)
+        assert "3 times were given for 2 photographs" in refused([*words, "--times", "1,2,3", *more], capsys)
+    assert "camera raws need no response" in refused([*words, "--save-profile", str(tmp_path / "p.json")], capsys)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["raws", "times.txt"]
+
+
+def test_a_raw_bracket_that_moved_exits_with_4(tmp_path, capsys):
+    light = textured(480, 320).mean(2) / 30
+    paths = raw_files(tmp_path / "raws", [light, np.roll(light, 4, 1), light], (0.25, 1.0, 4.0))
+    words = ["merge", *map(str, paths), "-o", str(tmp_path / "a.exr"), "-q"]
+    assert "pixels off the others" in refused(words, capsys, 4)
+    assert (tmp_path / "a.exr").exists()
+    assert main([*words, "--accept"]) == 0
+
+
+def test_steps_are_told_as_they_begin(shoot, profile, tmp_path):
+    from relume.cli.merge_job import Job, Reading, results_of
+    from relume.cli.merge_options import Readings
+
+    job = Job(
+        [[Path(path) for path in shoot]], [tmp_path / "a.exr"], Reading(None, None, False), read_profile(profile),
+        Treatment(aligned=False), Readings(), False,
+    )  # fmt: skip
+    steps: list[str] = []
+    (result,) = results_of(job, steps.append)
+    assert steps == ["read", "check", "deghost", "merge"] and result.targets == (tmp_path / "a.exr",)
