@@ -76,7 +76,7 @@ def merge_pixel(values: np.ndarray, log_times: np.ndarray, response: Response, w
             above += w * (g[z] - log_time)
             below += w
             slope = (g[min(z + 1, 255)] - g[max(z - 1, 0)]) / (min(z + 1, 255) - max(z - 1, 0))
-            noise += (w * slope * response.noise[c]) ** 2
+            noise += (w * slope * response.deviation[c, z]) ** 2
         radiance[c] = np.exp(above / below)
         variance[c] = radiance[c] ** 2 * noise / below**2
     return radiance, variance

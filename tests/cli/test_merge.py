@@ -92,8 +92,9 @@ def test_a_bracket_is_merged_with_its_report_and_its_profile(shoot, scene, tmp_p
     assert facts["unit"] == "relative" and len(facts["residual"]) == 3 and max(facts["residual"]) < 0.1
     assert list(read_layers(out)) == ["radiance", "variance", "clipped"]
     picture = read_radiance(out)
-    found = (picture.radiance / scene)[picture.clipped == 0]
-    assert np.percentile(found / np.median(found), (5, 95)) == pytest.approx((1, 1), abs=0.04)
+    assert picture.clipped is not None
+    found = (picture.radiance / scene)[(picture.clipped == 0) & (scene.min(2) > 2)]  # darker places are noisy
+    assert np.percentile(found / np.median(found), (5, 95)) == pytest.approx((1, 1), abs=0.03)
     page = report.read_text()
     assert page.startswith("<!doctype html>") and "frame_4.png" in page and "The camera&#x27;s response" in page
     assert read_profile(profile).camera == MAKER
@@ -121,7 +122,7 @@ def test_the_example_s_plate_is_merged_and_told_as_lines(tmp_path, capsys):
     assert main(["merge", *PLATE, "-o", str(out)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines[:3]] == ["written", "exposures", "unit"]
-    assert "IMG_0001.jpg 0.25 s (EXIF), IMG_0002.jpg 1 s (EXIF)" in lines[1]
+    assert "IMG_0001.jpg 1/4 s (EXIF), IMG_0002.jpg 1 s (EXIF)" in lines[1]
     assert read_radiance(out).size == (768, 512)
 
 
@@ -508,7 +509,9 @@ def test_a_raw_bracket_that_moved_exits_with_4(tmp_path, capsys):
     light = textured(480, 320).mean(2) / 30
     paths = raw_files(tmp_path / "raws", [light, np.roll(light, 4, 1), light], (0.25, 1.0, 4.0))
     words = ["merge", *map(str, paths), "-o", str(tmp_path / "a.exr"), "-q"]
-    assert "pixels off the others" in refused(words, capsys, 4)
+    assert "noted above" in refused(words, capsys, 4)
+    assert main(words[:-1]) == 4
+    assert "pixels off the others, and raws are merged as they lie" in capsys.readouterr().err
     assert (tmp_path / "a.exr").exists()
     assert main([*words, "--accept"]) == 0
 

@@ -53,7 +53,7 @@ class Treatment:
 
     method: ResponseMethod = DebevecMalik()
     weighting: Weighting = InverseVariance()
-    refine: Ratios | None = Ratios()
+    refine: Ratios | None = None
     aligned: bool = True
     consistency: Consistency | None = Consistency()
     neutral: int | None = None

@@ -33,7 +33,9 @@ class Steps:
     """How the photographs are treated."""
 
     method: Annotated[Method, Parameter(group=STEPS, help="How the response is recovered.")] = "debevec-malik"
-    refine: Annotated[bool, Parameter(group=STEPS, help="Correct exposures that the photographs contradict.")] = True
+    refine: Annotated[
+        bool, Parameter(group=STEPS, negative="", help="Correct exposures that the photographs contradict.")
+    ] = False
     align: Annotated[bool, Parameter(group=STEPS, help="Bring photographs that moved onto one another.")] = True
     deghost: Annotated[bool, Parameter(group=STEPS, help="Leave out what moved between them.")] = True
     paper_weights: Annotated[bool, Parameter(group=STEPS, negative="", help="Weigh as Debevec & Malik do (eq. 4).")] = (
