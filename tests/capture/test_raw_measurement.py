@@ -117,7 +117,7 @@ def test_times_and_white_that_are_given_count(light, sound, whole):
     assert np.median(ratio) == pytest.approx(2 * 16, rel=1e-4)
     assert {frame.f_number for frame in doubled.measured[0].frames} == {None}
     assert {frame.source for frame in doubled.measured[0].frames} == {"given"}
-    white = np.array([1.0, 1.0, 2.0])
+    white = (1.0, 1.0, 2.0)
     warm = measure_raw(sound, balance=white).measured[0].picture
     assert np.array_equal(warm.radiance, merge_raw(sound, balance=white).radiance)
     assert not np.array_equal(warm.radiance, whole.measured[0].picture.radiance)

@@ -85,7 +85,7 @@ def merged(shoot, profile, tmp_path, capsys) -> Callable[..., tuple[RadianceMap,
 
 def test_a_bracket_is_merged_with_its_report_and_its_profile(shoot, scene, tmp_path, capsys):
     out, profile, report = tmp_path / "a.exr", tmp_path / "p.json", tmp_path / "r.html"
-    words = ["merge", *shoot, "-o", str(out), "--save-profile", str(profile), "--report", str(report), "--no-refine"]
+    words = ["merge", *shoot, "-o", str(out), "--save-profile", str(profile), "--report", str(report)]
     facts = told(words, capsys)
     assert facts["written"] == str(out) and facts["profile"] == str(profile) and facts["report"] == str(report)
     assert facts["exposures"] == {f"frame_{i}.png": f"1/{256 >> i} s (EXIF)" for i in range(5)}
@@ -127,11 +127,10 @@ def test_the_example_s_plate_is_merged_and_told_as_lines(tmp_path, capsys):
 
 
 SWITCHES = {
-    "": lambda t: t == Treatment(),
+    "": lambda t: t.refine is None,
     "--method debevec-malik": lambda t: t.method == DebevecMalik(),
     "--method mitsunaga-nayar": lambda t: t.method == MitsunagaNayar(),
     "--method robertson": lambda t: t.method == Robertson(),
-    "--no-refine": lambda t: t.refine is None,
     "--refine": lambda t: t.refine == Ratios(),
     "--no-align": lambda t: t.aligned is False,
     "--no-deghost": lambda t: t.consistency is None,
@@ -160,7 +159,7 @@ def test_every_switch_changes_the_treatment_and_nothing_else(words, shoot, tmp_p
     assert SWITCHES[words](given["treatment"])
     plain, name = Treatment(), words.split()[0] if words else ""
     meant = {
-        "--method": "method", "--no-refine": "refine", "--refine": "refine", "--no-align": "aligned",
+        "--method": "method", "--refine": "refine", "--no-align": "aligned",
         "--no-deghost": "consistency", "--deghost": "consistency", "--paper-weights": "weighting",
         "--neutral": "neutral", "--focal-length": "focal_length", "--absolute": "scale", "--glare": "glare",
         "--white": "balance",
@@ -202,7 +201,7 @@ def test_without_any_exposure_the_pixels_tell_and_the_result_is_doubtful(scene, 
 
 
 def test_doubtful_results_are_written_and_exit_with_4_unless_accepted(shoot, tmp_path, capsys):
-    words = ["merge", *shoot, "-o", str(tmp_path / "a.exr"), "--no-refine", "--times", "1/64,1/256,1/16,1/32,1/128"]
+    words = ["merge", *shoot, "-o", str(tmp_path / "a.exr"), "--times", "1/64,1/256,1/16,1/32,1/128"]
     assert main(words) == 4
     captured = capsys.readouterr()
     assert (tmp_path / "a.exr").exists() and "written" in captured.out
@@ -306,7 +305,7 @@ def test_everything_that_was_measured_is_kept_in_the_profile(shoot, tmp_path, ca
     write(tmp_path / "wall.exr", wall)
     out, again, profile = (str(tmp_path / name) for name in ("a.exr", "b.exr", "p.json"))
     words = ["merge", *shoot, "-o", out, "--save-profile", profile, "--flat-field", str(tmp_path / "wall.exr")]
-    words += ["--white", "100,60,10,10", "--luminaire", "20,30,16,8,100,200,300", "--no-refine"]
+    words += ["--white", "100,60,10,10", "--luminaire", "20,30,16,8,100,200,300"]
     told(words, capsys)
     facts = told(["merge", *shoot, "-o", again, "--profile", profile], capsys)
     assert f"± {100 * METER:.2g} %" in facts["scale"] and "the camera's profile" in facts["scale"]
@@ -373,7 +372,7 @@ def test_each_camera_has_its_own_response_and_profile(scene, tmp_path, capsys):
     first = written(tmp_path / "shoot", exposed(scene, exposures, prefix="a_"))
     second = written(tmp_path / "shoot", exposed(scene, exposures, prefix="b_", camera=other, maker="Other Two"))
     profile, maps = tmp_path / "p.json", tmp_path / "maps"
-    words = ["merge", *first, *second, "-o", str(maps), "--save-profile", str(profile), "--no-refine"]
+    words = ["merge", *first, *second, "-o", str(maps), "--save-profile", str(profile)]
     facts = told([*words, "--report", str(tmp_path / "r.html")], capsys)
     assert facts["profile"] == [str(profile), str(tmp_path / "p_1.json")]
     assert [read_profile(path).camera for path in facts["profile"]] == [MAKER, "Other Two"]
@@ -433,7 +432,7 @@ def test_wrong_words_are_refused_in_one_line(words, shoot, profile, tmp_path, mo
 
 
 def test_a_wrong_neutral_is_refused_in_one_line(shoot, tmp_path, capsys):
-    line = refused(["merge", *shoot, "-o", str(tmp_path / "a.exr"), "--neutral", "300", "--no-refine"], capsys)
+    line = refused(["merge", *shoot, "-o", str(tmp_path / "a.exr"), "--neutral", "300"], capsys)
     assert "neutral is 300" in line
 
 
@@ -470,7 +469,7 @@ def test_camera_raws_are_merged_photosite_by_photosite(scene, shoot, tmp_path, c
     light = textured(240, 160).mean(2) / 30
     paths = [str(path) for path in raw_files(tmp_path / "raws", [light] * 3, (0.25, 1.0, 4.0))]
     out, report = tmp_path / "a.exr", tmp_path / "r.html"
-    facts = told(["merge", *paths, "-o", str(out), "--report", str(report), "--no-refine"], capsys)
+    facts = told(["merge", *paths, "-o", str(out), "--report", str(report)], capsys)
     assert facts["exposures"] == {"raw_0.dng": "1/4 s (EXIF)", "raw_1.dng": "1 s (EXIF)", "raw_2.dng": "4 s (EXIF)"}
     assert "residual" not in facts and report.exists()
     plain = read_radiance(out)

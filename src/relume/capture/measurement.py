@@ -6,6 +6,8 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from relume.capture.absolute import Scale, calibrated
 from relume.capture.alignment import Aligned, align
 from relume.capture.bracket import Bracket, FrameFacts
@@ -33,6 +35,10 @@ from relume.image.photograph import Exposure
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 
+OBSERVED = 0.7
+"""Share of white up to which every curve must have been observed for the channels to be tied at white; beyond its
+observations a curve is a guess: sixteen scans of film, whose blue is hardly seen above the middle, came out yellow."""
+
 
 @dataclass(frozen=True)
 class Treatment:
@@ -43,7 +49,8 @@ class Treatment:
     refine : how exposures that the photographs contradict are corrected; None takes them as told
     aligned : whether frames are brought onto one another
     consistency : what may differ between frames before it is left out as a ghost; None leaves everything in
-    neutral : the pixel value at which equal channels are achromatic; white unless given (see `Response.balanced_at`)
+    neutral : the pixel value at which equal channels are achromatic (see `Response.balanced_at`); unless given it is
+        white, or the highest value that was observed in every channel
     glare : given the merged map, the lens's glare, taken out first, for the veil lies over the vignetted light
     vignetting : of the lens, at one aperture or several
     balance : given the map, the gains that show a luminaire in its known colour (§2.6)
@@ -188,10 +195,17 @@ def _recovered(brackets: Sequence[Bracket], doubts: Sequence[Sequence[Doubt]], t
             raise
         raise NotABracket(grave[0]) from error
     white = calibration.response.levels - 1
-    neutral = white if treatment.neutral is None else treatment.neutral
+    neutral = _neutral(calibration) if treatment.neutral is None else treatment.neutral
     if not 0 <= neutral <= white:
         raise ValueError(f"neutral is {neutral}; the photographs' pixel values are 0 to {white}")
     return calibration.balanced_at(neutral)
+
+
+def _neutral(calibration: Calibration) -> int:
+    """White, or where some channel's curve was not observed so high, the highest value at which all were."""
+    white = calibration.response.levels - 1
+    seen = min(float(np.percentile(samples[:, 1], 99.5)) for samples in calibration.samples)
+    return white if seen > OBSERVED * white else int(seen)
 
 
 def _mended(bracket: Bracket, calibration: Calibration) -> Bracket:

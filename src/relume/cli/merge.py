@@ -79,6 +79,12 @@ def merge(
             raise NotABracket(f"--save-profile {save_profile}: {what}, so there is none to save; leave it out")
         known = read_profile(profile) if profile is not None else None
         treatment = treatment_of(steps, lens, readings, known)
+        idle = without_effect(
+            steps, raw=bool(raws), profile=known is not None, ignore=ignore, true_shutter=true_shutter
+        )
+        if idle:
+            why = "camera raws are merged as they are" if raws else "the profile's response is taken as it is"
+            note(manner, f"{' and '.join(idle)} do nothing: {why}")
         job = Job(groups, targets(groups, out), reading, known, treatment, readings, bool(raws))
         if dry_run:
             tell(manner, forecast(job))
@@ -114,6 +120,18 @@ def ignored_colour(text: str | None) -> tuple[int, int, int] | None:
         return None
     red, green, blue = whole(numbers(text, "--ignore", 3), "--ignore")
     return red, green, blue
+
+
+def without_effect(
+    steps: Steps, *, raw: bool, profile: bool, ignore: str | None, true_shutter: bool
+) -> tuple[str, ...]:
+    """The options given that do nothing for these photographs."""
+    of_response = {"--neutral": steps.neutral is not None, "--method": steps.method != Steps.method}
+    of_raws = {"--ignore": ignore is not None, "--true-shutter": true_shutter, "--paper-weights": steps.paper_weights}
+    given = of_response | of_raws | {"--profile": profile} if raw else {}
+    if profile and not raw:
+        given = of_response | {"--refine": steps.refine}
+    return tuple(option for option, is_given in given.items() if is_given)
 
 
 def targets(groups: Sequence[Sequence[Path]], out: Path) -> tuple[Path, ...]:

@@ -68,7 +68,8 @@ def relative_error(picture: RadianceMap) -> bytes:
     right.yaxis.set_minor_formatter("{x:g}")
     right.tick_params(labelsize=7, which="both")
     right.grid(alpha=0.25, which="both")
-    right.legend(fontsize=7)
+    if right.lines:
+        right.legend(fontsize=7)
     return _encoded(figure)
 
 
