@@ -9,15 +9,25 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from relume.capture.alignment import align
     from relume.capture.bracket import Bracket, read_bracket
     from relume.capture.calibration import Calibration, recover_response
+    from relume.capture.debevec_malik import DebevecMalik
+    from relume.capture.deghosting import deghost
+    from relume.capture.measurement import Measurement, Treatment, measure
     from relume.capture.merging import merge
+    from relume.capture.mitsunaga_nayar import MitsunagaNayar
+    from relume.capture.profile import CameraProfile, read_profile, write_profile
+    from relume.capture.ratios import Ratios
+    from relume.capture.raw_merging import merge_raw
+    from relume.capture.robertson import Robertson
     from relume.capture.weighting import Hat, InverseVariance
     from relume.composite.differential import differential
     from relume.composite.local_scene import Recovered, recover_reflectance
-    from relume.develop.film import Film, develop
+    from relume.develop.film import Film, develop, virtual_photograph
     from relume.errors import (
         BallNotFound,
+        DoubtfulResult,
         GridNotFound,
         InvalidScene,
         InvalidShot,
@@ -56,15 +66,33 @@ if TYPE_CHECKING:
     from relume.sphere.mappings import Angular, LatLong, MirrorBall
 
 _HOMES = {
+    "capture.alignment": ("align",),
+    "capture.debevec_malik": ("DebevecMalik",),
+    "capture.deghosting": ("deghost",),
+    "capture.measurement": (
+        "Measurement",
+        "Treatment",
+        "measure",
+    ),
+    "capture.mitsunaga_nayar": ("MitsunagaNayar",),
+    "capture.profile": (
+        "CameraProfile",
+        "read_profile",
+        "write_profile",
+    ),
+    "capture.ratios": ("Ratios",),
+    "capture.raw_merging": ("merge_raw",),
+    "capture.robertson": ("Robertson",),
     "capture.bracket": ("Bracket", "read_bracket"),
     "capture.calibration": ("Calibration", "recover_response"),
     "capture.merging": ("merge",),
     "capture.weighting": ("Hat", "InverseVariance"),
     "composite.differential": ("differential",),
     "composite.local_scene": ("Recovered", "recover_reflectance"),
-    "develop.film": ("Film", "develop"),
+    "develop.film": ("Film", "develop", "virtual_photograph"),
     "errors": (
         "BallNotFound",
+        "DoubtfulResult",
         "GridNotFound",
         "InvalidScene",
         "InvalidShot",
@@ -112,10 +140,13 @@ __all__ = [
     "Bracket",
     "Calibration",
     "Camera",
+    "CameraProfile",
     "Checks",
     "Constant",
+    "DebevecMalik",
     "Diffuse",
     "DistantLight",
+    "DoubtfulResult",
     "Exposure",
     "Film",
     "GridNotFound",
@@ -128,9 +159,11 @@ __all__ = [
     "LatLong",
     "Mapped",
     "Material",
+    "Measurement",
     "Mesh",
     "MirrorBall",
     "Mitsuba",
+    "MitsunagaNayar",
     "NotABracket",
     "OutputNotWritten",
     "Patches",
@@ -140,6 +173,7 @@ __all__ = [
     "Polygon",
     "Probe",
     "RadianceMap",
+    "Ratios",
     "Recovered",
     "ReflectionMap",
     "Reflective",
@@ -147,27 +181,34 @@ __all__ = [
     "Render",
     "Renderer",
     "Response",
+    "Robertson",
     "Scene",
     "SceneFile",
     "Shot",
     "Sphere",
+    "Treatment",
     "UnreadableFile",
     "UnsupportedScene",
     "Whitted",
     "WhittedMaterial",
+    "align",
     "as_illumination",
     "as_radiance_map",
     "assemble",
     "camera_from_grid",
+    "deghost",
     "develop",
     "differential",
     "insert",
+    "measure",
     "merge",
+    "merge_raw",
     "read",
     "read_bracket",
     "read_meshes",
     "read_patches",
     "read_photograph",
+    "read_profile",
     "read_radiance",
     "read_scene",
     "read_shot",
@@ -177,8 +218,10 @@ __all__ = [
     "reflection_maps",
     "render",
     "view_ball",
+    "virtual_photograph",
     "write",
     "write_layers",
+    "write_profile",
 ]
 
 

@@ -323,6 +323,40 @@ def test_a_profile_of_another_camera_is_told(merged, shoot, tmp_path, capsys):
     assert capsys.readouterr().err == ""
 
 
+def test_options_that_do_nothing_are_told(merged, profile, tmp_path, capsys):
+    plain, _ = merged()
+    words = ["--neutral", "128", "--refine", "--method", "robertson"]
+    for option, value in (("--neutral", "128"), ("--refine", ""), ("--method", "robertson")):
+        assert np.array_equal(merged(option, *filter(None, [value]))[0].radiance, plain.radiance)
+    assert main(["merge", *PLATE, "-o", str(tmp_path / "a.exr"), "--neutral", "128", "--dry-run"]) == 0
+    assert capsys.readouterr().err == ""
+    assert main(["merge", *PLATE, "-o", str(tmp_path / "b.exr"), "--profile", profile, "--dry-run", *words]) == 0
+    line = "--neutral and --method and --refine do nothing: the profile's response is taken as it is"
+    assert capsys.readouterr().err == f"relume: note: {line}\n"
+    light = textured(240, 160).mean(2) / 30
+    raws = [str(path) for path in raw_files(tmp_path / "raws", [light] * 2, (1.0, 4.0))]
+    coloured = tmp_path / "coloured.json"
+    write_profile(coloured, CameraProfile(MAKER, known_response(), scale=7.0, balance=(2.0, 1.0, 0.5)))
+    told(["merge", *raws, "-o", str(tmp_path / "plain.exr")], capsys)
+    words = ["--profile", str(coloured), "--ignore", "0,0,255", "--true-shutter", "--paper-weights"]
+    assert main(["merge", *raws, "-o", str(tmp_path / "with.exr"), *words, "-q"]) == 0
+    capsys.readouterr()
+    assert main(["merge", *raws, "-o", str(tmp_path / "with.exr"), *words]) == 0
+    line = (
+        "--ignore and --true-shutter and --paper-weights and --profile do nothing: camera raws are merged as they are"
+    )
+    assert capsys.readouterr().err == f"relume: note: {line}\n"
+    # What the profile knows of encoded photographs does not touch raws; what it knows of the lens does.
+    without, with_ = (read_radiance(tmp_path / f"{name}.exr") for name in ("plain", "with"))
+    assert np.array_equal(with_.radiance, without.radiance) and with_.unit == "relative"
+    vignetting = Vignetting((-0.3,))
+    write_profile(coloured, CameraProfile(MAKER, known_response(), vignetting=vignetting.to_dict()))
+    assert main(["merge", *raws, "-o", str(tmp_path / "lens.exr"), "--profile", str(coloured)]) == 0
+    assert capsys.readouterr().err == ""
+    even = read_radiance(tmp_path / "lens.exr").radiance * vignetting.falloff((240, 160))[..., None]
+    assert even == pytest.approx(without.radiance, rel=1e-5, abs=1e-9)
+
+
 def test_a_folder_is_merged_to_a_folder(shoot, profile, tmp_path, capsys):
     folder = str(Path(shoot[0]).parent)
     facts = told(["merge", folder, "-o", str(tmp_path), "--profile", profile], capsys)

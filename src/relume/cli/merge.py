@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -12,6 +13,9 @@ from relume.cli.arguments import DryRun, read_times, require_suffix
 from relume.cli.console import Manner, note, progress, speaking, tell
 from relume.cli.merge_options import Lens, Readings, Steps, numbers, treatment_of, whole
 from relume.errors import DoubtfulResult, NotABracket, OutputNotWritten
+
+if TYPE_CHECKING:
+    from relume.capture.profile import CameraProfile
 
 MAPS = (".exr", ".hdr")
 
@@ -78,13 +82,14 @@ def merge(
             what = "camera raws need no response" if raws else "--profile gives the response"
             raise NotABracket(f"--save-profile {save_profile}: {what}, so there is none to save; leave it out")
         known = read_profile(profile) if profile is not None else None
+        if known is not None and raws:
+            # Its balance and scale are those of encoded photographs; only the lens is the same.
+            known = replace(known, balance=(1.0, 1.0, 1.0), scale=None)
         treatment = treatment_of(steps, lens, readings, known)
-        idle = without_effect(
-            steps, raw=bool(raws), profile=known is not None, ignore=ignore, true_shutter=true_shutter
-        )
+        idle = without_effect(steps, raw=bool(raws), profile=known, ignore=ignore, true_shutter=true_shutter)
         if idle:
             why = "camera raws are merged as they are" if raws else "the profile's response is taken as it is"
-            note(manner, f"{' and '.join(idle)} do nothing: {why}")
+            note(manner, f"without effect: {', '.join(idle)}; {why}")
         job = Job(groups, targets(groups, out), reading, known, treatment, readings, bool(raws))
         if dry_run:
             tell(manner, forecast(job))
@@ -123,13 +128,15 @@ def ignored_colour(text: str | None) -> tuple[int, int, int] | None:
 
 
 def without_effect(
-    steps: Steps, *, raw: bool, profile: bool, ignore: str | None, true_shutter: bool
+    steps: Steps, *, raw: bool, profile: CameraProfile | None, ignore: str | None, true_shutter: bool
 ) -> tuple[str, ...]:
     """The options given that do nothing for these photographs."""
     of_response = {"--neutral": steps.neutral is not None, "--method": steps.method != Steps.method}
     of_raws = {"--ignore": ignore is not None, "--true-shutter": true_shutter, "--paper-weights": steps.paper_weights}
-    given = of_response | of_raws | {"--profile": profile} if raw else {}
-    if profile and not raw:
+    given: dict[str, bool] = {}
+    if raw:
+        given = of_response | of_raws | {"--profile": profile is not None and profile.vignetting is None}
+    elif profile is not None:
         given = of_response | {"--refine": steps.refine}
     return tuple(option for option, is_given in given.items() if is_given)
 
