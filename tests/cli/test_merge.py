@@ -331,7 +331,7 @@ def test_options_that_do_nothing_are_told(merged, profile, tmp_path, capsys):
     assert main(["merge", *PLATE, "-o", str(tmp_path / "a.exr"), "--neutral", "128", "--dry-run"]) == 0
     assert capsys.readouterr().err == ""
     assert main(["merge", *PLATE, "-o", str(tmp_path / "b.exr"), "--profile", profile, "--dry-run", *words]) == 0
-    line = "--neutral and --method and --refine do nothing: the profile's response is taken as it is"
+    line = "without effect: --neutral, --method, --refine; the profile's response is taken as it is"
     assert capsys.readouterr().err == f"relume: note: {line}\n"
     light = textured(240, 160).mean(2) / 30
     raws = [str(path) for path in raw_files(tmp_path / "raws", [light] * 2, (1.0, 4.0))]
@@ -342,9 +342,7 @@ def test_options_that_do_nothing_are_told(merged, profile, tmp_path, capsys):
     assert main(["merge", *raws, "-o", str(tmp_path / "with.exr"), *words, "-q"]) == 0
     capsys.readouterr()
     assert main(["merge", *raws, "-o", str(tmp_path / "with.exr"), *words]) == 0
-    line = (
-        "--ignore and --true-shutter and --paper-weights and --profile do nothing: camera raws are merged as they are"
-    )
+    line = "without effect: --ignore, --true-shutter, --paper-weights, --profile; camera raws are merged as they are"
     assert capsys.readouterr().err == f"relume: note: {line}\n"
     # What the profile knows of encoded photographs does not touch raws; what it knows of the lens does.
     without, with_ = (read_radiance(tmp_path / f"{name}.exr") for name in ("plain", "with"))

@@ -66,6 +66,11 @@ def plain() -> Measurement:
     return measure(bracket, response=known_response(), treatment=Treatment(aligned=True))
 
 
+@pytest.fixture(scope="module")
+def eventful_page(eventful, tmp_path_factory) -> str:
+    return report(eventful, tmp_path_factory.mktemp("report"))
+
+
 def report(measurements: Measurement | Sequence[Measurement], folder: Path) -> str:
     path = folder / "report.html"
     write_capture_report([measurements] if isinstance(measurements, Measurement) else measurements, path)
@@ -96,8 +101,8 @@ def decoded(image: bytes) -> np.ndarray:
         return np.array(picture.convert("RGB"))
 
 
-def test_a_bracket_that_has_everything_shows_everything(eventful, tmp_path):
-    text = report(eventful, tmp_path)
+def test_a_bracket_that_has_everything_shows_everything(eventful_page):
+    text = eventful_page
     assert headings(text) == [
         "frame_0.png … frame_5.png", "Exposures", "What no photograph measured", "How sure it is", "Alignment",
         "Ghosts", "The camera's response", "Timings",
@@ -117,8 +122,8 @@ def test_a_bracket_that_has_everything_shows_everything(eventful, tmp_path):
     assert "http:" not in text and "https:" not in text
 
 
-def test_the_tables_hold_the_measurement_s_numbers(eventful, tmp_path):
-    text, one = report(eventful, tmp_path), eventful.measured[0]
+def test_the_tables_hold_the_measurement_s_numbers(eventful, eventful_page):
+    text, one = eventful_page, eventful.measured[0]
     table = {row[0]: row for row in rows(text)}
     assert table["photograph"] == [
         "photograph", "time", "aperture", "ISO", "stops", "told by", "corrected by", "moved by", "ghosts",
@@ -149,6 +154,18 @@ def test_the_tables_hold_the_measurement_s_numbers(eventful, tmp_path):
     assert f"Misfit of ln exposure {residual}" in text
     assert f"{one.extent.orders:.1f} orders of magnitude" in text
     assert f"{100 * deghosted.ghosts.mean():.2g} % of the picture" in text
+
+
+def test_the_arrows_are_those_of_the_frames_that_were_moved(eventful, tmp_path, monkeypatch):
+    drawn = []
+    arrows = capture_plots.arrows
+    monkeypatch.setattr(
+        capture_plots, "arrows", lambda radiance, fields: (drawn.extend(fields), arrows(radiance, fields))[1]
+    )
+    report(eventful, tmp_path)
+    ((name, field),) = drawn
+    assert name == "frame_1.png" and field.shape == (6, 8, 2)
+    assert field[..., 0] == pytest.approx(4, abs=0.25) and field[..., 1] == pytest.approx(0, abs=0.25)
 
 
 def test_a_quiet_bracket_says_so(plain, tmp_path):
@@ -186,7 +203,7 @@ def test_camera_raws_are_reported_without_a_response(tmp_path):
 
 
 def test_each_camera_has_its_own_part(plain, eventful, tmp_path):
-    text = report([plain, eventful], tmp_path)
+    text = report([plain, replace(eventful, measured=())], tmp_path)
     assert headings(text).count("Timings") == 2 and headings(text).count("The camera's response") == 1
     with pytest.raises(OutputNotWritten):
         write_capture_report([plain], tmp_path / "nowhere" / "report.html")
@@ -200,10 +217,10 @@ def test_a_photograph_alone_is_reported(tmp_path):
 
 def test_noise_that_was_measured_is_told(eventful, tmp_path):
     noise = Noise(np.array([1e-4, 2e-4, 3e-4]), np.array([0.01, 0.02, 0.03]))
-    changed = replace(eventful, calibration=replace(eventful.calibration, noise=noise))
+    changed = replace(eventful, measured=(), calibration=replace(eventful.calibration, noise=noise))
     words = "shot noise (0.0001, 0.0002, 0.0003), read noise (0.01, 0.02, 0.03) of the exposure at white"
     assert words in report(changed, tmp_path)
-    silent = replace(eventful, calibration=replace(eventful.calibration, noise=None))
+    silent = replace(eventful, measured=(), calibration=replace(eventful.calibration, noise=None))
     assert "shot noise" not in report(silent, tmp_path)
 
 
