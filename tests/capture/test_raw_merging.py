@@ -72,7 +72,10 @@ def raws(
 def known(photographs: Sequence[RawPhotograph], saturation: float = 1.0) -> RawCalibration:
     exposures = tuple(raw.exposure for raw in photographs if raw.exposure)
     factors = np.array([exposure.factor for exposure in exposures])
-    return RawCalibration(tuple(raw.name for raw in photographs), exposures, factors, NOISE, saturation)
+    return RawCalibration(
+        tuple(raw.name for raw in photographs), exposures, factors, NOISE, saturation, np.zeros(len(factors)),
+        photographs[0].black, photographs[0].white,
+    )  # fmt: skip
 
 
 FIELDS = {

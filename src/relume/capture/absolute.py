@@ -137,6 +137,12 @@ def scale_from_spot(
     """
     patch = measured_patch(picture, disc(picture.size, x, y, radius))
     scale = _positive("reading", reading) / patch.luminance
+    if patch.uncertainty > THIRD_OF_A_STOP:
+        warnings.warn(
+            f"the spot at {x}, {y} is uneven to {100 * patch.uncertainty:.0f} %, worse than shutter and aperture tell; "
+            "meter an even place",
+            stacklevel=2,
+        )
     return Scale.grey(scale, float(np.hypot(deviation, patch.uncertainty)), f"a spot-meter reading at {x}, {y}")
 
 

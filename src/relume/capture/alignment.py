@@ -26,6 +26,8 @@ WELL = 25.0
 NEARLY = 0.8
 """Share of the best frame's well exposed pixels that makes another one as good; of these the middle one is taken,
 which has most in common with all."""
+FARTHEST = 1 / 3
+"""Share of width or height beyond which a shift is not believed."""
 NEIGHBOURS = 2
 """Frames nearest in exposure, on the reference's side, that each frame is compared with, beside the reference."""
 
@@ -74,7 +76,7 @@ def align(bracket: Bracket, *, rotation: bool = True) -> Aligned:
 
     levels = [pyramid(photograph) for photograph in photographs]
     reference = _best_exposed([level[0] for level in levels])
-    found = _estimates(levels, reference, rotation)
+    found = _estimates(levels, reference, rotation, photographs[0].size)
     for photograph, estimate in zip(photographs, found, strict=True):
         if not _told(estimate):
             warnings.warn(
@@ -99,7 +101,9 @@ def _best_exposed(finest: Sequence[Level]) -> int:
     return int(good[np.argmin(np.abs(good - (len(finest) - 1) / 2))])
 
 
-def _estimates(levels: Sequence[tuple[Level, ...]], reference: int, rotation: bool) -> list[Estimate]:
+def _estimates(
+    levels: Sequence[tuple[Level, ...]], reference: int, rotation: bool, size: tuple[int, int]
+) -> list[Estimate]:
     """A motion for every frame, found from the reference outwards: neighbours in exposure have most in common."""
     from relume.capture.alignment_estimate import Estimate, Placed, estimate
 
@@ -112,7 +116,7 @@ def _estimates(levels: Sequence[tuple[Level, ...]], reference: int, rotation: bo
             compared = nearest if reference in nearest else [*nearest, reference]
             partners = [Placed(levels[i], found[i].motion) for i in compared]
             found[index] = estimate(levels[index], partners, rotation=rotation)
-            if _told(found[index]):
+            if _told(found[index]) and _near(found[index].motion, size):
                 placed.append(index)
             else:
                 found[index] = replace(found[index], motion=partners[0].motion, error=np.inf)
@@ -120,6 +124,11 @@ def _estimates(levels: Sequence[tuple[Level, ...]], reference: int, rotation: bo
     with ThreadPoolExecutor(2) as pool:
         list(pool.map(follow, (range(reference - 1, -1, -1), range(reference + 1, len(levels)))))
     return [found[index] for index in range(len(levels))]
+
+
+def _near(motion: Motion, size: tuple[int, int]) -> bool:
+    """Whether a hand may have moved that far; beyond, some edge of a smooth scene was taken for another."""
+    return abs(motion.dx) <= FARTHEST * size[0] and abs(motion.dy) <= FARTHEST * size[1]
 
 
 def _told(estimate: Estimate) -> bool:

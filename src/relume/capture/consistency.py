@@ -103,9 +103,10 @@ def _of_settings(bracket: Bracket) -> Iterator[Doubt]:
         told = ", ".join(f"{value:g}" for value in gains)
         yield Doubt(
             bracket.name,
-            f"the ISO varies ({told}); it is allowed for, but cameras' ISO steps are inexact and the noise varies",
+            f"the ISO varies ({told}); it is allowed for, but cameras' ISO steps are inexact, and the standard error "
+            "is that of one ISO",
             "switch automatic ISO off and vary the time alone",
-            False,
+            True,
         )
 
 

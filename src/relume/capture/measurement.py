@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -35,6 +36,7 @@ from relume.image.photograph import Exposure
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 
+Read = TypeVar("Read")
 OBSERVED = 0.7
 """Share of white up to which every curve must have been observed for the channels to be tied at white; beyond its
 observations a curve is a guess: sixteen scans of film, whose blue is hardly seen above the middle, came out yellow."""
@@ -69,6 +71,27 @@ class Treatment:
     balance: Callable[[RadianceMap], Balance] | None = None
     scale: Callable[[RadianceMap, Bracket, Response], Scale] | None = None
     focal_length: float | None = None
+
+    def read_once(self) -> Treatment:
+        """The same, but what is read in one map, glare, balance or scale, is taken for all: they share one scale."""
+        return replace(
+            self,
+            glare=None if self.glare is None else _once(self.glare),
+            balance=None if self.balance is None else _once(self.balance),
+            scale=None if self.scale is None else _once(self.scale),
+        )
+
+
+def _once(read: Callable[..., Read]) -> Callable[..., Read]:
+    """`read`, asked the first time only."""
+    told: list[Read] = []
+
+    def again(*given: object) -> Read:
+        if not told:
+            told.append(read(*given))
+        return told[0]
+
+    return again
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +168,8 @@ def measure(
 ) -> Measurement:
     """Check, align, recover the response, take out ghosts, merge, and take out what the lens added.
 
-    brackets : of one camera; they share one response, and their maps one scale
+    brackets : of one camera; they share one response, and their maps one scale. What is read in a map, as a spot
+        meter's reading, is read in that of the first
     response : of that camera, where it is known; recovered from the brackets unless given
     told : called with the name of each step as it begins
     Raises NotABracket, ValueError. Warnings of the steps are kept in the result and not given out.
@@ -153,6 +177,7 @@ def measure(
     taken = [brackets] if isinstance(brackets, Bracket) else list(brackets)
     if not taken:
         raise ValueError("no brackets were given; give one at least")
+    treatment = treatment.read_once()
     steps = Steps(told)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
@@ -234,6 +259,10 @@ def _measured(
     if treatment.scale is not None:
         scale = treatment.scale(picture, bracket, response)
         picture = calibrated(picture, scale)
+    apertures = {exposure.f_number for exposure in exposures}
+    if len(apertures) == 1 and (f_number := apertures.pop()) is not None:
+        # So that a map of an even wall knows at which aperture the vignetting it shows was.
+        picture = replace(picture, attributes={**picture.attributes, "f_number": f"{f_number:g}"})
     focal_length = treatment.focal_length or bracket.focal_length
     found = extent(picture, focal_length=focal_length)
     return Measured(picture, bracket.name, bracket.exposure_table, doubts, aligned, deghosted, found, scale, balance)

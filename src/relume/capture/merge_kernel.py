@@ -14,7 +14,7 @@ from relume.image.radiance import BLACK, OUTSIDE, SATURATED
 def merge_stretch(
     values: np.ndarray,
     outside: np.ndarray,
-    curve: np.ndarray,
+    bounds: np.ndarray,
     tables: np.ndarray,
     log_times: np.ndarray,
     logarithm: np.ndarray,
@@ -25,7 +25,7 @@ def merge_stretch(
 
     values : (P, N, 3) unsigned, photographs from the least to the most exposed
     outside : (P, N) bool, or (0, 0) where every pixel of every photograph is part of its picture
-    curve : (3, levels) float64, g of every value
+    bounds : (3, levels) float64, the least ln exposure of a white value, the greatest of a black one
     tables : (3, levels, 3) float64: w g, w, w² var(ln E) of every value
     log_times : (P,) ln of the exposures
     logarithm : (N, 3) float64, written: ln of the radiance
@@ -67,7 +67,7 @@ def merge_stretch(
                 flag = OUTSIDE
                 continue
             z = values[last, i, c]
-            logarithm[i, c] = curve[c, z] - log_times[last]
+            logarithm[i, c] = bounds[c, z] - log_times[last]
             if z > white:
                 flag = SATURATED
             elif flag == 0:

@@ -12,6 +12,8 @@ from relume.image.response import Response
 
 STRETCH = 16384
 """Pixels merged at a time: small enough for the caches, large enough that calling the kernel costs nothing."""
+DEVIATIONS = 2.0
+"""Of noise between a clipped value and its bound: 2 % of the bounds may be crossed, as a single value can be."""
 
 
 def merge(bracket: Bracket, response: Response, *, weighting: Weighting = InverseVariance()) -> RadianceMap:
@@ -20,8 +22,9 @@ def merge(bracket: Bracket, response: Response, *, weighting: Weighting = Invers
     weighting : w of eq. 6; the least noisy weights unless given, `Hat()` for the paper's own (eq. 4)
 
     The variance plane carries the response's noise through the average. A channel that no photograph measured
-    keeps its bound (what its own value tells in the shortest exposure that shows it white, else in the longest,
-    where it is black), has infinite variance, and marks its pixel in the `clipped` mask; nothing is invented there.
+    keeps its bound (what its own value tells in the shortest exposure that shows it white, less two deviations of its
+    noise, else in the longest, where it is black, and as much more), has infinite variance, and marks its pixel in the
+    `clipped` mask; nothing is invented there.
     A pixel outside every photograph has radiance 0, infinite variance and its own mark.
     Raises NotABracket when hardly any pixel is measured.
     """
@@ -34,7 +37,7 @@ def merge(bracket: Bracket, response: Response, *, weighting: Weighting = Invers
     inside = np.zeros((1, height * width), bool)
     masks = [inside[0] if p.outside is None else p.outside.ravel() for p in bracket.photographs]
     masked = any(p.outside is not None for p in bracket.photographs)
-    curve, tables, log_times = response.log_exposure, _tables(response, weighting), np.log(bracket.exposures)
+    bounds, tables, log_times = _bounds(response), _tables(response, weighting), np.log(bracket.exposures)
     radiance = np.empty((height * width, 3), np.float32)
     variance, clipped = np.empty_like(radiance), np.empty(height * width, np.uint8)
 
@@ -44,7 +47,7 @@ def merge(bracket: Bracket, response: Response, *, weighting: Weighting = Invers
         outside = np.stack([mask[part] for mask in masks]) if masked else np.zeros((0, 0), bool)
         logarithm = np.empty((end - begin, 3))
         relative = np.empty_like(logarithm)
-        measured = merge_stretch(values, outside, curve, tables, log_times, logarithm, relative, clipped[part])
+        measured = merge_stretch(values, outside, bounds, tables, log_times, logarithm, relative, clipped[part])
         np.exp(logarithm, out=logarithm)
         radiance[part] = logarithm
         np.square(logarithm, out=logarithm)
@@ -58,6 +61,16 @@ def merge(bracket: Bracket, response: Response, *, weighting: Weighting = Invers
     _require_light(bracket, measured / radiance.size, clipped)
     shape = (height, width, 3)
     return RadianceMap(radiance.reshape(shape), variance.reshape(shape), clipped.reshape(height, width))
+
+
+def _bounds(response: Response) -> np.ndarray:
+    """(3, levels) ln exposure that a white value is hardly below, and a black one hardly above."""
+    values = np.arange(response.levels)
+    side = np.where(values > response.levels // 2, -DEVIATIONS, DEVIATIONS)
+    # At the very ends the noise of a value is not known: it is taken from where it is.
+    inner = np.clip(values, response.levels // 32, response.levels - 1 - response.levels // 32)
+    moved = values + side * response.deviation[:, inner]
+    return np.stack([np.interp(at, values, curve) for at, curve in zip(moved, response.log_exposure, strict=True)])
 
 
 def _tables(response: Response, weighting: Weighting) -> np.ndarray:

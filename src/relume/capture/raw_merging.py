@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from relume.capture.raw_noise import SensorNoise, fitted_noise, noise_between, noise_within
+from relume.capture.sensor import Sensor
 from relume.errors import NotABracket
 from relume.image import files
 from relume.image.photograph import Exposure
@@ -45,6 +46,10 @@ class RawCalibration:
         the pixels where that was asked for, its geometric mean kept
     noise : of the sensor
     saturation : the signal, as a share of white above black, at which photosites are seen to be saturated
+    errors : (P,) standard error of ln `factors` by the photons they were refined from, ratios of neighbours taken as
+        independent; 0 where they are as told
+    black, white : the levels of the first: of no light (2, 2), as in `RawPhotograph`, and of saturation as written
+    camera : make and model, "" where unknown
     """
 
     names: tuple[str, ...]
@@ -52,6 +57,26 @@ class RawCalibration:
     factors: np.ndarray
     noise: SensorNoise
     saturation: float
+    errors: np.ndarray
+    black: np.ndarray
+    white: float
+    camera: str = ""
+
+    @property
+    def sensor(self) -> Sensor:
+        """What holds for other photographs of the camera too."""
+        first, second, third, fourth = (float(level) for level in self.black.ravel())
+        return Sensor((first, second, third, fourth), float(self.white), self.saturation, self.noise)
+
+    def corrections(self) -> dict[str, tuple[float, float]]:
+        """By how many stops each exposure was corrected, and the standard error, by its name; none that stands."""
+        told = np.array([exposure.factor for exposure in self.exposures])
+        stops, errors = np.log2(self.factors / told), self.errors / np.log(2)
+        return {
+            name: (float(stop), float(error))
+            for name, stop, error in zip(self.names, stops, errors, strict=True)
+            if abs(stop) > 1e-9
+        }
 
 
 def opened(photographs: Sequence[RawSource], order: Sequence[int] | None = None) -> Iterator[RawPhotograph]:
@@ -116,12 +141,14 @@ def calibrate_raw(
     *,
     times: Sequence[float] | None = None,
     noise: SensorNoise | None = None,
+    saturation: float = 1.0,
     refine_exposures: bool = True,
 ) -> RawCalibration:
     """Exposures, noise and saturation of a bracket of raws, from a sample of rows of each.
 
     times : exposure time of each in seconds, in place of the whole EXIF exposure
     noise : of the sensor where it is known; else it is told from how the photographs differ
+    saturation : of the sensor where it is known to be below its white; lower where the photographs show it to be
     refine_exposures : take the ratios of exposures from the pixels, which know them better than nominal times do
 
     Warns where exposures differ otherwise than they claim, where the sensor saturates below its white, and where noise
@@ -142,13 +169,16 @@ def calibrate_raw(
     nominal = np.array([exposure.factor for exposure in exposures])
     order = np.argsort(nominal, kind="stable")
     names = tuple(raw.name for raw in facts)
-    factors = _refined(names, nominal, samples, order) if refine_exposures else nominal
-    saturation = _saturation(names, factors, samples, order)
+    factors, errors = nominal, np.zeros(len(nominal))
+    if refine_exposures:
+        factors, errors = _refined(names, nominal, samples, order)
+    saturation = _saturation(names, factors, samples, order, saturation)
     found = noise or _noise(exposures, factors, samples, order, saturation)
     if found is None:
         warnings.warn(f"{names[0]}: its noise cannot be told; taken as one electron a value", stacklevel=3)
         found = SensorNoise(1 / (facts[0].white - facts[0].black.mean()), 0.0, exposures[0].iso or 100.0)
-    return RawCalibration(names, exposures, factors, found, saturation)
+    first = facts[0]
+    return RawCalibration(names, exposures, factors, found, saturation, errors, first.black, first.white, first.camera)
 
 
 def _fitting(raw: RawPhotograph, first: RawPhotograph | None) -> RawPhotograph:
@@ -190,13 +220,19 @@ def _sample(raw: RawPhotograph) -> np.ndarray:
     return ((raw.mosaic[rows] - level) / (raw.white - level)).astype(np.float32)
 
 
-def _refined(names: Sequence[str], nominal: np.ndarray, samples: Sequence[np.ndarray], order: np.ndarray) -> np.ndarray:
-    """The factors with ratios between neighbouring exposures as the pixels have them, where enough of them tell."""
-    logarithm = np.log(nominal)
-    for short, long in pairwise(order.tolist()):
-        ratio, told = _ratio(samples[short].ravel(), samples[long].ravel()), nominal[long] / nominal[short]
-        if ratio is None:
+def _refined(
+    names: Sequence[str], nominal: np.ndarray, samples: Sequence[np.ndarray], order: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The factors with ratios between neighbouring exposures as the pixels have them, where enough of them tell.
+
+    The second is the standard error of each logarithm.
+    """
+    logarithm, square = np.log(nominal), np.zeros(len(nominal))
+    for position, (short, long) in enumerate(pairwise(order.tolist()), 1):
+        found, told = _ratio(samples[short].ravel(), samples[long].ravel()), nominal[long] / nominal[short]
+        if found is None:
             continue
+        ratio, error = found
         if abs(np.log2(ratio / told)) > _DOUBTFUL_STOPS:
             warnings.warn(
                 f"{names[long]}: it got {ratio:.3g} times the light of {names[short]}, not {told:.3g} times as its "
@@ -204,34 +240,43 @@ def _refined(names: Sequence[str], nominal: np.ndarray, samples: Sequence[np.nda
                 stacklevel=4,
             )
         # All longer exposures move with this one.
-        later = order[np.flatnonzero(order == long)[0] :]
+        later = order[position:]
         logarithm[later] += np.log(ratio / told)
-    return np.exp(logarithm - logarithm.mean() + np.log(nominal).mean())
+        # About the mean, which is kept, the earlier exposures move against the later ones.
+        moved = np.isin(np.arange(len(nominal)), later) - len(later) / len(nominal)
+        square += (moved * error) ** 2
+    return np.exp(logarithm - logarithm.mean() + np.log(nominal).mean()), np.sqrt(square)
 
 
-def _ratio(first: np.ndarray, second: np.ndarray) -> float | None:
-    """How many times the light of `first` `second` got; None where fewer than 1000 photosites tell.
+def _ratio(first: np.ndarray, second: np.ndarray) -> tuple[float, float] | None:
+    """How many times the light of `first` `second` got, and the standard error of its logarithm.
+
+    None where fewer than 1000 photosites tell.
 
     The ratio of sums over photosites chosen by the sum of both: how the photons of a sum were shared out between two
     exposures does not depend on it, so the choice favours neither.
     """
     total = first + second
     used = (total > 0.02) & (total < 0.8)
-    ratio = None
+    ratio, error = 1.0, 0.0
     for _ in range(4):
         if used.sum() < 1000 or first[used].sum(dtype=np.float64) <= 0:
             return None
         ratio = float(second[used].sum(dtype=np.float64) / first[used].sum(dtype=np.float64))
+        difference = second - ratio * first
+        error = float(np.linalg.norm(difference[used]) / second[used].sum(dtype=np.float64))
         # What moved between the two tells nothing of the exposures.
-        misfit = (second - ratio * first) / np.sqrt(np.maximum(total, 0.02))
+        misfit = difference / np.sqrt(np.maximum(total, 0.02))
         limit = 5 * 1.4826 * np.median(np.abs(misfit[used])) + 1e-6
         used = (total > 0.02) & (total < 0.8) & (np.abs(misfit) < limit)
-    return ratio
+    return ratio, error
 
 
-def _saturation(names: Sequence[str], factors: np.ndarray, samples: Sequence[np.ndarray], order: np.ndarray) -> float:
-    """The signal that photosites show which, by a shorter exposure, must be saturated; 1 where none must be."""
-    seen = 1.0
+def _saturation(
+    names: Sequence[str], factors: np.ndarray, samples: Sequence[np.ndarray], order: np.ndarray, known: float
+) -> float:
+    """The signal that photosites show which, by a shorter exposure, must be saturated; `known` where none is lower."""
+    seen = known
     for short, long in pairwise(order.tolist()):
         expected = samples[short] * (factors[long] / factors[short])
         values = samples[long][(expected > 1.25) & (samples[short] < 0.8)]
@@ -242,7 +287,7 @@ def _saturation(names: Sequence[str], factors: np.ndarray, samples: Sequence[np.
         # Much lower ones are not saturated: something moved.
         if 0.5 < level < seen:
             seen = level
-            if level < 0.97:
+            if level < 0.97 * known:
                 warnings.warn(
                     f"{names[long]}: saturated at {level:.0%} of the white its file tells; taken as saturated there",
                     stacklevel=4,

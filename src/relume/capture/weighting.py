@@ -37,8 +37,9 @@ class Hat:
 class InverseVariance:
     """The weights that leave the least noise: 1 / var(ln exposure), fading to 0 before the ends of the curve.
 
-    guard : values, of 256, at either end that never count; in saturated patches JPEG leaves 250 to 254 where 255
-        was, and a value near white is the least noisy of all, so that it would decide
+    guard : values at either end of 256 that never count; in saturated patches JPEG leaves 250 to 254 where 255 was, and
+        a value near white is the least noisy of all, so that it would decide. Of 65536 values, which are no JPEG's,
+        only the top 0.5 % and what is not five deviations of noise above nothing
     fade : the values over which the weight then rises, so that nothing jumps where a photograph begins to count
     """
 
@@ -48,6 +49,9 @@ class InverseVariance:
     def table(self, response: Response) -> np.ndarray:
         """Weights (3, levels)."""
         deviation = np.gradient(response.log_exposure, axis=1) * response.deviation
-        scale = response.levels / 256
-        counted = np.clip((hat(response.levels) / scale - self.guard) / self.fade, 0.0, 1.0)
+        if response.levels == 256:
+            counted = np.clip((hat(256) - self.guard) / self.fade, 0.0, 1.0)
+        else:
+            below_white = 1 - np.arange(response.levels) / (response.levels - 1)
+            counted = np.clip((1 / np.maximum(deviation, 1e-6) - 5) / 10, 0, 1) * np.clip(below_white / 0.005 - 1, 0, 1)
         return counted / np.maximum(deviation, 1e-6) ** 2

@@ -51,9 +51,9 @@ def require_files(paths: Sequence[Path]) -> None:
             raise UnreadableFile(f"{path}: no such file; check the path")
 
 
-def require_suffix(out: Path, *suffixes: str) -> None:
+def require_suffix(out: Path, *suffixes: str, option: str = "-o") -> None:
     """Refuse an output that cannot be written, before any work is done."""
     if out.suffix.lower() not in suffixes:
-        raise ValueError(f"-o {out}: the file must end in {' or '.join(suffixes)}")
+        raise ValueError(f"{option} {out}: the file must end in {' or '.join(suffixes)}")
     if not out.parent.is_dir():
-        raise OutputNotWritten(f"-o {out}: no folder {out.parent}; make it first or choose another")
+        raise OutputNotWritten(f"{option} {out}: no folder {out.parent}; make it first or choose another")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -75,9 +76,9 @@ def merge(
             paths = raws
         reading = Reading(exposure_times(times), ignored_colour(ignore), true_shutter)
         groups = (paths,) if times else group_files(paths)
-        for path, suffix in ((save_profile, ".json"), (report, ".html")):
+        for path, suffix, option in ((save_profile, ".json", "--save-profile"), (report, ".html", "--report")):
             if path is not None:
-                require_suffix(path, suffix)
+                require_suffix(path, suffix, option=option)
         if save_profile is not None and (profile is not None or raws):
             what = "camera raws need no response" if raws else "--profile gives the response"
             raise NotABracket(f"--save-profile {save_profile}: {what}, so there is none to save; leave it out")
@@ -158,5 +159,8 @@ def targets(groups: Sequence[Sequence[Path]], out: Path) -> tuple[Path, ...]:
     if len(set(names)) < len(names):
         # Cameras count from 1 in every folder: one map must not overwrite another.
         names = [f"{group[0].absolute().parent.name}-{name}" for group, name in zip(groups, names, strict=True)]
-    names = [f"{name}_{names[:i].count(name)}" if name in names[:i] else name for i, name in enumerate(names)]
-    return tuple(out / f"{name}.exr" for name in names)
+    taken: list[str] = []
+    for name in names:
+        numbered = (name if number == 0 else f"{name}_{number}" for number in count())
+        taken.append(next(each for each in numbered if each not in taken))
+    return tuple(out / f"{name}.exr" for name in taken)

@@ -13,7 +13,7 @@ from relume.capture.bracket import Bracket, FrameFacts, read_bracket
 from relume.capture.measurement import Measured, Measurement, Treatment, measure
 from relume.capture.profile import CameraProfile, profile_of, write_profile
 from relume.capture.raw_measurement import measure_raw
-from relume.cli.merge_options import Readings
+from relume.cli.merge_options import Readings, tells
 from relume.errors import NotABracket, OutputNotWritten
 from relume.image import files
 from relume.image.photograph import Exposure
@@ -136,16 +136,18 @@ def _write_profiles(results: Sequence[Result], job: Job, path: Path) -> dict[str
         assert calibration is not None
         profile = profile_of(calibration, measurement.camera, brackets=len(measurement.measured))
         vignetting = job.treatment.vignetting[0].to_dict() if job.treatment.vignetting else None
-        scale, balance = None, np.ones(3)
+        scale, deviation, balance = None, None, np.ones(3)
         if first.balance is not None:
             balance *= first.balance.gains
         if first.scale is not None:
             # A luminaire of known colour scales each channel by itself: luminance is the scale, the rest is balance.
-            scale = first.scale.luminance
+            scale, deviation = first.scale.luminance, first.scale.deviation
             balance *= np.array(first.scale.factor) / scale
         gains = (float(balance[0]), float(balance[1]), float(balance[2]))
         target = path if index == 0 else path.with_stem(f"{path.stem}_{index}")
-        write_profile(target, replace(profile, vignetting=vignetting, scale=scale, balance=gains))
+        profile = replace(profile, vignetting=vignetting, scale=scale, scale_deviation=deviation, balance=gains)
+        profile = replace(profile, scale_exposure=None if scale is None else tells(first.frames[0]))
+        write_profile(target, profile)
         written.append(str(target))
     return {"profile": written[0] if len(written) == 1 else written}
 
@@ -163,7 +165,6 @@ def _raw(job: Job, group: Sequence[Path], target: Path, told: Callable[[str], No
     measurement = measure_raw(
         group,
         times=_raw_times(job, group),
-        refine=job.treatment.refine is not None,
         scale=job.readings.raw_scale(),
         treatment=job.treatment,
         told=told,

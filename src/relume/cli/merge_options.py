@@ -10,16 +10,19 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
+from relume.errors import NotABracket
+
 if TYPE_CHECKING:
     import numpy as np
 
     from relume.capture.absolute import Scale
-    from relume.capture.bracket import Bracket
+    from relume.capture.bracket import Bracket, FrameFacts
     from relume.capture.luminaire import Balance
     from relume.capture.measurement import Treatment
     from relume.capture.profile import CameraProfile
     from relume.capture.raw_merging import RawCalibration
     from relume.capture.vignetting import Vignetting
+    from relume.image.photograph import Exposure
     from relume.image.radiance import RadianceMap
     from relume.image.response import Response
 
@@ -79,9 +82,9 @@ class Readings:
     absolute: Annotated[
         bool, Parameter(group=SCALE, negative="", help="From shutter, aperture and ISO; good to a third of a stop.")
     ] = False
-    spot: Annotated[str | None, Parameter(group=SCALE, help="A spot meter's reading X,Y,CD: cd/m² at pixel X,Y.")] = (
-        None
-    )
+    spot: Annotated[
+        str | None, Parameter(group=SCALE, help="A spot meter's reading X,Y,CD[,RADIUS]: cd/m² at pixel X,Y.")
+    ] = None
     lux: Annotated[
         str | None,
         Parameter(
@@ -119,10 +122,12 @@ class Readings:
         from relume.capture.luminaire import scale_from_luminaire
         from relume.capture.regions import rectangle
 
-        values = numbers(getattr(self, name), f"--{name}", {"spot": 3, "lux": 6, "luminaire": 7}[name])
+        values = numbers(getattr(self, name), f"--{name}", *{"spot": (3, 4), "lux": (6,), "luminaire": (7,)}[name])
         if name == "spot":
-            (x, y), reading = whole(values[:2], "--spot"), values[2]
-            return lambda picture, *_: scale_from_spot(picture, x, y, reading)
+            (x, y), reading, radius = whole(values[:2], "--spot"), values[2], values[3] if len(values) > 3 else None
+            return lambda picture, bracket, _: scale_from_spot(
+                picture, x, y, reading, radius=radius or _spot_radius(bracket)
+            )
         left, top, width, height = whole(values[:4], f"--{name}")
         if name == "lux":
             lux, reflectance = values[4:]
@@ -197,8 +202,30 @@ def _scale(profile: CameraProfile | None) -> Callable[[RadianceMap, Bracket, Res
 
     if profile is None or profile.scale is None:
         return None
-    scale = Scale.grey(profile.scale, METER, "the camera's profile")
-    return lambda *_: scale
+    deviation = METER if profile.scale_deviation is None else profile.scale_deviation
+    scale, measured_with = Scale.grey(profile.scale, deviation, "the camera's profile"), profile.scale_exposure
+
+    def known(picture: RadianceMap, bracket: Bracket | None, response: Response) -> Scale:
+        exposure = bracket.photographs[0].exposure if bracket is not None else None
+        if exposure is not None and measured_with not in (None, tells(exposure)):
+            raise NotABracket(
+                f"{bracket.name if bracket else ''}: its exposures tell {words(tells(exposure))}, those that the profile's "
+                f"scale was measured with {words(measured_with)}; both must tell the same, or one cd/m² is another"
+            )
+        return scale
+
+    return known
+
+
+def tells(exposure: Exposure | FrameFacts) -> tuple[bool, bool]:
+    """Whether f-number and ISO are known: an unknown one counts as 1 and 100 in relative radiance."""
+    return exposure.f_number is not None, exposure.iso is not None
+
+
+def words(told: tuple[bool, bool] | None) -> str:
+    """What `tells` found."""
+    found = [name for name, known in zip(("f-number", "ISO"), told or (), strict=False) if known]
+    return " and ".join(found) or "neither f-number nor ISO"
 
 
 def _rectangle(text: str | None, option: str) -> Callable[[RadianceMap], np.ndarray] | None:
@@ -210,14 +237,22 @@ def _rectangle(text: str | None, option: str) -> Callable[[RadianceMap], np.ndar
     return lambda picture: rectangle(picture.size, left, top, width, height)
 
 
-def numbers(text: str, option: str, count: int) -> list[float]:
-    """`count` numbers from text like "10,20,5.5"; raises ValueError naming the option."""
+def _spot_radius(bracket: Bracket | None) -> float:
+    """Pixels: of a meter's 1° where the focal length is known, else a few."""
+    from relume.capture.regions import spot_radius
+
+    return spot_radius(bracket.focal_length) if bracket is not None and bracket.focal_length else 4.0
+
+
+def numbers(text: str, option: str, *counts: int) -> list[float]:
+    """As many numbers as one of `counts` from text like "10,20,5.5"; raises ValueError naming the option."""
     try:
         values = [float(word) for word in text.replace(",", " ").split()]
     except ValueError:
         values = []
-    if len(values) != count or not all(map(isfinite, values)):
-        raise ValueError(f'{option}: "{text}" is not {count} numbers; write them with commas between')
+    if len(values) not in counts or not all(map(isfinite, values)):
+        wanted = " or ".join(map(str, counts))
+        raise ValueError(f'{option}: "{text}" is not {wanted} numbers; write them with commas between')
     return values
 
 
@@ -233,4 +268,10 @@ def flat_fields(paths: Sequence[Path] | None) -> tuple[Vignetting, ...]:
     from relume.capture.vignetting import recover_vignetting
     from relume.image import files
 
-    return (recover_vignetting([files.read_radiance(path) for path in paths]),) if paths else ()
+    if not paths:
+        return ()
+    walls = [files.read_radiance(path) for path in paths]
+    # `relume merge` writes the aperture into its maps.
+    apertures = {wall.attributes.get("f_number") for wall in walls}
+    told = apertures.pop() if len(apertures) == 1 else None
+    return (recover_vignetting(walls, f_number=float(told) if told else None),)

@@ -27,9 +27,12 @@ def false_colour(picture: RadianceMap) -> bytes:
     from matplotlib.ticker import LogLocator
 
     light = luminance(_small(picture.radiance))
+    if picture.clipped is not None:
+        light[_small((picture.clipped == OUTSIDE)[..., None].astype(np.float32))[..., 0] > 0.5] = np.nan
     seen = light[light > 0]
     low, high = np.percentile(seen, (0.05, 100)) if seen.size else (0.1, 1.0)
     figure, axis = _picture_frame(light.shape)
+    # NaN, which is outside, stays white.
     image = axis.imshow(np.maximum(light, low), norm=LogNorm(low, max(high, 1.001 * low)), cmap="turbo")
     scale = figure.colorbar(image, ax=axis, fraction=0.046, pad=0.02, ticks=LogLocator(numticks=9))
     scale.set_label(f"luminance, {picture.unit}", fontsize=8)

@@ -100,7 +100,7 @@ def _exposures(measured: Measured, calibration: Calibration | None) -> str:
         )
         for frame in measured.frames
     ]
-    head = ("photograph", "time", "aperture", "ISO", "stops", "told by", "corrected by", "moved by", "ghosts")
+    head = ("photograph", "time used", "aperture", "ISO", "stops", "told by", "corrected by", "moved by", "ghosts")
     return table(rows, head=head)
 
 
