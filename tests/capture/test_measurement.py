@@ -11,7 +11,7 @@ from scipy.ndimage import map_coordinates
 
 from handheld import FINE, MARGIN, luminance, stack, unplaced
 from moving_scenes import CAMERA, known_response, moving_scene
-from relume.capture.absolute import Scale, calibrated
+from relume.capture.absolute import Scale, calibrated, scale_from_spot
 from relume.capture.bracket import Bracket
 from relume.capture.calibration import DOUBTFUL_MISFIT
 from relume.capture.consistency import NOTHING_TO_DO, Doubt
@@ -27,6 +27,7 @@ from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
 from shoots import MAKER, SECONDS, exposed, named, textured
+from synthetic import NOISELESS, wide_scene
 
 PLAIN = Treatment(refine=None, aligned=False, consistency=None)
 """Nothing but the response and the merge."""
@@ -353,3 +354,14 @@ def test_noise_is_carried_through(scene):
     truth = scene * np.array([200.0, 100.0, 50.0])
     normalised = ((picture.radiance - truth) / np.sqrt(picture.variance))[picture.clipped == 0]
     assert normalised.std() == pytest.approx(1, abs=0.1)
+
+
+def test_a_reading_in_the_first_bracket_scales_them_all():
+    """Two views of one shoot stay on one scale: what is read of the first is not read again of the second."""
+    scene = wide_scene()
+    brackets = [named(NOISELESS.bracket(scene), "first"), named(NOISELESS.bracket(3 * scene[:, ::-1]), "second")]
+    treatment = Treatment(scale=lambda picture, *_: scale_from_spot(picture, 90, 60, 100.0))
+    first, second = measure(brackets, treatment=treatment).measured
+    assert first.scale == second.scale
+    ratio = second.picture.radiance[:, ::-1] / first.picture.radiance
+    assert np.median(ratio) == pytest.approx(3.0, rel=0.02)

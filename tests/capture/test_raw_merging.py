@@ -12,6 +12,7 @@ from dng_files import RGGB, sensed, write_dng
 from relume.capture.raw_kernel import Frame, accumulate, concluded
 from relume.capture.raw_merging import RawCalibration, calibrate_raw, merge_raw
 from relume.capture.raw_noise import SensorNoise, fitted_noise, noise_between, noise_within
+from relume.capture.sensor import Sensor
 from relume.errors import NotABracket, UnreadableFile
 from relume.image.files import read_raw
 from relume.image.photograph import Exposure
@@ -20,6 +21,7 @@ from relume.image.raw import RawPhotograph
 
 ELECTRONS, READ = 20_000.0, 3.0
 NOISE = SensorNoise(1 / ELECTRONS, READ / ELECTRONS)
+SENSOR = Sensor((512.0,) * 4, 16383.0, 1.0, NOISE)
 DEVIATION = float(np.sqrt(NOISE.shot + NOISE.read**2))
 """Of the signal at white."""
 SECONDS = (0.25, 1.0, 4.0)
@@ -73,9 +75,8 @@ def known(photographs: Sequence[RawPhotograph], saturation: float = 1.0) -> RawC
     exposures = tuple(raw.exposure for raw in photographs if raw.exposure)
     factors = np.array([exposure.factor for exposure in exposures])
     return RawCalibration(
-        tuple(raw.name for raw in photographs), exposures, factors, NOISE, saturation, np.zeros(len(factors)),
-        photographs[0].black, photographs[0].white,
-    )  # fmt: skip
+        tuple(raw.name for raw in photographs), exposures, factors, NOISE, saturation, np.zeros(len(factors)), SENSOR
+    )
 
 
 FIELDS = {
@@ -253,7 +254,7 @@ def test_noise_is_told_from_the_photographs_themselves(bracket):
     assert 1 / alone.shot == pytest.approx(ELECTRONS, rel=0.06)
     assert alone.read * ELECTRONS == pytest.approx(READ, rel=0.5)
     given = SensorNoise(1e-4, 1e-3)
-    assert calibrate_raw(bracket, noise=given).noise is given
+    assert calibrate_raw(bracket, sensor=replace(SENSOR, noise=given)).noise == given
 
 
 def test_what_moved_between_two_frames_is_not_taken_for_noise(scene):
@@ -328,7 +329,7 @@ def test_sensitivity_and_aperture_count(scene):
         replace(at_100, exposure=Exposure(4.0, 2.0, 100)),
         replace(at_400, exposure=Exposure(1.0, 2.0, 400), name="b"),
     ]
-    merged = merge_raw(mixed, calibration=calibrate_raw(mixed, noise=NOISE))
+    merged = merge_raw(mixed, calibration=calibrate_raw(mixed, sensor=SENSOR))
     unsaturated = scene < 0.9
     assert merged.variance is not None
     # 20,000 and 5,000 electrons at white count together.

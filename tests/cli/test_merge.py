@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from moving_scenes import known_response
-from relume.capture.absolute import METER, THIRD_OF_A_STOP
+from relume.capture.absolute import THIRD_OF_A_STOP
 from relume.capture.debevec_malik import DebevecMalik
 from relume.capture.deghosting import Consistency
 from relume.capture.measurement import Treatment
@@ -306,9 +306,11 @@ def test_everything_that_was_measured_is_kept_in_the_profile(shoot, tmp_path, ca
     out, again, profile = (str(tmp_path / name) for name in ("a.exr", "b.exr", "p.json"))
     words = ["merge", *shoot, "-o", out, "--save-profile", profile, "--flat-field", str(tmp_path / "wall.exr")]
     words += ["--white", "100,60,10,10", "--luminaire", "20,30,16,8,100,200,300"]
-    told(words, capsys)
+    before = told(words, capsys)["scale"]
     facts = told(["merge", *shoot, "-o", again, "--profile", profile], capsys)
-    assert f"± {100 * METER:.2g} %" in facts["scale"] and "the camera's profile" in facts["scale"]
+    # As uncertain as it was measured, and no better.
+    uncertainty = before[before.index("±") : before.index("%")]
+    assert uncertainty in facts["scale"] and "the camera's profile" in facts["scale"]
     assert read_radiance(again).radiance == pytest.approx(read_radiance(out).radiance, rel=1e-5)
     assert read_radiance(again).unit == "cd/m²"
 
@@ -431,9 +433,9 @@ WRONG = {
     "--ignore red": '--ignore: "red" is not 3 numbers',
     "--ignore 0,0,254.5": "--ignore: 254.5 is no whole number",
     "--ignore 0,0,inf": '"0,0,inf" is not 3 numbers',
-    "--spot 1,2": '--spot: "1,2" is not 3 numbers',
+    "--spot 1,2": '--spot: "1,2" is not 3 or 4 numbers',
     "--spot 1.5,2,100": "--spot: 1.5 is no whole number",
-    "--spot 1,2,nan": '"1,2,nan" is not 3 numbers',
+    "--spot 1,2,nan": '"1,2,nan" is not 3 or 4 numbers',
     "--spot 900,2,100": "900",
     "--spot 20,20,-100": "-100",
     "--lux 1,2,3,4": '--lux: "1,2,3,4" is not 6 numbers',
@@ -558,3 +560,26 @@ def test_steps_are_told_as_they_begin(shoot, profile, tmp_path):
     steps: list[str] = []
     (result,) = results_of(job, steps.append)
     assert steps == ["read", "check", "deghost", "merge"] and result.targets == (tmp_path / "a.exr",)
+
+
+def test_a_profile_s_scale_holds_only_for_exposures_that_tell_the_same(shoot, tmp_path, capsys):
+    """Without f-number and ISO relative radiance is in another unit: the scale would be wrong by their factor."""
+    profile = str(tmp_path / "p.json")
+    times = ",".join(str(2.0**k) for k in range(len(shoot)))
+    words = ["merge", *shoot, "-o", str(tmp_path / "a.exr"), "--spot", "60,40,500", "--save-profile", profile]
+    told(words, capsys)
+    reused = ["merge", *shoot, "-o", str(tmp_path / "b.exr"), "--profile", profile]
+    told(reused, capsys)
+    line = refused([*reused, "--times", times], capsys)
+    assert "neither f-number nor ISO" in line and "profile" in line
+    assert not (tmp_path / "c.exr").exists()
+
+
+def test_no_map_overwrites_another_whatever_their_names(tmp_path):
+    groups = [[tmp_path / name] for name in ("x/a/I", "y/a/I", "y/b/I", "q/a/I_1")]
+    assert [path.name for path in targets(groups, tmp_path / "maps")] == [
+        "a-I.exr",
+        "a-I_1.exr",
+        "b-I.exr",
+        "a-I_1_1.exr",
+    ]

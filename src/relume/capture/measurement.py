@@ -27,6 +27,7 @@ from relume.capture.glare import Glare, diminish_glare
 from relume.capture.luminaire import Balance, balanced
 from relume.capture.merging import merge
 from relume.capture.ratios import Ratios
+from relume.capture.sensor import Sensor
 from relume.capture.steps import Steps
 from relume.capture.vignetting import Vignetting
 from relume.capture.vignetting import corrected as without_vignetting
@@ -106,6 +107,7 @@ class Measured:
     extent : what was measured of the scene
     scale : to cd/m²; None for relative radiance
     balance : of the channels; None where nothing told one
+    corrections : by how many stops the exposure of a photograph was corrected, and the standard error, by its name
     """
 
     picture: RadianceMap
@@ -117,6 +119,7 @@ class Measured:
     extent: Extent
     scale: Scale | None
     balance: Balance | None = None
+    corrections: dict[str, tuple[float, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,6 +132,7 @@ class Measurement:
     calibration : what it was recovered from; None where it was given
     seconds : of each step
     warnings : what the steps had to say, a line each
+    sensor : that camera raws showed; None for photographs
     """
 
     camera: str
@@ -137,6 +141,7 @@ class Measurement:
     calibration: Calibration | None
     seconds: dict[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    sensor: Sensor | None = None
 
     def objections(self) -> tuple[str, ...]:
         """Why the result should not be used unseen, a line each; none where all is well."""
@@ -201,9 +206,13 @@ def measure(
                     for was, bracket, now in zip(doubts, placed, mended, strict=True)
                 ]
             placed = mended
+        ratios = None if calibration is None else calibration.ratios
+        stops = {} if ratios is None else ratios.in_stops()
         measured = []
         for bracket, moved, doubt in zip(placed, aligned, doubts, strict=True):
-            measured.append(_measured(bracket, response, moved, doubt, treatment, steps))
+            found = _measured(bracket, response, moved, doubt, treatment, steps)
+            names = [p.name for p in bracket.photographs if p.name in stops]
+            measured.append(replace(found, corrections={name: stops[name] for name in names}))
     lines = dict.fromkeys(str(w.message) for w in caught)
     return Measurement(
         taken[0].photographs[0].camera, tuple(measured), response, calibration, steps.seconds, tuple(lines)
@@ -259,10 +268,6 @@ def _measured(
     if treatment.scale is not None:
         scale = treatment.scale(picture, bracket, response)
         picture = calibrated(picture, scale)
-    apertures = {exposure.f_number for exposure in exposures}
-    if len(apertures) == 1 and (f_number := apertures.pop()) is not None:
-        # So that a map of an even wall knows at which aperture the vignetting it shows was.
-        picture = replace(picture, attributes={**picture.attributes, "f_number": f"{f_number:g}"})
     focal_length = treatment.focal_length or bracket.focal_length
     found = extent(picture, focal_length=focal_length)
     return Measured(picture, bracket.name, bracket.exposure_table, doubts, aligned, deghosted, found, scale, balance)
@@ -273,14 +278,17 @@ def without_lens(
 ) -> tuple[RadianceMap, Balance | None]:
     """The map without the glare and the vignetting of its lens, in balance, as far as `treatment` tells of them.
 
+    Its attributes tell its aperture, so that a map of an even wall knows at which one the vignetting it shows was.
     The second is the balance that it was brought into; None where `treatment` tells of none.
     """
+    apertures = {exposure.f_number for exposure in exposures}
+    f_number = apertures.pop() if len(apertures) == 1 else None
+    if f_number is not None:
+        picture = replace(picture, attributes={**picture.attributes, "f_number": f"{f_number:g}"})
     if treatment.glare is not None:
         with steps.step("glare"):
             picture = diminish_glare(picture, treatment.glare(picture)).picture
     if treatment.vignetting:
-        apertures = {exposure.f_number for exposure in exposures}
-        f_number = apertures.pop() if len(apertures) == 1 else None
         picture = without_vignetting(picture, treatment.vignetting, f_number=f_number)
     if treatment.balance is None:
         return picture, None

@@ -41,6 +41,15 @@ class ExposureRatios:
             for name, delta in zip(names, deltas, strict=True)
         }
 
+    def in_stops(self) -> dict[str, tuple[float, float]]:
+        """The correction of every photograph that was corrected and its standard error, in stops, by its name."""
+        return {
+            name: (float(delta / np.log(2)), float(error / np.log(2)))
+            for names, deltas, errors in zip(self.names, self.corrections, self.errors, strict=True)
+            for name, delta, error in zip(names, deltas, errors, strict=True)
+            if delta != 0
+        }
+
 
 @dataclass(frozen=True)
 class Ratios:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -16,7 +17,9 @@ from relume.capture.deghosting import deghost
 from relume.capture.extent import extent
 from relume.capture.measurement import Measured, Measurement, Treatment, without_lens
 from relume.capture.raw_merging import RawCalibration, RawSource, calibrate_raw, merge_raw, opened
+from relume.capture.sensor import Sensor
 from relume.capture.steps import Steps
+from relume.errors import NotABracket
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.raw import RawPhotograph
@@ -32,48 +35,85 @@ RawScale = Callable[[RadianceMap, RawCalibration], Scale]
 
 
 def measure_raw(
-    photographs: Sequence[RawSource],
+    photographs: Sequence[RawSource] | Sequence[Sequence[RawSource]],
     *,
     times: Sequence[float] | None = None,
     balance: Sequence[float] | None = None,
     refine: bool = True,
     scale: RawScale | None = None,
+    sensor: Sensor | None = None,
     treatment: Treatment = Treatment(),
     told: Callable[[str], None] = lambda step: None,
 ) -> Measurement:
-    """Merge one bracket of camera raws photosite by photosite, with what its photographs say against it.
+    """Merge camera raws photosite by photosite, with what the photographs say against the result.
 
-    times, balance : as in `merge_raw`
-    refine : whether the ratios of the exposures are measured from the pixels
+    photographs : of one bracket, or of several of one camera, whose maps share one scale. What is read in a map, as a
+        spot meter's reading, is read in that of the first
+    times : exposure time of each in seconds, bracket after bracket, in place of the whole EXIF exposure
+    balance : as in `merge_raw`
+    refine : whether the ratios of the exposures are measured from the pixels. They are unless told otherwise: without a
+        curve to recover nothing else could be meant by what the pixels say of them
     scale : given the map and what the raws tell, the scale to cd/m²
-    treatment : its glare, vignetting and focal length count; raws need no response
+    sensor : of the camera, where it was measured before; see `calibrate_raw`
+    treatment : its glare, vignetting, balance and focal length count. Raws need no response, so method, neutral, refine
+        and scale, which tell of one, do not; they are weighed by their sensor's noise and merged as they lie, so
+        weighting, aligned and consistency do not either
     told : called with the name of each step as it begins
 
-    Raws are merged as they lie: frames that moved against each other, or things that moved in them, are found in
-    small pictures of them and told as doubts. Raises UnreadableFile, NotABracket.
+    Frames that moved against each other, and things that moved in them, are found in small pictures of them and told as
+    doubts. Raises UnreadableFile, NotABracket.
     """
-    steps = Steps(told)
+    brackets = _brackets(photographs)
+    count = sum(len(bracket) for bracket in brackets)
+    if times is not None and len(times) != count:
+        raise NotABracket(f"{len(times)} times were given for {count} photographs; give one a photograph")
+    steps, treatment, response = Steps(told), treatment.read_once(), _linear()
+    measured: list[Measured] = []
+    cameras: list[str] = []
+    sensors: list[Sensor] = []
+    found, begin = None, 0
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        with steps.step("exposures and noise"):
-            known = calibrate_raw(photographs, times=times, refine_exposures=refine)
-        with steps.step("check"):
-            bracket, shrunk = _previews(photographs, known)
-            response = _linear()
-            doubts = (*check(bracket, response), *_movement(bracket, response, shrunk))
-        with steps.step("merge"):
-            picture = merge_raw(photographs, calibration=known, balance=balance)
-        picture, balanced = without_lens(picture, known.exposures, treatment, steps)
-        found = scale(picture, known) if scale is not None else None
-        if found is not None:
-            picture = calibrated(picture, found)
-    focal_length = treatment.focal_length or (bracket.focal_length and bracket.focal_length * shrunk)
-    measured = Measured(
-        picture, bracket.name, bracket.exposure_table, doubts, None, None,
-        extent(picture, focal_length=focal_length), found, balanced,
-    )  # fmt: skip
+        for sources in brackets:
+            with steps.step("exposures and noise"):
+                own = None if times is None else times[begin : begin + len(sources)]
+                known = calibrate_raw(sources, times=own, sensor=sensor, refine_exposures=refine)
+            begin += len(sources)
+            with steps.step("check"):
+                bracket, shrunk = _previews(sources, known)
+                doubts = (*check(bracket, response), *_movement(bracket, response, shrunk))
+            cameras.append(bracket.photographs[0].camera)
+            if cameras[-1] != cameras[0]:
+                raise NotABracket(f"{bracket.name}: of {cameras[-1]}, the others of {cameras[0]}; merge them apart")
+            with steps.step("merge"):
+                picture = merge_raw(sources, calibration=known, balance=balance)
+            picture, balanced = without_lens(picture, known.exposures, treatment, steps)
+            if scale is not None:
+                found = found or scale(picture, known)
+                picture = calibrated(picture, found)
+            focal_length = treatment.focal_length or (bracket.focal_length and bracket.focal_length * shrunk)
+            measured.append(Measured(
+                picture, bracket.name, bracket.exposure_table, doubts, None, None,
+                extent(picture, focal_length=focal_length), found, balanced, known.corrections(),
+            ))  # fmt: skip
+            sensors.append(known.sensor)
+    telling = [one for one in sensors if one.noise is not None] or sensors
     lines = dict.fromkeys(str(w.message) for w in caught)
-    return Measurement(bracket.photographs[0].camera, (measured,), None, None, steps.seconds, tuple(lines))
+    return Measurement(cameras[0], tuple(measured), None, None, steps.seconds, tuple(lines), telling[0])
+
+
+def _brackets(photographs: Sequence[RawSource] | Sequence[Sequence[RawSource]]) -> list[Sequence[RawSource]]:
+    """Several brackets, or the one that was given."""
+    several: list[Sequence[RawSource]] = []
+    alone: list[RawSource] = []
+    for each in photographs:
+        if isinstance(each, str | os.PathLike | RawPhotograph):
+            alone.append(each)
+        else:
+            several.append(each)
+    if alone and several:
+        raise ValueError("photographs and brackets of them together; give the photographs of one, or brackets alone")
+    return several or [alone]
 
 
 def _previews(photographs: Sequence[RawSource], known: RawCalibration) -> tuple[Bracket, int]:

@@ -48,8 +48,7 @@ class RawCalibration:
     saturation : the signal, as a share of white above black, at which photosites are seen to be saturated
     errors : (P,) standard error of ln `factors` by the photons they were refined from, ratios of neighbours taken as
         independent; 0 where they are as told
-    black, white : the levels of the first: of no light (2, 2), as in `RawPhotograph`, and of saturation as written
-    camera : make and model, "" where unknown
+    sensor : what holds for other photographs of the camera too, the levels being those of the first of these
     """
 
     names: tuple[str, ...]
@@ -58,15 +57,7 @@ class RawCalibration:
     noise: SensorNoise
     saturation: float
     errors: np.ndarray
-    black: np.ndarray
-    white: float
-    camera: str = ""
-
-    @property
-    def sensor(self) -> Sensor:
-        """What holds for other photographs of the camera too."""
-        first, second, third, fourth = (float(level) for level in self.black.ravel())
-        return Sensor((first, second, third, fourth), float(self.white), self.saturation, self.noise)
+    sensor: Sensor
 
     def corrections(self) -> dict[str, tuple[float, float]]:
         """By how many stops each exposure was corrected, and the standard error, by its name; none that stands."""
@@ -140,30 +131,31 @@ def calibrate_raw(
     photographs: Sequence[RawSource],
     *,
     times: Sequence[float] | None = None,
-    noise: SensorNoise | None = None,
-    saturation: float = 1.0,
+    sensor: Sensor | None = None,
     refine_exposures: bool = True,
 ) -> RawCalibration:
     """Exposures, noise and saturation of a bracket of raws, from a sample of rows of each.
 
     times : exposure time of each in seconds, in place of the whole EXIF exposure
-    noise : of the sensor where it is known; else it is told from how the photographs differ
-    saturation : of the sensor where it is known to be below its white; lower where the photographs show it to be
+    sensor : what was measured of it before. Its noise is used as it is, at the photographs' sensitivity, else it is
+        told from how they differ; its saturation, at its own sensitivity, unless they show a lower one
     refine_exposures : take the ratios of exposures from the pixels, which know them better than nominal times do
 
-    Warns where exposures differ otherwise than they claim, where the sensor saturates below its white, and where noise
-    cannot be told. Raises UnreadableFile, NotABracket.
+    Warns where exposures differ otherwise than they claim, where the sensor saturates below its white, where noise
+    cannot be told, and where the levels in the files are not those of `sensor`. Raises UnreadableFile, NotABracket.
     """
     if not photographs:
         raise NotABracket("no raw photographs were given; name at least one file")
     if times is not None and len(times) != len(photographs):
         raise NotABracket(f"{len(times)} times were given for {len(photographs)} photographs; give one a photograph")
     facts: list[RawPhotograph] = []
-    samples = []
+    samples, sensitivities = [], []
     for position, raw in enumerate(opened(photographs)):
         given = raw if times is None else replace(raw, exposure=Exposure(float(times[position])))
         facts.append(_fitting(given, facts[0] if facts else None))
         samples.append(_sample(raw))
+        # Times that are given replace the whole exposure, but the noise stays that of the gain.
+        sensitivities.append((raw.exposure.iso if raw.exposure else None) or 100.0)
         del raw, given
     exposures = _exposures(facts)
     nominal = np.array([exposure.factor for exposure in exposures])
@@ -172,13 +164,36 @@ def calibrate_raw(
     factors, errors = nominal, np.zeros(len(nominal))
     if refine_exposures:
         factors, errors = _refined(names, nominal, samples, order)
-    saturation = _saturation(names, factors, samples, order, saturation)
-    found = noise or _noise(exposures, factors, samples, order, saturation)
-    if found is None:
-        warnings.warn(f"{names[0]}: its noise cannot be told; taken as one electron a value", stacklevel=3)
-        found = SensorNoise(1 / (facts[0].white - facts[0].black.mean()), 0.0, exposures[0].iso or 100.0)
-    first = facts[0]
-    return RawCalibration(names, exposures, factors, found, saturation, errors, first.black, first.white, first.camera)
+    first, iso = facts[0], max(sorted(set(sensitivities)), key=sensitivities.count)
+    known = None if sensor is None else sensor.noise
+    full = sensor.saturation if sensor and known and set(sensitivities) == {known.iso} else 1.0
+    saturation = _saturation(names, factors, samples, order, full)
+    if known is not None:
+        noise = known.at(iso)
+    else:
+        alike = [index for index in order.tolist() if sensitivities[index] == iso]
+        noise = _noise([(samples[index], float(factors[index])) for index in alike], iso, saturation)
+    found = Sensor(_levels(first), float(first.white), saturation, noise)
+    if sensor is not None and sensor.differs(found):
+        warnings.warn(
+            f"{names[0]}: its black is {_words(found.black)} and its white {found.white:g}, those of the profile "
+            f"{_words(sensor.black)} and {sensor.white:g}; scale and noise may be wrong, so measure them anew",
+            stacklevel=2,
+        )
+    if noise is None:
+        warnings.warn(f"{names[0]}: its noise cannot be told; taken as one electron a value", stacklevel=2)
+        noise = SensorNoise(1 / (first.white - first.black.mean()), 0.0, iso)
+    return RawCalibration(names, exposures, factors, noise, saturation, errors, found)
+
+
+def _levels(raw: RawPhotograph) -> tuple[float, float, float, float]:
+    first, second, third, fourth = (float(level) for level in raw.black.ravel())
+    return first, second, third, fourth
+
+
+def _words(levels: Sequence[float]) -> str:
+    """One number where all are alike."""
+    return ", ".join(f"{level:g}" for level in (levels[:1] if len(set(levels)) == 1 else levels))
 
 
 def _fitting(raw: RawPhotograph, first: RawPhotograph | None) -> RawPhotograph:
@@ -295,23 +310,14 @@ def _saturation(
     return seen
 
 
-def _noise(
-    exposures: Sequence[Exposure],
-    factors: np.ndarray,
-    samples: Sequence[np.ndarray],
-    order: np.ndarray,
-    saturation: float,
-) -> SensorNoise | None:
-    """From pairs of neighbouring exposures at the sensitivity most frames have; from single frames without a pair."""
-    sensitivities = [exposure.iso or 100.0 for exposure in exposures]
-    iso = max(sorted(set(sensitivities)), key=sensitivities.count)
-    alike = [index for index in order.tolist() if sensitivities[index] == iso]
+def _noise(frames: Sequence[tuple[np.ndarray, float]], iso: float, saturation: float) -> SensorNoise | None:
+    """From pairs of neighbouring exposures (samples, factor) of one sensitivity; from single frames without a pair."""
     rows = [
-        noise_between(samples[a].ravel(), samples[b].ravel(), float(factors[b] / factors[a]), saturation)
-        for a, b in pairwise(alike)
+        noise_between(first.ravel(), second.ravel(), longer / shorter, saturation)
+        for (first, shorter), (second, longer) in pairwise(frames)
     ]
     found = fitted_noise(np.concatenate(rows), iso) if rows else None
-    return found or fitted_noise(np.concatenate([noise_within(samples[index]) for index in alike]), iso)
+    return found or fitted_noise(np.concatenate([noise_within(sample) for sample, _ in frames]), iso)
 
 
 def _require_light(known: RawCalibration, mosaic: np.ndarray, variance: np.ndarray, clipped: np.ndarray) -> None:

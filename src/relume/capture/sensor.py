@@ -22,13 +22,13 @@ class Sensor:
     black : raw levels that no light gives: at even rows the even and the odd columns, then at odd rows
     white : the raw level at which its files say that photosites are saturated
     saturation : the signal, as a share of white above black, at which they are seen to be saturated
-    noise : and the sensitivity at which it and the saturation were measured
+    noise : and the sensitivity at which it and the saturation were measured; None where the noise could not be told
     """
 
     black: tuple[float, float, float, float]
     white: float
     saturation: float
-    noise: SensorNoise
+    noise: SensorNoise | None
 
     def __post_init__(self) -> None:
         if len(self.black) != 4 or not np.isfinite([*self.black, self.white]).all() or max(self.black) >= self.white:
@@ -43,7 +43,7 @@ class Sensor:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for a camera profile; `from_dict` reads them."""
-        noise = {"shot": self.noise.shot, "read": self.noise.read, "iso": self.noise.iso}
+        noise = None if self.noise is None else vars(self.noise)
         return {"black": list(self.black), "white": self.white, "saturation": self.saturation, "noise": noise}
 
     @staticmethod
@@ -51,7 +51,8 @@ class Sensor:
         """The sensor that `to_dict` wrote; raises ValueError for anything else."""
         try:
             first, second, third, fourth = (float(level) for level in table["black"])
-            noise = SensorNoise(*(float(table["noise"][key]) for key in ("shot", "read", "iso")))
+            told = table["noise"]
+            noise = None if told is None else SensorNoise(*(float(told[key]) for key in ("shot", "read", "iso")))
             return Sensor((first, second, third, fourth), float(table["white"]), float(table["saturation"]), noise)
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"not a sensor of relume: {error}") from None

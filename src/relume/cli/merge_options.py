@@ -209,8 +209,8 @@ def _scale(profile: CameraProfile | None) -> Callable[[RadianceMap, Bracket, Res
         exposure = bracket.photographs[0].exposure if bracket is not None else None
         if exposure is not None and measured_with not in (None, tells(exposure)):
             raise NotABracket(
-                f"{bracket.name if bracket else ''}: its exposures tell {words(tells(exposure))}, those that the profile's "
-                f"scale was measured with {words(measured_with)}; both must tell the same, or one cd/m² is another"
+                f"{bracket.name if bracket else ''}: its exposures tell {words(tells(exposure))}, those of the profile's "
+                f"scale {words(measured_with)}; the scale holds only where both tell the same"
             )
         return scale
 

@@ -29,7 +29,7 @@ def write_capture_report(measurements: Sequence[Measurement], path: Path) -> Non
         parts += [note(line) for line in measurement.objections()]
         parts += [note(line) for line in measurement.warnings]
         for measured in measurement.measured:
-            parts += _bracket(measured, measurement)
+            parts += _bracket(measured)
         if measurement.calibration is not None:
             parts += [heading("The camera's response"), _response(measurement.calibration)]
         rows = [(step, f"{seconds:.2f} s") for step, seconds in measurement.seconds.items()]
@@ -37,7 +37,7 @@ def write_capture_report(measurements: Sequence[Measurement], path: Path) -> Non
     files.write_text(path, page("relume merge", parts))
 
 
-def _bracket(measured: Measured, measurement: Measurement) -> list[str]:
+def _bracket(measured: Measured) -> list[str]:
     picture = measured.picture
     parts = [
         heading(measured.name),
@@ -49,7 +49,7 @@ def _bracket(measured: Measured, measurement: Measurement) -> list[str]:
             "thousandth and the brightest ten-thousandth.",
         ),
         heading("Exposures"),
-        _exposures(measured, measurement.calibration),
+        _exposures(measured),
         heading("What no photograph measured"),
         _clipped(measured),
     ]
@@ -77,8 +77,8 @@ def _pictures(measured: Measured) -> str:
     )
 
 
-def _exposures(measured: Measured, calibration: Calibration | None) -> str:
-    found = _corrections(calibration)
+def _exposures(measured: Measured) -> str:
+    found = {name: f"{stops:+.3f} ± {error:.3f}" for name, (stops, error) in measured.corrections.items()}
     motions, shares = {}, {}
     if measured.aligned is not None:
         for photograph, motion in zip(measured.aligned.bracket.photographs, measured.aligned.motions, strict=True):
@@ -109,18 +109,6 @@ def seconds_in_words(seconds: float) -> str:
     if seconds < 0.3:
         return f"1/{1 / seconds:.4g} s"
     return f"{seconds:.4g} s"
-
-
-def _corrections(calibration: Calibration | None) -> dict[str, str]:
-    """What each photograph's exposure was corrected by, in stops, by its name."""
-    if calibration is None or calibration.ratios is None:
-        return {}
-    ratios, told = calibration.ratios, {}
-    for names, corrections, errors in zip(ratios.names, ratios.corrections, ratios.errors, strict=True):
-        for name, correction, error in zip(names, corrections, errors, strict=True):
-            if correction != 0:
-                told[name] = f"{correction / np.log(2):+.3f} ± {error / np.log(2):.3f}"
-    return told
 
 
 def _clipped(measured: Measured) -> str:
