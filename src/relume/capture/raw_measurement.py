@@ -31,7 +31,7 @@ LEVELS = 65536
 MOVED = 0.5
 """Pixels of the raw by which a frame may lie off before it is told: sharp detail is smeared from there on."""
 
-RawScale = Callable[[RadianceMap, RawCalibration], Scale]
+RawScale = Callable[[RadianceMap, Bracket, RawCalibration], Scale]
 
 
 def measure_raw(
@@ -53,7 +53,8 @@ def measure_raw(
     balance : as in `merge_raw`
     refine : whether the ratios of the exposures are measured from the pixels. They are unless told otherwise: without a
         curve to recover nothing else could be meant by what the pixels say of them
-    scale : given the map and what the raws tell, the scale to cd/m²
+    scale : given the map, its bracket (small pictures, the focal length the map's) and what the raws tell, the scale to
+        cd/m²
     sensor : of the camera, where it was measured before; see `calibrate_raw`
     treatment : its glare, vignetting, balance and focal length count. Raws need no response, so method, neutral, refine
         and scale, which tell of one, do not; they are weighed by their sensor's noise and merged as they lie, so
@@ -89,9 +90,9 @@ def measure_raw(
                 picture = merge_raw(sources, calibration=known, balance=balance)
             picture, balanced = without_lens(picture, known.exposures, treatment, steps)
             if scale is not None:
-                found = found or scale(picture, known)
+                found = found or scale(picture, bracket, known)
                 picture = calibrated(picture, found)
-            focal_length = treatment.focal_length or (bracket.focal_length and bracket.focal_length * shrunk)
+            focal_length = treatment.focal_length or bracket.focal_length
             measured.append(Measured(
                 picture, bracket.name, bracket.exposure_table, doubts, None, None,
                 extent(picture, focal_length=focal_length), found, balanced, known.corrections(),
@@ -117,12 +118,12 @@ def _brackets(photographs: Sequence[RawSource] | Sequence[Sequence[RawSource]]) 
 
 
 def _previews(photographs: Sequence[RawSource], known: RawCalibration) -> tuple[Bracket, int]:
-    """Small linear pictures of the raws, and how many raw pixels one of theirs is wide."""
+    """Small linear pictures of the raws, and how many raw pixels one of theirs is wide; the focal length is the raws'."""
     frames, shrunk = [], 2
     for raw, factor, exposure in zip(opened(photographs), known.factors, known.exposures, strict=True):
         shrunk = 2 * max(1, max(raw.size) // (2 * PREVIEW))
         told = replace(exposure, seconds=exposure.seconds * float(factor) / exposure.factor)
-        frames.append(replace(preview(raw, shrunk, known.saturation), exposure=told))
+        frames.append(replace(preview(raw, shrunk, known.saturation), exposure=told, focal_length=raw.focal_length))
     return Bracket(tuple(frames)), shrunk
 
 

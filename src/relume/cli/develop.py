@@ -44,6 +44,8 @@ def develop(
         curve, top = None, 1.0
         if response is not None:
             curve = read_profile(response).response
+            if curve is None:
+                raise ValueError(f"{response.name}: a profile of camera raws, which holds no response; give another")
             top = float(np.exp(curve.log_exposure[:, 248 * curve.levels // 256].mean()))
         bright = float(np.percentile(radiance[np.isfinite(radiance)], 99)) if np.isfinite(radiance).any() else 0.0
         film = Film(seconds or top / max(bright, 1e-30), curve).brighter(exposure)

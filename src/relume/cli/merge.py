@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -79,13 +78,17 @@ def merge(
         for path, suffix, option in ((save_profile, ".json", "--save-profile"), (report, ".html", "--report")):
             if path is not None:
                 require_suffix(path, suffix, option=option)
-        if save_profile is not None and (profile is not None or raws):
-            what = "camera raws need no response" if raws else "--profile gives the response"
-            raise NotABracket(f"--save-profile {save_profile}: {what}, so there is none to save; leave it out")
+        if save_profile is not None and profile is not None:
+            raise NotABracket(
+                f"--save-profile {save_profile}: --profile gives one, so there is none to save; leave it out"
+            )
         known = read_profile(profile) if profile is not None else None
-        if known is not None and raws:
-            # Its balance and scale are those of encoded photographs; only the lens is the same.
-            known = replace(known, balance=(1.0, 1.0, 1.0), scale=None)
+        if known is not None and (known.sensor is not None) != bool(raws):
+            kinds = ("encoded photographs", "camera raws")
+            raise NotABracket(
+                f"--profile {profile}: a profile of {kinds[not raws]}, and these are {kinds[bool(raws)]}; save one of "
+                "such as these with --save-profile"
+            )
         treatment = treatment_of(steps, lens, readings, known)
         idle = without_effect(steps, raw=bool(raws), profile=known, ignore=ignore, true_shutter=true_shutter)
         if idle:
@@ -133,10 +136,14 @@ def without_effect(
 ) -> tuple[str, ...]:
     """The options given that do nothing for these photographs."""
     of_response = {"--neutral": steps.neutral is not None, "--method": steps.method != Steps.method}
-    of_raws = {"--ignore": ignore is not None, "--true-shutter": true_shutter, "--paper-weights": steps.paper_weights}
+    of_steps = {
+        "--no-align": not steps.align,
+        "--no-deghost": not steps.deghost,
+        "--paper-weights": steps.paper_weights,
+    }
     given: dict[str, bool] = {}
     if raw:
-        given = of_response | of_raws | {"--profile": profile is not None and profile.vignetting is None}
+        given = of_response | of_steps | {"--ignore": ignore is not None, "--true-shutter": true_shutter}
     elif profile is not None:
         given = of_response | {"--refine": steps.refine}
     return tuple(option for option, is_given in given.items() if is_given)

@@ -54,9 +54,9 @@ class Result:
 
 
 def results_of(job: Job, told: Callable[[str], None]) -> list[Result]:
-    """A result for each camera, or for each bracket of camera raws."""
+    """A result for each camera."""
     if job.raw:
-        return [_raw(job, group, target, told) for group, target in zip(job.groups, job.targets, strict=True)]
+        return _of_raws(job, told)
     told("read")
     by_camera: dict[str, list[tuple[Bracket, Path]]] = {}
     for bracket, target in zip(read_brackets(job), job.targets, strict=True):
@@ -64,16 +64,41 @@ def results_of(job: Job, told: Callable[[str], None]) -> list[Result]:
     response = job.profile.response if job.profile else None
     results = []
     for camera, taken in by_camera.items():
-        if job.profile and job.profile.camera and camera and camera != job.profile.camera:
-            warnings.warn(
-                f"the profile is of the camera {job.profile.camera}, {taken[0][0].name} are of {camera}; recover a "
-                "profile of their own camera",
-                stacklevel=2,
-            )
+        _compare(job.profile, camera, taken[0][0].name)
         brackets, targets = zip(*taken, strict=True)
         found = measure(brackets, response=response, treatment=job.treatment, told=told)
         results.append(Result(found, targets))
     return results
+
+
+def _of_raws(job: Job, told: Callable[[str], None]) -> list[Result]:
+    by_camera: dict[str, list[tuple[Sequence[Path], Path]]] = {}
+    for group, target in zip(job.groups, job.targets, strict=True):
+        by_camera.setdefault(files.read_facts(group[0]).camera, []).append((group, target))
+    results = []
+    for camera, taken in by_camera.items():
+        groups, targets = zip(*taken, strict=True)
+        _compare(job.profile, camera, groups[0][0].name)
+        found = measure_raw(
+            groups,
+            times=_raw_times(job, groups[0]),  # where times are given there is one bracket
+            scale=job.readings.raw_scale(job.profile),
+            sensor=job.profile.sensor if job.profile else None,
+            treatment=job.treatment,
+            told=told,
+        )
+        results.append(Result(found, targets))
+    return results
+
+
+def _compare(profile: CameraProfile | None, camera: str, name: str) -> None:
+    """Warn where the profile is of another camera than the photographs called `name`."""
+    if profile and profile.camera and camera and camera != profile.camera:
+        warnings.warn(
+            f"the profile is of the camera {profile.camera}, {name} are of {camera}; recover a profile of their own "
+            "camera",
+            stacklevel=3,
+        )
 
 
 def read_brackets(job: Job) -> list[Bracket]:
@@ -128,13 +153,14 @@ def write(job: Job, results: Sequence[Result], *, save_profile: Path | None, rep
 
 
 def _write_profiles(results: Sequence[Result], job: Job, path: Path) -> dict[str, object]:
-    """The profile of each camera whose response was recovered, the second as NAME_1.json and so on."""
-    recovered = [r.measurement for r in results if r.measurement.calibration is not None]
+    """The profile of each camera, the second as NAME_1.json and so on."""
     written = []
-    for index, measurement in enumerate(recovered):
+    for index, measurement in enumerate(result.measurement for result in results):
         calibration, first = measurement.calibration, measurement.measured[0]
-        assert calibration is not None
-        profile = profile_of(calibration, measurement.camera, brackets=len(measurement.measured))
+        if calibration is None:
+            profile = CameraProfile(measurement.camera, sensor=measurement.sensor)
+        else:
+            profile = profile_of(calibration, measurement.camera, brackets=len(measurement.measured))
         vignetting = job.treatment.vignetting[0].to_dict() if job.treatment.vignetting else None
         scale, deviation, balance = None, None, np.ones(3)
         if first.balance is not None:
@@ -159,17 +185,6 @@ def _raw_times(job: Job, group: Sequence[Path]) -> list[float] | None:
     if times is not None and len(times) != len(group):
         raise NotABracket(f"{len(times)} times were given for {len(group)} photographs; give one a photograph")
     return times
-
-
-def _raw(job: Job, group: Sequence[Path], target: Path, told: Callable[[str], None]) -> Result:
-    measurement = measure_raw(
-        group,
-        times=_raw_times(job, group),
-        scale=job.readings.raw_scale(),
-        treatment=job.treatment,
-        told=told,
-    )
-    return Result(measurement, (target,))
 
 
 def _exposures(frames: Sequence[FrameFacts]) -> dict[str, str]:

@@ -107,15 +107,13 @@ class Readings:
             return _from_exposure
         return self._from_reading(given[0])
 
-    def raw_scale(self) -> Callable[[RadianceMap, RawCalibration], Scale] | None:
-        """The same for camera raws."""
-        found = self.scale()
-        if found is None:
-            return None
-        if self.absolute:
-            return _from_saturation
-        reading: Any = found
-        return lambda picture, _: reading(picture, None, None)
+    def raw_scale(
+        self, profile: CameraProfile | None
+    ) -> Callable[[RadianceMap, Bracket, RawCalibration], Scale] | None:
+        """The same for camera raws; where no reading was given, the profile's."""
+        # Readings and profile ask nothing of the response.
+        found: Any = self.scale() or _scale(profile)
+        return _from_saturation if self.absolute else found
 
     def _from_reading(self, name: str) -> Callable[[RadianceMap, Bracket, Response], Scale]:
         from relume.capture.absolute import scale_from_lux, scale_from_spot
@@ -146,7 +144,7 @@ def _from_exposure(picture: RadianceMap, bracket: Bracket, response: Response) -
     return scale_from_exposure(response, [p.exposure for p in bracket.photographs if p.exposure])
 
 
-def _from_saturation(picture: RadianceMap, calibration: RawCalibration) -> Scale:
+def _from_saturation(picture: RadianceMap, bracket: Bracket, calibration: RawCalibration) -> Scale:
     from relume.capture.absolute import scale_from_saturation
 
     return scale_from_saturation(calibration.saturation, calibration.exposures)
