@@ -126,3 +126,8 @@ def test_a_bracket_is_sorted_by_exposure_whatever_its_shutter():
     assert bracket.exposures == pytest.approx([1 / 256, 0.005, 0.01])
     assert bracket.name == "long.jpg … short.jpg"
     assert Bracket((replace(frames[0], name="alone.jpg"),)).name == "alone.jpg"
+
+
+def test_a_colour_that_no_pixel_can_have_is_refused(tmp_path):
+    files.write(tmp_path / "a.png", grey("a.png", Exposure(0.1)))
+    refused(lambda: read_bracket([tmp_path / "a.png"], ignore=(300, 0, 0)), "a.png", "300,0,0", "from 0 to 255")

@@ -121,9 +121,7 @@ def test_virtual_shoots_raise_no_doubt(shared):
 def test_a_third_of_a_stop_is_told(scene, camera, frame, off):
     bracket = told(CAMERAS[camera].bracket(scene, SEVEN), **{f"frame_{frame}": off})
     direction = "less" if off > 0 else "more"
-    doubt = only(
-        bracket, "by its EXIF, it shows about a third of a stop", f"{direction} light", "or let the exposures be"
-    )
+    doubt = only(bracket, "by its EXIF, it shows about a third of a stop", f"{direction} light", "with --refine")
     assert doubt.frame == f"frame_{frame}.jpg"
 
 
@@ -378,3 +376,16 @@ def test_photographs_are_made_small_alike_whatever_their_size(scene):
     tiny = reduced(replace(photograph, pixels=photograph.pixels[:2, :3]))
     assert tiny.encoded.shape == (2, 3, 3)
     np.testing.assert_allclose(tiny.encoded, photograph.pixels[:2, :3] / 255, atol=1e-6)
+
+
+def test_borders_of_one_pure_colour_are_told_before_they_are_taken_for_wrong_times(scene):
+    """A registered scan's blue border looks black in one channel and white in another whatever the exposure."""
+    frames = []
+    for index, photograph in enumerate(NOISELESS.bracket(scene, SEVEN).photographs):
+        pixels = photograph.pixels.copy()
+        pixels[: 2 + index] = (0, 0, 255)
+        frames.append(replace(photograph, pixels=pixels))
+    doubt = only(Bracket(tuple(frames)), "exactly the colour 0,0,255", "with --ignore 0,0,255")
+    assert doubt.degraded
+    masked = tuple(replace(p, outside=np.all(p.pixels == (0, 0, 255), axis=2)) for p in frames)
+    assert not check(Bracket(masked))

@@ -192,3 +192,11 @@ def test_a_real_shoot_of_two_balls_and_a_plate(shared):
         ("ball_0", 9),
         ("ball_90", 9),
     ]
+
+
+def test_folders_inside_a_folder_are_each_by_themselves(tmp_path):
+    for name in ("b/IMG_2.jpg", "b/IMG_1.jpg", "a/IMG_1.jpg", "IMG_9.jpg", ".hidden/IMG_1.jpg"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        files.write(tmp_path / name, Photograph(np.full((8, 8, 3), 90, np.uint8), exposure=Exposure(0.1)))
+    found = [path.relative_to(tmp_path).as_posix() for path in expand([tmp_path])]
+    assert found == ["IMG_9.jpg", "a/IMG_1.jpg", "b/IMG_1.jpg", "b/IMG_2.jpg"]

@@ -1,10 +1,15 @@
 """Camera profiles are written and read back whole, and other programs' curves are understood."""
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from relume.capture.calibration import recover_response
 from relume.capture.profile import CameraProfile, profile_of, read_profile, write_profile
+from relume.capture.raw_noise import SensorNoise
+from relume.capture.sensor import Sensor
 from relume.image.response import Response
 from synthetic import NOISY, wide_scene
 
@@ -13,6 +18,9 @@ HDRGEN = """3 1.43595 -0.797421 0.366855 -0.00538145
 3 1.50535 -0.976516 0.471376 -0.000206902
 """
 """What hdrgen writes: the order and the coefficients from the highest, red, green and blue."""
+
+
+SENSOR = Sensor((512.0, 513.0, 514.0, 515.0), 16383.0, 0.875, SensorNoise(5e-5, 2e-4, 200.0))
 
 
 def power(exponent: float) -> np.ndarray:
@@ -34,8 +42,6 @@ def test_a_profile_is_read_back_as_it_was_written(tmp_path):
     profile = CameraProfile(
         **{
             **vars(made),
-            "black": (64.0,) * 4,
-            "white": (4095.0,),
             "vignetting": {"radial": [1, 2]},
             "scale": 179.0,
             "balance": (1.1, 1.0, 0.9),
@@ -49,6 +55,63 @@ def test_a_profile_is_read_back_as_it_was_written(tmp_path):
         k: v for k, v in vars(profile).items() if k != "response"
     }
     assert again.camera == "Maker One" and again.pixels == calibration.pixels.max() and again.shot is not None
+
+
+def test_a_profile_of_raws_holds_a_sensor_and_no_response(tmp_path):
+    path = tmp_path / "raw.json"
+    profile = CameraProfile("Maker One", sensor=SENSOR, scale=179.0, scale_deviation=0.05, balance=(1.1, 1.0, 0.9))
+    write_profile(path, profile)
+    table = json.loads(path.read_text())
+    assert table["sensor"] == {
+        "black": [512, 513, 514, 515], "white": 16383, "saturation": 0.875,
+        "noise": {"shot": 5e-5, "read": 2e-4, "iso": 200},
+    }  # fmt: skip
+    assert table["version"] == 1 and "log_exposure" not in table
+    assert vars(read_profile(path)) == vars(profile)
+    silent = replace(profile, sensor=replace(SENSOR, noise=None))
+    write_profile(path, silent)
+    assert vars(read_profile(path)) == vars(silent)
+
+
+def test_a_profile_of_before_there_were_sensors_is_read(tmp_path):
+    path = tmp_path / "old.json"
+    curve = np.log(np.arange(1, 257) / 128).tolist()
+    old = {"relume": "camera profile", "version": 1, "camera": "Maker One", "log_exposure": [curve] * 3}
+    path.write_text(json.dumps(old | {"noise": [0.7] * 3, "black": None, "white": None, "scale": 7.0}))
+    profile = read_profile(path)
+    assert profile.response is not None and profile.sensor is None and profile.scale == 7.0
+    assert profile.response.log_exposure[1].tolist() == curve and profile.balance == (1.0, 1.0, 1.0)
+
+
+def test_a_profile_is_of_photographs_or_of_raws():
+    response = Response(np.log(np.arange(1, 257)) * np.ones((3, 1)), np.ones(3))
+    for halves in ({}, {"response": response, "sensor": SENSOR}):
+        with pytest.raises(ValueError, match="or the sensor of raws, and not both"):
+            CameraProfile("x", **halves)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"black": (512.0,) * 3}, {"black": (1.0, 2.0, 3.0, np.nan)}, {"black": (512.0, 512.0, 512.0, 16383.0)},
+        {"white": np.inf}, {"saturation": 0.0}, {"saturation": 1.01},
+    ],
+)  # fmt: skip
+def test_wrong_sensors_are_refused(fields):
+    with pytest.raises(ValueError, match="expected"):
+        replace(SENSOR, **fields)
+
+
+def test_sensors_differ_by_more_than_a_thousandth_of_their_range():
+    # The range is 15 871 levels.
+    for fields, differs in (
+        ({"white": 16383.0 + 15}, False),
+        ({"white": 16383.0 + 17}, True),
+        ({"black": (512.0, 513.0, 514.0, 515.0 + 15)}, False),
+        ({"black": (512.0, 513.0, 514.0, 515.0 - 17)}, True),
+        ({"saturation": 0.5, "noise": None}, False),
+    ):
+        assert SENSOR.differs(replace(SENSOR, **fields)) is differs
 
 
 def test_the_response_that_relume_wrote_before_is_a_profile(tmp_path):
@@ -110,6 +173,9 @@ def test_tables(tmp_path, columns):
         ("{", "not a camera profile"),
         ('{"relume": "shot", "version": 1}', "not a camera profile"),
         ('{"relume": "camera profile", "version": 1, "camera": "x"}', "log_exposure"),
+        ('{"relume": "camera profile", "version": 1, "camera": "x", "sensor": {"black": [1, 2]}}', "not a sensor"),
+        ('{"relume": "camera profile", "version": 1, "camera": "x", "sensor": 3}', "not a sensor"),
+        ('{"relume": "camera profile", "version": 2, "camera": "x"}', "update relume"),
         ("1 2 3\n4 5 6\n", "2 rows of 3 numbers"),
         ("\n".join(str(255 - i) for i in range(256)), "a response rises"),
         ("\n".join("0" for _ in range(256)), "not positive"),

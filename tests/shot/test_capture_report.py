@@ -126,7 +126,7 @@ def test_the_tables_hold_the_measurement_s_numbers(eventful, eventful_page):
     text, one = eventful_page, eventful.measured[0]
     table = {row[0]: row for row in rows(text)}
     assert table["photograph"] == [
-        "photograph", "time", "aperture", "ISO", "stops", "told by", "corrected by", "moved by", "ghosts",
+        "photograph", "time used", "aperture", "ISO", "stops", "told by", "corrected by", "moved by", "ghosts",
     ]  # fmt: skip
     assert eventful.calibration is not None and eventful.calibration.ratios is not None
     ratios, aligned, deghosted = eventful.calibration.ratios, one.aligned, one.deghosted
@@ -144,6 +144,8 @@ def test_the_tables_hold_the_measurement_s_numbers(eventful, eventful_page):
     correction, error = ratios.corrections[0][place], ratios.errors[0][place]
     assert table["frame_4.png"][6] == f"{correction / np.log(2):+.3f} ± {error / np.log(2):.3f}"
     assert correction == pytest.approx(-np.log(1.3), abs=0.03)
+    assert one.corrections["frame_4.png"] == pytest.approx((correction / np.log(2), error / np.log(2)))
+    assert list(one.corrections) == ["frame_4.png"]
     assert table["frame_2.png"][6] == "–"
     assert float(table["frame_1.png"][7].split(",")[0]) == pytest.approx(4, abs=0.25)
     for step, seconds in eventful.seconds.items():
@@ -199,6 +201,8 @@ def test_camera_raws_are_reported_without_a_response(tmp_path):
     frames, table = found.measured[0].frames, {row[0]: row for row in rows(text)}
     for name, frame in zip(("raw_0.dng", "raw_1.dng", "raw_2.dng"), frames, strict=True):
         assert table[name][1:4] == [seconds_in_words(frame.seconds), "f/4", "100"]
+        stops, error = found.measured[0].corrections[frame.name]
+        assert table[name][6] == f"{stops:+.3f} ± {error:.3f}" and 0 < abs(stops) < 0.01
     assert len(pictures(text)) == 6
 
 

@@ -143,6 +143,12 @@ def same_pixels(first: Photograph, second: Photograph) -> bool:
 
 
 def _ignoring(photographs: list[Photograph], colour: tuple[int, int, int]) -> list[Photograph]:
+    for photograph in photographs:
+        if not 0 <= min(colour) <= max(colour) <= np.iinfo(photograph.pixels.dtype).max:
+            raise NotABracket(
+                f"{photograph.name}: no {photograph.pixels.dtype} pixel has the colour {','.join(map(str, colour))}; "
+                f"give values from 0 to {np.iinfo(photograph.pixels.dtype).max}"
+            )
     found = [np.all(p.pixels == np.array(colour), axis=2) for p in photographs]
     if photographs and not any(outside.any() for outside in found):
         warnings.warn(

@@ -29,6 +29,8 @@ _SAME = 0.1 * _STOP  # marked speeds of one exposure differ by less
 _CAST, _STRONG_CAST = 0.35 * _STOP, 0.7 * _STOP
 """Between the channels: curves that differ by channel reach 0.25 stops, and at 0.7 the colours are plainly others."""
 _FEWEST_LEVELS = 64
+_PURE = ((0, 0, 1), (0, 1, 0), (1, 0, 0), (1, 0, 1), (0, 1, 1), (1, 1, 0))
+_BORDER = 2e-3  # of a photograph; a lamp that saturates one channel alone is smaller, or not black in the others
 _SAMPLES = 1_000_000  # pixels in which levels are counted
 
 
@@ -65,6 +67,9 @@ def check(bracket: Bracket, response: Response | None = None) -> tuple[Doubt, ..
     pictures = [reduced(p) for p in bracket.photographs]
     strangers = _strangers(bracket, pictures)
     doubts = [*_of_settings(bracket), *_of_sources(bracket), *_of_copies(bracket), *_of_levels(bracket)]
+    if borders := list(_of_borders(bracket)):
+        # What is not part of the picture makes exposures and scenes look wrong: it is to be taken out before all else.
+        return (*doubts, *borders)
     names = {doubt.frame for doubt in strangers}
     # Photographs of another scene would be blamed for their exposures too, and their neighbours with them.
     members = [i for i, p in enumerate(bracket.photographs) if p.name not in names]
@@ -153,6 +158,25 @@ def _of_levels(bracket: Bracket) -> Iterator[Doubt]:
         )
 
 
+def _of_borders(bracket: Bracket) -> Iterator[Doubt]:
+    """Doubt pixels of one pure colour, such as registered scans have at their borders."""
+    for colour in _PURE:
+        shares = [
+            float(np.all(p.pixels[::3, ::3] == np.array(colour) * np.iinfo(p.pixels.dtype).max, axis=2).mean())
+            for p in bracket.photographs
+            if p.outside is None
+        ]
+        if shares and max(shares) > _BORDER:
+            written = ",".join(str(v * np.iinfo(bracket.photographs[0].pixels.dtype).max) for v in colour)
+            yield Doubt(
+                bracket.name,
+                f"up to {100 * max(shares):.1f} % of a photograph are exactly the colour {written}, as borders are "
+                "that are no part of the picture",
+                f"leave them out with --ignore {written}",
+                True,
+            )
+
+
 def _strangers(bracket: Bracket, pictures: Sequence[Reduced]) -> list[Doubt]:
     order = sorted(range(len(pictures)), key=lambda i: pictures[i].mean)
     structures = [structure(picture) for picture in pictures]
@@ -226,7 +250,7 @@ def _of_exposure(photograph: Photograph, correction: float) -> Doubt:
         photograph.name,
         f"told {_told(photograph)} by {_source(photograph)}, it shows about {amount} {direction} light "
         "beside the others",
-        "correct it with --times, or let the exposures be refined",
+        "correct it with --times, or from four photographs on with --refine",
         True,
     )
 

@@ -23,16 +23,21 @@ _SAME = 0.01  # of an exposure: lists agree within the rounding of what they pri
 def expand(paths: Iterable[str | os.PathLike[str]]) -> tuple[Path, ...]:
     """The paths with every folder replaced by the photographs and camera raws in it, in the order of their names.
 
-    Lists, radiance maps, hidden files and folders inside are passed over; what a file is its content says.
-    Raises NotABracket for a folder without photographs.
+    Folders inside come after, each by itself. Lists, radiance maps and what is hidden are passed over; what a file is
+    its content says. Raises NotABracket for a folder without photographs.
     """
     found: list[Path] = []
     for path in map(Path, paths):
-        pictures = pictures_in(path) if path.is_dir() else [path]
+        pictures = _all_in(path) if path.is_dir() else [path]
         if not pictures:
             raise NotABracket(f"{path}: no photograph is in this folder; name the photographs, or their folder")
         found.extend(pictures)
     return tuple(found)
+
+
+def _all_in(folder: Path) -> list[Path]:
+    inner = [path for path in folder.iterdir() if path.is_dir() and not path.name.startswith(".")]
+    return pictures_in(folder) + [path for each in sorted(inner, key=name_order) for path in _all_in(each)]
 
 
 def pictures_in(folder: Path) -> list[Path]:

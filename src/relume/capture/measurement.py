@@ -38,6 +38,8 @@ from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 
 Read = TypeVar("Read")
+ODD = 0.02
+"""Share of the picture in which one frame contradicts all the others for it to be told."""
 OBSERVED = 0.7
 """Share of white up to which every curve must have been observed for the channels to be tied at white; beyond its
 observations a curve is a guess: sixteen scans of film, whose blue is hardly seen above the middle, came out yellow."""
@@ -260,6 +262,7 @@ def _measured(
     if treatment.consistency is not None and len(bracket.photographs) > 1:
         with steps.step("deghost"):
             deghosted = deghost(bracket, response, method=treatment.consistency)
+        _warn_of_an_odd_frame(deghosted)
     with steps.step("merge"):
         picture = merge(deghosted.bracket if deghosted else bracket, response, weighting=treatment.weighting)
     exposures = [p.exposure for p in bracket.photographs if p.exposure]
@@ -271,6 +274,18 @@ def _measured(
     focal_length = treatment.focal_length or bracket.focal_length
     found = extent(picture, focal_length=focal_length)
     return Measured(picture, bracket.name, bracket.exposure_table, doubts, aligned, deghosted, found, scale, balance)
+
+
+def _warn_of_an_odd_frame(deghosted: Deghosted) -> None:
+    """Tell where one frame shows what no other does, and is believed: it may be the one that does not belong."""
+    shares, names = deghosted.shares, [p.name for p in deghosted.bracket.photographs]
+    others = np.delete(shares, deghosted.reference)
+    if len(others) >= 3 and shares[deghosted.reference] == 0 and others.min() > ODD:
+        warnings.warn(
+            f"{names[deghosted.reference]}: in {100 * others.min():.2g} % of the picture it differs from all others, "
+            "and it is what they were measured against; if it does not belong to them, leave it out",
+            stacklevel=2,
+        )
 
 
 def without_lens(

@@ -79,6 +79,12 @@ class Ratios:
         told = np.concatenate([o.log_exposures for o in observed[0]])
         owner = np.repeat(np.arange(len(names)), [len(each) for each in names])
         usable = _telling(observed, told, owner)
+        if not usable.any():
+            warnings.warn(
+                f"{names[0][0]} … {names[-1][-1]}: exposures are refined from four different ones on; of fewer, which "
+                "is wrong cannot be told",
+                stacklevel=4,
+            )
         corrections = np.zeros(len(told))
         errors = np.full(len(told), np.nan)
         doubted = np.zeros(len(told), bool)

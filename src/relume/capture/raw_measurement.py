@@ -118,7 +118,7 @@ def _brackets(photographs: Sequence[RawSource] | Sequence[Sequence[RawSource]]) 
 
 
 def _previews(photographs: Sequence[RawSource], known: RawCalibration) -> tuple[Bracket, int]:
-    """Small linear pictures of the raws, and how many raw pixels one of theirs is wide; the focal length is the raws'."""
+    """Small linear pictures of the raws, their focal length the raws' own, and how many raw pixels theirs are wide."""
     frames, shrunk = [], 2
     for raw, factor, exposure in zip(opened(photographs), known.factors, known.exposures, strict=True):
         shrunk = 2 * max(1, max(raw.size) // (2 * PREVIEW))

@@ -27,6 +27,7 @@ _PLANE_RESOLUTION, _PLANE_UNIT = 0xA20E, 0xA210
 _TAKEN, _TAKEN_FRACTION, _WHITE_BALANCE, _BIAS = 0x9003, 0x9291, 0xA403, 0x9204
 _LENS, _SERIAL, _SHUTTER_SPEED = 0xA434, 0xA431, 0x9201
 _MILLIMETRES = {2: 25.4, 3: 10.0, 4: 1.0}
+_SMALL_SENSOR, _SHORT_LENS = 6.0, 12.0  # mm
 _FULL_FRAME = 36.0  # mm, the longer side to which FocalLengthIn35mmFilm refers
 
 # Image.open would refuse above 179 million pixels what our own limits allow; these read the header alone.
@@ -97,7 +98,8 @@ def focal_length_of(tags: dict[int, object], width: int, height: int) -> float |
     FocalLengthIn35mmFilm comes first: it survives resizing. It is an integer, so where FocalLength rounds to it the
     camera is full-frame and the finer FocalLength is meant. FocalPlaneXResolution counts pixels of the sensor, and
     editors keep it when they resize (a 640-pixel copy would come out 8 times too long); so it is believed only where
-    the maker's note is still there and the recorded width is this file's.
+    the maker's note is still there, the recorded width is this file's, and the sensor it makes is no telephone's behind
+    a lens of a big camera.
     """
     focal, focal_35mm = _positive(tags, _FOCAL_LENGTH), _positive(tags, _FOCAL_LENGTH_35MM)
     if focal_35mm:
@@ -105,7 +107,9 @@ def focal_length_of(tags: dict[int, object], width: int, height: int) -> float |
         return finer / _FULL_FRAME * max(width, height)
     resolution = _positive(tags, _PLANE_RESOLUTION)
     if focal and resolution and _MAKER_NOTE in tags and tags.get(_PIXEL_WIDTH) == width:
-        return focal * resolution / _MILLIMETRES.get(int(_positive(tags, _PLANE_UNIT) or 2), 25.4)
+        per_millimetre = resolution / _MILLIMETRES.get(int(_positive(tags, _PLANE_UNIT) or 2), 25.4)
+        if width / per_millimetre >= _SMALL_SENSOR or focal <= _SHORT_LENS:
+            return focal * per_millimetre
     return None
 
 
