@@ -15,10 +15,11 @@ from relume.capture.absolute import Scale, calibrated, scale_from_spot
 from relume.capture.bracket import Bracket
 from relume.capture.calibration import DOUBTFUL_MISFIT
 from relume.capture.consistency import NOTHING_TO_DO, Doubt
+from relume.capture.deghosting import Deghosted
 from relume.capture.extent import extent
 from relume.capture.glare import Glare, diminish_glare
 from relume.capture.luminaire import Balance, balanced
-from relume.capture.measurement import Measurement, Treatment, measure
+from relume.capture.measurement import Measurement, Treatment, _warn_of_an_odd_frame, measure
 from relume.capture.merging import merge
 from relume.capture.ratios import Ratios
 from relume.capture.vignetting import Vignetting, corrected
@@ -365,3 +366,24 @@ def test_a_reading_in_the_first_bracket_scales_them_all():
     assert first.scale == second.scale
     ratio = second.picture.radiance[:, ::-1] / first.picture.radiance
     assert np.median(ratio) == pytest.approx(3.0, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "shares, told",
+    [
+        ([0.05, 0.0, 0.04, 0.03], True),
+        ([0.05, 0.01, 0.04, 0.03], False),
+        ([0.05, 0, 0, 0.03], False),
+        ([0.3, 0, 0.3], False),
+    ],
+    ids=["one against three", "the reference gave way too", "one agrees with it", "one against two"],
+)
+def test_one_frame_against_all_others_is_told(shares, told):
+    """The frame that the others are measured against may be the one that does not belong to them."""
+    bracket = NOISELESS.bracket(wide_scene(32, 24), [0.1 * 2.0**k for k in range(len(shares))])
+    found = Deghosted(bracket, np.zeros((24, 32), bool), np.zeros((24, 32), np.int16), np.array(shares), 1)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        _warn_of_an_odd_frame(found)
+    lines = [str(each.message) for each in caught]
+    assert (len(lines) == 1 and "frame_1.jpg: in 3 %" in lines[0]) if told else not lines

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,13 @@ from relume.capture.luminaire import Balance, balanced
 from relume.capture.measurement import Measurement, Treatment
 from relume.capture.raw_measurement import measure_raw, preview
 from relume.capture.raw_merging import calibrate_raw, merge_raw
+from relume.capture.raw_noise import SensorNoise
+from relume.capture.sensor import Sensor
 from relume.capture.vignetting import Vignetting, corrected
 from relume.errors import NotABracket
+from relume.image.files import read_raw
 from relume.image.photograph import Exposure, Settings
+from relume.image.radiance import SATURATED
 from relume.image.raw import RawPhotograph
 from shoots import raw_files, textured
 
@@ -89,8 +94,10 @@ def test_a_raw_alone_is_measured(light, tmp_path):
 def test_what_the_lens_did_and_the_scale_count(sound):
     seen = []
 
-    def scale(picture, known):
+    def scale(picture, bracket, known):
         seen.append((picture, known))
+        # In pixels of the map, not of the small pictures.
+        assert bracket.focal_length == read_raw(sound[0]).focal_length and bracket.photographs[0].exposure.f_number == 4
         warnings.warn("the meter is old", stacklevel=2)
         return scale_from_saturation(known.saturation, known.exposures)
 
@@ -104,6 +111,7 @@ def test_what_the_lens_did_and_the_scale_count(sound):
     wanted = scale_from_saturation(known.saturation, calibrate_raw(sound).exposures)
     assert one.scale == wanted and one.balance is gains
     assert np.array_equal(one.picture.radiance, calibrated(plain, wanted).radiance) and one.picture.unit == "cd/m²"
+    assert one.picture.attributes["f_number"] == "4"
     assert found.warnings == ("the meter is old",) and found.notes() == found.warnings
     # The scale of the treatment is for photographs with a response, and no raw's.
     treatment = Treatment(scale=lambda *_: Scale.grey(5.0, 0.1, "another"))
@@ -135,6 +143,128 @@ def test_exposures_are_refined_unless_that_is_switched_off(light, tmp_path):
     assert [frame.seconds for frame in as_told] == pytest.approx(SECONDS, rel=1e-12)
     refined = np.array([frame.seconds for frame in measure_raw(photographs).measured[0].frames])
     assert refined / refined[0] == pytest.approx(np.array(short) / short[0], rel=3e-3)
+
+
+def test_corrections_are_told_with_errors_that_are_true(light):
+    """How far the corrections lie from the truth, in their own errors, over fifteen brackets."""
+    factors, deviations = np.array([1.0, 1.05, 0.97, 1.0]), []
+    names = [f"{i}.dng" for i in range(4)]
+    for seed in range(15):
+        photographs = [
+            raw(sensed(light[:, :160], t * f, seed=4 * seed + i), name=name, exposure=Exposure(t, 2.0, 100.0))
+            for i, (t, f, name) in enumerate(zip(SECONDS, factors, names, strict=True))
+        ]
+        corrections = calibrate_raw(photographs).corrections()
+        stops, errors = np.array([corrections[name] for name in names]).T
+        deviations.append((stops - np.log2(factors) + np.log2(factors).mean()) / errors)
+    assert 0.6 < np.std(deviations) < 1.4
+    assert np.abs(stops).max() > 0.06 and np.all((errors > 1e-4) & (errors < 0.01))
+    assert calibrate_raw(photographs, refine_exposures=False).corrections() == {}
+    assert calibrate_raw(photographs[:1]).corrections() == {}
+
+
+def test_several_brackets_share_what_is_read_in_the_first(light, tmp_path):
+    first = raw_files(tmp_path / "a", [light] * 3, (0.25, 1.0, 4.0))
+    second = raw_files(tmp_path / "b", [light[::-1].copy()] * 2, (0.5, 2.0))
+    asked = []
+
+    def scale(picture, bracket, known):
+        asked.append(bracket.name)
+        return Scale.grey(50 / float(picture.radiance.max()), 0.1, "a reading")
+
+    def balance(picture):
+        mean = picture.radiance.mean((0, 1))
+        return Balance((2 * float(mean[1] / mean[0]), 1.0, float(mean[1] / mean[2])))
+
+    found = measure_raw([first, second], scale=scale, treatment=Treatment(balance=balance))
+    one, other = found.measured
+    assert asked == [one.name] and one.scale is other.scale is not None and one.balance is other.balance is not None
+    assert [len(each.frames) for each in found.measured] == [3, 2] and found.objections() == ()
+    assert {Path(name).parent.name for name in one.corrections} == {"a"}
+    assert {Path(name).parent.name for name in other.corrections} == {"b"}
+    both = (one.picture.clipped == 0) & (other.picture.clipped[::-1] == 0) & (light > np.median(light))
+    ratio = (other.picture.radiance[::-1] / one.picture.radiance)[both]
+    assert np.median(ratio) == pytest.approx(1, abs=2e-3)
+    # Times that are given go bracket after bracket.
+    times = measure_raw([first, second], times=[1, 4, 16, 2, 8]).measured
+    assert [[frame.seconds for frame in each.frames] for each in times] == [
+        pytest.approx((1, 4, 16), rel=1e-2), pytest.approx((2, 8), rel=1e-2)
+    ]  # fmt: skip
+    with pytest.raises(NotABracket, match="2 times were given for 5 photographs"):
+        measure_raw([first, second], times=[1, 4])
+    with pytest.raises(ValueError, match="photographs and brackets of them together"):
+        measure_raw([first, second[0]])  # type: ignore[list-item]
+    with pytest.raises(NotABracket, match="no raw photographs"):
+        measure_raw([])
+
+
+def test_brackets_of_two_cameras_are_refused(light):
+    def bracket(camera: str) -> list[RawPhotograph]:
+        return [raw(sensed(light, t), name=f"{camera} {t}", exposure=Exposure(t), camera=camera) for t in (0.25, 1.0)]
+
+    with pytest.raises(NotABracket, match=r"Two 0\.25 … Two 1\.0: of Two, the others of One; merge them apart"):
+        measure_raw([bracket("One"), bracket("Two")])
+
+
+def test_what_was_measured_of_the_sensor_is_told_and_used_again(light):
+    photographs = [
+        raw(np.minimum(sensed(light, t, seed=i), 13600), name=f"{i}.dng", exposure=Exposure(t, 2.0, 200.0))
+        for i, t in enumerate(SECONDS)
+    ]
+    told = measure_raw(photographs).sensor
+    assert told is not None and told.noise is not None
+    assert (told.black, told.white, told.noise.iso) == ((512.0,) * 4, 16383.0, 200.0)
+    assert told.saturation == pytest.approx((13600 - 512) / 15871, abs=1e-3)
+    assert 1 / told.noise.shot == pytest.approx(20_000, rel=0.05)
+    assert told.noise.read * 20_000 == pytest.approx(3, rel=0.2)
+    # Alone, a photograph tells nothing of its saturation: what is known counts, at the sensitivity it was seen at.
+    longest = photographs[-1:]
+
+    def saturated(iso: float, sensor: Sensor | None) -> int:
+        taken = [replace(longest[0], exposure=Exposure(SECONDS[-1], 2.0, iso))]
+        (one,) = measure_raw(taken, sensor=sensor).measured
+        assert one.picture.clipped is not None
+        return int((one.picture.clipped == SATURATED).sum())
+
+    assert saturated(200.0, None) == saturated(400.0, told) == 0
+    assert saturated(200.0, told) > 1000
+
+
+def test_noise_that_is_known_counts_at_the_photographs_own_sensitivity(light):
+    known = Sensor((512.0,) * 4, 16383.0, 1.0, SensorNoise(5e-5, 1.5e-4, 100.0))
+    photographs = [
+        raw(sensed(light, t, seed=i), name=f"{i}.dng", exposure=Exposure(t, 2.0, 800.0)) for i, t in enumerate(SECONDS)
+    ]
+    for times in (None, SECONDS):
+        noise = calibrate_raw(photographs, times=times, sensor=known).noise
+        assert (noise.shot, noise.read, noise.iso) == pytest.approx((4e-4, 1.2e-3, 800.0))
+        # Times that are given tell no sensitivity; what is measured is of the files' own.
+        measured = calibrate_raw(photographs, times=times).sensor.noise
+        assert measured is not None and measured.iso == 800 and 1 / measured.shot == pytest.approx(20_000, rel=0.05)
+    plain, noisy = (measure_raw(photographs, sensor=s).measured[0].picture for s in (None, known))
+    assert plain.variance is not None and noisy.variance is not None
+    lit = (plain.clipped == 0) & (light > np.median(light))
+    assert np.median(noisy.variance[lit] / plain.variance[lit]) == pytest.approx(8, rel=0.06)
+
+
+def test_levels_that_are_not_the_profile_s_are_told(light):
+    photographs = [raw(sensed(light, t, seed=i), name=f"{i}.dng", exposure=Exposure(t)) for i, t in enumerate(SECONDS)]
+    known = Sensor((512.0,) * 4, 16383.0, 1.0, SensorNoise(5e-5, 1.5e-4))
+    assert measure_raw(photographs, sensor=known).notes() == ()
+    (line,) = measure_raw(photographs, sensor=replace(known, black=(512.0, 512.0, 512.0, 600.0), white=16000.0)).notes()
+    assert line.startswith(
+        "0.dng: its black is 512 and its white 16383, those of the profile 512, 512, 512, 600 and 16000"
+    )
+
+
+def test_noise_that_could_not_be_told_is_kept_by_no_profile():
+    flat = [raw(np.full((60, 80), 4000, np.uint16), name="flat.dng", exposure=Exposure(1.0))]
+    with pytest.warns(UserWarning, match="its noise cannot be told"):
+        known = calibrate_raw(flat)
+    assert known.sensor.noise is None and known.noise.shot == pytest.approx(1 / 15871)
+    # And one that lacks it serves for the levels alone.
+    with pytest.warns(UserWarning, match="its noise cannot be told"):
+        assert calibrate_raw(flat, sensor=replace(known.sensor, saturation=0.2)).saturation == 1
 
 
 def test_raws_that_do_not_go_together_are_refused(sound, light):
