@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +22,12 @@ HDRGEN = """3 1.43595 -0.797421 0.366855 -0.00538145
 
 
 SENSOR = Sensor((512.0, 513.0, 514.0, 515.0), 16383.0, 0.875, SensorNoise(5e-5, 2e-4, 200.0))
+
+
+def curves(path: Path) -> np.ndarray:
+    response = read_profile(path).response
+    assert response is not None
+    return response.log_exposure
 
 
 def power(exponent: float) -> np.ndarray:
@@ -49,6 +56,7 @@ def test_a_profile_is_read_back_as_it_was_written(tmp_path):
     )
     write_profile(tmp_path / "one.json", profile)
     again = read_profile(tmp_path / "one.json")
+    assert again.response is not None and profile.response is not None
     np.testing.assert_array_equal(again.response.log_exposure, profile.response.log_exposure)
     np.testing.assert_array_equal(again.response.noise, profile.response.noise)
     assert {k: v for k, v in vars(again).items() if k != "response"} == {
@@ -118,13 +126,14 @@ def test_the_response_that_relume_wrote_before_is_a_profile(tmp_path):
     response = Response(np.log(np.arange(1, 257) / 128) * np.ones((3, 1)), np.full(3, 0.7))
     (tmp_path / "response.json").write_text(response.to_json())
     profile = read_profile(tmp_path / "response.json")
+    assert profile.response is not None
     np.testing.assert_array_equal(profile.response.log_exposure, response.log_exposure)
     assert profile.camera == "" and profile.scale is None
 
 
 def test_hdrgen_s_polynomials(tmp_path):
     (tmp_path / "camera.rsp").write_text(HDRGEN)
-    g = read_profile(tmp_path / "camera.rsp").response.log_exposure
+    g = curves(tmp_path / "camera.rsp")
     v = np.array([128, 255]) / 255
     red = 1.43595 * v**3 - 0.797421 * v**2 + 0.366855 * v - 0.00538145
     assert g[0, 255] - g[0, 128] == pytest.approx(np.log(red[1] / red[0]))
@@ -135,11 +144,11 @@ def test_hdrgen_s_polynomials(tmp_path):
 def test_pfstools_matrices_of_three_channels_and_of_one(tmp_path):
     three = "".join(matrix(n, power(e)) for n, e in zip(("IR", "IG", "IB"), (2.0, 2.2, 2.4), strict=True))
     (tmp_path / "three.m").write_text(three)
-    g = read_profile(tmp_path / "three.m").response.log_exposure
+    g = curves(tmp_path / "three.m")
     for channel, exponent in enumerate((2.0, 2.2, 2.4)):
         np.testing.assert_allclose(g[channel, 1:], exponent * np.log(np.arange(1, 256) / 127), atol=1e-5)
     (tmp_path / "one.m").write_text(matrix("IY", power(2.0)))
-    np.testing.assert_allclose(read_profile(tmp_path / "one.m").response.log_exposure[2], g[0], atol=1e-12)
+    np.testing.assert_allclose(curves(tmp_path / "one.m")[2], g[0], atol=1e-12)
 
 
 def test_luminance_hdr_s_seven_columns(tmp_path):
@@ -149,7 +158,7 @@ def test_luminance_hdr_s_seven_columns(tmp_path):
     ]
     text = "\n".join(["# Camera response curve", "# type: matrix", "# rows: 256", "# columns: 7", *rows, ""])
     (tmp_path / "l.m").write_text(text)
-    g = read_profile(tmp_path / "l.m").response.log_exposure
+    g = curves(tmp_path / "l.m")
     assert g[:, 254] - g[:, 127] == pytest.approx(np.array([2.0, 2.2, 1.8]) * np.log(2), abs=1e-6)
 
 
@@ -162,7 +171,7 @@ def test_tables(tmp_path, columns):
     }[columns]
     text = "# exposure\n" + "\n".join(",".join(f"{x:.9g}" for x in row) for row in table)
     (tmp_path / "t.csv").write_text(text)
-    g = read_profile(tmp_path / "t.csv").response.log_exposure
+    g = curves(tmp_path / "t.csv")
     np.testing.assert_allclose(g[1, 1:], 2 * np.log(np.arange(1, 256) / 127), atol=1e-5)
 
 

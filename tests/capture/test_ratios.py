@@ -73,6 +73,7 @@ def test_right_times_stay_as_they_are(right):
     assert plain.ratios is None and corrected(right, plain) is right
 
 
+@pytest.mark.slow
 def test_the_errors_that_are_told_are_of_the_size_of_the_errors_made(right):
     ratios = ratios_of(told(right, {3: THIRD}))
     frame = ratios.names[0].index("frame_3.jpg")
@@ -96,6 +97,7 @@ def test_where_most_disagree_none_is_corrected(right):
     assert np.all(ratios.corrections[0] == 0)
 
 
+@pytest.mark.slow
 def test_one_bracket_s_wrong_time_is_found_beside_another_bracket(camera, right):
     other = camera.bracket(mixed_scene(), seed=9)
     other = Bracket(tuple(replace(p, name="b_" + p.name) for p in other.photographs))

@@ -21,7 +21,7 @@ from relume.image.raw import RawPhotograph
 
 ELECTRONS, READ = 20_000.0, 3.0
 NOISE = SensorNoise(1 / ELECTRONS, READ / ELECTRONS)
-SENSOR = Sensor((512.0,) * 4, 16383.0, 1.0, NOISE)
+SENSOR = Sensor((512.0, 512.0, 512.0, 512.0), 16383.0, 1.0, NOISE)
 DEVIATION = float(np.sqrt(NOISE.shot + NOISE.read**2))
 """Of the signal at white."""
 SECONDS = (0.25, 1.0, 4.0)

@@ -42,6 +42,7 @@ def test_the_first_curves_are_recovered_within_the_goal(electrons, median):
     assert np.median(found) <= median and found.max() <= 0.015
 
 
+@pytest.mark.slow
 def test_steps_of_two_stops_are_smoothed_as_they_need():
     # Measured: 0.11 % at the median; 0.12 % with a quarter of the λ, that of one stop, and 0.42 % with ten times it.
     curves, scene, found = camera_curves(9, 11), mixed_scene(), []
@@ -60,6 +61,7 @@ def test_all_curves_are_recovered_within_the_goal(electrons, median):
     assert np.median(found) <= median and np.percentile(found, 95) <= 0.015
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [MitsunagaNayar(), Robertson()], ids=["Mitsunaga & Nayar", "Robertson"])
 def test_the_other_methods_come_within_two_hundredths(method):
     assert np.median(errors(9, 20_000.0, method)) <= 0.02
@@ -76,6 +78,7 @@ def test_photographs_of_16_bits_give_a_curve_of_65536_values():
     np.testing.assert_allclose(dark, 1.0, atol=0.1)
 
 
+@pytest.mark.slow
 def test_the_error_bars_are_as_long_as_the_curves_scatter():
     curves, scene = camera_curves(3), mixed_scene(150, 100)
     camera = CurveCamera(curves, 8_000.0)

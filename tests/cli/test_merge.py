@@ -18,7 +18,9 @@ from relume.capture.measurement import Treatment
 from relume.capture.mitsunaga_nayar import MitsunagaNayar
 from relume.capture.profile import CameraProfile, read_profile, write_profile
 from relume.capture.ratios import Ratios
+from relume.capture.raw_noise import SensorNoise
 from relume.capture.robertson import Robertson
+from relume.capture.sensor import Sensor
 from relume.capture.vignetting import Vignetting
 from relume.capture.weighting import Hat, InverseVariance
 from relume.cli import main
@@ -26,7 +28,7 @@ from relume.cli.merge import targets
 from relume.errors import NotABracket
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.image.photograph import Exposure
-from relume.image.radiance import OUTSIDE, RadianceMap
+from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
 from shoots import MAKER, exposed, raw_files, textured, written
 
 SECONDS = (1 / 256, 1 / 128, 1 / 64, 1 / 32, 1 / 16)
@@ -51,6 +53,17 @@ def told(arguments: list[str], capsys: pytest.CaptureFixture[str], code: int = 0
     return json.loads(capsys.readouterr().out)
 
 
+def only(facts: dict) -> dict:
+    """What is told of the one bracket there is."""
+    (bracket,) = facts["brackets"]
+    return bracket
+
+
+def exposures(facts: dict) -> dict[str, tuple[float, str]]:
+    """Seconds and source of each photograph of the one bracket there is."""
+    return {frame["name"]: (frame["seconds"], frame["source"]) for frame in only(facts)["frames"]}
+
+
 @pytest.fixture(scope="module")
 def scene() -> np.ndarray:
     return textured()
@@ -73,12 +86,12 @@ def profile(tmp_path_factory) -> str:
 
 @pytest.fixture
 def merged(shoot, profile, tmp_path, capsys) -> Callable[..., tuple[RadianceMap, dict]]:
-    """Merges `shoot` by the known profile with more words: the map, and what was told."""
+    """Merges `shoot` by the known profile with more words: the map, and what was told of the bracket."""
 
     def run(*words: str, photographs: list[str] = shoot, code: int = 0) -> tuple[RadianceMap, dict]:
         out = tmp_path / f"map_{len(list(tmp_path.iterdir()))}.exr"
         facts = told(["merge", *photographs, "-o", str(out), "--profile", profile, *words], capsys, code)
-        return read_radiance(out), facts
+        return read_radiance(out), only(facts)
 
     return run
 
@@ -87,9 +100,10 @@ def test_a_bracket_is_merged_with_its_report_and_its_profile(shoot, scene, tmp_p
     out, profile, report = tmp_path / "a.exr", tmp_path / "p.json", tmp_path / "r.html"
     words = ["merge", *shoot, "-o", str(out), "--save-profile", str(profile), "--report", str(report)]
     facts = told(words, capsys)
-    assert facts["written"] == str(out) and facts["profile"] == str(profile) and facts["report"] == str(report)
-    assert facts["exposures"] == {f"frame_{i}.png": f"1/{256 >> i} s (EXIF)" for i in range(5)}
-    assert facts["unit"] == "relative" and len(facts["residual"]) == 3 and max(facts["residual"]) < 0.1
+    assert only(facts)["written"] == str(out) and only(facts)["camera"] == MAKER
+    assert facts["profile"] == {MAKER: str(profile)} and facts["report"] == str(report)
+    assert exposures(facts) == {f"frame_{i}.png": (pytest.approx(t), "EXIF") for i, t in enumerate(SECONDS)}
+    assert only(facts)["unit"] == "relative" and len(facts["misfit"][MAKER]) == 3 and max(facts["misfit"][MAKER]) < 0.1
     assert list(read_layers(out)) == ["radiance", "variance", "clipped"]
     picture = read_radiance(out)
     assert picture.clipped is not None
@@ -102,7 +116,7 @@ def test_a_bracket_is_merged_with_its_report_and_its_profile(shoot, scene, tmp_p
     # With its profile the same photographs give the same radiance,
     again = tmp_path / "again.exr"
     facts = told(["merge", *shoot, "-o", str(again), "--profile", str(profile)], capsys)
-    assert "residual" not in facts
+    assert facts["misfit"] == {} and facts["profile"] == {} and facts["report"] is None
     assert read_radiance(again).radiance == pytest.approx(picture.radiance, rel=1e-6)
     # and the map developed through it at a photograph's own exposure is that photograph again.
     exposure = read_photograph(shoot[2]).exposure
@@ -183,10 +197,21 @@ def test_times_come_from_the_command_line_or_from_a_file(scene, tmp_path, profil
     a, b, c = (read_radiance(tmp_path / f"{name}.exr").radiance for name in "abc")
     assert np.median(a / b) == pytest.approx(2, rel=1e-6)
     assert np.array_equal(a, c)
-    assert first["exposures"] == from_file["exposures"] and first["exposures"]["frame_0.png"] == "1/256 s (given)"
+    assert exposures(first) == exposures(from_file) and exposures(first)["frame_0.png"] == (1 / 256, "given")
     # A row of times longer than any name of a file is no name of a file.
     line = refused([*words, str(tmp_path / "d.exr"), "--times", ",".join(["0.00390625"] * 60)], capsys)
     assert "60 times were given for 5 photographs" in line
+    # The order that they go in is told: for a folder by name, 9 before 10.
+    for old, new in zip(paths[:2], ("frame_10.png", "frame_9.png"), strict=True):
+        Path(old).rename(Path(old).with_name(new))
+    listed.unlink()
+    line = refused(["merge", str(tmp_path / "bare"), "-o", str(tmp_path / "d.exr"), "--times", "1,2"], capsys)
+    assert "frame_2.png, frame_3.png, frame_4.png, frame_9.png, frame_10.png" in line and "9 before 10" in line
+    words = ["merge", str(tmp_path / "bare"), "-o", str(tmp_path / "d.exr"), "--dry-run", "--times", "1,2,4,8,16"]
+    told_of = exposures(told(words, capsys))
+    assert {name: seconds for name, (seconds, _) in told_of.items()} == {
+        "frame_2.png": 1, "frame_3.png": 2, "frame_4.png": 4, "frame_9.png": 8, "frame_10.png": 16,
+    }  # fmt: skip
 
 
 def test_without_any_exposure_the_pixels_tell_and_the_result_is_doubtful(scene, tmp_path, profile, capsys):
@@ -228,10 +253,9 @@ def test_a_single_doubt_is_told_in_one_line(merged, shoot, tmp_path, profile, ca
 def test_marked_shutter_speeds_stand_for_powers_of_two_where_told(scene, tmp_path, capsys):
     paths = written(tmp_path, exposed(scene, [Exposure(t) for t in (1 / 60, 1 / 30)]))
     words = ["merge", *paths, "-o", str(tmp_path / "a.exr"), "--dry-run"]
-    ((_, marked),) = told(words, capsys).items()
-    ((_, true),) = told([*words, "--true-shutter"], capsys).items()
-    assert list(marked.values()) == ["1/60 s (EXIF)", "1/30 s (EXIF)"]
-    assert list(true.values()) == ["1/64 s (EXIF)", "1/32 s (EXIF)"]
+    marked, true = exposures(told(words, capsys)), exposures(told([*words, "--true-shutter"], capsys))
+    assert [seconds for seconds, _ in marked.values()] == pytest.approx([1 / 60, 1 / 30])
+    assert [seconds for seconds, _ in true.values()] == pytest.approx([1 / 64, 1 / 32])
 
 
 def test_a_colour_that_is_no_part_of_the_picture_is_left_out(merged, shoot, tmp_path):
@@ -244,7 +268,7 @@ def test_a_colour_that_is_no_part_of_the_picture_is_left_out(merged, shoot, tmp_
     assert picture.clipped is not None
     outside = picture.clipped == OUTSIDE
     assert outside[:, :9].all() and outside.sum() == 9 * 120
-    assert facts["outside every photograph"] == "1080 pixels"
+    assert facts["outside"] == 1080 and facts["pixels"] == 120 * 180
 
 
 def test_a_hand_held_and_a_moving_bracket_are_told(merged, scene, tmp_path):
@@ -253,22 +277,27 @@ def test_a_hand_held_and_a_moving_bracket_are_told(merged, scene, tmp_path):
     shifted[1] = replace(shifted[1], pixels=np.roll(shifted[1].pixels, 3, axis=1))
     _, facts = merged(photographs=written(tmp_path / "held", shifted))
     assert facts["moved"] == 1
-    assert "moved" not in merged("--no-align", "--accept", photographs=written(tmp_path / "held", shifted))[1]
+    assert [frame["dx"] for frame in facts["frames"]] == pytest.approx([0, 3, 0, 0, 0], abs=0.2)
+    assert [frame["dy"] for frame in facts["frames"]] == pytest.approx([0, 0, 0, 0, 0], abs=0.2)
+    _, facts = merged("--no-align", "--accept", photographs=written(tmp_path / "held", shifted))
+    assert facts["moved"] is None and facts["frames"][1]["dx"] is None
     moving = list(exposed(scene, exposures))
     for index, photograph in enumerate(moving):
         photograph.pixels[30:90, 20 + 28 * index : 45 + 28 * index] = 60 + 20 * index
     paths = written(tmp_path / "moving", moving)
-    assert 5 < float(merged("--no-align", photographs=paths)[1]["ghosts"].split()[0]) < 60
-    assert "ghosts" not in merged("--no-align", "--no-deghost", photographs=paths)[1]
+    _, facts = merged("--no-align", photographs=paths)
+    assert 0.05 < facts["ghost_share"] < 0.6 and max(frame["ghost_share"] for frame in facts["frames"]) > 0.02
+    assert merged("--no-align", "--no-deghost", photographs=paths)[1]["ghost_share"] is None
 
 
 def test_the_scale_comes_from_any_one_reading(merged, scene):
     plain, facts = merged()
-    assert plain.unit == "relative" and "scale" not in facts
+    assert plain.unit == "relative" and facts["scale"] is None
     light = plain.radiance @ np.array([0.2126, 0.7152, 0.0722])
     by_spot, facts = merged("--spot", "60,40,500")
-    assert by_spot.unit == facts["unit"] == "cd/m²" and "a spot-meter reading at 60, 40" in facts["scale"]
+    assert by_spot.unit == facts["unit"] == "cd/m²" and "a spot-meter reading at 60, 40" in facts["scale"]["source"]
     factor = by_spot.radiance[0, 0] / plain.radiance[0, 0]
+    assert facts["scale"]["factor"] == pytest.approx(factor, rel=1e-4) and 0.05 <= facts["scale"]["deviation"] < 0.3
     y, x = np.mgrid[:120, :180]
     disc = (x - 60) ** 2 + (y - 40) ** 2 <= 16
     assert factor == pytest.approx(np.full(3, 500 / light[disc].mean()), rel=0.02)
@@ -279,7 +308,7 @@ def test_the_scale_comes_from_any_one_reading(merged, scene):
     colour = by_lamp.radiance[30:38, 20:36].mean((0, 1))
     assert colour == pytest.approx((100, 200, 300), rel=0.01)
     by_exposure, facts = merged("--absolute")
-    assert f"± {100 * THIRD_OF_A_STOP:.2g} %" in facts["scale"] and "aperture" in facts["scale"]
+    assert facts["scale"]["deviation"] == THIRD_OF_A_STOP and "aperture" in facts["scale"]["source"]
     assert np.ptp(by_exposure.radiance[0, 0] / plain.radiance[0, 0]) < 1e-2
 
 
@@ -306,11 +335,10 @@ def test_everything_that_was_measured_is_kept_in_the_profile(shoot, tmp_path, ca
     out, again, profile = (str(tmp_path / name) for name in ("a.exr", "b.exr", "p.json"))
     words = ["merge", *shoot, "-o", out, "--save-profile", profile, "--flat-field", str(tmp_path / "wall.exr")]
     words += ["--white", "100,60,10,10", "--luminaire", "20,30,16,8,100,200,300"]
-    before = told(words, capsys)["scale"]
-    facts = told(["merge", *shoot, "-o", again, "--profile", profile], capsys)
+    before = only(told(words, capsys))["scale"]
+    after = only(told(["merge", *shoot, "-o", again, "--profile", profile], capsys))["scale"]
     # As uncertain as it was measured, and no better.
-    uncertainty = before[before.index("±") : before.index("%")]
-    assert uncertainty in facts["scale"] and "the camera's profile" in facts["scale"]
+    assert after["deviation"] == pytest.approx(before["deviation"]) and "the camera's profile" in after["source"]
     assert read_radiance(again).radiance == pytest.approx(read_radiance(out).radiance, rel=1e-5)
     assert read_radiance(again).unit == "cd/m²"
 
@@ -318,9 +346,13 @@ def test_everything_that_was_measured_is_kept_in_the_profile(shoot, tmp_path, ca
 def test_a_profile_of_another_camera_is_told(merged, shoot, tmp_path, capsys):
     other = tmp_path / "other.json"
     write_profile(other, CameraProfile("Another Two", known_response()))
-    assert main(["merge", *shoot, "-o", str(tmp_path / "a.exr"), "--profile", str(other)]) == 0
-    (note,) = capsys.readouterr().err.splitlines()
-    assert "of the camera Another Two" in note and f"of {MAKER}" in note
+    words = ["merge", *shoot, "-o", str(tmp_path / "a.exr"), "--profile", str(other)]
+    assert main([*words, "--report", str(tmp_path / "r.html")]) == 4
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "the profile of Another Two" in line and f"of the camera {MAKER}" in line
+    assert "the profile of Another Two" in (tmp_path / "r.html").read_text()
+    facts = told([*words, "--accept"], capsys)
+    assert len(facts["doubts"]) == 1 and "Another Two" in facts["doubts"][0] and facts["notes"] == []
     merged()
     assert capsys.readouterr().err == ""
 
@@ -337,30 +369,28 @@ def test_options_that_do_nothing_are_told(merged, profile, tmp_path, capsys):
     assert capsys.readouterr().err == f"relume: note: {line}\n"
     light = textured(240, 160).mean(2) / 30
     raws = [str(path) for path in raw_files(tmp_path / "raws", [light] * 2, (1.0, 4.0))]
-    coloured = tmp_path / "coloured.json"
-    write_profile(coloured, CameraProfile(MAKER, known_response(), scale=7.0, balance=(2.0, 1.0, 0.5)))
     told(["merge", *raws, "-o", str(tmp_path / "plain.exr")], capsys)
-    words = ["--profile", str(coloured), "--ignore", "0,0,255", "--true-shutter", "--paper-weights"]
-    assert main(["merge", *raws, "-o", str(tmp_path / "with.exr"), *words, "-q"]) == 0
-    capsys.readouterr()
-    assert main(["merge", *raws, "-o", str(tmp_path / "with.exr"), *words]) == 0
-    line = "without effect: --ignore, --true-shutter, --paper-weights, --profile; camera raws are merged as they are"
-    assert capsys.readouterr().err == f"relume: note: {line}\n"
-    # What the profile knows of encoded photographs does not touch raws; what it knows of the lens does.
-    without, with_ = (read_radiance(tmp_path / f"{name}.exr") for name in ("plain", "with"))
-    assert np.array_equal(with_.radiance, without.radiance) and with_.unit == "relative"
-    vignetting = Vignetting((-0.3,))
-    write_profile(coloured, CameraProfile(MAKER, known_response(), vignetting=vignetting.to_dict()))
-    assert main(["merge", *raws, "-o", str(tmp_path / "lens.exr"), "--profile", str(coloured)]) == 0
+    words = ["--neutral", "9", "--method", "robertson", "--no-align", "--no-deghost", "--paper-weights"]
+    assert main(["merge", *raws, "-o", str(tmp_path / "a.exr"), "--dry-run", "--refine", "--align", "--deghost"]) == 0
     assert capsys.readouterr().err == ""
-    even = read_radiance(tmp_path / "lens.exr").radiance * vignetting.falloff((240, 160))[..., None]
-    assert even == pytest.approx(without.radiance, rel=1e-5, abs=1e-9)
+    words += ["--ignore", "0,0,255", "--true-shutter"]
+    assert main(["merge", *raws, "-o", str(tmp_path / "with.exr"), *words]) == 0
+    line = "--neutral, --method, --no-align, --no-deghost, --paper-weights, --ignore, --true-shutter"
+    assert capsys.readouterr().err == f"relume: note: without effect: {line}; camera raws are merged as they are\n"
+    without, with_ = (read_radiance(tmp_path / f"{name}.exr") for name in ("plain", "with"))
+    assert np.array_equal(with_.radiance, without.radiance)
 
 
 def test_a_folder_is_merged_to_a_folder(shoot, profile, tmp_path, capsys):
     folder = str(Path(shoot[0]).parent)
     facts = told(["merge", folder, "-o", str(tmp_path), "--profile", profile], capsys)
-    assert facts["written"] == str(tmp_path / "frame_0-frame_4.exr") and Path(facts["written"]).exists()
+    assert only(facts)["written"] == str(tmp_path / "frame_0-frame_4.exr") and Path(only(facts)["written"]).exists()
+    # One without a suffix is a folder, whether it is there or not.
+    assert main(["merge", *shoot, "-o", f"{tmp_path}/new/", "--profile", profile, "-q"]) == 0
+    assert (tmp_path / "new" / "frame_0-frame_4.exr").exists()
+    (tmp_path / "file").write_text("")
+    assert "not a folder" in refused(["merge", *shoot, "-o", str(tmp_path / "file"), "--profile", profile], capsys, 3)
+    (tmp_path / "file").unlink()
     assert "no photograph is in this folder" in refused(["merge", str(tmp_path), "-o", "a.exr"], capsys)
 
 
@@ -371,19 +401,23 @@ def test_several_brackets_are_merged_to_a_folder_and_to_no_file(scene, tmp_path,
     written(shoot, exposed(scene[::-1].copy(), exposures[1:], prefix="b_"))
     words = ["merge", str(shoot), "--profile", profile]
     line = refused([*words, "-o", str(tmp_path / "one.exr")], capsys)
-    assert "2 brackets are here, not one: a_0.png … a_4.png (5); b_0.png … b_3.png (4)" in line
+    first, second = ("5 photographs, Virtual One, 180×120, f/1"), ("4 photographs, Virtual One, 180×120, f/1")
+    assert f"2 brackets are here, not one: a_0.png … a_4.png ({first}); b_0.png … b_3.png ({second})" in line
     (tmp_path / "file").write_text("")
     assert "not a folder" in refused([*words, "-o", str(tmp_path / "file")], capsys, 3)
     maps = tmp_path / "maps"
     planned = told([*words, "-o", str(maps), "--dry-run"], capsys)
     assert not maps.exists()
-    assert [list(exposures) for exposures in planned.values()] == [
+    assert [[frame["name"] for frame in bracket["frames"]] for bracket in planned["brackets"]] == [
         [f"a_{i}.png" for i in range(5)], [f"b_{i}.png" for i in range(4)],
     ]  # fmt: skip
     facts = told([*words, "-o", str(maps)], capsys)
     first, second = (read_radiance(maps / name) for name in ("a_0-a_4.exr", "b_0-b_3.exr"))
     assert [path.name for path in sorted(maps.iterdir())] == ["a_0-a_4.exr", "b_0-b_3.exr"]
-    assert facts[str(maps / "b_0-b_3.exr")]["exposures"]["b_0.png"] == "1/128 s (EXIF)"
+    assert [bracket["written"] for bracket in facts["brackets"]] == [
+        str(maps / f"{n}.exr") for n in ("a_0-a_4", "b_0-b_3")
+    ]
+    assert facts["brackets"][1]["frames"][0]["seconds"] == 1 / 128
     assert np.median(second.radiance[::-1] / first.radiance) == pytest.approx(1, abs=0.01)
 
 
@@ -408,9 +442,13 @@ def test_each_camera_has_its_own_response_and_profile(scene, tmp_path, capsys):
     profile, maps = tmp_path / "p.json", tmp_path / "maps"
     words = ["merge", *first, *second, "-o", str(maps), "--save-profile", str(profile)]
     facts = told([*words, "--report", str(tmp_path / "r.html")], capsys)
-    assert facts["profile"] == [str(profile), str(tmp_path / "p_1.json")]
-    assert [read_profile(path).camera for path in facts["profile"]] == [MAKER, "Other Two"]
-    assert f"residual of {MAKER}" in facts and "residual of Other Two" in facts and "residual" not in facts
+    assert facts["profile"] == {MAKER: str(profile), "Other Two": str(tmp_path / "p_1.json")}
+    assert [read_profile(path).camera for path in facts["profile"].values()] == [MAKER, "Other Two"]
+    assert list(facts["misfit"]) == [MAKER, "Other Two"] and facts["misfit"][MAKER] != facts["misfit"]["Other Two"]
+    assert [bracket["camera"] for bracket in facts["brackets"]] == [MAKER, "Other Two"]
+    # A reading belongs to one camera.
+    line = refused([*words[:-2], "--spot", "60,40,500"], capsys)
+    assert f"--spot is read in one bracket, and these are of several cameras ({MAKER}, Other Two)" in line
     one, two = (read_radiance(path).radiance for path in sorted(maps.iterdir()))
     ratio = one / two
     assert np.percentile(ratio / np.median(ratio), (5, 95)) == pytest.approx((1, 1), abs=0.06)
@@ -420,8 +458,11 @@ def test_each_camera_has_its_own_response_and_profile(scene, tmp_path, capsys):
 def test_dry_runs_write_nothing(shoot, tmp_path, capsys):
     words = ["merge", *shoot, "-o", str(tmp_path / "a.exr"), "--report", str(tmp_path / "r.html"), "--dry-run"]
     facts = told([*words, "--save-profile", str(tmp_path / "p.json")], capsys)
-    assert list(facts) == [f"would write {tmp_path / 'a.exr'}"]
-    assert facts[f"would write {tmp_path / 'a.exr'}"]["frame_4.png"] == "1/16 s (EXIF)"
+    assert only(facts)["would_write"] == str(tmp_path / "a.exr") and only(facts)["written"] is None
+    assert exposures(facts)["frame_4.png"] == (1 / 16, "EXIF")
+    assert [frame["stops"] for frame in only(facts)["frames"]] == pytest.approx([0, 1, 2, 3, 4])
+    assert main(words) == 0
+    assert capsys.readouterr().out.startswith(f"would write {tmp_path / 'a.exr'}\n  frame_0.png  1/256 s (EXIF)\n")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -437,15 +478,23 @@ WRONG = {
     "--spot 1.5,2,100": "--spot: 1.5 is no whole number",
     "--spot 1,2,nan": '"1,2,nan" is not 3 or 4 numbers',
     "--spot 900,2,100": "900",
-    "--spot 20,20,-100": "-100",
+    "--spot 20,20,-100": "--spot: the reading in cd/m² is -100; it must be above 0",
+    "--spot 20,20,100,0": "--spot: the radius in pixels is 0",
     "--lux 1,2,3,4": '--lux: "1,2,3,4" is not 6 numbers',
-    "--lux 1,2,3,4,100,18": "reflectance is 18",
+    "--lux 1,2,3,4,100,18": "--lux: the reflectance is 18; it lies above 0 and up to 1 (write 0.18 for 18 %)",
+    "--lux 1,2,3,4,100,0": "--lux: the reflectance is 0; it lies above 0 and up to 1",
+    "--lux 1,2,3,4,-1,0.18": "--lux: the reading in lux is -1",
     "--luminaire 1,2,3,4,5": '--luminaire: "1,2,3,4,5" is not 7 numbers',
-    "--luminaire 1,2,3,4,5,6,0": "0",
+    "--luminaire 1,2,3,4,5,6,0": "--luminaire: a channel in cd/m² is 0",
     "--glare 1,2,3": '--glare: "1,2,3" is not 4 numbers',
-    "--glare 1e30,2,3,4": "1",
+    "--glare 1e30,2,3,4": "--glare: the rectangle",
+    "--glare 1,2,0,4": "--glare: 1,2,0,4 is no rectangle",
+    "--white=-1,2,3,4": "--white: -1,2,3,4 is no rectangle",
+    "--focal-length 0": "--focal-length: the focal length in pixels is 0",
+    "--focal-length nan": "--focal-length: the focal length in pixels is nan",
+    "--neutral -1": "--neutral: -1 is no pixel value",
     "--white 1,2,3,x": '--white: "1,2,3,x" is not 4 numbers',
-    "--white 170,2,30,4": "180×120",
+    "--white 170,2,30,4": "--white: the rectangle 170, 2, 30×4 is not in a picture of 180×120",
     "--absolute --spot 1,2,3": "--absolute and --spot both tell the scale",
     "--method magic": "magic",
     "--neutral white": "white",
@@ -504,25 +553,29 @@ def test_camera_raws_are_merged_photosite_by_photosite(scene, shoot, tmp_path, c
     paths = [str(path) for path in raw_files(tmp_path / "raws", [light] * 3, (0.25, 1.0, 4.0))]
     out, report = tmp_path / "a.exr", tmp_path / "r.html"
     facts = told(["merge", *paths, "-o", str(out), "--report", str(report)], capsys)
-    assert facts["exposures"] == {"raw_0.dng": "1/4 s (EXIF)", "raw_1.dng": "1 s (EXIF)", "raw_2.dng": "4 s (EXIF)"}
-    assert "residual" not in facts and report.exists()
+    found = exposures(facts)
+    assert list(found) == ["raw_0.dng", "raw_1.dng", "raw_2.dng"] and {source for _, source in found.values()} == {
+        "EXIF"
+    }
+    assert [seconds for seconds, _ in found.values()] == pytest.approx([0.25, 1, 4], rel=2e-3)
+    assert facts["misfit"] == {} and report.exists()
     plain = read_radiance(out)
     assert plain.size == (240, 160) and plain.variance is not None
     # f/4 takes a sixteenth of the light: it is allowed for, unless times given by hand replace the whole exposure.
     words = ["merge", *paths, "-o", str(out), "--times", "1/4 1 4"]
-    assert list(told([*words, "--dry-run"], capsys).values()) == [
-        {"raw_0.dng": "1/4 s (given)", "raw_1.dng": "1 s (given)", "raw_2.dng": "4 s (given)"}
-    ]
+    assert exposures(told([*words, "--dry-run"], capsys)) == {
+        "raw_0.dng": (0.25, "given"), "raw_1.dng": (1, "given"), "raw_2.dng": (4, "given"),
+    }  # fmt: skip
     told(words, capsys)
     assert np.median(plain.radiance / read_radiance(out).radiance) == pytest.approx(16, rel=1e-3)
-    facts = told(["merge", *paths, "-o", str(out), "--absolute"], capsys)
-    assert facts["unit"] == "cd/m²" and "± 23 %" in facts["scale"]
+    found = only(told(["merge", *paths, "-o", str(out), "--absolute"], capsys))
+    assert found["unit"] == "cd/m²" and found["scale"]["deviation"] == THIRD_OF_A_STOP
     told(["merge", *paths, "-o", str(out), "--spot", "50,50,77"], capsys)
     seen = read_radiance(out).radiance @ np.array([0.2126, 0.7152, 0.0722])
     assert seen[46:55, 46:55].mean() == pytest.approx(77, rel=0.05)
     # Photographs beside them are left out, and that is told.
     assert main(["merge", *paths, shoot[0], "-o", str(out)]) == 0
-    assert "1 photographs beside 3 camera raws are left out" in capsys.readouterr().err
+    assert "1 photograph beside 3 camera raws is left out" in capsys.readouterr().err
 
 
 def test_camera_raws_that_cannot_be_merged_are_refused_in_one_line(tmp_path, capsys):
@@ -534,15 +587,89 @@ def test_camera_raws_that_cannot_be_merged_are_refused_in_one_line(tmp_path, cap
     for more in ([], ["--dry-run"]):
         assert "write them as --times" in refused([*words, "--times", str(listed), *more], capsys)
         assert "3 times were given for 2 photographs" in refused([*words, "--times", "1,2,3", *more], capsys)
-    assert "camera raws need no response" in refused([*words, "--save-profile", str(tmp_path / "p.json")], capsys)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["raws", "times.txt"]
+
+
+def test_what_raws_showed_is_kept_in_a_profile_and_used_again(tmp_path, capsys):
+    light = textured(240, 160).mean(2) / 30
+    raws = [str(path) for path in raw_files(tmp_path / "raws", [light] * 3, (0.25, 1.0, 4.0))]
+    falloff = Vignetting((-0.3,)).falloff((240, 160))[..., None]
+    wall = RadianceMap(np.repeat(falloff, 3, 2).astype(np.float32), clipped=np.zeros((160, 240), np.uint8))
+    write(tmp_path / "wall.exr", wall)
+    out, again, profile = (str(tmp_path / name) for name in ("a.exr", "b.exr", "p.json"))
+    words = ["merge", *raws, "-o", out, "--save-profile", profile, "--flat-field", str(tmp_path / "wall.exr")]
+    told([*words, "--white", "100,60,10,10", "--luminaire", "20,30,16,8,100,200,300"], capsys)
+    kept = read_profile(profile)
+    assert kept.camera == MAKER and kept.response is None and kept.sensor is not None and kept.sensor.noise is not None
+    assert (kept.sensor.black, kept.sensor.white) == ((512.0,) * 4, 16383.0)
+    assert 1 / kept.sensor.noise.shot == pytest.approx(20_000, rel=0.05) and kept.sensor.noise.iso == 100
+    assert kept.vignetting is not None and kept.scale is not None and kept.balance != (1.0, 1.0, 1.0)
+    assert main(["merge", *raws, "-o", again, "--profile", profile]) == 0
+    assert capsys.readouterr().err == ""
+    first, second = read_radiance(out), read_radiance(again)
+    assert second.radiance == pytest.approx(first.radiance, rel=1e-5) and second.unit == "cd/m²"
+    assert first.variance is not None and second.variance == pytest.approx(first.variance, rel=1e-4)
+    assert "the camera's profile" in second.attributes["scale"]
+    # A reading of the day counts more than the profile.
+    told(["merge", *raws, "-o", again, "--profile", profile, "--spot", "50,50,77"], capsys)
+    seen = read_radiance(again).radiance @ np.array([0.2126, 0.7152, 0.0722])
+    assert seen[46:55, 46:55].mean() == pytest.approx(77, rel=0.05)
+    # Noise that is known counts: with sixteen times less light at white the variance is sixteenfold.
+    sensor = replace(kept.sensor, noise=SensorNoise(16 / 20_000, 1e-3, 100.0))
+    write_profile(profile, CameraProfile(MAKER, sensor=sensor))
+    told(["merge", *raws, "-o", out], capsys)
+    told(["merge", *raws, "-o", again, "--profile", profile], capsys)
+    first, second = read_radiance(out), read_radiance(again)
+    assert first.clipped is not None and first.variance is not None and second.variance is not None
+    lit = (first.clipped == 0) & (light > np.median(light))
+    assert np.median(second.variance[lit] / first.variance[lit]) == pytest.approx(16, rel=0.06)
+
+
+def test_a_profile_of_another_kind_camera_or_sensor_is_told(shoot, profile, tmp_path, capsys):
+    light = textured(240, 160).mean(2) / 30
+    raws = [str(path) for path in raw_files(tmp_path / "raws", [light] * 2, (1.0, 4.0))]
+    out, kept = str(tmp_path / "a.exr"), tmp_path / "raw.json"
+    sensor = Sensor((512.0, 512.0, 512.0, 512.0), 16383.0, 1.0, SensorNoise(5e-5, 2e-4))
+    write_profile(kept, CameraProfile(MAKER, sensor=sensor))
+    words = ["merge", *shoot, "-o", out, "--profile", str(kept)]
+    assert "a profile of camera raws, and these are encoded photographs" in refused(words, capsys)
+    words = ["merge", *raws, "-o", out, "--profile", profile]
+    assert "a profile of encoded photographs, and these are camera raws" in refused(words, capsys)
+    assert not Path(out).exists()
+    words = ["merge", *raws, "-o", out, "--profile", str(kept)]
+    assert "there is none to save" in refused([*words, "--save-profile", str(tmp_path / "p.json")], capsys)
+    assert main([*words, "-q"]) == 0
+    told(["merge", *raws, "-o", out], capsys)
+    line = refused(["develop", out, "-o", str(tmp_path / "a.png"), "--response", str(kept)], capsys)
+    assert "raw.json: a profile of camera raws, which holds no response" in line
+    write_profile(kept, CameraProfile(MAKER, sensor=replace(sensor, white=15000.0)))
+    assert main(words) == 0
+    assert "its white 16383, those of the profile 512 and 15000" in capsys.readouterr().err
+    write_profile(kept, CameraProfile("Another Two", sensor=sensor))
+    assert "profile of Another Two" in refused([*words, "-q"], capsys, 4)
+
+
+def test_brackets_of_raws_share_the_reading_of_the_first(tmp_path, capsys):
+    light = textured(240, 160).mean(2) / 30
+    raw_files(tmp_path / "raws" / "a", [light] * 3, (0.25, 1.0, 4.0))
+    raw_files(tmp_path / "raws" / "b", [light[::-1].copy()] * 2, (0.5, 2.0))
+    maps, folders = tmp_path / "maps", [str(tmp_path / "raws" / name) for name in "ab"]
+    told(["merge", *folders, "-o", str(maps), "--spot", "50,50,77", "--report", str(tmp_path / "r.html")], capsys)
+    first, second = (read_radiance(maps / f"raw_0-raw_{last}.exr") for last in (2, 1))
+    assert (first.radiance @ np.array([0.2126, 0.7152, 0.0722]))[46:55, 46:55].mean() == pytest.approx(77, rel=0.05)
+    assert first.clipped is not None and second.clipped is not None
+    both = (first.clipped == 0) & (second.clipped[::-1] == 0) & (light > np.median(light))
+    assert np.median((second.radiance[::-1] / first.radiance)[both]) == pytest.approx(1, abs=2e-3)
+    assert second.unit == "cd/m²" and (tmp_path / "r.html").exists()
 
 
 def test_a_raw_bracket_that_moved_exits_with_4(tmp_path, capsys):
     light = textured(480, 320).mean(2) / 30
     paths = raw_files(tmp_path / "raws", [light, np.roll(light, 4, 1), light], (0.25, 1.0, 4.0))
     words = ["merge", *map(str, paths), "-o", str(tmp_path / "a.exr"), "-q"]
-    assert "noted above" in refused(words, capsys, 4)
+    # What -q keeps from being noted above is told in the line itself.
+    line = refused(words, capsys, 4)
+    assert "doubts: " in line and line.count("raws are merged as they lie") >= 2 and "noted above" not in line
     assert main(words[:-1]) == 4
     assert "pixels off the others, and raws are merged as they lie" in capsys.readouterr().err
     assert (tmp_path / "a.exr").exists()
@@ -583,3 +710,65 @@ def test_no_map_overwrites_another_whatever_their_names(tmp_path):
         "b-I.exr",
         "a-I_1_1.exr",
     ]
+
+
+def test_several_brackets_are_told_a_block_each(scene, tmp_path, profile, capsys):
+    exposed_for = [Exposure(t, 1.0, 100.0) for t in SECONDS]
+    shifted = list(exposed(scene, exposed_for, prefix="a_"))
+    shifted[1] = replace(shifted[1], pixels=np.roll(shifted[1].pixels, 3, axis=1))
+    written(tmp_path / "shoot", shifted)
+    written(tmp_path / "shoot", exposed(scene, exposed_for[1:], prefix="b_"))
+    maps = tmp_path / "maps"
+    words = ["merge", str(tmp_path / "shoot"), "-o", str(maps), "--profile", profile]
+    assert main([*words, "--spot", "60,40,500", "--report", str(tmp_path / "r.html")]) == 0
+    captured = capsys.readouterr()
+    lines = captured.out.splitlines()
+    titles = [line for line in lines if not line.startswith(" ")]
+    assert titles == [str(maps / "a_0-a_4.exr"), str(maps / "b_0-b_3.exr"), "all together"]
+    times = ", ".join(f"a_{i}.png 1/{256 >> i} s (EXIF)" for i in range(5))
+    assert lines[1].split(maxsplit=1) == ["exposures", times]
+    assert sum(line.split()[:2] == ["unit", "cd/m²"] for line in lines) == 2
+    assert [line.split() for line in lines if line.split()[0] == "moved"] == [["moved", "1", "photograph"]]
+    assert lines[-1].split() == ["report", str(tmp_path / "r.html")]
+    # Where the reading was taken is told.
+    notes = [line for line in captured.err.splitlines() if "--spot" in line]
+    assert len(notes) == 1 and "a_0.png" in notes[0] and "the first of 2 brackets" in notes[0]
+
+
+def test_notes_and_doubts_are_in_the_json(shoot, tmp_path, profile, capsys):
+    words = [
+        "merge",
+        *shoot,
+        "-o",
+        str(tmp_path / "a.exr"),
+        "--profile",
+        profile,
+        "--times",
+        "1/256,1/128,1/48,1/32,1/16",
+    ]
+    facts = told([*words, "--ignore", "1,2,3"], capsys, 4)
+    assert len(facts["doubts"]) == 1 and "frame_2.png" in facts["doubts"][0]
+    assert any("no pixel of the colour 1,2,3" in line for line in facts["notes"])
+    # Nothing was saturated, so nothing is told at least.
+    bracket = only(facts)
+    assert bracket["black"] == int((read_radiance(tmp_path / "a.exr").clipped == 2).sum())
+    assert bracket["saturated"] > 0 or bracket["luminance_at_least"] is None
+
+
+def test_what_is_saturated_is_told_in_numbers(merged, shoot):
+    picture, facts = merged("--focal-length", "200", photographs=shoot[-2:])
+    assert picture.clipped is not None
+    lost = picture.clipped == SATURATED
+    assert facts["saturated"] == lost.sum() > 0 and facts["pixels"] == 180 * 120
+    light = picture.radiance @ np.array([0.2126, 0.7152, 0.0722])
+    assert facts["luminance_at_least"] == pytest.approx(light[lost].max(), rel=1e-5)
+    y, x = np.mgrid[:120, :180] + 0.5
+    angles = 200 / ((x - 90) ** 2 + (y - 60) ** 2 + 200**2) ** 1.5
+    assert facts["solid_angle_sr"] == pytest.approx(angles[lost].sum(), rel=1e-4)
+    weighted = light * angles
+    assert facts["light_share_at_least"] == pytest.approx(weighted[lost].sum() / weighted.sum(), rel=1e-4)
+    seen = (picture.radiance[lost] * angles[lost][:, None]).sum(0)
+    assert facts["irradiance_at_least"] == pytest.approx(seen, rel=0.03)
+    unknown = merged(photographs=shoot[-2:])[1]
+    assert unknown["solid_angle_sr"] is None and unknown["irradiance_at_least"] is None
+    assert unknown["luminance_at_least"] == facts["luminance_at_least"]

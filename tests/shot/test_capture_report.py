@@ -8,6 +8,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from html import unescape
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ import pytest
 from PIL import Image
 
 from moving_scenes import known_response
+from relume.capture.absolute import Scale
 from relume.capture.bracket import Bracket
 from relume.capture.consistency import NOTHING_TO_DO, Doubt
 from relume.capture.extent import Extent
@@ -23,13 +25,14 @@ from relume.capture.measurement import Measurement, Treatment, measure
 from relume.capture.noise import Noise
 from relume.capture.ratios import Ratios
 from relume.capture.raw_measurement import measure_raw
+from relume.capture.vignetting import Vignetting
 from relume.errors import OutputNotWritten
 from relume.image.colour import luminance
 from relume.image.photograph import Exposure
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 from relume.shot import capture_plots
-from relume.shot.capture_report import clipped_facts, seconds_in_words, write_capture_report
-from shoots import exposed, raw_files, textured
+from relume.shot.capture_report import clipped_facts, percent, seconds_in_words, write_capture_report
+from shoots import MAKER, exposed, raw_files, textured
 
 SECONDS = (1 / 256, 1 / 128, 1 / 64, 1 / 32, 1 / 16, 1 / 8)
 
@@ -242,9 +245,10 @@ def test_what_was_clipped_is_told_with_its_bounds_and_no_more():
     unknown = clipped_facts(replace(found, solid_angle=None, irradiance=None), "relative")
     assert unknown[1:3] == [
         ("their solid angle", "not known: the photographs tell no focal length"),
-        ("their luminance reaches at least", "456 relative"),
+        ("their luminance reaches at least", "456 relative units"),
     ]
     assert clipped_facts(replace(found, saturated=0, black=0, outside=0), "relative") == []
+    assert clipped_facts(replace(found, saturated=0, black=1, outside=0), "relative")[0][1] == "1 pixel"
 
 
 @pytest.mark.parametrize(
@@ -308,6 +312,51 @@ def test_the_relative_error_is_that_of_the_variance(monkeypatch):
     assert len(right.lines) == 3
 
 
+def test_the_scale_of_the_relative_error_fits_the_picture(monkeypatch):
+    from matplotlib.figure import Figure
+
+    drawn: list[Figure] = []
+    encoded = capture_plots._encoded
+    monkeypatch.setattr(capture_plots, "_encoded", lambda figure: (drawn.append(figure), encoded(figure))[1])
+    picture = steps()
+    errors = np.geomspace(0.02, 0.06, 400)
+    errors[0] = 5.0  # one column is far off and does not stretch the scale
+    variance = ((errors[None, :, None] * picture.radiance) ** 2).astype(np.float32)
+    capture_plots.relative_error(replace(picture, variance=variance))
+    assert drawn[0].axes[0].images[0].get_clim() == pytest.approx((2.02, 5.97), rel=0.01)
+
+
+def test_what_a_bracket_is_is_told_at_its_top(eventful, plain, tmp_path):
+    table = {row[0]: row[1:] for row in rows(report(eventful, tmp_path))}
+    assert table["camera"] == [MAKER] and table["photographs"] == ["6 of 240 × 160 pixels"]
+    assert table["unit"] == ["relative units"] and table["scale"] == ["none; radiance is relative"]
+    assert table["balance"] == ["the camera's own"] and table["response"] == ["recovered from 1 bracket"]
+    assert table["switched off"] == ["nothing"] and table["left in, for not measured"] == ["vignetting, glare"]
+    clipped = eventful.measured[0].picture.clipped
+    saturated, outside = (100 * float((clipped == mark).mean()) for mark in (SATURATED, OUTSIDE))
+    assert saturated > 0 and outside == pytest.approx(6.25)
+    words = f"saturated {saturated:.2g} %, black 0 %, outside {outside:.2g} %"
+    assert table["measured by no photograph"] == [words]
+    assert f"a lower bound ({saturated:.2g} %)" in report(eventful, tmp_path)
+    assert "relative units is white" in report(eventful, tmp_path)
+
+    scale = Scale.grey(7.0, 0.05, "a lux reading")
+    one = replace(plain.measured[0], scale=scale, balance=Balance((1.0, 1.0, 2.0)))
+    off = Treatment(aligned=False, consistency=None, vignetting=(Vignetting((-0.3,)),))
+    path = tmp_path / "off.html"
+    write_capture_report([replace(plain, measured=(one,), camera="")], path, treatment=off, profile="known.json")
+    table = {row[0]: row[1:] for row in rows(path.read_text())}
+    assert table["camera"] == ["unknown"] and table["response"] == ["given by known.json"]
+    assert table["scale"] == ["7 cd/m² ± 5 % per relative unit, from a lux reading"]
+    assert table["balance"] == ["channels multiplied by (1, 1, 2)"]
+    assert table["switched off"] == ["alignment, deghosting"] and table["left in, for not measured"] == ["glare"]
+
+
+@pytest.mark.parametrize("part, words", [(0, "0 %"), (1, "below 0.01 %"), (10, "0.01 %"), (25_000, "25 %")])
+def test_few_pixels_are_not_told_as_none(part, words):
+    assert percent(part, 100_000) == words
+
+
 def test_small_and_empty_pictures_are_drawn_without_a_word():
     """Of a handful of pixels too, and of one where nothing was measured."""
     tiny = steps(8, 6)
@@ -347,13 +396,30 @@ def test_arrows_point_to_where_a_photograph_shows_the_point(monkeypatch):
     monkeypatch.setattr(capture_plots, "_encoded", lambda figure: (drawn.append(figure), encoded(figure))[1])
     field = np.zeros((2, 3, 2))
     field[..., 0], field[..., 1] = 2.0, -1.0
-    image = decoded(capture_plots.arrows(steps().radiance, [("a.jpg", field), ("b.jpg", -field)]))
+    image = decoded(capture_plots.arrows(steps().radiance, [("a.jpg", field), ("b.jpg", -0.5 * field)]))
     assert image.shape[1] > 500
     first, second = drawn[0].axes
-    assert first.get_title() == "a.jpg: up to 2.24 px, drawn × 10.7"
+    assert first.get_title() == "a.jpg\nup to 2.24 px" and drawn[0].get_suptitle() == "arrows drawn × 17.9"
     (arrows,) = [child for child in first.get_children() if isinstance(child, Quiver)]
     assert (np.asarray(arrows.U) / np.asarray(arrows.V)).ravel() == pytest.approx(np.full(6, -2.0))
-    assert np.asarray(arrows.U).ravel() == pytest.approx(np.full(6, 0.06 * 400 / np.hypot(2, 1) * 2))
+    assert np.asarray(arrows.U).ravel() == pytest.approx(np.full(6, 0.1 * 400 / np.hypot(2, 1) * 2))
     assert np.asarray(arrows.X).ravel() == pytest.approx([400 / 6, 200, 2000 / 6] * 2) and arrows.angles == "xy"
     # The picture's axis runs down, as y does.
-    assert first.get_ylim() == (120, 0) and second.get_title().startswith("b.jpg")
+    assert first.get_ylim() == (120, 0) and second.get_title() == "b.jpg\nup to 1.12 px"
+    # All arrows are enlarged alike.
+    (shorter,) = [child for child in second.get_children() if isinstance(child, Quiver)]
+    assert np.asarray(shorter.U) == pytest.approx(-0.5 * np.asarray(arrows.U))
+
+
+def test_titles_over_arrows_do_not_overprint(monkeypatch):
+    from matplotlib.figure import Figure
+
+    drawn: list[Figure] = []
+    encoded = capture_plots._encoded
+    monkeypatch.setattr(capture_plots, "_encoded", lambda figure: (drawn.append(figure), encoded(figure))[1])
+    names = [f"a_hand_held_bracket_of_the_street_at_noon_{i:04}.jpg" for i in range(8)]
+    capture_plots.arrows(steps(200, 300).radiance, [(name, np.ones((6, 8, 2))) for name in names])
+    boxes = [axis.title.get_window_extent() for axis in drawn[0].axes[:8]]
+    for row in (boxes[:5], boxes[5:]):
+        assert all(left.x1 < right.x0 for left, right in pairwise(row))
+    assert all(f"{i:04}.jpg" in axis.get_title() for i, axis in enumerate(drawn[0].axes[:8]))

@@ -37,7 +37,7 @@ def merge(bracket: Bracket, response: Response, *, weighting: Weighting = Invers
     inside = np.zeros((1, height * width), bool)
     masks = [inside[0] if p.outside is None else p.outside.ravel() for p in bracket.photographs]
     masked = any(p.outside is not None for p in bracket.photographs)
-    bounds, tables, log_times = _bounds(response), _tables(response, weighting), np.log(bracket.exposures)
+    bounds, tables, log_times = clipping_bounds(response), _tables(response, weighting), np.log(bracket.exposures)
     radiance = np.empty((height * width, 3), np.float32)
     variance, clipped = np.empty_like(radiance), np.empty(height * width, np.uint8)
 
@@ -63,7 +63,7 @@ def merge(bracket: Bracket, response: Response, *, weighting: Weighting = Invers
     return RadianceMap(radiance.reshape(shape), variance.reshape(shape), clipped.reshape(height, width))
 
 
-def _bounds(response: Response) -> np.ndarray:
+def clipping_bounds(response: Response) -> np.ndarray:
     """(3, levels) ln exposure that a white value is hardly below, and a black one hardly above."""
     values = np.arange(response.levels)
     side = np.where(values > response.levels // 2, -DEVIATIONS, DEVIATIONS)

@@ -32,6 +32,8 @@ _SAMPLES = 2**18
 """Photosites of each frame that the survey keeps."""
 _DOUBTFUL_STOPS = 0.2
 """Nominal shutter speeds are up to 0.1 of a stop from the true ones (1/30 s is 1/32 s)."""
+_MARKED_STOPS = 0.06
+"""Standard deviation of the ratio of two marked speeds about that of the true ones, where pixels tell nothing of it."""
 
 RawSource = str | os.PathLike[str] | RawPhotograph
 
@@ -46,8 +48,8 @@ class RawCalibration:
         the pixels where that was asked for, its geometric mean kept
     noise : of the sensor
     saturation : the signal, as a share of white above black, at which photosites are seen to be saturated
-    errors : (P,) standard error of ln `factors` by the photons they were refined from, ratios of neighbours taken as
-        independent; 0 where they are as told
+    errors : (P,) standard error of ln `factors` about their mean: by the photons they were refined from, ratios of
+        neighbours taken as independent, and by the rounding of marked speeds where no pixels told; 0 if not refined
     sensor : what holds for other photographs of the camera too, the levels being those of the first of these
     """
 
@@ -245,9 +247,7 @@ def _refined(
     logarithm, square = np.log(nominal), np.zeros(len(nominal))
     for position, (short, long) in enumerate(pairwise(order.tolist()), 1):
         found, told = _ratio(samples[short].ravel(), samples[long].ravel()), nominal[long] / nominal[short]
-        if found is None:
-            continue
-        ratio, error = found
+        ratio, error = found or (told, _MARKED_STOPS * np.log(2))
         if abs(np.log2(ratio / told)) > _DOUBTFUL_STOPS:
             warnings.warn(
                 f"{names[long]}: it got {ratio:.3g} times the light of {names[short]}, not {told:.3g} times as its "

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.capture.bracket import Bracket
-from relume.capture.merging import merge
+from relume.capture.merging import clipping_bounds, merge
 from relume.capture.weighting import InverseVariance, Weighting
 from relume.errors import NotABracket
 from relume.image.photograph import Photograph
@@ -103,9 +103,10 @@ def _read(photograph: Photograph, response: Response, weighting: Weighting) -> _
     slope = np.gradient(response.log_exposure, axis=1)
     outside = np.zeros(values.shape[:2], bool) if photograph.outside is None else photograph.outside
     weights = np.where(outside[..., None], 0.0, weighting.table(response)[channels, values])
+    told = np.where(weights > 0, response.log_exposure[channels, values], clipping_bounds(response)[channels, values])
     return _Scan(
         photograph.name,
-        response.log_exposure[channels, values] - np.log(photograph.exposure.factor),
+        told - np.log(photograph.exposure.factor),
         ((slope * response.deviation) ** 2)[channels, values],
         weights,
         values > levels // 2,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Mapping, Sequence
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,11 +12,12 @@ from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, read_times, require_suffix
 from relume.cli.console import Manner, note, progress, speaking, tell
-from relume.cli.merge_options import Lens, Readings, Steps, numbers, treatment_of, whole
+from relume.cli.merge_options import Lens, Readings, Steps, numbers, places, treatment_of, whole
 from relume.errors import DoubtfulResult, NotABracket, OutputNotWritten
 
 if TYPE_CHECKING:
     from relume.capture.profile import CameraProfile
+    from relume.cli.merge_facts import Block
 
 MAPS = (".exr", ".hdr")
 
@@ -29,11 +31,17 @@ def merge(
     *,
     out: Annotated[
         Path,
-        Parameter(alias="-o", help="The radiance map, .exr (all of it) or .hdr; a folder for several brackets."),
+        Parameter(
+            alias="-o",
+            help="The radiance map, .exr (all of it) or .hdr; without a suffix a folder for one map a bracket.",
+        ),
     ],
     times: Annotated[
         str | None,
-        Parameter(help="Exposure time of each photograph in seconds, like 1/30,1/60, or a file that lists them."),
+        Parameter(
+            help="Seconds of each photograph, like 1/30,1/60, in the order given, those of a folder by name, 9 before "
+            "10; or a text file with a line for each, like: IMG_9.jpg 1/640."
+        ),
     ] = None,
     true_shutter: Annotated[
         bool, Parameter(negative="", help="Take marked shutter speeds for powers of two: 1/60 s for 1/64 s.")
@@ -58,22 +66,35 @@ def merge(
 ) -> None:
     """Measure radiance from differently exposed photographs: several brackets of a camera come out on one scale.
 
-    Exposures come from --times, else from a list beside the photographs, else from EXIF, else from the pixels. A
-    doubtful result is written all the same and told with exit code 4.
+    Exposures come from --times, else from a list beside the photographs, else from EXIF, else from the pixels. --times
+    go with the photographs in the order given, those of a folder by name, IMG_9 before IMG_10; a list in a file has a
+    line like "IMG_9.jpg 1/640" for each. What is read in a picture (--spot, --lux, --luminaire, --white, --glare) is
+    read in the first bracket and holds for all. A doubtful result is written all the same and told with exit code 4.
     """
     from relume.capture.folder import expand
     from relume.capture.grouping import group_files
     from relume.capture.profile import read_profile
+    from relume.cli import merge_facts
     from relume.cli.merge_job import Job, Reading, forecast, results_of, write
     from relume.image.files.signatures import kind_of
 
+    notes: list[str] = []
+
+    def noted(line: str) -> None:
+        notes.append(" ".join(line.split()))
+        note(manner, line)
+
     with speaking(manner):
+        warnings.showwarning = lambda message, *_, **__: noted(str(message))  # until `speaking` ends
         paths = expand(photographs)
         raws = tuple(path for path in paths if kind_of(path) == "RAW")
         if raws and len(raws) < len(paths):
-            note(manner, f"{len(paths) - len(raws)} photographs beside {len(raws)} camera raws are left out")
+            left = len(paths) - len(raws)
+            words = ("photograph", "is") if left == 1 else ("photographs", "are")
+            noted(f"{left} {words[0]} beside {len(raws)} camera raw{'s' * (len(raws) > 1)} {words[1]} left out")
             paths = raws
         reading = Reading(exposure_times(times), ignored_colour(ignore), true_shutter)
+        require_as_many(reading.times, paths)
         groups = (paths,) if times else group_files(paths)
         for path, suffix, option in ((save_profile, ".json", "--save-profile"), (report, ".html", "--report")):
             if path is not None:
@@ -93,25 +114,70 @@ def merge(
         idle = without_effect(steps, raw=bool(raws), profile=known, ignore=ignore, true_shutter=true_shutter)
         if idle:
             why = "camera raws are merged as they are" if raws else "the profile's response is taken as it is"
-            note(manner, f"without effect: {', '.join(idle)}; {why}")
-        job = Job(groups, targets(groups, out), reading, known, treatment, readings, bool(raws))
+            noted(f"without effect: {', '.join(idle)}; {why}")
+        name = "" if profile is None else profile.name
+        job = Job(groups, targets(groups, out), reading, known, treatment, readings, bool(raws), name)
+        given = places(lens, readings)
+        if given and len(groups) > 1:
+            require_one_camera(groups, given[0])
         if dry_run:
-            tell(manner, forecast(job))
+            plans = forecast(job)
+            say(manner, merge_facts.planned_numbers(plans, notes), merge_facts.planned_blocks(plans))
             return
         with progress(manner) as advance:
             results = results_of(job, lambda step: advance(step, 0.0))
         for line in (line for result in results for line in result.measurement.notes()):
+            noted(line)
+        if given and len(groups) > 1:
+            first = results[0].measurement.measured[0].name
+            noted(f"{', '.join(given)}: read in {first}, the first of {len(groups)} brackets, and used for all")
+        doubts = [line for result in results for line in result.measurement.objections()]
+        written = write(job, results, save_profile=save_profile, report=report)
+        say(
+            manner,
+            merge_facts.numbers(results, profile=written, report=report, doubts=doubts, notes=notes),
+            merge_facts.blocks(results, profile=written, report=report),
+        )
+        for line in doubts if accept or len(doubts) > 1 else ():
             note(manner, line)
-        tell(manner, write(job, results, save_profile=save_profile, report=report))
-        objections = [line for result in results for line in result.measurement.objections()]
-        for line in objections if accept or len(objections) > 1 else ():
-            note(manner, line)
-        if objections and not accept:
-            raise DoubtfulResult(
-                f"{objections[0]} (all was written; --accept takes it as it is)"
-                if len(objections) == 1
-                else f"{len(objections)} doubts, noted above (all was written; --accept takes it as it is)"
-            )
+        if doubts and not accept:
+            raise DoubtfulResult(f"{_in_one_line(doubts, manner)} (all was written; --accept takes it as it is)")
+
+
+def _in_one_line(doubts: Sequence[str], manner: Manner) -> str:
+    if len(doubts) == 1:
+        return doubts[0]
+    return f"{len(doubts)} doubts: {' | '.join(doubts)}" if manner.quiet else f"{len(doubts)} doubts, noted above"
+
+
+def say(manner: Manner, facts: Mapping[str, object], blocks: Sequence[Block]) -> None:
+    """Print one object for machines, or the blocks for a person."""
+    if manner.json:
+        tell(manner, facts)
+        return
+    for title, lines in blocks:
+        tell(manner, lines, title=title)
+
+
+def require_as_many(times: list[float] | Path | None, paths: Sequence[Path]) -> None:
+    """Refuse another number of times than of photographs, and say which order they go in."""
+    if isinstance(times, list) and len(times) != len(paths):
+        raise NotABracket(
+            f"{len(times)} times were given for {len(paths)} photographs; give one a photograph, in this order (a "
+            f"folder's is by name, 9 before 10): {', '.join(path.name for path in paths)}"
+        )
+
+
+def require_one_camera(groups: Sequence[Sequence[Path]], option: str) -> None:
+    """Refuse a reading for brackets of several cameras: it tells the scale of one of them only."""
+    from relume.image.files import read_facts
+
+    cameras = dict.fromkeys(read_facts(group[0]).camera or "an unknown one" for group in groups)
+    if len(cameras) > 1:
+        raise NotABracket(
+            f"{option} is read in one bracket, and these are of several cameras ({', '.join(cameras)}); merge them "
+            "camera by camera"
+        )
 
 
 def exposure_times(text: str | None) -> list[float] | Path | None:
@@ -152,17 +218,16 @@ def without_effect(
 def targets(groups: Sequence[Sequence[Path]], out: Path) -> tuple[Path, ...]:
     """The map to write for each bracket; refuses before any work what cannot be written."""
     names = [group[0].stem if len(group) == 1 else f"{group[0].stem}-{group[-1].stem}" for group in groups]
-    if len(groups) == 1:
-        path = out / f"{names[0]}.exr" if out.is_dir() else out
-        require_suffix(path, *MAPS)
-        return (path,)
-    if out.suffix.lower() in MAPS:
-        found = "; ".join(f"{group[0].name} … {group[-1].name} ({len(group)})" for group in groups)
+    if out.suffix and not out.is_dir():
+        require_suffix(out, *MAPS)
+        if len(groups) == 1:
+            return (out,)
+        found = "; ".join(map(_described, groups))
         raise NotABracket(
             f"{len(groups)} brackets are here, not one: {found}. Give a folder as -o, or the photographs of one bracket"
         )
     if out.exists() and not out.is_dir():
-        raise OutputNotWritten(f"-o {out}: not a folder; {len(groups)} radiance maps are to be written in it")
+        raise OutputNotWritten(f"-o {out}: not a folder; without .exr or .hdr it is one, for the maps")
     if len(set(names)) < len(names):
         # Cameras count from 1 in every folder: one map must not overwrite another.
         names = [f"{group[0].absolute().parent.name}-{name}" for group, name in zip(groups, names, strict=True)]
@@ -171,3 +236,21 @@ def targets(groups: Sequence[Sequence[Path]], out: Path) -> tuple[Path, ...]:
         numbered = (name if number == 0 else f"{name}_{number}" for number in count())
         taken.append(next(each for each in numbered if each not in taken))
     return tuple(out / f"{name}.exr" for name in taken)
+
+
+def _described(group: Sequence[Path]) -> str:
+    """A bracket in words, with what of its first photograph parts brackets."""
+    from relume.image.files import read_facts
+
+    first = read_facts(group[0])
+    told = [f"{len(group)} photograph{'s' * (len(group) > 1)}"]
+    told.append(first.camera or ("camera unknown" if first.exposure else "no EXIF"))
+    told.append("{}×{}".format(*first.size))
+    if first.exposure and first.exposure.f_number:
+        told.append(f"f/{first.exposure.f_number:g}")
+    if first.settings.focal_length:
+        told.append(f"{first.settings.focal_length:g} mm")
+    if first.settings.taken:
+        told.append(f"taken {first.settings.taken:%Y-%m-%d %H:%M:%S}")
+    names = group[0].name if len(group) == 1 else f"{group[0].name} … {group[-1].name}"
+    return f"{names} ({', '.join(told)})"

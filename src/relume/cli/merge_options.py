@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from cyclopts import Group, Parameter
 
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from relume.image.radiance import RadianceMap
     from relume.image.response import Response
 
+Read = TypeVar("Read")
 Method = Literal["debevec-malik", "mitsunaga-nayar", "robertson"]
 STEPS, LENS, SCALE = Group("Steps", sort_key=1), Group("Lens", sort_key=2), Group("Absolute scale, one of", sort_key=3)
 
@@ -120,22 +121,75 @@ class Readings:
         from relume.capture.luminaire import scale_from_luminaire
         from relume.capture.regions import rectangle
 
-        values = numbers(getattr(self, name), f"--{name}", *{"spot": (3, 4), "lux": (6,), "luminaire": (7,)}[name])
+        option = f"--{name}"
+        values = numbers(getattr(self, name), option, *{"spot": (3, 4), "lux": (6,), "luminaire": (7,)}[name])
         if name == "spot":
-            (x, y), reading, radius = whole(values[:2], "--spot"), values[2], values[3] if len(values) > 3 else None
-            return lambda picture, bracket, _: scale_from_spot(
-                picture, x, y, reading, radius=radius or _spot_radius(bracket)
+            (x, y), (reading, *radii) = whole(values[:2], option), values[2:]
+            _require_positive(reading, option, "the reading in cd/m²")
+            for radius in radii:
+                _require_positive(radius, option, "the radius in pixels")
+            return _by(
+                option,
+                lambda picture, bracket, _: scale_from_spot(
+                    picture, x, y, reading, radius=radii[0] if radii else _spot_radius(bracket)
+                ),
             )
-        left, top, width, height = whole(values[:4], f"--{name}")
+        left, top, width, height = _box(values[:4], option)
         if name == "lux":
             lux, reflectance = values[4:]
-            return lambda picture, *_: scale_from_lux(
-                picture, rectangle(picture.size, left, top, width, height), lux, reflectance=reflectance
+            _require_positive(lux, option, "the reading in lux")
+            if not 0 < reflectance <= 1:
+                remedy = f" (write {reflectance / 100:g} for {reflectance:g} %)" if 1 < reflectance <= 100 else ""
+                raise ValueError(f"{option}: the reflectance is {reflectance:g}; it lies above 0 and up to 1{remedy}")
+            return _by(
+                option,
+                lambda picture, *_: scale_from_lux(
+                    picture, rectangle(picture.size, left, top, width, height), lux, reflectance=reflectance
+                ),
             )
         colour = (values[4], values[5], values[6])
-        return lambda picture, *_: scale_from_luminaire(
-            picture, rectangle(picture.size, left, top, width, height), colour
+        for value in colour:
+            _require_positive(value, option, "a channel in cd/m²")
+        return _by(
+            option,
+            lambda picture, *_: scale_from_luminaire(
+                picture, rectangle(picture.size, left, top, width, height), colour
+            ),
         )
+
+
+def places(lens: Lens, readings: Readings) -> tuple[str, ...]:
+    """The options given that point at a place of the picture."""
+    given = {"--spot": readings.spot, "--lux": readings.lux, "--luminaire": readings.luminaire}
+    given |= {"--white": lens.white, "--glare": lens.glare}
+    return tuple(option for option, text in given.items() if text)
+
+
+def _by(option: str, read: Callable[..., Read]) -> Callable[..., Read]:
+    """`read`, whose complaints of the picture name the option."""
+
+    def named(*given: Any) -> Read:
+        try:
+            return read(*given)
+        except ValueError as error:
+            raise ValueError(f"{option}: {error}") from None
+
+    return named
+
+
+def _require_positive(value: float, option: str, what: str) -> None:
+    if not (isfinite(value) and value > 0):
+        raise ValueError(f"{option}: {what} is {value:g}; it must be above 0")
+
+
+def _box(values: Sequence[float], option: str) -> list[int]:
+    """Left, top, width and height in pixels of what could be a rectangle."""
+    left, top, width, height = whole(values, option)
+    if left < 0 or top < 0 or width <= 0 or height <= 0:
+        raise ValueError(
+            f"{option}: {left},{top},{width},{height} is no rectangle; give X,Y from 0, and WIDTH and HEIGHT above 0"
+        )
+    return [left, top, width, height]
 
 
 def _from_exposure(picture: RadianceMap, bracket: Bracket, response: Response) -> Scale:
@@ -162,6 +216,11 @@ def treatment_of(steps: Steps, lens: Lens, readings: Readings, profile: CameraPr
     from relume.capture.robertson import Robertson
     from relume.capture.weighting import Hat, InverseVariance
 
+    if lens.focal_length is not None:
+        _require_positive(lens.focal_length, "--focal-length", "the focal length in pixels")
+    if steps.neutral is not None and steps.neutral < 0:
+        raise ValueError(f"--neutral: {steps.neutral} is no pixel value; they begin at 0")
+    scale = readings.scale() or _scale(profile)
     methods = {"debevec-malik": DebevecMalik(), "mitsunaga-nayar": MitsunagaNayar(), "robertson": Robertson()}
     known = vignetting_of(profile)
     dark, white = _rectangle(lens.glare, "--glare"), _rectangle(lens.white, "--white")
@@ -172,10 +231,12 @@ def treatment_of(steps: Steps, lens: Lens, readings: Readings, profile: CameraPr
         aligned=steps.align,
         consistency=Consistency() if steps.deghost else None,
         neutral=steps.neutral,
-        glare=None if dark is None else lambda picture: recover_glare_from_dark(picture, dark(picture)),
+        glare=None if dark is None else _by("--glare", lambda picture: recover_glare_from_dark(picture, dark(picture))),
         vignetting=flat_fields(lens.flat_field) or known,
-        balance=_balance(profile) if white is None else lambda picture: balance_from_luminaire(picture, white(picture)),
-        scale=readings.scale() or _scale(profile),
+        balance=_balance(profile)
+        if white is None
+        else _by("--white", lambda picture: balance_from_luminaire(picture, white(picture))),
+        scale=scale,
         focal_length=lens.focal_length,
     )
 
@@ -207,8 +268,8 @@ def _scale(profile: CameraProfile | None) -> Callable[[RadianceMap, Bracket, Res
         exposure = bracket.photographs[0].exposure if bracket is not None else None
         if exposure is not None and measured_with not in (None, tells(exposure)):
             raise NotABracket(
-                f"{bracket.name if bracket else ''}: its exposures tell {words(tells(exposure))}, those of the profile's "
-                f"scale {words(measured_with)}; the scale holds only where both tell the same"
+                f"{bracket.name if bracket else ''}: its exposures tell {words(tells(exposure))}, those of the "
+                f"profile's scale {words(measured_with)}; the scale holds only where both tell the same"
             )
         return scale
 
@@ -231,7 +292,7 @@ def _rectangle(text: str | None, option: str) -> Callable[[RadianceMap], np.ndar
         return None
     from relume.capture.regions import rectangle
 
-    left, top, width, height = whole(numbers(text, option, 4), option)
+    left, top, width, height = _box(numbers(text, option, 4), option)
     return lambda picture: rectangle(picture.size, left, top, width, height)
 
 

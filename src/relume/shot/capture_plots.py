@@ -44,6 +44,7 @@ def relative_error(picture: RadianceMap) -> bytes:
     """Where the radiance is how uncertain: standard error over radiance, as a picture and against the radiance."""
     from matplotlib.colors import LogNorm
     from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     assert picture.variance is not None
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -51,10 +52,18 @@ def relative_error(picture: RadianceMap) -> bytes:
     figure = Figure(figsize=(11, 3.6), dpi=110, layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.2))
     shown = _small(np.where(np.isfinite(relative), relative, np.nan)).max(axis=2)
-    image = left.imshow(100 * shown, norm=LogNorm(0.1, 100), cmap="viridis", interpolation="nearest")
+    known = shown[np.isfinite(shown) & (shown > 0)]
+    low, high = (float(p) for p in 100 * np.percentile(known, (1, 99))) if known.size else (0.1, 100.0)
+    norm = LogNorm(low, max(high, 1.001 * low))
+    image = left.imshow(100 * shown, norm=norm, cmap="viridis", interpolation="nearest")
     left.set_axis_off()
     scale = figure.colorbar(image, ax=left, fraction=0.046, pad=0.02)
     scale.set_label("standard error, % of the radiance", fontsize=8)
+    # Most scales span less than two decades, in which powers of ten alone are one tick or none.
+    scale.ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    scale.ax.yaxis.set_major_formatter("{x:g}")
+    scale.ax.yaxis.set_minor_formatter(NullFormatter())
+    scale.ax.tick_params(labelsize=7)
     for channel, (name, colour) in enumerate(CHANNELS):
         known = np.isfinite(relative[..., channel]) & (picture.radiance[..., channel] > 0)
         radiance, error = picture.radiance[..., channel][known], relative[..., channel][known]
@@ -77,7 +86,7 @@ def relative_error(picture: RadianceMap) -> bytes:
 
 
 def arrows(radiance: np.ndarray, fields: Sequence[tuple[str, np.ndarray]]) -> bytes:
-    """How each photograph lay: arrows from where a point is to where that photograph showed it, drawn larger.
+    """How each photograph lay: arrows from where a point is to where that photograph showed it, all equally enlarged.
 
     fields : name and displacement (rows, columns, 2) in pixels (x to the right, y down) on an even grid
     """
@@ -86,23 +95,32 @@ def arrows(radiance: np.ndarray, fields: Sequence[tuple[str, np.ndarray]]) -> by
     height, width = radiance.shape[:2]
     columns = min(3 if len(fields) <= 6 else 5, len(fields))
     rows = -(-len(fields) // columns)
-    figure = Figure(figsize=(11, 11 / columns * height / width * rows + 0.3 * rows), dpi=100, layout="constrained")
+    figure = Figure(
+        figsize=(11, 11 / columns * height / width * rows + 0.4 * rows + 0.3), dpi=100, layout="constrained"
+    )
     axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
-    backdrop = 0.5 + 0.5 * _preview(radiance)
+    backdrop = 0.55 * _preview(radiance)
+    longest = [float(np.hypot(field[..., 0], field[..., 1]).max()) for _, field in fields]
+    enlarged = max(1.0, 0.1 * width / max(*longest, 1e-6))
+    letters = int(95 / columns)  # of 8 points that fit over a panel
     for axis in axes:
         axis.set_axis_off()
-    for axis, (name, field) in zip(axes, fields, strict=False):
-        longest = float(np.hypot(field[..., 0], field[..., 1]).max())
-        enlarged = max(1.0, 0.06 * width / max(longest, 1e-6))
+    for axis, (name, field), length in zip(axes, fields, longest, strict=False):
         y = (np.arange(field.shape[0]) + 0.5) * height / field.shape[0]
         x = (np.arange(field.shape[1]) + 0.5) * width / field.shape[1]
         axis.imshow(backdrop, extent=(0, width, height, 0))
         axis.quiver(
             x, y, enlarged * field[..., 0], enlarged * field[..., 1],
-            angles="xy", scale_units="xy", scale=1, color="#c0392b", width=0.005,
+            angles="xy", scale_units="xy", scale=1, color="#00e5ff", width=0.006,
         )  # fmt: skip
-        axis.set_title(f"{name}: up to {longest:.2f} px, drawn × {enlarged:.3g}", fontsize=8)
+        axis.set_title(f"{_shortened(name, letters)}\nup to {length:.2f} px", fontsize=7)
+    figure.suptitle(f"arrows drawn × {enlarged:.3g}", fontsize=8)
     return _encoded(figure)
+
+
+def _shortened(name: str, letters: int) -> str:
+    """A name's end: photographs of one camera differ there."""
+    return name if len(name) <= letters else "…" + name[1 - letters :]
 
 
 def marked(radiance: np.ndarray, masks: Sequence[tuple[np.ndarray, tuple[float, float, float]]]) -> bytes:

@@ -9,7 +9,7 @@ import numpy as np
 
 from relume.capture.calibration import Calibration
 from relume.capture.extent import Extent
-from relume.capture.measurement import Measured, Measurement
+from relume.capture.measurement import Measured, Measurement, Treatment
 from relume.image import files
 from relume.shot import capture_plots, plots
 from relume.shot.page import figure, heading, note, page, paragraph, side_by_side, table, triple
@@ -18,10 +18,14 @@ GRID = (6, 8)
 """Arrows down and across."""
 
 
-def write_capture_report(measurements: Sequence[Measurement], path: Path) -> None:
+def write_capture_report(
+    measurements: Sequence[Measurement], path: Path, *, treatment: Treatment = Treatment(), profile: str = ""
+) -> None:
     """Write one page: doubts, exposures, radiance, false colour, response, noise, alignment, ghosts, what was clipped.
 
     measurements : one for each camera
+    treatment : what they were made with; it tells what was switched off and what of the lens was not undone
+    profile : the name of the one that was given
     Raises OutputNotWritten.
     """
     parts = ["<h1>relume merge</h1>"]
@@ -29,7 +33,7 @@ def write_capture_report(measurements: Sequence[Measurement], path: Path) -> Non
         parts += [note(line) for line in measurement.objections()]
         parts += [note(line) for line in measurement.warnings]
         for measured in measurement.measured:
-            parts += _bracket(measured)
+            parts += _bracket(measured, _summary(measured, measurement, treatment, profile))
         if measurement.calibration is not None:
             parts += [heading("The camera's response"), _response(measurement.calibration)]
         rows = [(step, f"{seconds:.2f} s") for step, seconds in measurement.seconds.items()]
@@ -37,10 +41,11 @@ def write_capture_report(measurements: Sequence[Measurement], path: Path) -> Non
     files.write_text(path, page("relume merge", parts))
 
 
-def _bracket(measured: Measured) -> list[str]:
+def _bracket(measured: Measured, summary: str) -> list[str]:
     picture = measured.picture
     parts = [
-        heading(measured.name),
+        heading(_title(measured)),
+        summary,
         *(note(doubt.line) for doubt in measured.doubts if not doubt.degraded),
         _pictures(measured),
         figure(
@@ -64,6 +69,54 @@ def _bracket(measured: Measured) -> list[str]:
     return parts + _alignment(measured) + _ghosts(measured)
 
 
+def _title(measured: Measured) -> str:
+    names = [Path(frame.name).name for frame in measured.frames]
+    return names[0] if len(names) == 1 else f"{names[0]} … {names[-1]}"
+
+
+def _summary(measured: Measured, measurement: Measurement, treatment: Treatment, profile: str) -> str:
+    """What it is and what was done, and of which nothing was measured."""
+    found, (width, height) = measured.extent, measured.picture.size
+    scale, balance = measured.scale, measured.balance
+    rows = [
+        ("camera", measurement.camera or "unknown"),
+        ("photographs", f"{len(measured.frames)} of {width} × {height} pixels"),
+        ("unit", in_words(measured.picture.unit)),
+        ("scale", "none; radiance is relative" if scale is None else str(scale)),
+        ("balance", "the camera's own" if balance is None else f"channels multiplied by {triple(balance.gains)}"),
+        ("response", _origin(measurement, profile)),
+        ("switched off", ", ".join(_switched_off(measured, measurement, treatment)) or "nothing"),
+        ("left in, for not measured", ", ".join(_unmeasured(treatment)) or "nothing"),
+        (
+            "measured by no photograph",
+            f"saturated {percent(found.saturated, found.pixels)}, black {percent(found.black, found.pixels)}, "
+            f"outside {percent(found.outside, found.pixels)}",
+        ),
+    ]
+    return table(rows)
+
+
+def _origin(measurement: Measurement, profile: str) -> str:
+    if measurement.response is None:
+        return "none needed: camera raws are linear" + (f"; sensor given by {profile}" if profile else "")
+    if measurement.calibration is None:
+        return f"given by {profile}" if profile else "given"
+    return f"recovered from {counted(len(measurement.measured), 'bracket')}"
+
+
+def _switched_off(measured: Measured, measurement: Measurement, treatment: Treatment) -> list[str]:
+    if measurement.response is None:
+        return ["alignment and deghosting: camera raws are merged as they lie"]
+    off = [] if treatment.aligned else ["alignment"]
+    return off if treatment.consistency is not None else [*off, "deghosting"]
+
+
+def _unmeasured(treatment: Treatment) -> list[str]:
+    """What the lens does that nothing told of."""
+    known = {"vignetting": bool(treatment.vignetting), "glare": treatment.glare is not None}
+    return [name for name, is_known in known.items() if not is_known]
+
+
 def _pictures(measured: Measured) -> str:
     light = measured.picture.radiance
     seen = light[light > 0]
@@ -71,7 +124,7 @@ def _pictures(measured: Measured) -> str:
     words = ("dark places", "as a photograph", "lights")
     return side_by_side(
         [
-            figure(plots.exposed(light, float(w)), f"{word}: {w:.3g} is white")
+            figure(plots.exposed(light, float(w)), f"{word}: {w:.3g} {in_words(measured.picture.unit)} is white")
             for w, word in zip(whites, words, strict=True)
         ]
     )
@@ -111,6 +164,22 @@ def seconds_in_words(seconds: float) -> str:
     return f"{seconds:.4g} s"
 
 
+def in_words(unit: str) -> str:
+    """The unit of a radiance map behind a number."""
+    return "relative units" if unit == "relative" else unit
+
+
+def counted(number: int, what: str) -> str:
+    """1 photograph, 2 photographs."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
+def percent(part: int, whole: int) -> str:
+    """A share of pixels; few are never told as none."""
+    share = 100 * part / whole
+    return f"{share:.2g} %" if part == 0 or share >= 0.01 else "below 0.01 %"
+
+
 def _clipped(measured: Measured) -> str:
     found = measured.extent
     if found.saturated == found.black == found.outside == 0:
@@ -118,15 +187,17 @@ def _clipped(measured: Measured) -> str:
     rows = clipped_facts(found, measured.picture.unit)
     return figure(
         capture_plots.clipped_marks(measured.picture),
-        "Red: saturated in every photograph, a lower bound. Blue: black in every one, an upper bound. Green: outside.",
+        f"Red: saturated in every photograph, a lower bound ({percent(found.saturated, found.pixels)}). Blue: black in "
+        f"every one, an upper bound ({percent(found.black, found.pixels)}). Green: outside "
+        f"({percent(found.outside, found.pixels)}).",
     ) + table(rows)
 
 
 def clipped_facts(found: Extent, unit: str) -> list[tuple[str, str]]:
     """What an `Extent` tells, a line each; nothing is added to the bounds."""
-    rows = []
+    rows, unit = [], in_words(unit)
     if found.saturated:
-        rows.append(("saturated in every photograph", f"{found.saturated} of {found.pixels} pixels"))
+        rows.append(("saturated in every photograph", f"{found.saturated} of {counted(found.pixels, 'pixel')}"))
         if found.solid_angle is not None and found.irradiance is not None:
             rows.append(("their solid angle", f"{found.solid_angle:.3g} sr"))
             rows.append(("irradiance they bring at least", f"{triple(found.irradiance)} {unit}·sr"))
@@ -135,9 +206,9 @@ def clipped_facts(found: Extent, unit: str) -> list[tuple[str, str]]:
         rows.append(("their luminance reaches at least", f"{found.brightest:.4g} {unit}"))
         rows.append(("their share of all light in the picture", f"at least {100 * found.share:.2g} %"))
     if found.black:
-        rows.append(("black in every photograph", f"{found.black} pixels"))
+        rows.append(("black in every photograph", counted(found.black, "pixel")))
     if found.outside:
-        rows.append(("outside every photograph", f"{found.outside} pixels"))
+        rows.append(("outside every photograph", counted(found.outside, "pixel")))
     return rows
 
 
