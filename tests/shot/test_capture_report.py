@@ -202,6 +202,8 @@ def test_camera_raws_are_reported_without_a_response(tmp_path):
     assert headings(text)[1:] == ["Exposures", "What no photograph measured", "How sure it is", "Timings"]
     assert found.measured[0].extent.saturated > 0
     frames, table = found.measured[0].frames, {row[0]: row for row in rows(text)}
+    assert table["response"][1] == "none needed: camera raws are linear"
+    assert table["switched off"][1] == "alignment and deghosting: camera raws are merged as they lie"
     for name, frame in zip(("raw_0.dng", "raw_1.dng", "raw_2.dng"), frames, strict=True):
         assert table[name][1:4] == [seconds_in_words(frame.seconds), "f/4", "100"]
         stops, error = found.measured[0].corrections[frame.name]
@@ -327,7 +329,7 @@ def test_the_scale_of_the_relative_error_fits_the_picture(monkeypatch):
 
 
 def test_what_a_bracket_is_is_told_at_its_top(eventful, plain, tmp_path):
-    table = {row[0]: row[1:] for row in rows(report(eventful, tmp_path))}
+    table = {row[0]: row[1:] for row in rows(report(replace(eventful, seconds={}), tmp_path))}
     assert table["camera"] == [MAKER] and table["photographs"] == ["6 of 240 × 160 pixels"]
     assert table["unit"] == ["relative units"] and table["scale"] == ["none; radiance is relative"]
     assert table["balance"] == ["the camera's own"] and table["response"] == ["recovered from 1 bracket"]

@@ -71,7 +71,7 @@ def merge(
     line like "IMG_9.jpg 1/640" for each. What is read in a picture (--spot, --lux, --luminaire, --white, --glare) is
     read in the first bracket and holds for all. A doubtful result is written all the same and told with exit code 4.
     """
-    from relume.capture.folder import expand
+    from relume.capture.folder import expand, name_order
     from relume.capture.grouping import group_files
     from relume.capture.profile import read_profile
     from relume.cli import merge_facts
@@ -95,6 +95,8 @@ def merge(
             paths = raws
         reading = Reading(exposure_times(times), ignored_colour(ignore), true_shutter)
         require_as_many(reading.times, paths)
+        if isinstance(reading.times, list) and list(paths) != sorted(paths, key=name_order):
+            noted(f"--times go with the photographs in the order given, {', '.join(path.name for path in paths)}")
         groups = (paths,) if times else group_files(paths)
         for path, suffix, option in ((save_profile, ".json", "--save-profile"), (report, ".html", "--report")):
             if path is not None:
