@@ -26,7 +26,7 @@ WELL = 25.0
 NEARLY = 0.8
 """Share of the best frame's well exposed pixels that makes another one as good; of these the middle one is taken,
 which has most in common with all."""
-FARTHEST = 1 / 3
+FARTHEST = 0.4
 """Share of width or height beyond which a shift is not believed."""
 NEIGHBOURS = 2
 """Frames nearest in exposure, on the reference's side, that each frame is compared with, beside the reference."""
