@@ -23,7 +23,7 @@ from relume.image.colour import luminance
 from relume.image.radiance import OUTSIDE
 
 OUT = Path("out/memorial")
-COLOURS = ("#c0392b", "#27803f", "#2c5fb3")
+COLOURS = (("red", "#c0392b"), ("green", "#27803f"), ("blue", "#2c5fb3"))
 
 
 def orders(light: np.ndarray, where: np.ndarray) -> float:
@@ -34,7 +34,7 @@ def orders(light: np.ndarray, where: np.ndarray) -> float:
 
 def curves(axes, log_exposure: np.ndarray, samples, title: str) -> None:
     """Fig. 7 (a–d): each curve over its data, and all three together."""
-    for axis, colour, curve, data, name in zip(axes, COLOURS, log_exposure, samples, "red green blue".split(), strict=False):  # fmt: skip
+    for axis, (name, colour), curve, data in zip(axes, COLOURS, log_exposure, samples, strict=False):
         if data is not None:
             kept = data[:: max(1, len(data) // 1500)]
             axis.plot(kept[:, 0], kept[:, 1], "o", ms=2.5, mfc="none", mec="#999999", mew=0.4)

@@ -107,10 +107,12 @@ def by_trees(
 
 def _tell_of_darkness(picture: Render, method: Whitted, read: SceneFile) -> None:
     """Warn where all surfaces that are seen are black, for a lamp is easily put where it shines on nothing."""
+    import numpy as np
     from scipy.ndimage import binary_erosion
 
     # Without the outlines, where the background is seen beside them.
-    surfaces = picture.radiance[binary_erosion(picture.depth > 0, [[True] * 3] * 3)]
+    inner = np.asarray(binary_erosion(picture.depth > 0, [[True] * 3] * 3), bool)
+    surfaces = picture.radiance[inner]
     if not len(surfaces) or surfaces.any():
         return
     unlit = not method.constellation and read.scene.light.radiance.any()
