@@ -1,6 +1,6 @@
 """The pictures of docs/capture.md, from the hand-held bracket of the room.
 
-python examples/room/capture_figures.py docs/images
+python examples/capture/figures.py docs/images
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from relume.capture.measurement import Measured, Treatment, measure
 from relume.image.colour import encode_srgb
 from relume.shot import capture_plots, plots
 
-ROOM = Path(__file__).parent
+ROOM = Path(__file__).parents[1] / "room"
 WIDTH = 1100
 
 
