@@ -246,7 +246,7 @@ def test_what_was_clipped_is_told_with_its_bounds_and_no_more():
     ]
     unknown = clipped_facts(replace(found, solid_angle=None, irradiance=None), "relative")
     assert unknown[1:3] == [
-        ("their solid angle", "not known: the photographs tell no focal length"),
+        ("their solid angle", "not known without a focal length in pixels, --focal-length"),
         ("their luminance reaches at least", "456 relative units"),
     ]
     assert clipped_facts(replace(found, saturated=0, black=0, outside=0), "relative") == []

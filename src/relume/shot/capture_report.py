@@ -202,7 +202,7 @@ def clipped_facts(found: Extent, unit: str) -> list[tuple[str, str]]:
             rows.append(("their solid angle", f"{found.solid_angle:.3g} sr"))
             rows.append(("irradiance they bring at least", f"{triple(found.irradiance)} {unit}·sr"))
         else:
-            rows.append(("their solid angle", "not known: the photographs tell no focal length"))
+            rows.append(("their solid angle", "not known without a focal length in pixels, --focal-length"))
         rows.append(("their luminance reaches at least", f"{found.brightest:.4g} {unit}"))
         rows.append(("their share of all light in the picture", f"at least {100 * found.share:.2g} %"))
     if found.black:
