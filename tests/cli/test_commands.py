@@ -12,22 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from command_line import refused
 from relume.cli import COMMANDS, main
 from relume.image.files import read_radiance, write
 from relume.image.radiance import RadianceMap
 
 ROOM = Path(__file__).parents[2] / "examples" / "room"
 PLATE = [str(p) for p in sorted((ROOM / "plate").glob("*.jpg"))]
-
-
-def refused(arguments: list[str], capsys: pytest.CaptureFixture[str], code: int = 2) -> str:
-    """Run a command that must fail with `code`; its one line on standard error."""
-    assert main(arguments) == code
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.count("\n") == 1 and captured.err.startswith("relume: "), captured.err
-    assert "Traceback" not in captured.err
-    return captured.err
 
 
 def test_help_names_every_command_and_no_other(capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from command_line import refused
 from moving_scenes import known_response
 from relume.capture.absolute import THIRD_OF_A_STOP
 from relume.capture.debevec_malik import DebevecMalik
@@ -34,16 +35,6 @@ from shoots import MAKER, exposed, raw_files, textured, written
 SECONDS = (1 / 256, 1 / 128, 1 / 64, 1 / 32, 1 / 16)
 ROOM = Path(__file__).parents[2] / "examples" / "room"
 PLATE = [str(p) for p in sorted((ROOM / "plate").glob("*.jpg"))]
-
-
-def refused(arguments: list[str], capsys: pytest.CaptureFixture[str], code: int = 2) -> str:
-    """Run a command that must fail with `code`; its one line on standard error."""
-    assert main(arguments) == code
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.count("\n") == 1 and captured.err.startswith("relume: "), captured.err
-    assert "Traceback" not in captured.err and "fault in relume" not in captured.err
-    return captured.err
 
 
 def told(arguments: list[str], capsys: pytest.CaptureFixture[str], code: int = 0) -> dict:
