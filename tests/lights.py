@@ -6,9 +6,31 @@ from collections.abc import Callable
 
 import numpy as np
 
+from relume.sphere.cubes import Cross, Strip, VerticalCross
 from relume.sphere.directions import normalised
+from relume.sphere.discs import Angular, Fisheye, Hemispheres, MirrorBall
 from relume.sphere.illumination import IlluminationMap
 from relume.sphere.mappings import LatLong, Mapping, pixel_points
+from relume.sphere.squares import EqualArea, Octahedral
+
+SIMPLE = (LatLong(), Angular(), MirrorBall())
+WHOLE: tuple[Mapping, ...] = (
+    *SIMPLE, Cross(), VerticalCross(), Strip(), Octahedral(), EqualArea(), Hemispheres(), Fisheye(2 * np.pi),
+    Fisheye(2 * np.pi, equisolid=True),
+)  # fmt: skip
+"""Every mapping of the whole sphere; the first three are of any number of rows."""
+NAMED = {mapping.name: mapping for mapping in WHOLE}
+
+
+def fitting(mapping: Mapping, size: int) -> int:
+    """The number of rows from `size` on that an image of the mapping can have."""
+    while True:
+        try:
+            mapping.shape(size)
+        except ValueError:
+            size += 1
+        else:
+            return size
 
 
 def constant(size: int, value: float | tuple[float, float, float] = 1.0) -> IlluminationMap:

@@ -62,8 +62,9 @@ if TYPE_CHECKING:
     from relume.shot.outcome import Inserted
     from relume.shot.project import Shot, read_shot
     from relume.shot.scene_file import SceneFile, read_scene
+    from relume.sphere.discs import Angular, MirrorBall
     from relume.sphere.illumination import IlluminationMap, as_illumination, as_radiance_map
-    from relume.sphere.mappings import Angular, LatLong, MirrorBall
+    from relume.sphere.mappings import LatLong
 
 _HOMES = {
     "capture.alignment": ("align",),
@@ -128,7 +129,8 @@ _HOMES = {
     "shot.project": ("Shot", "read_shot"),
     "shot.scene_file": ("SceneFile", "read_scene"),
     "sphere.illumination": ("IlluminationMap", "as_illumination", "as_radiance_map"),
-    "sphere.mappings": ("Angular", "LatLong", "MirrorBall"),
+    "sphere.discs": ("Angular", "MirrorBall"),
+    "sphere.mappings": ("LatLong",),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 

@@ -7,8 +7,9 @@ import naive
 from lights import constant, lone, of_directions, spiky, spread, sunny
 from relume.image.files import read_radiance
 from relume.light.constellation import constellation
+from relume.sphere.discs import Angular, MirrorBall
 from relume.sphere.illumination import IlluminationMap, as_illumination
-from relume.sphere.mappings import Angular, LatLong, MirrorBall, pixel_points
+from relume.sphere.mappings import LatLong, pixel_points
 
 SKIES = {"sunset": sunny(64), "clear sky": sunny(64, 400), "spiky": spiky(32), "constant": constant(32, (1, 2, 0.5))}
 EVERY = pytest.mark.parametrize("light", SKIES.values(), ids=SKIES.keys())

@@ -12,8 +12,9 @@ from relume.image.files import read_radiance
 from relume.light.brdf import GGX, PhongReflectance, Ward
 from relume.light.glossy import AZIMUTHS, VIEWS, albedo, glossy_map
 from relume.sphere.directions import normalised, rotation_about
+from relume.sphere.discs import Angular
 from relume.sphere.illumination import IlluminationMap, as_illumination
-from relume.sphere.mappings import Angular, LatLong, pixel_points
+from relume.sphere.mappings import LatLong, pixel_points
 
 SLOW = {"ggx": naive.ggx, "ward": naive.ward, "phong": naive.phong}
 GLOSSY = [GGX(0.1), GGX(0.25), GGX(0.5), Ward(0.2), PhongReflectance(50)]

@@ -9,8 +9,9 @@ from relume.light.convolution import TOLERANCE, convolved, cut_up
 from relume.light.lobes import VARNISH, Cosine, GGXLobe, Lambert, Mirror, Phong, SelfLuminous, WardLobe
 from relume.light.reflection import Normalisation, reflection_map, reflection_maps, rows_for
 from relume.sphere.directions import normalised
+from relume.sphere.discs import Angular
 from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import Angular, LatLong, pixel_points
+from relume.sphere.mappings import LatLong, pixel_points
 
 RADIOMETRIC, PAPER, SUM = Normalisation.RADIOMETRIC, Normalisation.PAPER, Normalisation.SUM
 LOBES = {

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from lights import SIMPLE
 from relume.light.spherical_harmonics import (
     COSINE,
     as_json,
@@ -16,7 +17,7 @@ from relume.sphere.cube import directions as cube_directions
 from relume.sphere.cube import solid_angles as cube_solid_angles
 from relume.sphere.directions import normalised
 from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import MAPPINGS, LatLong, pixel_points
+from relume.sphere.mappings import LatLong, pixel_points
 
 X, Y, Z = np.eye(3)
 
@@ -53,7 +54,7 @@ def test_the_basis_is_orthonormal_over_the_sphere():
     assert values.T @ (values * weights[:, None]) == pytest.approx(np.eye(9), abs=1e-3)
 
 
-@pytest.mark.parametrize("mapping", MAPPINGS.values(), ids=MAPPINGS.keys())
+@pytest.mark.parametrize("mapping", SIMPLE, ids=[m.name for m in SIMPLE])
 def test_constant_light_gives_pi(mapping):
     light = of_directions(lambda d: np.ones(d.shape[:-1]), mapping=mapping)
     coefficients = irradiance_harmonics(light)

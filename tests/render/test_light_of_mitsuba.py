@@ -9,8 +9,9 @@ from relume.render.renderer import render
 from relume.scene.camera import Camera
 from relume.scene.scene import Scene
 from relume.sphere.directions import rotation_about
+from relume.sphere.discs import Angular
 from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import Angular, LatLong, pixel_points
+from relume.sphere.mappings import LatLong, pixel_points
 
 X, Y, Z = np.eye(3)
 SAMPLES = 256

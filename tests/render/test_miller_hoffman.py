@@ -21,8 +21,9 @@ from relume.sphere.cube import Cube
 from relume.sphere.cube import directions as cube_directions
 from relume.sphere.cube import solid_angles as cube_solid_angles
 from relume.sphere.directions import normalised, rotation_about
+from relume.sphere.discs import MirrorBall
 from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, MirrorBall, pixel_points
+from relume.sphere.mappings import LatLong, pixel_points
 
 
 def surfaces(count=400, seed=0, least=0.05):

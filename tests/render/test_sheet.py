@@ -13,8 +13,8 @@ from relume.light.lobes import Phong
 from relume.light.reflection import reflection_map
 from relume.render import sheet
 from relume.render.sheet import SURFACES, Ball, balls
+from relume.sphere.discs import Angular
 from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import Angular
 
 SIZE = 24
 

@@ -20,7 +20,7 @@ from relume.scene.materials import Diffuse, Material
 from relume.scene.reflective import Reflective, Towards
 from relume.scene.shapes import AnyMaterial, Mesh, Sphere
 from relume.shot.scene_file import SceneFile, read_scene, scene_of_mesh
-from relume.sphere.mappings import Angular
+from relume.sphere.discs import Angular
 
 HEAD = """
 [camera]

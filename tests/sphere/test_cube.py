@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from lights import SIMPLE
 from relume.sphere.cube import Cube, cube_of, directions, mips, solid_angles
 from relume.sphere.directions import normalised
 from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import MAPPINGS, LatLong, pixel_points
+from relume.sphere.mappings import LatLong, pixel_points
 
 # Direction in the world → face, s to the right, t down: OpenGL 4.6, table 8.19, worked out by hand.
 PLACES = [
@@ -82,10 +83,10 @@ def test_solid_angles_are_exact():
     assert solid_angles(4)[0, 1, 3] == pytest.approx(expected, rel=1e-12)
 
 
-@pytest.mark.parametrize("mapping", MAPPINGS.values(), ids=MAPPINGS.keys())
+@pytest.mark.parametrize("mapping", SIMPLE, ids=[m.name for m in SIMPLE])
 def test_constant_light_stays_exactly_constant(mapping):
     value = np.array([0.3, 1.7, 1e-5], np.float32)
-    light = IlluminationMap(np.broadcast_to(value, (24, mapping.aspect * 24, 3)).copy(), mapping, "cd/m²")
+    light = IlluminationMap(np.broadcast_to(value, (*mapping.shape(24), 3)).copy(), mapping, "cd/m²")
     for size in (1, 5, 16):
         cube = cube_of(light, size)
         assert np.all(cube.faces == value)

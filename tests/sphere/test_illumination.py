@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 
 import naive
+from lights import SIMPLE
 from relume.image.radiance import RadianceMap
 from relume.sphere.directions import normalised, rotation_about
+from relume.sphere.discs import Angular, MirrorBall
 from relume.sphere.illumination import IlluminationMap, as_illumination, as_radiance_map
-from relume.sphere.mappings import MAPPINGS, Angular, LatLong, MirrorBall, pixel_points
+from relume.sphere.mappings import LatLong, pixel_points
 from relume.sphere.transport import _bilinear_taps
 
-EVERY = pytest.mark.parametrize("mapping", MAPPINGS.values(), ids=MAPPINGS.keys())
+EVERY = pytest.mark.parametrize("mapping", SIMPLE, ids=[m.name for m in SIMPLE])
 X, Y, Z = np.eye(3)
 
 
@@ -19,7 +21,7 @@ def spread(count, seed=0):
 
 
 def constant(mapping, size, value=(1.0, 2.0, 0.5)):
-    flat = np.broadcast_to(np.float32(value), (size, mapping.aspect * size, 3))
+    flat = np.broadcast_to(np.float32(value), (*mapping.shape(size), 3))
     return IlluminationMap(flat.copy(), mapping)
 
 
@@ -30,12 +32,12 @@ def of_directions(function, size=256, mapping=LatLong()):
 
 
 def noise(mapping, size, seed=3):
-    random = np.random.default_rng(seed).random((size, mapping.aspect * size, 3))
+    random = np.random.default_rng(seed).random((*mapping.shape(size), 3))
     return IlluminationMap(random.astype(np.float32), mapping)
 
 
 def lone(size, row, column, value=(8.0, 4.0, 2.0), mapping=LatLong()):
-    radiance = np.zeros((size, mapping.aspect * size, 3), np.float32)
+    radiance = np.zeros((*mapping.shape(size), 3), np.float32)
     radiance[row, column] = value
     return IlluminationMap(radiance, mapping)
 
@@ -50,7 +52,7 @@ def first_moment(light):
     mapping, size, cells = light.mapping, light.size, 8
     directions = np.nan_to_num(mapping.directions(pixel_points(mapping, size, cells)))
     weighted = directions * mapping.solid_angles(size * cells)[..., None]
-    moments = weighted.reshape(size, cells, mapping.aspect * size, cells, 3).sum((1, 3))
+    moments = weighted.reshape(size, cells, mapping.shape(size)[1], cells, 3).sum((1, 3))
     return np.einsum("hwk,hw->k", moments, light.radiance[..., 1].astype(np.float64))
 
 
@@ -115,7 +117,7 @@ def test_irradiance_keeps_the_shape_of_its_normals():
 
 @EVERY
 def test_looking_up_a_pixels_centre_gives_the_pixel(mapping):
-    y, x = np.indices((9, 9 * mapping.aspect))
+    y, x = np.indices(mapping.shape(9))
     numbered = np.stack([x + 1000 * y, x, y], axis=-1).astype(np.float32)
     light = IlluminationMap(numbered, mapping)
     directions = mapping.directions(pixel_points(mapping, 9))
@@ -163,7 +165,7 @@ def test_a_great_circle_over_both_poles_and_the_seam_meets_no_jump():
 
 # --- moving light ----------------------------------------------------------------------------------------------------
 
-PAIRS = [(a, b) for a in MAPPINGS.values() for b in MAPPINGS.values()]
+PAIRS = [(a, b) for a in SIMPLE for b in SIMPLE]
 PLACES = {
     "inside": (9, 37),
     "left of the seam": (12, 63),

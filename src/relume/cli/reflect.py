@@ -10,7 +10,8 @@ from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, require_files
 from relume.cli.console import Manner, note, progress, speaking, tell
-from relume.errors import OutputNotWritten, UnreadableFile
+from relume.cli.light_input import read_light
+from relume.errors import OutputNotWritten
 
 if TYPE_CHECKING:
     import numpy as np
@@ -109,7 +110,7 @@ def reflect(
         _check(out, rows, cube, mirror, normalisation, sheet, exposure, bool(brdf))
         tables, glossy = _tables(lobe or [], bool(brdf)), {f"glossy_{_name(w)}": _brdf(w) for w in brdf or []}
         picture = None if sheet is None else (sheet[0] if sheet else out / "sheet.png")
-        light, divided = _read(light_map), Normalisation(normalisation)
+        light, divided = read_light(light_map), Normalisation(normalisation)
         written = [out / f"{name}.exr" for name in (*tables, *glossy)] + [out / "harmonics.json"]
         if dry_run:
             written += [] if cube is None else _cube_paths(out, _cube_names(lobe, tables), cube, cube_format)
@@ -189,27 +190,6 @@ def _make_folder(out: Path) -> None:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputNotWritten(f"-o {out}: cannot be made a folder ({error.strerror}); choose another") from None
-
-
-def _read(path: Path) -> IlluminationMap:
-    """The light in a file; raises UnreadableFile that counts the pixels which are no light."""
-    import numpy as np
-
-    from relume.image import files
-    from relume.sphere.illumination import as_illumination
-
-    picture = files.read_radiance(path)
-    odd = np.count_nonzero(~np.isfinite(picture.radiance).all(-1))
-    dark = np.count_nonzero((picture.radiance < 0).any(-1))
-    if odd or dark:
-        raise UnreadableFile(
-            f"{path}: {odd} pixels are NaN or infinite and {dark} negative, which no light is; "
-            "paint over them, or write the map again from where it came"
-        )
-    try:
-        return as_illumination(picture)
-    except ValueError as error:
-        raise UnreadableFile(f"{path}: {error}") from None
 
 
 def _tables(words: list[str], others: bool) -> dict[str, Lobe]:

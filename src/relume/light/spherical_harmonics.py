@@ -13,7 +13,7 @@ import json
 import numpy as np
 
 from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import pixel_points
+from relume.sphere.mappings import pixel_directions
 
 ORDER = ((0, 0), (1, -1), (1, 0), (1, 1), (2, -2), (2, -1), (2, 0), (2, 1), (2, 2))
 COSINE = np.array([np.pi] + [2 * np.pi / 3] * 3 + [np.pi / 4] * 5)
@@ -36,13 +36,8 @@ def irradiance_harmonics(light: IlluminationMap) -> np.ndarray:
 
     Summed over the directions of the pixels' middles by their solid angles, as `IlluminationMap.irradiance` does.
     """
-    points = pixel_points(light.mapping, light.size)
-    if light.mapping.aspect == 1:
-        # The middle of a pixel that the rim cuts may lie outside the disc; the nearest point of the rim counts.
-        middle = points - 0.5
-        points = 0.5 + middle / np.maximum(2.000001 * np.linalg.norm(middle, axis=-1, keepdims=True), 1)
     flux = light.radiance * light.mapping.solid_angles(light.size)[..., None]
-    return np.einsum("hwk,hwc->kc", basis(light.mapping.directions(points)), flux)
+    return np.einsum("hwk,hwc->kc", basis(pixel_directions(light.mapping, light.size)), flux)
 
 
 def irradiance_from_harmonics(coefficients: np.ndarray, normals: np.ndarray) -> np.ndarray:

@@ -2,20 +2,26 @@
 
 Camera frame here: x right, y down, z forward, as pixels run. The ball is the unit sphere; the camera stands
 `distance` radii from its centre. A direction at angle β from the camera's is seen in the ball where the normal
-makes the angle γ, with β = γ + atan2(D sin γ, D cos γ − 1).
+makes the angle γ, with β = γ + atan2(D sin γ, D cos γ − 1), and in the picture at the angle α from the ball's middle,
+tan α = sin γ / (D − cos γ).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from relume.image.radiance import SATURATED, RadianceMap
+from relume.errors import BallNotFound
+from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
 from relume.image.resample import bilinear
 from relume.probe.outline import Outline, find_outline
+from relume.probe.reflectance import BallReflectance
+from relume.probe.silhouette import cone_through, followed
 from relume.sphere.directions import look_at, normalised, rotation_between
 
+MOST_CUT = 0.02
+"""The share of the ball that may lie beyond the picture's edge: crops drawn along the rim cut that much."""
 CAMERA_FROM_PIXELS = np.diag([1.0, -1.0, -1.0])
 """Turns the pixel frame (y down, z forward) into the camera frame of the world's conventions (y up, z backward)."""
 
@@ -30,6 +36,7 @@ class BallView:
     distance : from the camera to the ball's centre, in ball radii
     world_from_pixels : rotation of the pixel frame into the world
     outline : the silhouette the ball was found by
+    reflectance : of the ball; what is looked up is divided by it
     """
 
     picture: RadianceMap
@@ -38,6 +45,7 @@ class BallView:
     distance: float
     world_from_pixels: np.ndarray
     outline: Outline
+    reflectance: BallReflectance = BallReflectance()
 
     @property
     def towards_camera(self) -> np.ndarray:
@@ -46,9 +54,7 @@ class BallView:
 
     def turned(self, rotation: np.ndarray) -> BallView:
         """The same view with its world turned by `rotation`."""
-        return BallView(
-            self.picture, self.focal_length, self.axis, self.distance, rotation @ self.world_from_pixels, self.outline
-        )
+        return replace(self, world_from_pixels=rotation @ self.world_from_pixels)
 
     def look_up(self, directions: np.ndarray, nearness: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Radiance (…, 3) seen in the ball from world directions (…, 3), and how squarely, cos of incidence (…).
@@ -59,9 +65,55 @@ class BallView:
         neighbourhood of the direction behind the ball is squeezed into no width; in the blind cone it is 0.
         """
         x, y, incidence = self._seen_at(directions, nearness)
-        height, width = self.picture.radiance.shape[:2]
-        incidence = np.where((x >= 0) & (x <= width) & (y >= 0) & (y <= height), incidence, 0)
-        return bilinear(self.picture.radiance, x, y), incidence
+        width, height = self.picture.size
+        shown = (x >= 0) & (x <= width) & (y >= 0) & (y <= height)
+        if self.picture.clipped is not None and np.any(self.picture.clipped == OUTSIDE):
+            shown &= bilinear((self.picture.clipped == OUTSIDE).astype(np.float32), x, y) < 0.01
+        radiance = bilinear(self.picture.radiance, x, y)
+        if min(self.reflectance.normal) < 1:
+            radiance = radiance / self.reflectance.at(incidence)
+        return radiance, np.where(shown, incidence, 0)
+
+    def solid_angles(self, directions: np.ndarray) -> np.ndarray:
+        """Steradians of light from infinity that one pixel takes in where directions (…, 3) are seen: (…).
+
+        It is (sin β dβ)/(sin α dα) times the solid angle of the pixel itself, cos³/f²: nearly the same all over the
+        ball for a distant camera, 4/radius² (its pixels lie on 4π sr alike), and 0 in the blind cone.
+        """
+        local = np.asarray(directions, np.float64) @ self.world_from_pixels
+        cosine = np.clip(-local @ self.axis, -1, 1)
+        normal = self._normal(local)
+        gamma = np.arccos(np.clip(-normal @ self.axis, -1, 1))
+        alpha_rise, beta_rise = self._rises(gamma)
+        alpha = np.arctan2(np.sin(gamma), self.distance - np.cos(gamma))
+        # At the middle both sines vanish, and their ratio is that of the angles.
+        middle = gamma < 1e-5
+        ratio = np.sqrt(np.maximum(1 - cosine**2, 0)) / np.where(middle, 1, np.sin(alpha))
+        ratio = np.where(middle, beta_rise / np.where(middle, alpha_rise, 1), ratio)
+        point = self.distance * self.axis + normal
+        pixel = (point[..., 2] / np.linalg.norm(point, axis=-1)) ** 3 / self.focal_length**2
+        seen = np.arccos(cosine) < np.pi - np.arcsin(1 / self.distance)
+        return np.where(seen, pixel * ratio * beta_rise / np.maximum(alpha_rise, 1e-12), 0)
+
+    def sampling(self, directions: np.ndarray, nearness: float = 0.0) -> np.ndarray:
+        """Pixels per radian of light in the direction in which the ball squeezes it most: (…), 0 in the blind cone.
+
+        Squeezed radially, f dα/dβ: all pixels take in nearly the same solid angle (`solid_angles`), but near the
+        silhouette a long narrow strip of it.
+        """
+        local = np.asarray(directions, np.float64) @ self.world_from_pixels
+        normal = self._normal(local)
+        if nearness:
+            normal = self._normal(normalised(local - nearness * normal))
+        alpha_rise, beta_rise = self._rises(np.arccos(np.clip(-normal @ self.axis, -1, 1)))
+        return self.focal_length * np.maximum(alpha_rise, 0) / beta_rise
+
+    def _rises(self, gamma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """dα/dγ and dβ/dγ."""
+        cosine, far = np.cos(gamma), self.distance
+        squared = far**2 - 2 * far * cosine + 1
+        rise = (far * cosine - 1) / squared
+        return rise, 1 + (far**2 - far * cosine) / squared
 
     def saturated(self, directions: np.ndarray, nearness: float = 0.0) -> np.ndarray:
         """Whether the light from world directions (…, 3) was saturated in every photograph: (…) bool."""
@@ -106,6 +158,8 @@ def view_ball(
     centre: np.ndarray,
     focal_length: float | None = None,
     radius: float | None = None,
+    outline: Outline | None = None,
+    reflectance: BallReflectance = BallReflectance(),
     name: str = "picture",
 ) -> BallView:
     """Find the ball in a radiance map and place its view in the world.
@@ -113,27 +167,29 @@ def view_ball(
     camera, centre : where the camera and the ball's centre were, metres, world; the horizon is level
     focal_length : pixels; taken from the ball's size and distance when unknown
     radius : the ball's, metres; needed only when the focal length is unknown
+    outline : taken exactly as told, as from `outline_through` or `outline_of_circle`; the rim is sought and followed
+        as an ellipse unless given. Only a ball that is picked so may be cut by the picture's edge
+    reflectance : of the ball, divided out of what it shows; 1 unless given
     Raises BallNotFound; ValueError when neither focal length nor radius is given.
     """
     camera, centre = np.asarray(camera, np.float64), np.asarray(centre, np.float64)
-    outline = find_outline(picture.radiance, name)
+    found = find_outline(picture.radiance, name) if outline is None else outline
     if focal_length is None:
         if radius is None:
             raise ValueError(f"{name}: no focal length in its EXIF; give the ball's radius, so that it can be found")
         sine = radius / float(np.linalg.norm(camera - centre))
-        focal_length = outline.radius * float(np.sqrt(1 - sine**2)) / sine
-    axis, distance = _cone(outline, picture.size, focal_length)
+        if sine >= 1:
+            raise ValueError(f"{name}: the camera is told to stand inside the ball; radius and places are in metres")
+        focal_length = found.radius * float(np.sqrt(1 - sine**2)) / sine
+    if outline is None:
+        found = followed(picture.radiance, found, focal_length)
+        cut = found.cut(picture.size)
+        if cut > MOST_CUT:
+            raise BallNotFound(
+                f"{name}: the picture's edge cuts off {100 * cut:.0f} % of the ball; photograph it whole, or pick its rim"
+            )
+    cone = cone_through(found.points, picture.size, focal_length)
     # The camera that looks straight at the ball, then turned in itself so that the ball lies where it is seen.
     straight = look_at(camera, centre) @ CAMERA_FROM_PIXELS
-    world_from_pixels = straight @ rotation_between(axis, np.array([0.0, 0.0, 1.0]))
-    return BallView(picture, focal_length, axis, distance, world_from_pixels, outline)
-
-
-def _cone(outline: Outline, size: tuple[int, int], focal_length: float) -> tuple[np.ndarray, float]:
-    """Axis and distance in radii from the silhouette: its rays d satisfy d·axis = cos α, and D = 1/sin α."""
-    x, y = outline.points[:, 0] - size[0] / 2, outline.points[:, 1] - size[1] / 2
-    rays = normalised(np.stack([x, y, np.full_like(x, focal_length)], axis=1))
-    # Linear in m = axis / cos α: d·m = 1 on every ray.
-    m, *_ = np.linalg.lstsq(rays, np.ones(len(rays)), rcond=None)
-    cosine = 1 / float(np.linalg.norm(m))
-    return normalised(m), 1 / np.sqrt(max(1 - cosine**2, 1e-12))
+    world_from_pixels = straight @ rotation_between(cone.axis, np.array([0.0, 0.0, 1.0]))
+    return BallView(picture, focal_length, cone.axis, cone.distance, world_from_pixels, found, reflectance)

@@ -19,43 +19,93 @@ from relume.image.colour import luminance
 SEARCH_SIDE = 200
 """Longer side, in pixels, of the picture in which circles are sought; finer ones are fitted afterwards."""
 RAYS = 720
+RIVAL = 0.75
+"""How well, against the best, another outline beside it must be seen to make the choice a guess."""
 COVERAGE_NEEDED = 1 / 3
 """The share of the outline that must be seen: below it, curves inside rooms are taken for balls."""
 
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """The ball's silhouette: points on it, and the circle through them.
+    """The ball's silhouette: points on it, and the circle or ellipse through them.
 
     points : (N, 2) pixel coordinates (x, y) on the silhouette
-    centre : (x, y) of the circle
-    radius : of the circle, pixels
-    coverage : the share of the circle where an edge was seen, 0 to 1
+    centre : (x, y) of its middle
+    radius : pixels; of an ellipse the root of the product of its semi-axes
+    coverage : the share of it where an edge was seen, 0 to 1
+    semi_axes : pixels, the greater first; None for a circle
+    tilt : of the greater one against x, towards y, radians
     """
 
     points: np.ndarray
     centre: tuple[float, float]
     radius: float
     coverage: float
+    semi_axes: tuple[float, float] | None = None
+    tilt: float = 0.0
+
+    def cut(self, size: tuple[int, int]) -> float:
+        """The share of the disc that lies outside a picture of `size` (width, height)."""
+        steps = (np.arange(200) + 0.5) / 100 - 1
+        x, y = np.meshgrid(steps, steps)
+        inside = x * x + y * y < 1
+        x, y = self.centre[0] + self.radius * x, self.centre[1] + self.radius * y
+        seen = inside & (x > 0) & (y > 0) & (x < size[0]) & (y < size[1])
+        return 1 - float(seen.sum() / inside.sum())
 
 
 def find_outline(radiance: np.ndarray, name: str = "picture") -> Outline:
     """Find the ball's silhouette in a radiance map (H, W, 3).
 
-    Raises BallNotFound when no circle shows an edge along a third of its length.
+    Raises BallNotFound when no circle shows an edge along a third of its length, and when two that lie apart are seen
+    about equally well.
     """
-    picture = _evened(luminance(radiance))
+    picture = evened(luminance(radiance))
     slopes = _slopes(picture)
     outlines = [_followed(picture, *_fitted(slopes, *circle)) for circle in _circles(picture)]
     seen = [o for o in outlines if o is not None and o.coverage >= COVERAGE_NEEDED]
     if not seen:
         raise BallNotFound(f"{name}: no mirrored ball found; it must be round, whole in the picture and sharp")
-    # Rooms mirrored in the ball hold smaller circles: among well-seen ones the larger is the ball.
-    return max(seen, key=lambda o: o.coverage * np.sqrt(o.radius))
+    best = max(seen, key=_worth)
+    for other in seen:
+        apart = np.hypot(other.centre[0] - best.centre[0], other.centre[1] - best.centre[1])
+        if apart > 0.9 * (other.radius + best.radius) and _worth(other) > RIVAL * _worth(best):
+            places = " and ".join(f"{o.centre[0]:.0f},{o.centre[1]:.0f},{o.radius:.0f}" for o in (best, other))
+            raise BallNotFound(f"{name}: two balls, at x,y,radius {places} pixels; pick the one that is meant")
+    return best
 
 
-def _evened(image: np.ndarray) -> np.ndarray:
-    """Brightness made even over many stops, so that an edge in the dark counts as much as one in the light."""
+def outline_through(points: np.ndarray) -> Outline:
+    """The outline through points picked by hand on the rim, (N ≥ 3, 2) pixels.
+
+    Raises ValueError for fewer, and for points on a line.
+    """
+    points = np.asarray(points, np.float64)
+    if points.ndim != 2 or points.shape[1:] != (2,) or len(points) < 3:
+        raise ValueError(f"points have shape {points.shape}; three points (x, y) on the rim are needed at least")
+    x, y, radius = _circle_through(points)
+    spread = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if not np.isfinite(radius) or radius > 1e3 * spread or spread == 0:
+        raise ValueError("the points lie on a line; pick three round the rim, far from one another")
+    return Outline(points, (x, y), radius, 1.0)
+
+
+def outline_of_circle(x: float, y: float, radius: float) -> Outline:
+    """The outline told as a circle, pixels; raises ValueError unless its radius is above 0."""
+    if not radius > 0:
+        raise ValueError(f"radius is {radius}; a ball's outline has a radius above 0")
+    turns = 2 * np.pi * np.arange(RAYS) / RAYS
+    points = np.stack([x + radius * np.cos(turns), y + radius * np.sin(turns)], axis=1)
+    return Outline(points, (x, y), radius, 1.0)
+
+
+def _worth(outline: Outline) -> float:
+    """Rooms mirrored in the ball hold smaller circles: among well-seen ones the larger is the ball."""
+    return outline.coverage * float(np.sqrt(outline.radius))
+
+
+def evened(image: np.ndarray) -> np.ndarray:
+    """Luminance (H, W) made even over many stops, so that an edge in the dark counts as much as one in the light."""
     positive = np.maximum(image, np.percentile(image[image > 0], 1) if np.any(image > 0) else 1.0)
     logarithm = np.log(positive)
     low, high = np.percentile(logarithm, [1, 99.5])

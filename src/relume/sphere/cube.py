@@ -24,12 +24,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.image.resample import bilinear
+from relume.sphere.cubes import FACES, OPENGL, face_solid_angles
 from relume.sphere.illumination import IlluminationMap
 
-FACES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
-_OUTWARD = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], np.float64)
-_RIGHT = np.array([[0, 0, -1], [0, 0, 1], [1, 0, 0], [1, 0, 0], [1, 0, 0], [-1, 0, 0]], np.float64)
-_DOWN = np.array([[0, -1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1], [0, -1, 0], [0, -1, 0]], np.float64)
+__all__ = ["FACES", "Cube", "cube_of", "directions", "mips", "solid_angles"]
+
 _LEAST_CELLS = 4
 """Look-ups a texel and side: a texel at a corner of its face is slanted, and 4 × 4 cells follow that."""
 _CELLS_A_PIXEL = 3
@@ -63,7 +62,7 @@ class Cube:
 
     def look_up(self, directions: np.ndarray) -> np.ndarray:
         """Radiance (…, 3) from unit directions (…, 3) of the world, bilinear within a face and constant at its rim."""
-        face, s, t = _face_points(np.asarray(directions, np.float64))
+        face, s, t = OPENGL.points(np.asarray(directions, np.float64))
         radiance = np.empty((*face.shape, 3))
         for index in range(6):
             here = face == index
@@ -81,25 +80,19 @@ class Cube:
         """
         if axis not in ("x", "z"):
             raise ValueError(f'axis is "{axis}"; engines negate "x" (three.js, PlayCanvas) or "z" (Bevy, Stride)')
-        face, s, t = _face_points(directions(self.size) * np.where(np.array(["x", "y", "z"]) == axis, -1, 1))
+        face, s, t = OPENGL.points(directions(self.size) * np.where(np.array(["x", "y", "z"]) == axis, -1, 1))
         return Cube(self.faces[face, (t * self.size).astype(int), (s * self.size).astype(int)], self.unit)
 
 
 def directions(size: int) -> np.ndarray:
     """The unit directions, in the world, of the middles of a cube's texels: (6, size, size, 3)."""
     middles = (np.arange(size) + 0.5) / size
-    return np.stack([_face_directions(face, middles[None, :], middles[:, None]) for face in range(6)])
+    return np.stack([OPENGL.directions(face, middles[None, :], middles[:, None]) for face in range(6)])
 
 
 def solid_angles(size: int) -> np.ndarray:
-    """Steradians of a cube's texels, exact: (6, size, size), read-only; they sum to 4π.
-
-    A rectangle from the middle of a face to (x, y) covers atan(xy / √(x² + y² + 1)) of the sphere round it.
-    """
-    edges = np.linspace(-1, 1, size + 1)
-    x, y = edges[None, :], edges[:, None]
-    corners = np.arctan(x * y / np.sqrt(x**2 + y**2 + 1))
-    return np.broadcast_to(np.diff(np.diff(corners, axis=0), axis=1), (6, size, size))
+    """Steradians of a cube's texels, exact: (6, size, size), read-only; they sum to 4π."""
+    return np.broadcast_to(face_solid_angles(size), (6, size, size))
 
 
 def cube_of(light: IlluminationMap, size: int) -> Cube:
@@ -121,7 +114,7 @@ def cube_of(light: IlluminationMap, size: int) -> Cube:
     faces = np.zeros((6, grid, grid, 3))
     for face in range(6):
         for row, column in np.ndindex(cells, cells):
-            towards = _face_directions(face, places[None, column::cells], places[row::cells, None])
+            towards = OPENGL.directions(face, places[None, column::cells], places[row::cells, None])
             faces[face] += light.look_up(towards) * weights[row::cells, column::cells]
     faces = faces.reshape(6, size, block, size, block, 3).sum((2, 4))
     texels = solid_angles(size)[..., None]
@@ -142,19 +135,3 @@ def mips(cube: Cube) -> tuple[Cube, ...]:
         flux = flux.reshape(6, size, 2, size, 2, 3).sum((2, 4))
         levels.append(Cube((flux / solid_angles(size)[..., None]).astype(np.float32), cube.unit))
     return tuple(levels)
-
-
-def _face_directions(face: int, s: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Unit directions of points (s, t) in [0, 1]² of one face."""
-    s, t = (2 * s - 1)[..., None], (2 * t - 1)[..., None]
-    towards = _OUTWARD[face] + s * _RIGHT[face] + t * _DOWN[face]
-    return towards / np.linalg.norm(towards, axis=-1, keepdims=True)
-
-
-def _face_points(towards: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Face and (s, t) of directions (…, 3); on an edge the first face is taken."""
-    outward = towards @ _OUTWARD.T
-    face = outward.argmax(-1)
-    depth = 2 * np.take_along_axis(outward, face[..., None], -1)[..., 0]
-    s, t = ((towards * axes[face]).sum(-1) / depth + 0.5 for axes in (_RIGHT, _DOWN))
-    return face, s, t

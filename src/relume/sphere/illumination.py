@@ -8,31 +8,35 @@ import numpy as np
 
 from relume.image.radiance import RadianceMap
 from relume.image.resample import bilinear
-from relume.sphere.mappings import MAPPINGS, LatLong, Mapping, pixel_points
+from relume.sphere.mappings import LatLong, Mapping, mapping_named, pixel_directions
 
 
 @dataclass(frozen=True, eq=False)
 class IlluminationMap:
     """Light from every direction, measured at one point.
 
-    radiance : (size, aspect·size, 3) float32, in `unit`; directions point from the centre towards the light
+    radiance : (rows, columns, 3) float32, in `unit`; directions point from the centre towards the light
     mapping : how directions are laid out, `LatLong()` unless said otherwise
     unit : "cd/m²" when calibrated, else "relative"
+    clipped : (rows, columns) uint8, what no photograph could measure, in the codes of `RadianceMap`: where it is
+        SATURATED radiance is a lower bound, where it is OUTSIDE no view saw and radiance is filled in; None where
+        nothing is known of that
     """
 
     radiance: np.ndarray
     mapping: Mapping = LatLong()
     unit: str = "relative"
+    clipped: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        shape, aspect = self.radiance.shape, self.mapping.aspect
-        if self.radiance.ndim != 3 or shape[2] != 3 or shape[1] != aspect * shape[0]:
-            raise ValueError(
-                f"radiance has shape {shape}; a {self.mapping.name} map is {aspect} times as wide as high, "
-                f"so ({shape[0]}, {aspect * shape[0]}, 3)"
-            )
-        if self.radiance.size == 0:
-            raise ValueError(f"radiance has shape {shape}; a map has at least one row")
+        shape = self.radiance.shape
+        if self.radiance.ndim < 2 or self.radiance.size == 0:
+            raise ValueError(f"radiance has shape {shape}; a map has at least one row, and three channels")
+        expected = (*self.mapping.shape(shape[0]), 3)
+        if shape != expected:
+            raise ValueError(f"radiance has shape {shape}; a {self.mapping.name} map of {shape[0]} rows has {expected}")
+        if self.clipped is not None and self.clipped.shape != shape[:2]:
+            raise ValueError(f"clipped has shape {self.clipped.shape}; expected the radiance's {shape[:2]}")
         if not np.all(np.isfinite(self.radiance)) or self.radiance.min() < 0:
             raise ValueError("radiance holds negative or non-finite values; light must be finite and not below 0")
 
@@ -55,12 +59,7 @@ class IlluminationMap:
 
     def irradiance(self, normals: np.ndarray) -> np.ndarray:
         """E = ∫ L max(0, ω·n) dω on surfaces of unit normals (…, 3): (…, 3), π·L under constant light."""
-        points = pixel_points(self.mapping, self.size)
-        if self.mapping.aspect == 1:
-            # The middle of a pixel that the rim cuts may lie outside the disc; the nearest point of the rim counts.
-            middle = points - 0.5
-            points = 0.5 + middle / np.maximum(2.000001 * np.linalg.norm(middle, axis=-1, keepdims=True), 1)
-        directions = self.mapping.directions(points).reshape(-1, 3)
+        directions = pixel_directions(self.mapping, self.size).reshape(-1, 3)
         flux = self.radiance.reshape(-1, 3) * self.mapping.solid_angles(self.size).reshape(-1, 1)
         flat = np.atleast_2d(np.asarray(normals, np.float64).reshape(-1, 3))
         result = np.stack([np.maximum(directions @ n, 0) @ flux for n in flat])
@@ -79,27 +78,43 @@ class IlluminationMap:
 
         matrix = balanced_transport(self.mapping, self.size, mapping, size, rotation)
         source = self.radiance.reshape(-1, 3).astype(np.float64)
-        radiance = (matrix @ source).reshape(size, mapping.aspect * size, 3)
+        radiance = (matrix @ source).reshape(*mapping.shape(size), 3)
         return IlluminationMap(radiance.astype(np.float32), mapping, self.unit)
 
 
-def as_illumination(picture: RadianceMap) -> IlluminationMap:
-    """Read a radiance map as light: by the mapping its file remembers, else by its shape (2:1 is lat-long).
+def as_illumination(picture: RadianceMap, mapping: Mapping | None = None) -> IlluminationMap:
+    """Read a radiance map as light: by the mapping told, else the one its file remembers, else by its shape.
 
-    Raises ValueError when neither tells: a square map may be an angular map or a mirrored ball.
+    2:1 is lat-long, 6:1 a strip of cube faces; 4:3 and 3:4 are crosses where the cells beside the faces are empty.
+
+    Raises ValueError when nothing tells: a square map may be an angular map, a mirrored ball or more.
     """
-    width, height = picture.size
-    name = picture.attributes.get("mapping", "latlong" if width == 2 * height else "")
-    if name not in MAPPINGS:
-        raise ValueError(
-            f"a map of {width}×{height} pixels does not tell its mapping; a lat-long map is twice as wide as high"
-        )
-    return IlluminationMap(picture.radiance, MAPPINGS[name], picture.unit)
+    if mapping is None:
+        told = picture.attributes.get("mapping")
+        mapping = mapping_named(told) if told else _mapping_of_shape(picture)
+    return IlluminationMap(picture.radiance, mapping, picture.unit, picture.clipped)
 
 
 def as_radiance_map(light: IlluminationMap) -> RadianceMap:
     """The light as a picture that remembers its mapping, ready to be written to a file."""
-    return RadianceMap(light.radiance.astype(np.float32), unit=light.unit, attributes={"mapping": light.mapping.name})
+    attributes = {"mapping": light.mapping.name}
+    return RadianceMap(light.radiance.astype(np.float32), None, light.clipped, light.unit, attributes)
+
+
+def _mapping_of_shape(picture: RadianceMap) -> Mapping:
+    width, height = picture.size
+    shapes = {(2, 1): "latlong", (6, 1): "strip", (4, 3): "cross", (3, 4): "cross-vertical"}
+    for (across, down), name in shapes.items():
+        if width * down != height * across:
+            continue
+        mapping = mapping_named(name)
+        beside = picture.radiance[mapping.solid_angles(height) == 0]
+        # A photograph may be 4:3 too, but it does not leave the same cells empty.
+        if beside.size == 0 or np.all(beside == beside[0]):
+            return mapping
+    raise ValueError(
+        f"a map of {width}×{height} pixels does not tell its mapping; a lat-long map is twice as wide as high"
+    )
 
 
 def _wrapped(radiance: np.ndarray) -> np.ndarray:

@@ -1,14 +1,13 @@
-"""Mappings between directions and points of a square or 2:1 image, each with the exact solid angle of its pixels.
+"""Mappings between directions and points of an image: what every one tells, lat-long, and the names files remember.
 
-Image points (…, 2) are (u, v) in [0, 1]², u to the right and v down; the centre of pixel (column i, row j) is
-((i + ½)/W, (j + ½)/H). `size` is always the number of rows.
+Image points (…, 2) are (u, v) in [0, 1]², u to the right and v down; the centre of pixel (column i, row j) of an image
+of W × H pixels is ((i + ½)/W, (j + ½)/H). `size` is always the number of rows.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -16,35 +15,41 @@ import numpy as np
 class Mapping(Protocol):
     """How the sphere of directions is laid out in an image."""
 
-    name: ClassVar[str]
-    aspect: ClassVar[int]
+    @property
+    def name(self) -> str:
+        """What a file remembers: `mapping_named` finds the mapping by it."""
+        ...
+
+    def shape(self, size: int) -> tuple[int, int]:
+        """Rows and columns of an image of `size` rows; raises ValueError where no image has so many."""
+        ...
 
     def image_points(self, directions: np.ndarray) -> np.ndarray:
-        """Where unit directions (…, 3) fall in the image: (…, 2)."""
+        """Where unit directions (…, 3) fall in the image: (…, 2); NaN where the image does not show them."""
         ...
 
     def directions(self, points: np.ndarray) -> np.ndarray:
         """The unit directions (…, 3) of image points (…, 2); NaN where the image shows none."""
         ...
 
-    def solid_angles(self, size: int) -> np.ndarray:
-        """Steradians of every pixel, (size, aspect·size); they sum to 4π."""
+    def shown(self, points: np.ndarray) -> np.ndarray:
+        """The points (…, 2) themselves, drawn to the nearest rim where they lie beside the image's discs."""
         ...
 
-
-def pixel_points(mapping: Mapping, size: int, subdivision: int = 1) -> np.ndarray:
-    """Image points of pixel centres, or of subdivision² cells in each pixel: (size·s, aspect·size·s, 2)."""
-    rows, columns = size * subdivision, mapping.aspect * size * subdivision
-    v, u = (np.arange(rows) + 0.5) / rows, (np.arange(columns) + 0.5) / columns
-    return np.stack(np.broadcast_arrays(u[None, :], v[:, None]), axis=-1)
+    def solid_angles(self, size: int) -> np.ndarray:
+        """Steradians of every pixel, of `shape(size)`; they sum to 4π, or to what the image shows of the sphere."""
+        ...
 
 
 @dataclass(frozen=True)
 class LatLong:
     """Latitude–longitude: row 0 is +Y, the centre is −Z and +X lies to its right, as seen from inside."""
 
-    name: ClassVar[str] = "latlong"
-    aspect: ClassVar[int] = 2
+    name = "latlong"
+
+    def shape(self, size: int) -> tuple[int, int]:
+        refuse_size(size, self.name)
+        return size, 2 * size
 
     def image_points(self, directions: np.ndarray) -> np.ndarray:
         x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
@@ -56,87 +61,56 @@ class LatLong:
         ring = np.sin(polar)
         return np.stack([ring * np.sin(longitude), np.cos(polar), -ring * np.cos(longitude)], axis=-1)
 
-    def solid_angles(self, size: int) -> np.ndarray:
-        cosines = np.cos(np.pi * np.arange(size + 1) / size)
-        rows = (cosines[:-1] - cosines[1:]) * np.pi / size
-        return np.repeat(rows[:, None], 2 * size, axis=1)
-
-
-class _Disc(ABC):
-    """A mapping whose polar angle from the image's centre depends on the radius alone: θ(r), r = 1 at the rim."""
-
-    aspect: ClassVar[int] = 1
-    pole: ClassVar[float]
-    """The z of the direction at the image's centre."""
-
-    @abstractmethod
-    def _angle(self, radius: np.ndarray) -> np.ndarray:
-        """The polar angle of a radius."""
-
-    @abstractmethod
-    def _radius(self, angle: np.ndarray) -> np.ndarray:
-        """The radius of a polar angle."""
-
-    def image_points(self, directions: np.ndarray) -> np.ndarray:
-        x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
-        ring = np.hypot(x, y)
-        radius = self._radius(np.arctan2(ring, self.pole * z))
-        # At the two poles every azimuth is right; the first one is taken.
-        scale = np.divide(radius, ring, out=np.zeros_like(ring), where=ring > 0)
-        across = np.where(ring > 0, x * scale, radius)
-        return np.stack([0.5 + across / 2, 0.5 - y * scale / 2], axis=-1)
-
-    def directions(self, points: np.ndarray) -> np.ndarray:
-        across, upward = 2 * points[..., 0] - 1, 1 - 2 * points[..., 1]
-        radius = np.hypot(across, upward)
-        angle = self._angle(np.where(radius <= 1, radius, np.nan))
-        scale = np.divide(np.sin(angle), radius, out=np.zeros_like(radius), where=radius > 0)
-        directions = np.stack([across * scale, upward * scale, self.pole * np.cos(angle)], axis=-1)
-        return np.where((radius <= 1)[..., None], directions, np.nan)
+    def shown(self, points: np.ndarray) -> np.ndarray:
+        return points
 
     def solid_angles(self, size: int) -> np.ndarray:
-        # Green's theorem: ∬ sin θ dθ dψ = ∮ (1 − cos θ(r)) dψ round the pixel. Beyond the rim 1 − cos θ is the
-        # constant 2, whose integral round a closed path is 0, so pixels outside get 0 and all sum to 4π.
-        nodes, weights = np.polynomial.legendre.leggauss(16)
-        edges = np.linspace(-1, 1, size + 1)
-        along = edges[:-1, None] + (nodes + 1) / size
-        straight, moving = edges[:, None, None], along[None]
-        squared = straight**2 + moving**2
-        cap = 1 - np.cos(self._angle(np.minimum(np.sqrt(squared), 1.0)))
-        turn = straight / np.maximum(squared, 1e-300)
-        integral = (cap * turn * weights).sum(-1) / size
-        # integral[e, k] walks cell k of the line `coordinate = edges[e]` upwards, counter-clockwise for a right edge.
-        vertical = (integral[1:] - integral[:-1]).T
-        horizontal = integral[1:] - integral[:-1]
-        return np.maximum(vertical + horizontal, 0.0)[::-1]
+        rows, columns = self.shape(size)
+        cosines = np.cos(np.pi * np.arange(rows + 1) / rows)
+        rings = (cosines[:-1] - cosines[1:]) * 2 * np.pi / columns
+        return np.broadcast_to(rings[:, None], (rows, columns))
 
 
-@dataclass(frozen=True)
-class Angular(_Disc):
-    """Debevec's angular map (light probe): the centre is −Z and the radius is the angle from it, r = acos(−z)/π."""
-
-    name: ClassVar[str] = "angular"
-    pole: ClassVar[float] = -1.0
-
-    def _angle(self, radius: np.ndarray) -> np.ndarray:
-        return np.pi * radius
-
-    def _radius(self, angle: np.ndarray) -> np.ndarray:
-        return angle / np.pi
+def pixel_points(mapping: Mapping, size: int, subdivision: int = 1) -> np.ndarray:
+    """Image points of pixel centres, or of subdivision² cells in each pixel: (rows·s, columns·s, 2)."""
+    rows, columns = (subdivision * count for count in mapping.shape(size))
+    v, u = (np.arange(rows) + 0.5) / rows, (np.arange(columns) + 0.5) / columns
+    return np.stack(np.broadcast_arrays(u[None, :], v[:, None]), axis=-1)
 
 
-@dataclass(frozen=True)
-class MirrorBall(_Disc):
-    """A mirrored ball seen from far away on +Z: the centre reflects +Z, the rim −Z, θ = 2 asin r."""
+def pixel_directions(mapping: Mapping, size: int) -> np.ndarray:
+    """The unit directions of the middles of all pixels, (rows, columns, 3), finite everywhere.
 
-    name: ClassVar[str] = "ball"
-    pole: ClassVar[float] = 1.0
-
-    def _angle(self, radius: np.ndarray) -> np.ndarray:
-        return 2 * np.arcsin(radius)
-
-    def _radius(self, angle: np.ndarray) -> np.ndarray:
-        return np.sin(angle / 2)
+    Where a rim cuts a pixel it is the nearest direction shown; where the image shows none, and the pixel's solid
+    angle is 0, it is straight ahead.
+    """
+    directions = mapping.directions(mapping.shown(pixel_points(mapping, size)))
+    return np.where(np.isnan(directions), (0.0, 0.0, -1.0), directions)
 
 
-MAPPINGS: dict[str, Mapping] = {m.name: m for m in (LatLong(), Angular(), MirrorBall())}
+def refuse_size(size: int, name: str, factor: int = 1) -> None:
+    """Raise ValueError where a `name` map cannot have `size` rows: they are a multiple of `factor`, and not 0."""
+    if size < factor or size % factor:
+        several = f"a multiple of {factor}" if factor > 1 else "1 or more"
+        raise ValueError(f"a {name} map of {size} rows; expected {several}, like {256 * factor}")
+
+
+def mapping_named(text: str) -> Mapping:
+    """The mapping a file remembers by `text`: "latlong", "cross", "fisheye:equisolid:180", …
+
+    Raises ValueError that names all there are.
+    """
+    from relume.sphere.cubes import Cross, Strip, VerticalCross
+    from relume.sphere.discs import Angular, Fisheye, Hemispheres, MirrorBall
+    from relume.sphere.squares import EqualArea, Octahedral
+
+    plain: tuple[Mapping, ...] = (
+        LatLong(), Angular(), MirrorBall(), Cross(), VerticalCross(), Strip(), Octahedral(), EqualArea(),
+        Hemispheres(),
+    )  # fmt: skip
+    known = {mapping.name: mapping for mapping in plain}
+    if text in known:
+        return known[text]
+    if text.partition(":")[0] == "fisheye":
+        return Fisheye.named(text)
+    raise ValueError(f'there is no mapping "{text}"; there are {", ".join(known)} and fisheye')

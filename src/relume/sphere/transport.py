@@ -32,13 +32,14 @@ def balanced_transport(
     inside = ~np.isnan(directions[..., 0])
     down, across = points.shape[:2]
     rows, columns = np.arange(down)[:, None] // subdivision, np.arange(across)[None, :] // subdivision
-    cell_pixel = (rows * target.aspect * target_size + columns)[inside]
+    target_shape, source_shape = target.shape(target_size), source.shape(source_size)
+    cell_pixel = (rows * target_shape[1] + columns)[inside]
     cell_weight = _cell_solid_angles(target, points)[inside]
 
     taps, weights = _bilinear_taps(source, source_size, source.image_points(directions[inside]))
     source_solid_angle = source.solid_angles(source_size).ravel()
     weights = weights * (source_solid_angle[taps] > 0) * cell_weight
-    shape = (target.aspect * target_size**2, source.aspect * source_size**2)
+    shape = (target_shape[0] * target_shape[1], source_shape[0] * source_shape[1])
     plan = sparse.coo_array((weights.ravel(), (np.tile(cell_pixel, 4), taps.ravel())), shape).tocsr()
 
     target_solid_angle = target.solid_angles(target_size).ravel() * (plan.sum(axis=1) > 0)
@@ -66,7 +67,7 @@ def _cell_solid_angles(mapping: Mapping, points: np.ndarray) -> np.ndarray:
 
 def _bilinear_taps(mapping: Mapping, size: int, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Flat indices (4, N) of the pixels round each image point, and their weights."""
-    width = mapping.aspect * size
+    _, width = mapping.shape(size)
     x, y = points[:, 0] * width - 0.5, points[:, 1] * size - 0.5
     left, top = np.floor(x).astype(int), np.floor(y).astype(int)
     fx, fy = x - left, y - top

@@ -1,0 +1,62 @@
+"""Light on the command line: an illumination map from a file, refused in one line where it is none."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from relume.errors import UnreadableFile
+
+if TYPE_CHECKING:
+    from relume.image.radiance import RadianceMap
+    from relume.sphere.illumination import IlluminationMap
+    from relume.sphere.mappings import Mapping
+
+Clamp = Annotated[
+    bool,
+    Parameter(negative="", help="Take negative pixels, which a resize may leave, for 0; refused unless given."),
+]
+
+
+def read_light(path: Path, mapping: Mapping | None = None, *, clamp: bool = False) -> IlluminationMap:
+    """The light in a file.
+
+    mapping : what the file's own memory and its shape are overruled by, where given
+    clamp : take negative pixels for 0, and say how many they were
+    Raises UnreadableFile for what is missing or damaged, does not tell its mapping, or holds pixels that are no light,
+    which it counts.
+    """
+    from relume.image import files
+    from relume.sphere.illumination import as_illumination
+
+    picture = _light_only(path, files.read_radiance(path), clamp)
+    if mapping is not None:
+        picture = replace(picture, attributes={**picture.attributes, "mapping": mapping.name})
+    try:
+        return as_illumination(picture)
+    except ValueError as error:
+        raise UnreadableFile(f"{path}: {error}") from None
+
+
+def _light_only(path: Path, picture: RadianceMap, clamp: bool) -> RadianceMap:
+    import numpy as np
+
+    odd = int(np.count_nonzero(~np.isfinite(picture.radiance).all(-1)))
+    dark = int(np.count_nonzero((picture.radiance < 0).any(-1)))
+    if not odd and not dark:
+        return picture
+    if odd or not clamp:
+        raise UnreadableFile(
+            f"{path}: {odd} pixels are NaN or infinite and {dark} negative, which no light is; "
+            "paint over them, or write the map again from where it came"
+            + ("; --clamp takes the negative ones for 0" if dark and not odd else "")
+        )
+    warnings.warn(
+        f"{path}: {dark} pixels were negative, the lowest {picture.radiance.min():.3g}; they count as 0 (--clamp)",
+        stacklevel=3,
+    )
+    return replace(picture, radiance=np.maximum(picture.radiance, np.float32(0)))

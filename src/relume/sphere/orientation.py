@@ -1,0 +1,195 @@
+"""Orientation presets: what a panorama's file means to other programs, and our light turned to fit.
+
+Every program agrees that a lat-long map has the zenith on top; where its middle points is each one's own affair. An
+`Orientation` says where in *our* world (+Y up, right-handed) a program shows each point of a file that it loads with
+its default settings, and `oriented` lays light out so that it comes from where our world has it. The program's own
+axes are ours, number for number, unless `axes` says otherwise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from relume.sphere.illumination import IlluminationMap
+from relume.sphere.latlong import LatLong
+from relume.sphere.mappings import Mapping
+from relume.sphere.squares import EqualArea
+
+_AHEAD_IS_PLUS_X = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+"""The middle of the file shows +X and +Z lies to its right."""
+_AHEAD_IS_PLUS_Z = np.diag([-1.0, 1.0, -1.0])
+"""The middle of the file shows +Z and −X lies to its right."""
+
+
+@dataclass(frozen=True, eq=False)
+class Orientation:
+    """Where a program shows the points of a file, told in our world's directions.
+
+    name : the program, as `ORIENTATIONS` lists it
+    mapping : the mapping of the file
+    rotation : (3, 3), turns the direction that `mapping` gives a point into the one where the program shows it
+    mirrored : the file is held against our mapping left to right first, as if seen from outside
+    axes : which of the program's axes are our +X, +Y and −Z
+    source : where that is written, or in what it was seen
+    """
+
+    name: str
+    mapping: Mapping
+    rotation: np.ndarray
+    mirrored: bool
+    axes: str
+    source: str
+
+    def directions(self, points: np.ndarray) -> np.ndarray:
+        """Where, in our world, the program shows image points (…, 2) of a file: unit directions (…, 3)."""
+        return self.mapping.directions(self._held(points)) @ self.rotation.T
+
+    def image_points(self, directions: np.ndarray) -> np.ndarray:
+        """The image points (…, 2) of the file that the program shows in directions (…, 3) of our world."""
+        return self._held(self.mapping.image_points(np.asarray(directions, np.float64) @ self.rotation))
+
+    def _held(self, points: np.ndarray) -> np.ndarray:
+        if not self.mirrored:
+            return points
+        return np.stack([1 - points[..., 0], points[..., 1]], axis=-1)
+
+
+def oriented(light: IlluminationMap, orientation: Orientation, size: int | None = None) -> IlluminationMap:
+    """The light laid out as a program reads it: loaded there with default settings, it comes from where it came here.
+
+    light : in our frame and any mapping
+    size : rows of the file; the present number unless given
+
+    A lat-long map that is turned by whole columns keeps its pixels; any other is resampled, its energy kept. The result
+    is *for the program*: read by us it is light from elsewhere, until `restored` turns it back.
+    """
+    turned = _turned(light, orientation.rotation.T, orientation.mapping, size)
+    return _flipped(turned) if orientation.mirrored else turned
+
+
+def restored(light: IlluminationMap, orientation: Orientation) -> IlluminationMap:
+    """A map that is laid out for a program, in our frame again (as a lat-long map): what `oriented` did, undone.
+
+    Raises ValueError when the map's mapping is not the one the program reads.
+    """
+    if light.mapping.name != orientation.mapping.name:
+        raise ValueError(
+            f"a {light.mapping.name} map; {orientation.name} reads {orientation.mapping.name} maps, so this is none of its"
+        )
+    straight = _flipped(light) if orientation.mirrored else light
+    return _turned(straight, orientation.rotation, LatLong(), None)
+
+
+def _turned(light: IlluminationMap, rotation: np.ndarray, mapping: Mapping, size: int | None) -> IlluminationMap:
+    """The light turned by an active rotation, in another mapping and size."""
+    size = size or light.size
+    columns = _whole_columns(rotation, 2 * light.size)
+    if columns is not None and isinstance(light.mapping, LatLong):
+        light = IlluminationMap(
+            np.roll(light.radiance, columns, axis=1),
+            light.mapping,
+            light.unit,
+            None if light.clipped is None else np.roll(light.clipped, columns, axis=1),
+        )
+    else:
+        light = light.rotated(rotation)
+    same = light.mapping.name == mapping.name and light.size == size
+    return light if same else light.remapped(mapping, size)
+
+
+def _whole_columns(rotation: np.ndarray, width: int) -> int | None:
+    """By how many columns to the right a rotation about +Y moves a lat-long map; None where not by whole ones."""
+    if abs(rotation[1, 1] - 1) > 1e-12:
+        return None
+    columns = -np.arctan2(rotation[0, 2], rotation[0, 0]) * width / (2 * np.pi)
+    return round(columns) if abs(columns - round(columns)) < 1e-9 * width else None
+
+
+def _flipped(light: IlluminationMap) -> IlluminationMap:
+    clipped = None if light.clipped is None else np.ascontiguousarray(light.clipped[:, ::-1])
+    return IlluminationMap(np.ascontiguousarray(light.radiance[:, ::-1]), light.mapping, light.unit, clipped)
+
+
+_SAME = "its axes are ours"
+
+ORIENTATIONS: dict[str, Orientation] = {
+    orientation.name: orientation
+    for orientation in (
+        Orientation(
+            "blender",
+            LatLong(),
+            _AHEAD_IS_PLUS_X,
+            False,
+            "+X is our +X, +Z our +Y, +Y our −Z: (x, y, z) here is (x, −z, y) there, as its importers turn Y-up files",
+            "Cycles, intern/cycles/kernel/camera/projection.h, direction_to_equirectangular; rendered with bpy 5.0.1",
+        ),
+        Orientation(
+            "usd",
+            LatLong(),
+            _AHEAD_IS_PLUS_Z,
+            False,
+            _SAME + ", on a stage of upAxis = Y (a DomeLight's pole is +Y on any stage)",
+            "UsdLux, DomeLight: the OpenEXR specification, latitude 0, longitude 0 points to +Z, π/2 to +X",
+        ),
+        Orientation(
+            "gltf",
+            LatLong(),
+            _AHEAD_IS_PLUS_X,
+            False,
+            _SAME,
+            "KhronosGroup/glTF pull request 1761, Appendix D (a draft; glTF itself holds cubes, EXT_lights_image_based)",
+        ),
+        Orientation(
+            "three",
+            LatLong(),
+            _AHEAD_IS_PLUS_X,
+            False,
+            _SAME,
+            "three.js, src/renderers/shaders/ShaderChunk/common.glsl.js, equirectUv; rendered with r187",
+        ),
+        Orientation(
+            "mitsuba",
+            LatLong(),
+            _AHEAD_IS_PLUS_Z,
+            False,
+            _SAME,
+            "Mitsuba 3, src/emitters/envmap.cpp (its first and last rows stand at the poles themselves); rendered",
+        ),
+        Orientation(
+            "pbrt",
+            EqualArea(),
+            # Our square shows (x, z) round +Y and pbrt's shows (x, y) round +z: mirror x, then exchange.
+            np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]),
+            True,
+            _SAME + ", with `Scale -1 1 1` before LookAt: pbrt's camera alone is left-handed",
+            "pbrt-v4, src/pbrt/lights.h, ImageInfiniteLight, and util/math.cpp, EqualAreaSquareToSphere",
+        ),
+        Orientation(
+            "arnold",
+            LatLong(),
+            _AHEAD_IS_PLUS_Z,
+            False,
+            _SAME,
+            "Autodesk/arnold-usd, read_light.cpp and write_light.cpp: a DomeLight and a skydome_light of format latlong "
+            "have the same file and matrix",
+        ),
+        Orientation(
+            "radiance",
+            LatLong(),
+            np.eye(3),
+            False,
+            "+X is our +X, +Z our +Y, +Y our −Z: (x, y, z) here is (x, −z, y) there",
+            "Radiance has no default: the .rad files that relume writes bring their own mapping; traced with rtrace 6.0a",
+        ),
+    )
+}
+"""What a file means to each program that loads it with its default settings, by the program's name."""
+
+
+def orientation_named(name: str) -> Orientation:
+    """The preset of a program; raises ValueError that names all there are."""
+    if name not in ORIENTATIONS:
+        raise ValueError(f'there is no orientation for "{name}"; there are {", ".join(ORIENTATIONS)}')
+    return ORIENTATIONS[name]
