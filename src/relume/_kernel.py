@@ -24,27 +24,27 @@ _FLAGS = {"nsz", "arcp", "contract", "afn", "reassoc"}
 
 
 @lru_cache
-def _cache_folder() -> str:
-    """Where compiled kernels are kept: a folder for this very source.
+def _cache_folder(module: str) -> str:
+    """Where a module's compiled kernels are kept: a folder for this very source.
 
     Numba alone looks at the file that holds a kernel, not at those whose functions and numbers are compiled into it:
-    these are the modules with kernels and all that they import.
+    these are all that it imports.
     """
     package = Path(__file__).parent
-    sources = {path: path.read_bytes() for path in sorted(package.rglob("*.py"))}
-    waiting = [path for path, source in sources.items() if b"relume._kernel" in source]
-    within = {Path(__file__), *waiting}
+    own = package / (module.removeprefix("relume.").replace(".", "/") + ".py")
+    waiting, sources = [own], {Path(__file__): Path(__file__).read_bytes()}
     while waiting:
-        for name in re.findall(rb"^from relume\.([\w.]+) import", sources[waiting.pop()], re.MULTILINE):
-            path = package / (name.decode().replace(".", "/") + ".py")
-            if path in sources and path not in within:
-                within.add(path)
-                waiting.append(path)
+        path = waiting.pop()
+        if path in sources or not path.is_file():
+            continue
+        sources[path] = path.read_bytes()
+        names = re.findall(rb"^from relume\.([\w.]+) import", sources[path], re.MULTILINE)
+        waiting += [package / (name.decode().replace(".", "/") + ".py") for name in names]
     digest = hashlib.sha1()
-    for path in sorted(within):
-        digest.update(sources.get(path, b""))
+    for path in sorted(sources):
+        digest.update(sources[path])
     place = package / "__pycache__" if os.access(package, os.W_OK) else Path.home() / ".cache" / "relume"
-    return str(place / f"kernels-{digest.hexdigest()[:12]}")
+    return str(place / f"kernels-{own.stem}-{digest.hexdigest()[:12]}")
 
 
 def _compiled(fast: set[str] | bool) -> Callable[[Callable[..., Any]], Any]:
@@ -53,7 +53,7 @@ def _compiled(fast: set[str] | bool) -> Callable[[Callable[..., Any]], Any]:
     def decorate(function: Callable[..., Any]) -> Any:
         config: Any = numba.config  # pyright: ignore[reportPrivateImportUsage]
         before = config.CACHE_DIR
-        config.CACHE_DIR = before or _cache_folder()
+        config.CACHE_DIR = before or _cache_folder(function.__module__)
         try:
             return numba.njit(cache=True, nogil=True, fastmath=fast, error_model="numpy")(function)
         finally:

@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from relume.sphere.illumination import IlluminationMap
-from relume.sphere.latlong import LatLong
-from relume.sphere.mappings import pixel_directions
+from relume.sphere.mappings import LatLong, pixel_directions
 
 _X, _Y, _Z = np.eye(3)
 

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.sphere.illumination import IlluminationMap
-from relume.sphere.latlong import LatLong
-from relume.sphere.mappings import Mapping
+from relume.sphere.mappings import LatLong, Mapping
 from relume.sphere.squares import EqualArea
 
 _AHEAD_IS_PLUS_X = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
@@ -75,9 +74,7 @@ def restored(light: IlluminationMap, orientation: Orientation) -> IlluminationMa
     Raises ValueError when the map's mapping is not the one the program reads.
     """
     if light.mapping.name != orientation.mapping.name:
-        raise ValueError(
-            f"a {light.mapping.name} map; {orientation.name} reads {orientation.mapping.name} maps, so this is none of its"
-        )
+        raise ValueError(f"a {light.mapping.name} map; {orientation.name} reads {orientation.mapping.name} maps only")
     straight = _flipped(light) if orientation.mirrored else light
     return _turned(straight, orientation.rotation, LatLong(), None)
 
@@ -139,7 +136,7 @@ ORIENTATIONS: dict[str, Orientation] = {
             _AHEAD_IS_PLUS_X,
             False,
             _SAME,
-            "KhronosGroup/glTF pull request 1761, Appendix D (a draft; glTF itself holds cubes, EXT_lights_image_based)",
+            "KhronosGroup/glTF pull request 1761, Appendix D: a draft; glTF holds cubes only (EXT_lights_image_based)",
         ),
         Orientation(
             "three",
@@ -172,8 +169,8 @@ ORIENTATIONS: dict[str, Orientation] = {
             _AHEAD_IS_PLUS_Z,
             False,
             _SAME,
-            "Autodesk/arnold-usd, read_light.cpp and write_light.cpp: a DomeLight and a skydome_light of format latlong "
-            "have the same file and matrix",
+            "Autodesk/arnold-usd, read_light.cpp and write_light.cpp: a DomeLight and a skydome_light of format latlong"
+            " have the same file and matrix",
         ),
         Orientation(
             "radiance",
@@ -181,7 +178,7 @@ ORIENTATIONS: dict[str, Orientation] = {
             np.eye(3),
             False,
             "+X is our +X, +Z our +Y, +Y our −Z: (x, y, z) here is (x, −z, y) there",
-            "Radiance has no default: the .rad files that relume writes bring their own mapping; traced with rtrace 6.0a",
+            "Radiance has no default: .rad files written by relume bring their mapping; traced with rtrace 6.0a",
         ),
     )
 }

@@ -1,0 +1,113 @@
+"""The lights of a constellation as other programs hold lamps: a colour, an intensity, a turn; and what numbers mean."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import PurePosixPath, PureWindowsPath
+
+import numpy as np
+
+from relume.light.constellation import Constellation
+
+FRAME = "right-handed, +Y up, metres; directions point towards the lights"
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """One parallel light.
+
+    name : "light_000", "light_001", … in the constellation's order
+    direction : unit, towards the light, in our frame
+    irradiance : red, green and blue on a surface that faces the light
+    angle : apparent diameter in radians, 0 for parallel light
+    """
+
+    name: str
+    direction: tuple[float, float, float]
+    irradiance: tuple[float, float, float]
+    angle: float
+
+    @property
+    def intensity(self) -> float:
+        """The strongest channel of the irradiance."""
+        return max(self.irradiance)
+
+    @property
+    def colour(self) -> tuple[float, float, float]:
+        """Irradiance = intensity × colour, whose strongest channel is 1; white where there is no light."""
+        red, green, blue = self.irradiance
+        strongest = self.intensity
+        return (red / strongest, green / strongest, blue / strongest) if strongest > 0 else (1.0, 1.0, 1.0)
+
+    @property
+    def quaternion(self) -> tuple[float, float, float, float]:
+        """(x, y, z, w) of the smallest turn that takes +Z towards the light, so that −Z is the way the light goes."""
+        x, y, z = self.direction
+        if z < -1 + 1e-12:
+            return (1.0, 0.0, 0.0, 0.0)
+        length = float(np.sqrt(2 * (1 + z)))
+        return (-y / length, x / length, 0.0, length / 2)
+
+
+def lamps(lights: Constellation, angles: np.ndarray | None = None) -> list[Lamp]:
+    """The lights one by one.
+
+    angles : (N,), apparent diameters in radians from 0 to π; None for parallel light
+
+    Raises ValueError for angles of another number or range, and for lights that are not finite or below 0.
+    """
+    count = len(lights.directions)
+    wide = np.zeros(count) if angles is None else np.asarray(angles, np.float64)
+    if wide.shape != (count,) or not np.all((wide >= 0) & (wide <= np.pi)):
+        raise ValueError(
+            f"angles of shape {wide.shape}; expected ({count},), one a light, each from 0 to π radians; "
+            "leave them out for parallel light"
+        )
+    irradiance = np.asarray(lights.irradiance, np.float64)
+    if not np.all(np.isfinite(irradiance)) or np.any(irradiance < 0):
+        raise ValueError("irradiance holds negative or non-finite values; light must be finite and not below 0")
+    # Unit to the last digit, which programs that trust a quaternion expect.
+    directions = np.asarray(lights.directions, np.float64)
+    directions = directions / np.maximum(np.linalg.norm(directions, axis=-1, keepdims=True), 1e-300)
+    digits = max(3, len(str(max(count - 1, 0))))
+    return [
+        Lamp(f"light_{index:0{digits}d}", _three(directions[index]), _three(irradiance[index]), float(wide[index]))
+        for index in range(count)
+    ]
+
+
+def figure(number: float) -> str:
+    """A number in nine significant digits, which is more than a float32 holds; never "-0"."""
+    return f"{number + 0.0:.9g}"
+
+
+def figures(numbers: tuple[float, ...], between: str = " ") -> str:
+    """Numbers in nine significant digits."""
+    return between.join(figure(number) for number in numbers)
+
+
+def meaning(unit: str) -> str:
+    """What the numbers of lights and background are, in one sentence; raises ValueError for a unit there is not."""
+    if unit == "cd/m²":
+        return "Irradiance is in lux, red, green and blue apart, and the background's pixels are in cd/m²."
+    if unit == "relative":
+        return (
+            "Irradiance is in the light map's own relative unit × steradian, and the background's pixels in that unit."
+        )
+    raise ValueError(f'unit is "{unit}"; expected "relative" or "cd/m²"')
+
+
+def beside(background: str | None) -> str | None:
+    """The background's name as a file beside ours can hold it: with forward slashes, and never an absolute path.
+
+    Raises ValueError for an absolute path, which would be right on one machine only, and for line breaks.
+    """
+    if background is None:
+        return None
+    if PurePosixPath(background).is_absolute() or PureWindowsPath(background).drive or not background.isprintable():
+        raise ValueError(f"background is {background!r}; give its path relative to the file that will name it")
+    return PureWindowsPath(background).as_posix() if "\\" in background else background
+
+
+def _three(values: np.ndarray) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])

@@ -1,0 +1,91 @@
+"""A constellation as a Radiance scene: a distant `source` each, and the background as a glow all round.
+
+Radiance is used with +Z up: our (x, y, z) is (x, −z, y) there. Its picture coordinates count from the lower left corner
+with the shorter side as 1, so our lat-long map is u = 1 + longitude/π, v = 1 − polar angle/π.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from relume.light.constellation import Constellation
+from relume.light.exports.lamps import Lamp, beside, figure, figures, lamps, meaning
+
+EFFICACY = 179.0
+"""Lumens a watt, by which Radiance turns its RGB into photometric units (Ward 1994, §4; WHTEFFICACY in color.h)."""
+NARROWEST = np.radians(0.1)
+"""Apparent diameter of a light that has none: a Radiance source must have some, and 0.1° blurs no shadow visibly."""
+LONGITUDE, POLAR = "1+atan2(Dx,Dy)/PI", "1-Acos(Dz)/PI"
+
+
+def text(lights: Constellation, *, unit: str, background: str | None = None, angles: np.ndarray | None = None) -> str:
+    """The lights as a `.rad` scene for oconv.
+
+    unit : the map's, "relative" or "cd/m²"; lux and cd/m² are divided by 179 lm/W, by which Radiance multiplies
+    background : the lat-long picture with the light that the lights do not carry, relative to where Radiance runs; it
+        must be a Radiance picture (.hdr or .pic)
+    angles : (N,), apparent diameters in radians; those of 0, and all where None, become 0.1°
+
+    A source's radiance is E / (π sin²(angle/2)), so that its irradiance is ours whatever its angle.
+
+    Raises ValueError for another unit, an absolute path, another kind of background or angles that do not fit.
+    """
+    name = beside(background)
+    if name is not None and not name.lower().endswith((".hdr", ".pic")):
+        raise ValueError(f"background is {name!r}, which Radiance cannot read; write it as a .hdr file")
+    scale = 1 / EFFICACY if unit == "cd/m²" else 1.0
+    watts = (
+        "Here they are divided by Radiance's 179 lm/W: multiply what it computes by 179 for lux and cd/m²"
+        if unit == "cd/m²"
+        else "Radiance takes them for W/m² and W/(sr·m²); its 179 lm/W make no lux of them"
+    )
+    parts = [
+        f"# Parallel lights that stand for a light map, for Radiance's +Z up.\n# {meaning(unit)}\n",
+        f"# {watts}.\n",
+        "# Red, green and blue are of Rec. 709 and are handed over as they are.\n",
+        "# To keep a light out of sight and of mirrors, as when the background shows it already, write `illum` for\n"
+        "# `light`: illum sources light surfaces and are not seen (so were the lights of Fiat Lux placed).\n",
+        _glow(name, scale) if name is not None else "",
+        *(_source(lamp, scale) for lamp in lamps(lights, angles)),
+    ]
+    return "".join(parts)
+
+
+def _glow(name: str, scale: float) -> str:
+    quoted = f'"{name}"' if " " in name else name
+    level = figures((scale, scale, scale))
+    return f"""
+# The background gives light to indirect calculation alone: trace with -ab 1 or more.
+void colorpict background_map
+7 red green blue {quoted} . {LONGITUDE} {POLAR}
+0
+0
+
+background_map glow background_glow
+0
+0
+4 {level} 0
+
+background_glow source background
+0
+0
+4 0 0 1 360
+"""
+
+
+def _source(lamp: Lamp, scale: float) -> str:
+    x, y, z = lamp.direction
+    angle = max(lamp.angle, float(NARROWEST))
+    per_irradiance = scale / (np.pi * np.sin(angle / 2) ** 2)
+    red, green, blue = (float(channel * per_irradiance) for channel in lamp.irradiance)
+    return f"""
+void light {lamp.name}_emission
+0
+0
+3 {figures((red, green, blue))}
+
+{lamp.name}_emission source {lamp.name}
+0
+0
+4 {figures((x, -z, y))} {figure(float(np.degrees(angle)))}
+"""

@@ -1,0 +1,65 @@
+"""A constellation as a USD layer: a DistantLight each, and a DomeLight for the background."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from relume.light.constellation import Constellation
+from relume.light.exports.lamps import Lamp, beside, figure, figures, lamps, meaning
+
+
+def text(lights: Constellation, *, unit: str, background: str | None = None, angles: np.ndarray | None = None) -> str:
+    """The lights as a `.usda` layer of upAxis Y.
+
+    unit : the map's, "relative" or "cd/m²"
+    background : the lat-long file with the light that the lights do not carry, relative to the layer; None for none
+    angles : (N,), apparent diameters in radians; parallel light where None
+
+    Lights are normalised, so that UsdLux's intensity × color is our irradiance whatever the angle (UsdLux, LightAPI,
+    `inputs:normalize`: "the intensity becomes a measure of the illuminance, expressed in lux"), and a dome of
+    intensity 1 shows its pixels' own numbers (there: in cd/m²). The dome is turned half round, since its middle
+    is +Z and that of our maps −Z.
+
+    Raises ValueError for another unit, an absolute path or angles that do not fit.
+    """
+    name = beside(background)
+    doc = f"Parallel lights that stand for a light map. {meaning(unit)} UsdLux takes them for lux and cd/m²."
+    parts = [
+        "#usda 1.0\n(\n",
+        '    defaultPrim = "Light"\n',
+        f'    doc = "{doc}"\n',
+        '    metersPerUnit = 1\n    upAxis = "Y"\n)\n\n',
+        'def Xform "Light"\n{\n',
+        *([_dome(name)] if name is not None else []),
+        *(_distant(lamp) for lamp in lamps(lights, angles)),
+        "}\n",
+    ]
+    return "".join(parts)
+
+
+def _dome(name: str) -> str:
+    # An asset path that holds an @ stands between three of them.
+    quoted = f"@@@{name}@@@" if "@" in name else f"@{name}@"
+    return f"""    def DomeLight "background"
+    {{
+        float inputs:intensity = 1
+        asset inputs:texture:file = {quoted}
+        token inputs:texture:format = "latlong"
+        float xformOp:rotateY = 180
+        uniform token[] xformOpOrder = ["xformOp:rotateY"]
+    }}
+"""
+
+
+def _distant(lamp: Lamp) -> str:
+    x, y, z, w = lamp.quaternion
+    return f"""    def DistantLight "{lamp.name}"
+    {{
+        float inputs:angle = {figure(float(np.degrees(lamp.angle)))}
+        color3f inputs:color = ({figures(lamp.colour, ", ")})
+        float inputs:intensity = {figure(lamp.intensity)}
+        bool inputs:normalize = 1
+        quatd xformOp:orient = ({figures((w, x, y, z), ", ")})
+        uniform token[] xformOpOrder = ["xformOp:orient"]
+    }}
+"""
