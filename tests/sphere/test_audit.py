@@ -6,6 +6,7 @@ import pytest
 from lights import NAMED, constant, fitting, sunny
 from relume.image.radiance import OUTSIDE, SATURATED
 from relume.sphere.audit import audit, losses
+from relume.sphere.directions import rotation_about
 from relume.sphere.discs import Fisheye
 from relume.sphere.illumination import IlluminationMap
 from relume.sphere.mappings import LatLong
@@ -70,6 +71,15 @@ def test_a_light_that_only_moved_is_told_by_irradiance():
     told = losses(audit(light), audit(turned))
     assert len(told) == 1
     assert told[0].startswith("irradiance on a surface facing")
+
+
+def test_an_audit_of_light_yet_to_be_turned_is_that_of_light_turned():
+    light = sunny(64, sun=400)
+    quarter = rotation_about([0, 1, 0], -np.pi / 2)  # to the right, by a quarter of the columns
+    turned = IlluminationMap(np.roll(light.radiance, 32, axis=1))
+    assert losses(audit(light, quarter), audit(turned)) == ()
+    assert losses(audit(light, quarter.T), audit(turned)) != ()
+    np.testing.assert_allclose(audit(light, quarter).peak_direction, audit(turned).peak_direction, atol=1e-12)
 
 
 def test_black_maps_are_no_fault():

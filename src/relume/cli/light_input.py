@@ -34,10 +34,8 @@ def read_light(path: Path, mapping: Mapping | None = None, *, clamp: bool = Fals
     from relume.sphere.illumination import as_illumination
 
     picture = _light_only(path, files.read_radiance(path), clamp)
-    if mapping is not None:
-        picture = replace(picture, attributes={**picture.attributes, "mapping": mapping.name})
     try:
-        return as_illumination(picture)
+        return as_illumination(picture, mapping)
     except ValueError as error:
         raise UnreadableFile(f"{path}: {error}") from None
 

@@ -80,7 +80,7 @@ def brighter(first: RadianceMap, second: Operand) -> RadianceMap:
 
 
 def average(pictures: Sequence[RadianceMap]) -> RadianceMap:
-    """The mean of maps of one size and unit; its variance is that of a mean of independent errors. Raises ValueError."""
+    """The mean of maps of one size and unit, its variance that of a mean of independent errors. Raises ValueError."""
     if not pictures:
         raise ValueError("no maps to average; give at least one")
     result = pictures[0]
@@ -143,7 +143,7 @@ def _combined(
 
 
 def _marks(marks: list[np.ndarray | None], opposing: bool) -> np.ndarray | None:
-    first, second = (marks + [None])[:2]
+    first, second = [*marks, None][:2]
     if second is not None and opposing:
         second = _OPPOSITE[second]
     if first is None or second is None:

@@ -119,7 +119,7 @@ def _symmetric(taps: np.ndarray) -> Spread:
         places = np.arange(len(taps))
         np.add.at(folded, places % (2 * size), taps)
         np.add.at(folded, -places[1:] % (2 * size), taps[1:])
-        return np.asarray(rfft(folded)).real[:size]
+        return np.real(np.asarray(rfft(folded)))[:size]
 
     def spread(field: np.ndarray) -> np.ndarray:
         waves = dctn(field, axes=(0, 1), workers=-1)

@@ -119,8 +119,8 @@ class Scaled:
 class Repainted:
     """A map with a painter's changes.
 
-    picture : the map; changed pixels bear no mark, for they are what was painted, and where they were replaced their
-        variance is infinite, for they were not measured
+    picture : the map; pixels that were replaced bear no mark, for they are what was painted, and have infinite
+        variance, for they were not measured
     changed : (H, W) bool
     above_white : changed pixels that the slice showed clipped, brighter in the map than a painter could see
     lost : the luminance that these had and no longer have, summed, in the map's unit × pixels
@@ -186,7 +186,9 @@ def painted(
             raise ValueError(f"{image.name} and {edited.name} differ in bits; save both alike")
     before = _codes(picture, cut, bits) if original is None else original.pixels.astype(np.int64)
     after = edited.pixels.astype(np.int64)
-    changed = (np.abs(after - before) > tolerance).any(-1)
+    # Within the tolerance a channel is as it was, in changed pixels too.
+    after = np.where(np.abs(after - before) <= tolerance, before, after)
+    changed = np.asarray((after != before).any(-1))
     if not changed.any():
         return Repainted(picture, changed, 0, 0.0, 0)
     top = 2**bits - 1
@@ -225,5 +227,5 @@ def _codes(picture: RadianceMap, cut: Slice, bits: int) -> np.ndarray:
 
 
 def _marks_left(marks: np.ndarray, factor: np.ndarray) -> np.ndarray:
-    """A painted pixel is what was painted; one that was only scaled stays the bound that it was."""
-    return np.where(np.isinf(factor).any(-1), 0, marks).astype(np.uint8)
+    """A painted pixel is what was painted; one that keeps something of the old radiance stays the bound that it was."""
+    return np.where(np.isinf(factor).all(-1), 0, marks).astype(np.uint8)

@@ -31,13 +31,13 @@ class KMeans:
 
     start : the regions it begins with; variance minimisation is near the goal already, and nothing is left to chance
     iterations : at most; 50 are seldom needed
-    gain : what an iteration has to improve Σ Y |ω − centre|² by, to be followed by another; below 1e-3 of it the
-        irradiance no longer changes by what matters
+    gain : the share of Σ Y |ω − centre|² that an iteration has to save, to be followed by another; after smaller
+        savings irradiance is no better
     """
 
     iterations: int = 50
     start: Regions = field(default_factory=MedianCut)
-    gain: float = 1e-3
+    gain: float = 3e-3
 
     def __post_init__(self) -> None:
         if self.iterations < 1:
@@ -49,10 +49,11 @@ class KMeans:
         number = int(labels.max()) + 1
         if number == 0:
             return labels
+        chosen, flat = np.flatnonzero(labels >= 0), labels.ravel()
+        fine = (cells.luminance, *np.moveaxis(cells.moment, -1, 0))
+        sums = np.stack([np.bincount(flat[chosen], part.ravel()[chosen], number) for part in fine], axis=-1)
         lit, directions, step = _coarse(cells)
-        labels = np.ascontiguousarray(labels[::step, ::step])
-        chosen = labels.ravel() >= 0
-        sums = np.stack([np.bincount(labels.ravel()[chosen], lit[..., k].ravel()[chosen]) for k in range(4)], axis=-1)
+        labels = np.empty(lit.shape[:2], np.int32)
         centres = _centres(sums, np.tile([0.0, 0.0, -1.0], (number, 1)))
         middles, reaches = _groups(directions)
         spread = np.inf
@@ -60,10 +61,11 @@ class KMeans:
             sums = _assigned(lit, directions, middles, reaches, centres, labels)
             empty = np.flatnonzero(sums[:, 0] <= 0)
             if len(empty):
-                # A centre that has lost its light goes where light is farthest from its own.
+                # A centre that has lost its light goes where light is farthest from its own, but not to a cell that
+                # is all of another's light: that one would lose it in turn.
                 far = lit[..., 0] * (1 - np.sum(directions * centres[labels], axis=-1))
-                centres = _centres(sums, centres)
-                farthest = np.argsort(-far, axis=None, kind="stable")[: len(empty)]
+                far[lit[..., 0] > 0.9 * sums[labels, 0]] = 0
+                centres, farthest = _centres(sums, centres), np.argsort(-far, axis=None, kind="stable")[: len(empty)]
                 centres[empty] = directions.reshape(-1, 3)[farthest]
                 continue
             before, spread = spread, 2 * float(np.sum(sums[:, 0] - np.sum(sums[:, 1:] * centres, axis=-1)))

@@ -1,4 +1,4 @@
-"""Nine spherical harmonics of a light: enough to light a matte surface, as small as an engine wants it.
+"""Nine spherical harmonics of a light as a document: enough to light a matte surface, as an engine wants it.
 
 The real basis functions up to l = 2 are polynomials of the world's x, y, z (Ramamoorthi & Hanrahan, "An Efficient
 Representation for Irradiance Environment Maps", 2001), so the polar axis is our +Z, towards a camera that looks along
@@ -13,10 +13,10 @@ import json
 import numpy as np
 
 from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import pixel_directions
+from relume.sphere.spherical_harmonics import Harmonics, cosine_factors, project
 
 ORDER = ((0, 0), (1, -1), (1, 0), (1, 1), (2, -2), (2, -1), (2, 0), (2, 1), (2, 2))
-COSINE = np.array([np.pi] + [2 * np.pi / 3] * 3 + [np.pi / 4] * 5)
+COSINE = np.repeat(cosine_factors(2), [1, 3, 5])
 """Â_l of every row: what max(0, cos θ) multiplies each harmonic by, π, 2π/3, π/4 (equation 8 there)."""
 
 # The factor before every polynomial, so that the square of each integrates to 1 over the sphere.
@@ -24,20 +24,12 @@ _FACTORS = np.sqrt(np.array([1, 3, 3, 3, 15, 15, 5 / 4, 15, 15 / 4]) / (4 * np.p
 _POLYNOMIALS = ("1", "y", "z", "x", "x*y", "y*z", "(3*z*z - 1)", "x*z", "(x*x - y*y)")
 
 
-def basis(directions: np.ndarray) -> np.ndarray:
-    """The nine functions at unit directions (…, 3) of the world: (…, 9)."""
-    x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
-    polynomials = [np.ones_like(x), y, z, x, x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y]
-    return np.stack(polynomials, axis=-1) * _FACTORS
-
-
 def irradiance_harmonics(light: IlluminationMap) -> np.ndarray:
     """The coefficients L_lm = ∫ L Y_lm dω of the light's radiance, (9, 3), in its unit times steradians.
 
     Summed over the directions of the pixels' middles by their solid angles, as `IlluminationMap.irradiance` does.
     """
-    flux = light.radiance * light.mapping.solid_angles(light.size)[..., None]
-    return np.einsum("hwk,hwc->kc", basis(pixel_directions(light.mapping, light.size)), flux)
+    return project(light, 2).coefficients
 
 
 def irradiance_from_harmonics(coefficients: np.ndarray, normals: np.ndarray) -> np.ndarray:
@@ -46,7 +38,7 @@ def irradiance_from_harmonics(coefficients: np.ndarray, normals: np.ndarray) -> 
     A light from one direction, E = 1 on a surface that faces it, gives 1.0625 there and 0.09375 at 90°: nine harmonics
     blur it. Raises ValueError for coefficients that are not (9, 3).
     """
-    return basis(normals) @ (COSINE[:, None] * _checked(coefficients))
+    return Harmonics(_checked(coefficients)).irradiance(normals)
 
 
 def as_json(coefficients: np.ndarray, unit: str) -> str:

@@ -15,9 +15,10 @@ import numpy as np
 from relume.errors import BallNotFound
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
 from relume.image.resample import bilinear
-from relume.probe.outline import Outline, find_outline
+from relume.probe.following import refined
+from relume.probe.outline import find_outline
 from relume.probe.reflectance import BallReflectance
-from relume.probe.silhouette import cone_through, followed
+from relume.probe.silhouette import Outline, cone_through
 from relume.sphere.directions import look_at, normalised, rotation_between
 
 MOST_CUT = 0.02
@@ -173,7 +174,7 @@ def view_ball(
     Raises BallNotFound; ValueError when neither focal length nor radius is given.
     """
     camera, centre = np.asarray(camera, np.float64), np.asarray(centre, np.float64)
-    found = find_outline(picture.radiance, name) if outline is None else outline
+    found = find_outline(picture.radiance, name, focal_length) if outline is None else outline
     if focal_length is None:
         if radius is None:
             raise ValueError(f"{name}: no focal length in its EXIF; give the ball's radius, so that it can be found")
@@ -182,7 +183,7 @@ def view_ball(
             raise ValueError(f"{name}: the camera is told to stand inside the ball; radius and places are in metres")
         focal_length = found.radius * float(np.sqrt(1 - sine**2)) / sine
     if outline is None:
-        found = followed(picture.radiance, found, focal_length)
+        found = refined(picture.radiance, found, focal_length)
         cut = found.cut(picture.size)
         if cut > MOST_CUT:
             raise BallNotFound(

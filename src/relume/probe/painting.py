@@ -1,4 +1,4 @@
-"""Light from a painting: an encoded picture of an environment, given what its values mean (Miller & Hoffman 1984, §5.3)."""
+"""Light from a painting: an encoded picture of an environment, told what its values mean (Miller & Hoffman 1984, 5.3)."""
 
 from __future__ import annotations
 

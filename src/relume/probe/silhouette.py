@@ -10,16 +10,42 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import gaussian_filter, map_coordinates
 
-from relume.image.colour import luminance
-from relume.probe.outline import RAYS, Outline, evened
 from relume.sphere.directions import normalised
 
-OUTLIER = 1.0
-"""Pixels beyond which a point of the rim is not believed; an edge is seen to a few tenths."""
-REACH = (0.02, 0.008)
-"""How far the rim is sought on either side of the guess, in radii, in the first pass and in the second."""
+RAYS = 720
+"""Points at which a silhouette is looked at, half a degree apart."""
+TELEPHOTO = 200.0
+"""Focal length, in widths of the picture, that stands for an unknown one: a ball's silhouette is a circle in it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """The ball's silhouette: points on it, and the circle or ellipse through them.
+
+    points : (N, 2) pixel coordinates (x, y) on the silhouette
+    centre : (x, y) of its middle
+    radius : pixels; of an ellipse the root of the product of its semi-axes
+    coverage : the share of it where an edge was seen, 0 to 1
+    semi_axes : pixels, the greater first; None for a circle
+    tilt : of the greater one against x, towards y, radians
+    """
+
+    points: np.ndarray
+    centre: tuple[float, float]
+    radius: float
+    coverage: float
+    semi_axes: tuple[float, float] | None = None
+    tilt: float = 0.0
+
+    def cut(self, size: tuple[int, int]) -> float:
+        """The share of the disc that lies outside a picture of `size` (width, height)."""
+        steps = (np.arange(200) + 0.5) / 100 - 1
+        x, y = np.meshgrid(steps, steps)
+        inside = x * x + y * y < 1
+        x, y = self.centre[0] + self.radius * x, self.centre[1] + self.radius * y
+        seen = inside & (x > 0) & (y > 0) & (x < size[0]) & (y < size[1])
+        return 1 - float(seen.sum() / inside.sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,35 +104,6 @@ def cone_through(points: np.ndarray, size: tuple[int, int], focal_length: float)
     return Cone(normalised(m), 1 / float(np.sqrt(max(1 - cosine**2, 1e-12))))
 
 
-def followed(radiance: np.ndarray, outline: Outline, focal_length: float) -> Outline:
-    """The rim near an outline, followed as the ellipse that a ball draws in perspective.
-
-    radiance : (H, W, 3)
-    outline : within about 2 % of its radius of the rim
-    focal_length : pixels
-
-    The place of an edge is read in linear light, where a pixel that the rim cuts mixes both sides by their areas. The
-    outline is given back as it was where too little of the rim is seen.
-    """
-    height, width = radiance.shape[:2]
-    size = (width, height)
-    bright = luminance(radiance)
-    even = evened(bright)
-    cone, found = cone_through(outline.points, size, focal_length), outline
-    for index, reach in enumerate(REACH):
-        half = max(reach * outline.radius, 2.0)
-        rim, normals = cone.silhouette(size, focal_length)
-        places = _edges(even, rim, normals, half, max(0.8, outline.radius / 300))
-        if index:
-            places = _in_linear_light(bright, rim, normals, places)
-        points = (rim + normals * places[:, None])[np.isfinite(places)]
-        if len(points) < RAYS // 10:
-            return outline
-        cone, near = _robust_cone(points, size, focal_length, max(OUTLIER, 0.25 * half if index == 0 else OUTLIER))
-        found = outline_of(cone, size, focal_length, points[near], float(near.sum()) / RAYS)
-    return found
-
-
 def outline_of(
     cone: Cone, size: tuple[int, int], focal_length: float, points: np.ndarray | None = None, coverage: float = 1.0
 ) -> Outline:
@@ -130,68 +127,33 @@ def outline_of(
     )
 
 
-def _edges(picture: np.ndarray, rim: np.ndarray, normals: np.ndarray, half: float, blur: float) -> np.ndarray:
-    """Where along its normal each rim point has its edge, pixels outward; NaN where none is clear."""
-    blurred = gaussian_filter(picture, blur)
-    steps = np.arange(-2 * half, 2 * half + 0.25, 0.5)
-    slope = np.abs(np.gradient(_profiles(blurred, rim, normals, steps), axis=1))
-    drawn = slope * np.exp(-0.5 * (steps / half) ** 2)
-    best, rows = np.argmax(drawn[:, 1:-1], axis=1) + 1, np.arange(len(rim))
-    before, here, after = slope[rows, best - 1], slope[rows, best], slope[rows, best + 1]
-    bend = np.minimum(before - 2 * here + after, -1e-12)
-    edge = steps[best] + 0.5 * np.clip(0.5 * (before - after) / bend, -0.5, 0.5)
-    clear = (here >= before) & (here >= after) & (here > 1.5 * np.median(slope, axis=1)) & (here > 0.002)
-    at = rim + normals * edge[:, None]
-    clear &= np.all((at > 0) & (at < np.array(picture.shape[::-1])), axis=1)
-    return np.where(clear, edge, np.nan)
+def outline_through(points: np.ndarray) -> Outline:
+    """The outline through points picked by hand on the rim, (N ≥ 3, 2) pixels.
+
+    Raises ValueError for fewer, and for points on a line.
+    """
+    points = np.asarray(points, np.float64)
+    if points.ndim != 2 or points.shape[1:] != (2,) or len(points) < 3:
+        raise ValueError(f"points have shape {points.shape}; three points (x, y) on the rim are needed at least")
+    x, y, radius = _circle_through(points)
+    spread = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if not np.isfinite(radius) or radius > 1e3 * spread or spread == 0:
+        raise ValueError("the points lie on a line; pick three round the rim, far from one another")
+    return Outline(points, (x, y), radius, 1.0)
 
 
-def _in_linear_light(bright: np.ndarray, rim: np.ndarray, normals: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """The same edges, each at the middle of its slope in linear light within 2 pixels."""
-    steps = np.arange(-2.5, 2.51, 0.125)
-    start = rim + normals * np.nan_to_num(places)[:, None]
-    slope = np.diff(_profiles(gaussian_filter(bright, 0.6), start, normals, steps), axis=1)
-    middle = (steps[1:] + steps[:-1]) / 2
-    # Only what changes the way the edge does counts, and its flanks less than its steepest part.
-    sign = np.sign((slope * np.exp(-(middle**2))).sum(1, keepdims=True))
-    share = np.maximum(slope * sign, 0) ** 2
-    total = share.sum(1)
-    moved = np.divide((share * middle).sum(1), total, out=np.zeros_like(total), where=total > 0)
-    return places + moved
+def outline_of_circle(x: float, y: float, radius: float) -> Outline:
+    """The outline told as a circle, pixels; raises ValueError unless its radius is above 0."""
+    if not radius > 0:
+        raise ValueError(f"radius is {radius}; a ball's outline has a radius above 0")
+    turns = 2 * np.pi * np.arange(RAYS) / RAYS
+    points = np.stack([x + radius * np.cos(turns), y + radius * np.sin(turns)], axis=1)
+    return Outline(points, (x, y), radius, 1.0)
 
 
-def _profiles(picture: np.ndarray, rim: np.ndarray, normals: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    at = rim[:, None, :] + normals[:, None, :] * steps[None, :, None]
-    return np.asarray(map_coordinates(picture, [at[..., 1] - 0.5, at[..., 0] - 0.5], order=1, mode="nearest"))
-
-
-def _off(points: np.ndarray, cone: Cone, size: tuple[int, int], focal_length: float) -> np.ndarray:
-    """How far outside a cone's silhouette points lie, pixels, to first order."""
-    offset = np.concatenate([points - np.array(size) / 2, np.full((len(points), 1), focal_length)], axis=1)
-    cosine = focal_length / np.linalg.norm(offset, axis=1)
-    angle = np.arccos(np.clip(normalised(offset) @ cone.axis, -1, 1))
-    return (angle - cone.half_angle) * focal_length / cosine**2
-
-
-def _robust_cone(
-    points: np.ndarray, size: tuple[int, int], focal_length: float, tolerance: float
-) -> tuple[Cone, np.ndarray]:
-    """The cone that most points lie on within `tolerance` pixels, and which they are."""
-    generator = np.random.default_rng(1998)
-    best = np.zeros(len(points), bool)
-    for _ in range(200):
-        chosen = points[generator.choice(len(points), 3, replace=False)]
-        near = np.abs(_off(points, cone_through(chosen, size, focal_length), size, focal_length)) < tolerance
-        if near.sum() > best.sum():
-            best = near
-    cone = cone_through(points[best], size, focal_length)
-    for _ in range(5):
-        off = _off(points, cone, size, focal_length)
-        # What lies far to one side was another edge: the tolerance closes in on the scatter.
-        spread = 1.4826 * float(np.median(np.abs(off[best]))) if best.any() else tolerance
-        near = np.abs(off) < min(tolerance, max(3 * spread, 0.15))
-        if near.sum() < 3:
-            break
-        best = near
-        cone = cone_through(points[best], size, focal_length)
-    return cone, best
+def _circle_through(points: np.ndarray) -> tuple[float, float, float]:
+    """Least squares circle, x² + y² = 2ax + 2by + c (Kåsa's form)."""
+    middle = points.mean(0)
+    x, y = (points - middle).T
+    (a, b, c), *_ = np.linalg.lstsq(np.stack([2 * x, 2 * y, np.ones_like(x)], 1), x**2 + y**2, rcond=None)
+    return float(a + middle[0]), float(b + middle[1]), float(np.sqrt(max(c + a * a + b * b, 0.0)))

@@ -58,10 +58,11 @@ def environment(
     mapping : of the map
     seed : the faces' are different ones made from it
 
-    The scene's own light map is seen behind its shapes. Lamps without size, points and suns, which no picture shows, are
-    added at the direction they come from: their irradiance at the point, intensity/distance² for the square law, over
-    the solid angle of the pixels about it, so that the map's total grows by exactly that much. Those behind a shape are
-    left out, wholly, however clear it is: a warning tells. Ambient light is in the map as far as surfaces show it.
+    The scene's own light map is seen behind its shapes. Lamps without size, points and suns, which no picture shows,
+    are added at the direction they come from: their irradiance at the point, intensity/distance² for the square law,
+    over the solid angle of the pixels about it, so that the map's total grows by exactly that much. Those behind a
+    shape are left out, wholly, however clear it is: a warning tells. Ambient light is in the map as far as surfaces
+    show it.
     Raises UnsupportedScene where the renderer cannot shade the scene, ValueError for a lamp at the point.
     """
     place = np.asarray(point, np.float64)
@@ -134,8 +135,8 @@ def arrivals(scene: Scene, point: np.ndarray) -> list[Arrival]:
 def splatted(lamps: Sequence[Arrival], mapping: Mapping = LatLong(), size: int = 512) -> IlluminationMap:
     """A map of lamps alone, black elsewhere; its total is the sum of their irradiance.
 
-    Each falls on the four pixels about its direction in shares that put its mean there, of a lat-long map, which is then
-    brought into the mapping.
+    Each falls on the four pixels of a lat-long map about its direction, in shares that put its mean there; that map is
+    then brought into the mapping.
     """
     rows, columns = LatLong().shape(size)
     flux = np.zeros((rows, columns, 3))

@@ -87,12 +87,19 @@ def as_illumination(picture: RadianceMap, mapping: Mapping | None = None) -> Ill
 
     2:1 is lat-long, 6:1 a strip of cube faces; 4:3 and 3:4 are crosses where the cells beside the faces are empty.
 
+    A map that `relume convert --for` laid out for another program is turned back into our frame.
+
     Raises ValueError when nothing tells: a square map may be an angular map, a mirrored ball or more.
     """
     if mapping is None:
         told = picture.attributes.get("mapping")
         mapping = mapping_named(told) if told else _mapping_of_shape(picture)
-    return IlluminationMap(picture.radiance, mapping, picture.unit, picture.clipped)
+    light = IlluminationMap(picture.radiance, mapping, picture.unit, picture.clipped)
+    if "orientation" in picture.attributes:
+        from relume.sphere.orientation import orientation_named, restored
+
+        return restored(light, orientation_named(picture.attributes["orientation"]))
+    return light
 
 
 def as_radiance_map(light: IlluminationMap) -> RadianceMap:

@@ -77,9 +77,9 @@ class Harmonics:
 
     def rotated(self, rotation: np.ndarray) -> Harmonics:
         """The light turned by an active rotation (3, 3): what came from ω comes from `rotation` @ ω; exact."""
-        from relume.sphere.harmonic_rotation import rotated
+        from relume.sphere.harmonic_rotation import turned
 
-        return Harmonics(rotated(self.coefficients, rotation), self.unit)
+        return Harmonics(turned(self.coefficients, rotation), self.unit)
 
     def irradiance(self, normals: np.ndarray) -> np.ndarray:
         """E = Σ Â_l L_lm Y_lm on surfaces of unit normals (…, 3): (…, 3), π·L under constant light.

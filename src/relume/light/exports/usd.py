@@ -38,8 +38,9 @@ def text(lights: Constellation, *, unit: str, background: str | None = None, ang
 
 
 def _dome(name: str) -> str:
-    # An asset path that holds an @ stands between three of them.
-    quoted = f"@@@{name}@@@" if "@" in name else f"@{name}@"
+    # A path that begins with a dot is looked for beside the layer and nowhere else; one with an @ stands between three.
+    anchored = name if name.startswith(".") else f"./{name}"
+    quoted = f"@@@{anchored}@@@" if "@" in anchored else f"@{anchored}@"
     return f"""    def DomeLight "background"
     {{
         float inputs:intensity = 1

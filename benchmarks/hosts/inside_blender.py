@@ -1,0 +1,105 @@
+"""What Blender does in `blender.py`: runs under a python that has bpy, without relume.
+
+Usage: python inside_blender.py PROBE LIGHTS_SCRIPT FOLDER
+"""
+
+import runpy
+import sys
+from pathlib import Path
+
+import bpy
+from mathutils import Matrix, Vector
+
+TO_BLENDER = Matrix(((1, 0, 0), (0, 0, -1), (0, 1, 0)))
+# right, up and backward of a camera that looks along +X, −X, +Y, −Y, +Z, −Z, in relume's axes
+AXES = {
+    "px": ((0, 0, 1), (0, 1, 0), (1, 0, 0)),
+    "nx": ((0, 0, -1), (0, 1, 0), (-1, 0, 0)),
+    "py": ((1, 0, 0), (0, 0, 1), (0, 1, 0)),
+    "ny": ((1, 0, 0), (0, 0, -1), (0, -1, 0)),
+    "pz": ((-1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    "nz": ((1, 0, 0), (0, 1, 0), (0, 0, -1)),
+}
+
+
+def empty_scene(size, samples):
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples = samples
+    scene.cycles.use_adaptive_sampling = False
+    scene.cycles.use_denoising = False
+    scene.render.resolution_x = scene.render.resolution_y = size
+    scene.render.resolution_percentage = 100
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.image_settings.color_depth = "32"
+    return scene
+
+
+def camera_towards(scene, axis, place=(0, 0, 0), orthographic=False):
+    right, up, towards = (TO_BLENDER @ Vector(part) for part in AXES[axis])
+    camera = bpy.data.objects.new(axis, bpy.data.cameras.new(axis))
+    camera.data.angle = 1.5707963267948966
+    if orthographic:
+        camera.data.type, camera.data.ortho_scale = "ORTHO", 1.0
+    pose = Matrix((right, up, -towards)).transposed().to_4x4()
+    pose.translation = Vector(place)
+    camera.matrix_world = pose
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    return right, up, towards
+
+
+def render(scene, path):
+    scene.render.filepath = str(path)
+    bpy.ops.render.render(write_still=True)
+
+
+def look_round(probe, folder):
+    """Six views of the world with a file in its environment texture and nothing set."""
+    scene = empty_scene(128, 16)
+    world = bpy.data.worlds.new("probe")
+    scene.world = world
+    if world.node_tree is None:
+        world.use_nodes = True
+    nodes = world.node_tree.nodes
+    nodes.clear()
+    output, shader = nodes.new("ShaderNodeOutputWorld"), nodes.new("ShaderNodeBackground")
+    texture = nodes.new("ShaderNodeTexEnvironment")
+    texture.image = bpy.data.images.load(probe)
+    world.node_tree.links.new(texture.outputs["Color"], shader.inputs["Color"])
+    world.node_tree.links.new(shader.outputs["Background"], output.inputs["Surface"])
+    for axis in AXES:
+        camera_towards(scene, axis)
+        render(scene, folder / f"axis_{axis}.exr")
+
+
+def measure(script, folder):
+    """A white matte square with each axis for its normal, under the lights and background of the script."""
+    for axis in AXES:
+        scene = empty_scene(4, 4096)
+        runpy.run_path(script)
+        *_, towards = (TO_BLENDER @ Vector(part) for part in AXES[axis])
+        # The camera stands on the normal and looks back at the square.
+        opposite = {"p": "n", "n": "p"}[axis[0]] + axis[1]
+        right, up, _ = camera_towards(scene, opposite, place=towards, orthographic=True)
+        corners = [x * right + y * up for x, y in ((-9, -9), (9, -9), (9, 9), (-9, 9))]
+        mesh = bpy.data.meshes.new("square")
+        mesh.from_pydata([tuple(corner) for corner in corners], [], [(0, 1, 2, 3)])
+        white = bpy.data.materials.new("white")
+        if white.node_tree is None:
+            white.use_nodes = True
+        white.node_tree.nodes.clear()
+        output = white.node_tree.nodes.new("ShaderNodeOutputMaterial")
+        matte = white.node_tree.nodes.new("ShaderNodeBsdfDiffuse")
+        matte.inputs["Color"].default_value = (1, 1, 1, 1)
+        white.node_tree.links.new(matte.outputs["BSDF"], output.inputs["Surface"])
+        mesh.materials.append(white)
+        scene.collection.objects.link(bpy.data.objects.new("square", mesh))
+        render(scene, folder / f"irradiance_{axis}.exr")
+
+
+if __name__ == "__main__":
+    probe, script, folder = sys.argv[1:]
+    look_round(probe, Path(folder))
+    measure(script, Path(folder))

@@ -1,0 +1,59 @@
+"""OpenUSD against our light: the exported layer passes its checks, and its lights and dome mean what ours do.
+
+Usage: python benchmarks/hosts/usd.py PYTHON_WITH_USD_CORE [FOLDER]
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from trial import LIGHTS, background, finish, run_inside
+
+from relume.image import files
+from relume.light.exports import FORMATS
+from relume.sphere.illumination import as_radiance_map
+
+
+def main(python: str, folder: Path) -> None:
+    files.write(folder / "back ground.exr", as_radiance_map(background()))
+    angles = np.radians([0.0, 0.53, 5.0, 30.0])
+    layer = folder / "lights.usda"
+    layer.write_text(
+        FORMATS["usd"].text(LIGHTS, unit="relative", background="back ground.exr", angles=angles), encoding="utf-8"
+    )
+    run_inside(
+        python,
+        Path(__file__).with_name("inside_usd.py"),
+        str(layer),
+        str(folder / "told.json"),
+        needs="pxr",
+        package="usd-core",
+    )
+    told = json.loads((folder / "told.json").read_text())
+    print(f"OpenUSD {told['version']}: {told['checks']} checks, {told['problems'] or 'no complaints'}; up {told['up']}, {told['metres']} m")
+    towards = np.array([light["towards"] for light in told["lights"]])
+    irradiance = np.array([light["irradiance"] for light in told["lights"]])
+    turned = float(np.abs(towards - LIGHTS.directions).max())
+    off = float(np.abs(irradiance - LIGHTS.irradiance).max())
+    print(f"lights: directions differ by {turned:.1e}, irradiance by {off:.1e} at most")
+    dome = told["dome"]
+    print(f"dome: the middle of the file is {dome['middle']}, to its right {dome['right']}, on top {dome['top']}")
+    finish(
+        told["problems"] == [],
+        told["up"] == "Y" and told["metres"] == 1 and told["default"] == "/Light",
+        turned < 1e-7 and off < 1e-6 and all(light["normalize"] for light in told["lights"]),
+        np.allclose([light["angle"] for light in told["lights"]], np.degrees(angles)),
+        np.allclose([dome["middle"], dome["right"], dome["top"]], [[0, 0, -1], [1, 0, 0], [0, 1, 0]], atol=1e-12),
+        Path(dome["file"]) == (folder / "back ground.exr").resolve() and dome["format"] == "latlong",
+    )
+
+
+if __name__ == "__main__":
+    if len(sys.argv) not in (2, 3):
+        sys.exit(__doc__)
+    with tempfile.TemporaryDirectory() as temporary:
+        main(sys.argv[1], Path(sys.argv[2] if len(sys.argv) == 3 else temporary))

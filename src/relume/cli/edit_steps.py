@@ -1,0 +1,153 @@
+"""What each edit of `relume edit` does to a map: the flat ones, and those of light maps on the sphere."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from relume.image.radiance import RadianceMap
+    from relume.sphere.illumination import IlluminationMap
+
+
+@dataclass(frozen=True)
+class Step:
+    """One edit.
+
+    option : that asks for it, for messages
+    words : what it does, for a person
+    """
+
+    option: str
+    words: str
+    apply: Callable[[RadianceMap], RadianceMap]
+
+    def __call__(self, picture: RadianceMap) -> RadianceMap:
+        """The edited map; raises ValueError naming the option."""
+        try:
+            return self.apply(picture)
+        except ValueError as error:
+            raise ValueError(f"{self.option}: {error}") from None
+
+
+def crop(picture: RadianceMap, left: int, top: int, width: int, height: int) -> RadianceMap:
+    """A rectangle of the map, which no longer tells a mapping unless it is the whole."""
+    from relume.image.resizing import cropped
+
+    part = cropped(picture, left, top, width, height)
+    lost = [key for key in ("mapping", "envmap") if key in part.attributes]
+    if not lost or part.size == picture.size:
+        return part
+    warnings.warn("a part of a light map is no light map; the file no longer tells its mapping", stacklevel=2)
+    return replace(part, attributes={key: text for key, text in part.attributes.items() if key not in lost})
+
+
+def resize(picture: RadianceMap, width: int, height: int) -> RadianceMap:
+    """The map at another size: a light map by solid angle, any other by area."""
+    from relume.image.resizing import resized
+    from relume.sphere.illumination import as_illumination
+
+    if "mapping" not in picture.attributes or min(width, height) < 1:
+        return resized(picture, width, height)
+    light = as_illumination(picture)
+    if light.mapping.shape(height) != (height, width):
+        expected = light.mapping.shape(height)[1]
+        raise ValueError(
+            f"{width}×{height} is no {light.mapping.name} map; one of {height} rows is {expected} pixels wide"
+        )
+    if picture.variance is not None:
+        warnings.warn("a light map that is resized loses its variance", stacklevel=2)
+    smaller = light.remapped(light.mapping, height)
+    return replace(picture, radiance=smaller.radiance, variance=None, clipped=smaller.clipped)
+
+
+def gain(picture: RadianceMap, factor: float) -> RadianceMap:
+    """The map times a factor."""
+    from relume.image.arithmetic import multiplied
+
+    return multiplied(picture, factor)
+
+
+def neutral_at(picture: RadianceMap, x: int, y: int, radius: float = 5.0) -> RadianceMap:
+    """The map balanced so that a disc of it is grey."""
+    from relume.capture.luminaire import balance_from_luminaire, balanced
+    from relume.capture.regions import disc
+
+    return balanced(picture, balance_from_luminaire(picture, disc(picture.size, x, y, radius)))
+
+
+def balance(picture: RadianceMap, gains: list[float]) -> RadianceMap:
+    """The channels times their gains."""
+    from relume.capture.luminaire import Balance, balanced
+
+    return balanced(picture, Balance((gains[0], gains[1], gains[2])))
+
+
+def neutral_under(picture: RadianceMap, kelvin: float) -> RadianceMap:
+    """The map balanced for light of a colour temperature."""
+    from relume.capture.luminaire import Balance, balanced
+    from relume.image.white_point import gains_from_temperature
+
+    return balanced(picture, Balance(gains_from_temperature(kelvin)))
+
+
+def streak(picture: RadianceMap, length: float, angle: float) -> RadianceMap:
+    """Motion blur along a line."""
+    from relume.image.blurring import motion_blurred
+
+    _refuse_light_map(picture, "--spin DEGREES")
+    return motion_blurred(picture, length, angle)
+
+
+def soften(picture: RadianceMap, sigma: float, share: float) -> RadianceMap:
+    """Soft blur of a flat picture."""
+    from relume.image.blurring import soft_blurred
+
+    _refuse_light_map(picture, "--spherical-blur DEGREES")
+    return soft_blurred(picture, sigma, share=share)
+
+
+def spin(picture: RadianceMap, angle: float) -> RadianceMap:
+    """Motion blur of a light map, turned by `angle` in radians."""
+    from relume.sphere.blur import spun
+
+    return _on_the_sphere(picture, lambda light: spun(light, angle))
+
+
+def blur_sphere(picture: RadianceMap, sigma: float, share: float) -> RadianceMap:
+    """Soft blur of a light map, `sigma` in radians."""
+    from relume.sphere.blur import blurred
+
+    return _on_the_sphere(picture, lambda light: blurred(light, sigma, share=share))
+
+
+def _on_the_sphere(picture: RadianceMap, blur: Callable[[IlluminationMap], IlluminationMap]) -> RadianceMap:
+    from relume.sphere.illumination import as_illumination
+
+    result = blur(as_illumination(picture))
+    if picture.variance is not None:
+        warnings.warn("a light map that is blurred loses its variance", stacklevel=2)
+    attributes = {**picture.attributes, "mapping": result.mapping.name}
+    return replace(picture, radiance=result.radiance, variance=None, clipped=result.clipped, attributes=attributes)
+
+
+def _refuse_light_map(picture: RadianceMap, remedy: str) -> None:
+    mapping = picture.attributes.get("mapping")
+    if mapping is not None:
+        raise ValueError(f"pixels of a {mapping} map are not alike, and its borders are no borders; give {remedy}")
+
+
+def energy(picture: RadianceMap, when: str) -> dict[str, object]:
+    """The light in a light map, else the mean of the pixels."""
+    import numpy as np
+
+    from relume.sphere.audit import audit
+    from relume.sphere.illumination import as_illumination
+
+    if "mapping" in picture.attributes and np.isfinite(picture.radiance).all() and picture.radiance.min() >= 0:
+        facts = audit(as_illumination(picture)).facts()
+        return {f"{key} {when}": facts[key] for key in ("total", "peak")}
+    finite = np.where(np.isfinite(picture.radiance), picture.radiance, 0)
+    return {f"mean {when}": [float(f"{value:.6g}") for value in finite.mean((0, 1), dtype=np.float64)]}

@@ -1,0 +1,134 @@
+"""Photographs taken from one place in several directions, mosaicked into one illumination map.
+
+Miller & Hoffman (1984), §5.1: "The six pictures must be mosaiced into one seamless image."
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from relume.capture.vignetting import Vignetting
+from relume.image.radiance import OUTSIDE, SATURATED
+from relume.probe.panorama_adjustment import orient
+from relume.probe.panorama_balance import RIM, TOUCHING, Balanced, Balancing, balance
+from relume.probe.panorama_blending import blend
+from relume.probe.panorama_matching import Matching
+from relume.probe.panorama_seams import ROWS as SEAM_ROWS
+from relume.probe.panorama_seams import even, lay_seams
+from relume.probe.panorama_sight import sight
+from relume.probe.panorama_views import PanoramaView, refuse_unusable
+from relume.sphere.illumination import IlluminationMap
+
+LARGEST = 4096
+"""Rows of a map whose size was not told, at most: 300 MB."""
+STEP = 16
+"""Rows are a multiple of it, so that a map can be halved."""
+LOOSE = 3.0
+"""Pixels that matches differ by above which the views were not taken from one place."""
+UNLIKE = 0.2
+"""Median difference of ln luminance above which overlapping views do not show the same."""
+SHARE_DISPUTED = 0.02
+"""Of the sphere, that views may show differently before it is told."""
+
+
+@dataclass(frozen=True, eq=False)
+class Panorama:
+    """An illumination map with what it was put together from.
+
+    light : lat-long; `clipped` tells what no view saw, or none measured
+    views : as given, with rotation, focal length and distortion as found
+    gains : (views, 3), that each picture was multiplied by
+    vignetting : that was taken out of all
+    unseen : steradians that no view sees, filled in
+    saturated : steradians that are saturated in every view that sees them
+    error : root mean square of what matches differ by, radians; None where orientations were told
+    disagreement : median difference of ln luminance where views overlap, balanced
+    notes : doubts about the result, a line each
+    """
+
+    light: IlluminationMap
+    views: tuple[PanoramaView, ...]
+    gains: np.ndarray
+    vignetting: Vignetting
+    unseen: float
+    saturated: float
+    error: float | None
+    disagreement: float
+    notes: tuple[str, ...] = ()
+
+
+def mosaic(
+    views: Sequence[PanoramaView],
+    *,
+    size: int | None = None,
+    matching: Matching = Matching(),
+    balancing: Balancing | None = Balancing(),
+) -> Panorama:
+    """Put views from one place together into an illumination map.
+
+    views : two or more; where their rotation is None it is found from what they have in common
+    size : rows of the map; as fine as the middle of the finest view unless given
+    matching : how orientations are found, where they are not told
+    balancing : of exposure and vignetting; None takes the pictures as they are
+    Raises NotAPanorama for a lone view, for pixels that are no light, and for views without enough in common, by name.
+    """
+    views = list(views)
+    refuse_unusable(views)
+    if size is not None and size < STEP:
+        raise ValueError(f"size is {size}; expected at least {STEP} rows")
+    error, notes = None, []
+    if any(view.rotation is None for view in views):
+        adjusted = orient(views, matching)
+        notes += _doubts_of_matching(views, adjusted.views, adjusted.error)
+        views, error = list(adjusted.views), adjusted.error
+    rows = _rows(views) if size is None else size
+    taken = tuple(views)
+    if balancing is not None:
+        balanced = balance(views, balancing)
+        margin = RIM if balanced.overlap < TOUCHING else 0.0
+        views = list(even(balanced.views, margin))
+    else:
+        balanced = Balanced(taken, np.ones((len(views), 3)), Vignetting(), 1.0, 0.0)
+    seen = sight(views, SEAM_ROWS)
+    seams = lay_seams(views, seen)
+    light = blend(views, seams, rows)
+    angles = light.mapping.solid_angles(rows)
+    codes = np.zeros(angles.shape, np.uint8) if light.clipped is None else light.clipped
+    unseen, saturated = (float(angles[codes == code].sum()) for code in (OUTSIDE, SATURATED))
+    if balanced.disagreement > UNLIKE:
+        notes.append(
+            f"views differ by {100 * np.expm1(balanced.disagreement):.0f} % where they overlap; check their orientation, "
+            "and whether the light changed"
+        )
+    elif seams.disputed > SHARE_DISPUTED * 4 * np.pi:
+        notes.append(
+            f"{seams.disputed:.2g} sr are shown differently by views that overlap; something moved, or they were not "
+            "taken from one place"
+        )
+    return Panorama(
+        light, taken, balanced.gains, balanced.vignetting, unseen, saturated, error, balanced.disagreement, tuple(notes)
+    )
+
+
+def _rows(views: Sequence[PanoramaView]) -> int:
+    finest = np.pi * max(view.focal_length for view in views)
+    return int(min(max(STEP * round(finest / STEP), STEP), LARGEST))
+
+
+def _doubts_of_matching(given: Sequence[PanoramaView], found: Sequence[PanoramaView], error: float) -> list[str]:
+    notes = []
+    pixels = error * found[0].focal_length
+    if pixels > LOOSE:
+        notes.append(
+            f"matches differ by {pixels:.1f} pixels; were the views taken from one place, the lens turned about itself?"
+        )
+    ratio = found[0].focal_length / given[0].focal_length
+    if abs(np.log(ratio)) > 0.1:
+        notes.append(
+            f"the focal length comes out {ratio:.3g} times as long as told; check the field of view, and that the "
+            "pictures are not cropped"
+        )
+    return notes

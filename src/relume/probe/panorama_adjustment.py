@@ -1,0 +1,212 @@
+"""All views of a panorama turned together: rotations, one focal length and one term of distortion (bundle adjustment)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from relume.probe.panorama_matching import Matching, Pair, find_pairs
+from relume.probe.panorama_views import NotAPanorama, PanoramaView
+from relume.sphere.directions import UP, normalised, rotation_between, rotation_from_vector
+
+MATCHES = 200
+"""Of a pair that take part, at most: more do not tell more, and a rich pair would outweigh the others."""
+ROUNDS = (0.02, 0.006, 0.003, 0.003)
+"""Radians by which matches may disagree to take part, round after round, while the focal length settles."""
+PRIOR_FOCAL, PRIOR_DISTORTION = 0.1, 0.05
+"""Standard deviations of ln focal length about what was told, and of the distortion about 0."""
+FEATURE = 0.7
+"""Pixels, in the picture they were found in, that the place of a feature is uncertain by."""
+ALONE = 0.05
+"""Share of the views' right axes that has to be out of one line for them to tell the horizon."""
+
+
+@dataclass(frozen=True, eq=False)
+class Adjusted:
+    """Views with their rotations, and how well they fit.
+
+    views : as given, with rotation, focal length and distortion found
+    pairs : that were matched, with the matches that agree in the end
+    error : root mean square of what agreeing matches differ by, radians; 0 where nothing was matched
+    """
+
+    views: tuple[PanoramaView, ...]
+    pairs: tuple[Pair, ...]
+    error: float
+
+
+def orient(views: Sequence[PanoramaView], method: Matching = Matching()) -> Adjusted:
+    """Find the rotations that are not known, from what the views have in common.
+
+    Views whose rotation is known keep it, and with it the world; where there are none the horizon is found from the
+    views (the camera is held level on the average, Brown & Lowe 2007, §5) and the first looks towards −Z. All focal
+    lengths are scaled by one factor, for one lens took all.
+    Raises NotAPanorama naming the views that have nothing in common with the others.
+    """
+    pairs = find_pairs(views, method)
+    linked = _linked(views, pairs)
+    start = _from_neighbours(views, pairs, linked)
+    problem = _Bundle(views, pairs, start, method)
+    rotations, scale, distortion = start, 1.0, 0.0
+    for tolerance in ROUNDS:
+        problem = problem.with_agreeing(rotations, scale, distortion, tolerance)
+        rotations, scale, distortion = problem.solved(rotations, scale, distortion)
+    problem = problem.with_agreeing(rotations, scale, distortion, ROUNDS[-1])
+    error = problem.error(rotations, scale, distortion)
+    if method.level and all(view.rotation is None for view in views):
+        level = levelling(rotations)
+        rotations = [level @ rotation for rotation in rotations]
+    found = tuple(
+        replace(view, rotation=rotation, focal_length=view.focal_length * scale, distortion=distortion)
+        for view, rotation in zip(views, rotations, strict=True)
+    )
+    return Adjusted(found, tuple(problem.pairs), error)
+
+
+def levelling(rotations: Sequence[np.ndarray]) -> np.ndarray:
+    """The turn of the world that makes the views level and lets the first look towards −Z.
+
+    Cameras are tilted but hardly rolled, so that their right axes lie in the horizon: up is what they are all square
+    to. Where they lie on one line, as of one view or a column of them, up is the mean of the cameras' own.
+    """
+    right, own_up = (np.stack([rotation[:, axis] for rotation in rotations]) for axis in (0, 1))
+    values, vectors = np.linalg.eigh(right.T @ right / len(right))
+    mean_up = own_up.mean(0)
+    if values[1] > ALONE:
+        up = vectors[:, 0] * (1 if vectors[:, 0] @ mean_up >= 0 else -1)
+    else:
+        along = vectors[:, 2]
+        up = normalised(mean_up - (mean_up @ along) * along)
+    level = rotation_between(up, UP)
+    ahead = -(level @ rotations[0])[:, 2]
+    if np.hypot(ahead[0], ahead[2]) < 1e-6:
+        return level
+    yaw = np.arctan2(ahead[0], -ahead[2])
+    return rotation_from_vector(yaw * UP) @ level
+
+
+def _linked(views: Sequence[PanoramaView], pairs: Sequence[Pair]) -> list[tuple[int, int, Pair]]:
+    """The strongest pairs that join all views, from those whose rotation is known outwards: (known, new, pair)."""
+    known = {i for i, view in enumerate(views) if view.rotation is not None} or {_most_linked(views, pairs)}
+    order: list[tuple[int, int, Pair]] = []
+    while len(known) < len(views):
+        ways = [(int(pair.agreeing.sum()), pair) for pair in pairs if (pair.first in known) != (pair.second in known)]
+        if not ways:
+            lost = [view.name for i, view in enumerate(views) if i not in known]
+            others = (
+                "the others" if len(lost) < len(views) - 1 else next(v.name for i, v in enumerate(views) if i in known)
+            )
+            raise NotAPanorama(
+                f"{', '.join(lost)}: too little in common with {others} to tell where {'it' if len(lost) == 1 else 'they'} "
+                "looked; let views overlap by a third, or tell their orientation"
+            )
+        pair = max(ways, key=lambda way: way[0])[1]
+        old, new = (pair.first, pair.second) if pair.first in known else (pair.second, pair.first)
+        order.append((old, new, pair))
+        known.add(new)
+    return order
+
+
+def _most_linked(views: Sequence[PanoramaView], pairs: Sequence[Pair]) -> int:
+    """A view of the largest group: those that are left out are then named, not those that belong together."""
+    strength = np.zeros(len(views))
+    for pair in pairs:
+        strength[[pair.first, pair.second]] += pair.agreeing.sum()
+    return int(strength.argmax())
+
+
+def _from_neighbours(
+    views: Sequence[PanoramaView], pairs: Sequence[Pair], order: Sequence[tuple[int, int, Pair]]
+) -> list[np.ndarray]:
+    rotations: list[np.ndarray | None] = [view.rotation for view in views]
+    if all(rotation is None for rotation in rotations):
+        rotations[order[0][0]] = np.eye(3)
+    for old, new, pair in order:
+        first_from_second = pair.rotation if old == pair.first else pair.rotation.T
+        before = rotations[old]
+        assert before is not None  # views are joined from known ones outwards
+        rotations[new] = before @ first_from_second
+    return [rotation for rotation in rotations if rotation is not None]
+
+
+@dataclass(frozen=True, eq=False)
+class _Bundle:
+    """The misfit of all agreeing matches, in radians over the uncertainty of a feature."""
+
+    views: Sequence[PanoramaView]
+    pairs: Sequence[Pair]
+    start: Sequence[np.ndarray]
+    method: Matching
+
+    @property
+    def free(self) -> list[int]:
+        """The views that may turn; one is held where none is known, or all could turn together."""
+        unknown = [i for i, view in enumerate(self.views) if view.rotation is None]
+        return unknown if len(unknown) < len(self.views) else unknown[1:]
+
+    def with_agreeing(
+        self, rotations: Sequence[np.ndarray], scale: float, distortion: float, tolerance: float
+    ) -> _Bundle:
+        """The same with the matches that agree now."""
+        pairs = []
+        for pair in self.pairs:
+            apart = np.linalg.norm(self._apart(pair, rotations, scale, distortion), axis=-1)
+            pairs.append(replace(pair, agreeing=apart < tolerance))
+        return replace(self, pairs=pairs)
+
+    def _apart(self, pair: Pair, rotations: Sequence[np.ndarray], scale: float, distortion: float) -> np.ndarray:
+        """(N, 3) between the world directions of the matches of a pair."""
+        ends = []
+        for index, points in ((pair.first, pair.points[:, 0]), (pair.second, pair.points[:, 1])):
+            view = self.views[index]
+            bent = replace(view, focal_length=view.focal_length * scale, distortion=distortion)
+            ends.append(bent.rays(points) @ rotations[index].T)
+        return ends[1] - ends[0]
+
+    def solved(
+        self, rotations: Sequence[np.ndarray], scale: float, distortion: float
+    ) -> tuple[list[np.ndarray], float, float]:
+        """Rotations, focal scale and distortion of the least misfit (robust: Cauchy's loss)."""
+        free = self.free
+        chosen = [replace(pair, points=pair.points[_spread(pair.agreeing)]) for pair in self.pairs]
+        uncertain = [
+            FEATURE * max(self.views[p.first].picture.size) / self.method.width / self.views[p.first].focal_length
+            for p in chosen
+        ]
+        uncertain = [max(u, FEATURE / self.views[p.first].focal_length) for u, p in zip(uncertain, chosen, strict=True)]
+
+        def turned(unknown: np.ndarray) -> tuple[list[np.ndarray], float, float]:
+            now = list(rotations)
+            for place, index in enumerate(free):
+                now[index] = rotation_from_vector(unknown[3 * place : 3 * place + 3]) @ rotations[index]
+            return now, float(np.exp(unknown[-2])), float(unknown[-1])
+
+        def misfit(unknown: np.ndarray) -> np.ndarray:
+            now, focal, bend = turned(unknown)
+            parts = [
+                (self._apart(pair, now, focal, bend) / deviation).ravel()
+                for pair, deviation in zip(chosen, uncertain, strict=True)
+            ]
+            return np.concatenate([*parts, [unknown[-2] / PRIOR_FOCAL, unknown[-1] / PRIOR_DISTORTION]])
+
+        start = np.zeros(3 * len(free) + 2)
+        start[-2:] = np.log(scale), distortion
+        span = np.full(len(start), np.inf)
+        span[-2:] = 0.5, (0.3 if self.method.distortion else 1e-12)
+        fit = least_squares(misfit, start, bounds=(-span, span), loss="cauchy", f_scale=2.0, x_scale=0.01, max_nfev=30)
+        return turned(fit.x)
+
+    def error(self, rotations: Sequence[np.ndarray], scale: float, distortion: float) -> float:
+        """Root mean square of what agreeing matches differ by, radians."""
+        apart = [self._apart(pair, rotations, scale, distortion)[pair.agreeing] for pair in self.pairs]
+        together = np.concatenate(apart)
+        return float(np.sqrt((together**2).sum(-1).mean())) if len(together) else 0.0
+
+
+def _spread(agreeing: np.ndarray) -> np.ndarray:
+    """At most MATCHES of the agreeing, evenly from all of them."""
+    places = np.flatnonzero(agreeing)
+    return places if len(places) <= MATCHES else places[np.linspace(0, len(places) - 1, MATCHES).astype(int)]

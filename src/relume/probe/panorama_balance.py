@@ -1,0 +1,189 @@
+"""Exposure and vignetting of a panorama's views, balanced where they overlap."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from relume.capture.vignetting import Vignetting
+from relume.capture.vignetting import corrected as without_vignetting
+from relume.probe.panorama_sight import Sight, sight
+from relume.probe.panorama_views import PanoramaView
+from relume.sphere.mappings import LatLong, pixel_points
+
+ROWS = 128
+"""Of the map on which views are compared: cells of 1.4° are the same in both, however well they lie on one another."""
+TOUCHING = 1e-3
+"""Share of the sphere that two views or more must see for overlaps to count; below it views only touch, as six faces of
+a cube do, and their rims are compared."""
+RIM = 0.02
+"""Share of its shorter side that a picture is continued by then."""
+PRIOR_COEFFICIENT = 0.5
+"""Standard deviation of the vignetting's coefficients about none."""
+CORRELATED = 4.0
+"""Cells that err as one: what moved or was misplaced covers several."""
+ITERATIONS = 20
+
+
+@dataclass(frozen=True)
+class Balancing:
+    """What of the views is balanced.
+
+    terms : coefficients of the vignetting, of r², r⁴, …; 0 for a lens that has none, or is corrected
+    colours : whether each channel has its own gain, for cameras that choose their white anew for each view
+    """
+
+    terms: int = 3
+    colours: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Balanced:
+    """Views on one scale.
+
+    views : the pictures times their gains, without their vignetting
+    gains : (views, 3), that the pictures were multiplied by; their geometric mean is 1
+    vignetting : of all views
+    overlap : share of the sphere that two views or more measure
+    disagreement : median of the absolute difference of ln luminance where views overlap, after balancing
+    """
+
+    views: tuple[PanoramaView, ...]
+    gains: np.ndarray
+    vignetting: Vignetting
+    overlap: float
+    disagreement: float
+
+
+def balance(views: Sequence[PanoramaView], method: Balancing = Balancing()) -> Balanced:
+    """Find the gains and the vignetting that make views alike where they overlap, and apply them.
+
+    ln L differs between two views of one direction by their gains and by the falloff at the two places in the pictures;
+    least squares with Cauchy's weights, for what moved between the views is no falloff.
+    """
+    seen = sight(views, ROWS)
+    angles = LatLong().solid_angles(ROWS)
+    overlap = float(angles[seen.measured.sum(0) > 1].sum() / (4 * np.pi))
+    touching = overlap < TOUCHING
+    if touching:
+        seen = sight(views, ROWS, RIM)
+    differences = _differences(views, seen, angles)
+    if differences is None:
+        return Balanced(tuple(views), np.ones((len(views), 3)), Vignetting(), overlap, 0.0)
+    terms = 0 if touching else method.terms
+    grey, coefficients, left = _solved(differences, differences.logarithm.mean(1), len(views), terms)
+    logarithms = np.repeat(grey[:, None], 3, axis=1)
+    if method.colours:
+        falloff = differences.falloff(coefficients)
+        for channel in range(3):
+            alone = differences.logarithm[:, channel] - falloff
+            logarithms[:, channel] = _solved(differences, alone, len(views), 0)[0]
+    gains = np.exp(-logarithms)
+    vignetting = Vignetting(tuple(float(a) for a in coefficients))
+    applied = []
+    for view, gain in zip(views, gains, strict=True):
+        picture = without_vignetting(view.picture, vignetting) if len(coefficients) else view.picture
+        picture = replace(picture, radiance=(picture.radiance * gain).astype(np.float32), variance=None)
+        applied.append(replace(view, picture=picture))
+    return Balanced(tuple(applied), gains, vignetting, overlap, left)
+
+
+@dataclass(frozen=True, eq=False)
+class _Differences:
+    """Cells that two views see: which views, ln L of the first less that of the second (N, 3), powers of both radii."""
+
+    first: np.ndarray
+    second: np.ndarray
+    logarithm: np.ndarray
+    weight: np.ndarray
+    squares: np.ndarray
+
+    def falloff(self, coefficients: np.ndarray) -> np.ndarray:
+        """ln falloff of the first less that of the second."""
+        if not len(coefficients):
+            return np.zeros(len(self.first))
+        powers = self.squares[..., None] ** np.arange(1, len(coefficients) + 1)
+        logarithm = np.log(np.maximum(1 + powers @ coefficients, 1e-3))
+        return logarithm[:, 0] - logarithm[:, 1]
+
+
+def _differences(views: Sequence[PanoramaView], seen: Sight, angles: np.ndarray) -> _Differences | None:
+    directions = LatLong().directions(pixel_points(LatLong(), seen.rows))
+    squares = []
+    for view in views:
+        size = np.array(view.picture.size)
+        offset = view.points(directions) - size / 2
+        squares.append(np.minimum((offset**2).sum(-1) * 4 / (size**2).sum(), 1.0))
+    parts = []
+    for second in range(1, len(views)):
+        for first in range(second):
+            both = seen.measured[first] & seen.measured[second]
+            if not both.any():
+                continue
+            logarithm = seen.logarithm[first][both] - seen.logarithm[second][both]
+            radii = np.stack([squares[first][both], squares[second][both]], axis=-1)
+            ends = [np.full(len(logarithm), first), np.full(len(logarithm), second)]
+            parts.append((*ends, logarithm, angles[both], radii))
+    if not parts:
+        return None
+    first, second, logarithm, weight, radii = (np.concatenate(group) for group in zip(*parts, strict=True))
+    return _Differences(first, second, logarithm.astype(np.float64), weight / weight.mean() / CORRELATED, radii)
+
+
+def _solved(
+    differences: _Differences, logarithm: np.ndarray, count: int, terms: int
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """ln gain of each view's picture, their mean 0, the vignetting's coefficients, and the median misfit left."""
+    rows = np.arange(len(logarithm))
+    design = np.zeros((len(logarithm), count + terms))
+    design[rows, differences.first] += 1
+    design[rows, differences.second] -= 1
+    unknown = np.zeros(count + terms)
+    unknown[:count] = _of_medians(differences, logarithm, count)
+    powers = differences.squares[..., None] ** np.arange(1, terms + 1)
+    for _ in range(ITERATIONS):
+        coefficients = unknown[count:]
+        falloff = 1 + powers @ coefficients if terms else np.ones((len(logarithm), 2))
+        falloff = np.maximum(falloff, 0.05)
+        if terms:
+            slopes = powers / falloff[..., None]
+            design[:, count:] = slopes[:, 0] - slopes[:, 1]
+        misfit = logarithm - (unknown[differences.first] - unknown[differences.second])
+        misfit = misfit - np.log(falloff[:, 0] / falloff[:, 1])
+        scatter = max(1.4826 * float(np.median(np.abs(misfit))), 1e-4)
+        weight = differences.weight / (1 + (misfit / (2 * scatter)) ** 2) / scatter**2
+        normal = (design * weight[:, None]).T @ design
+        # The mean of the gains is 0, and so is the vignetting where nothing tells it.
+        normal[:count, :count] += 1.0
+        normal[count:, count:] += np.eye(terms) / PRIOR_COEFFICIENT**2
+        right = design.T @ (weight * misfit)
+        right[:count] -= unknown[:count].sum()
+        right[count:] -= coefficients / PRIOR_COEFFICIENT**2
+        # A view that overlaps with none keeps its exposure.
+        step = np.linalg.lstsq(normal, right, rcond=1e-12)[0]
+        unknown = unknown + step
+        if np.abs(step).max() < 1e-7:
+            break
+    misfit = logarithm - (unknown[differences.first] - unknown[differences.second])
+    if terms:
+        falloff = np.maximum(1 + powers @ unknown[count:], 0.05)
+        misfit = misfit - np.log(falloff[:, 0] / falloff[:, 1])
+    gains = unknown[:count] - unknown[:count].mean()
+    return gains, unknown[count:], float(np.median(np.abs(misfit)))
+
+
+def _of_medians(differences: _Differences, logarithm: np.ndarray, count: int) -> np.ndarray:
+    """A first guess of the gains: the median difference of every pair, reconciled."""
+    normal, right = np.full((count, count), 1e-6), np.zeros(count)
+    pairs = differences.first * count + differences.second
+    for pair in np.unique(pairs):
+        here = pairs == pair
+        i, j = divmod(int(pair), count)
+        weight, middle = float(differences.weight[here].sum()), float(np.median(logarithm[here]))
+        normal[[i, j], [i, j]] += weight
+        normal[[i, j], [j, i]] -= weight
+        right[i] += weight * middle
+        right[j] -= weight * middle
+    return np.linalg.lstsq(normal, right, rcond=1e-12)[0]
