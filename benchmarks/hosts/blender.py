@@ -1,10 +1,13 @@
-"""Blender against our light: does the `blender` preset face the right way, and do the exported lights light as ours?
+"""Blender against our light: the `blender` preset faces the right way, and the exported lights light as ours.
+
+Its importers also read our USD and glTF files, which says whether others understand those as we do.
 
 Usage: python benchmarks/hosts/blender.py PYTHON_WITH_BPY [FOLDER]
 """
 
 from __future__ import annotations
 
+import json
 import sys
 import tempfile
 from pathlib import Path
@@ -15,20 +18,40 @@ from trial import LIGHTS, background, finish, report_axes, report_irradiance, ru
 from relume.image import files
 from relume.light.exports import FORMATS
 from relume.sphere.illumination import as_radiance_map
+from relume.sphere.labelled_probe import labelled_probe
 
 VIEWS = ("px", "nx", "py", "ny", "pz", "nz")
 
 
 def main(python: str, folder: Path) -> None:
     write_oriented_probe("blender", folder / "probe.exr")
+    files.write(folder / "labelled.exr", as_radiance_map(labelled_probe(256)))
     files.write(folder / "background.exr", as_radiance_map(background()))
-    script = folder / "lights.py"
-    script.write_text(FORMATS["blender"].text(LIGHTS, unit="relative", background="background.exr"), encoding="utf-8")
-    inside = Path(__file__).with_name("inside_blender.py")
-    run_inside(python, inside, str(folder / "probe.exr"), str(script), str(folder), needs="bpy")
-    seen = [files.read_radiance(folder / f"axis_{view}.exr").radiance[62:66, 62:66].mean((0, 1)) for view in VIEWS]
+    for name, kind, behind in (
+        ("lights.py", "blender", "background.exr"),
+        ("probe.usda", "usd", "labelled.exr"),
+        ("lights.gltf", "gltf", None),
+    ):
+        (folder / name).write_text(FORMATS[kind].text(LIGHTS, unit="relative", background=behind), encoding="utf-8")
+    run_inside(python, Path(__file__).with_name("inside_blender.py"), str(folder), needs="bpy")
+    right = [
+        report_axes("blender", middles(folder, "axis")),
+        report_axes("USD in Blender", middles(folder, "usd"), 0.03),
+    ]
+    for kind, suns in json.loads((folder / "imported.json").read_text()).items():
+        found = [suns[name] for name in sorted(suns)]
+        off = float(np.abs([sun["towards"] for sun in found] - LIGHTS.directions).max())
+        times = np.array([sun["gives"] for sun in found]).sum() / LIGHTS.irradiance.sum()
+        print(f"{kind} in Blender: directions off by {off:.0e}; its importer multiplies irradiance by {times:.5g}")
+        right.append(off < 1e-5)
     lit = [files.read_radiance(folder / f"irradiance_{view}.exr").radiance.mean((0, 1)) * np.pi for view in VIEWS]
-    finish(report_axes("blender", np.array(seen)), report_irradiance("blender", np.array(lit), 0.02))
+    finish(*right, report_irradiance("blender", np.array(lit), 0.02))
+
+
+def middles(folder: Path, name: str) -> np.ndarray:
+    """The colours in the middles of the six views, (6, 3)."""
+    pictures = [files.read_radiance(folder / f"{name}_{view}.exr").radiance for view in VIEWS]
+    return np.array([picture[62:66, 62:66].mean((0, 1)) for picture in pictures])
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
 """What Blender does in `blender.py`: runs under a python that has bpy, without relume.
 
-Usage: python inside_blender.py PROBE LIGHTS_SCRIPT FOLDER
+Usage: python inside_blender.py FOLDER, which holds probe.exr, lights.py, probe.usda and lights.gltf
 """
 
+import json
 import runpy
 import sys
 from pathlib import Path
@@ -55,8 +56,15 @@ def render(scene, path):
     bpy.ops.render.render(write_still=True)
 
 
-def look_round(probe, folder):
-    """Six views of the world with a file in its environment texture and nothing set."""
+def look_round(scene, folder, name):
+    """Six views of the scene's world."""
+    for axis in AXES:
+        camera_towards(scene, axis)
+        render(scene, folder / f"{name}_{axis}.exr")
+
+
+def load_probe(probe):
+    """A world with a file in its environment texture and nothing set."""
     scene = empty_scene(128, 16)
     world = bpy.data.worlds.new("probe")
     scene.world = world
@@ -66,12 +74,37 @@ def look_round(probe, folder):
     nodes.clear()
     output, shader = nodes.new("ShaderNodeOutputWorld"), nodes.new("ShaderNodeBackground")
     texture = nodes.new("ShaderNodeTexEnvironment")
-    texture.image = bpy.data.images.load(probe)
+    texture.image = bpy.data.images.load(str(probe))
     world.node_tree.links.new(texture.outputs["Color"], shader.inputs["Color"])
     world.node_tree.links.new(shader.outputs["Background"], output.inputs["Surface"])
-    for axis in AXES:
-        camera_towards(scene, axis)
-        render(scene, folder / f"axis_{axis}.exr")
+    return scene
+
+
+def import_usd(layer):
+    scene = empty_scene(128, 16)
+    scene.world = bpy.data.worlds.new("usd")  # its importer gives a dome to a world that is there
+    bpy.ops.wm.usd_import(filepath=str(layer))
+    return scene, suns()
+
+
+def import_gltf(file):
+    empty_scene(128, 16)
+    bpy.ops.import_scene.gltf(filepath=str(file))
+    return suns()
+
+
+def suns():
+    """Of every Sun the direction towards it and what it gives, by name."""
+    bpy.context.view_layer.update()
+    found = {}
+    for lamp in bpy.data.objects:
+        if lamp.type == "LIGHT" and lamp.data.type == "SUN":
+            towards = TO_BLENDER.transposed() @ (lamp.matrix_world.to_3x3() @ Vector((0, 0, 1)))
+            found[lamp.name] = {
+                "towards": list(towards),
+                "gives": [lamp.data.energy * part for part in lamp.data.color],
+            }
+    return found
 
 
 def measure(script, folder):
@@ -99,7 +132,14 @@ def measure(script, folder):
         render(scene, folder / f"irradiance_{axis}.exr")
 
 
+def main(folder):
+    look_round(load_probe(folder / "probe.exr"), folder, "axis")
+    scene, by_usd = import_usd(folder / "probe.usda")
+    look_round(scene, folder, "usd")
+    by_gltf = import_gltf(folder / "lights.gltf")
+    (folder / "imported.json").write_text(json.dumps({"usd": by_usd, "gltf": by_gltf}))
+    measure(str(folder / "lights.py"), folder)
+
+
 if __name__ == "__main__":
-    probe, script, folder = sys.argv[1:]
-    look_round(probe, Path(folder))
-    measure(script, Path(folder))
+    main(Path(sys.argv[1]))

@@ -20,7 +20,7 @@ from relume.light.exports import FORMATS
 from relume.sphere.illumination import as_radiance_map
 
 TO_RADIANCE = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-INDIRECT = ("-ab", "1", "-ad", "32768", "-as", "0", "-aa", "0", "-dj", "0", "-lw", "1e-7")
+INDIRECT = ("-ab", "1", "-ad", "32768", "-as", "0", "-aa", "0", "-dj", "0", "-dt", "0", "-lw", "1e-7")
 EFFICACY = 179.0
 
 

@@ -1,4 +1,4 @@
-"""three.js against our light: background and mirrored sphere the right way round, and the glTF lights as bright as ours.
+"""three.js against our light: background and mirrored sphere the right way round, glTF lights as bright as ours.
 
 Usage: python benchmarks/hosts/three_js.py PYTHON_WITH_PLAYWRIGHT THREE_PACKAGE CHROMIUM [FOLDER]
 

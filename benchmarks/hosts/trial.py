@@ -20,7 +20,7 @@ from relume.sphere.labelled_probe import LABELS, labelled_probe
 from relume.sphere.mappings import LatLong, pixel_directions
 from relume.sphere.orientation import ORIENTATIONS, oriented
 
-NORMALS = np.array([towards for towards, _, _, _ in LABELS.values()])
+NORMALS = np.array([label.towards for label in LABELS.values()])
 """The six axes, as surfaces' normals."""
 LIGHTS = Constellation(
     normalised([[1.0, 2.0, 0.5], [-2.0, 1.0, -1.0], [0.3, -1.0, 2.0], [0.0, 0.0, -1.0]]),
@@ -49,9 +49,9 @@ def write_oriented_probe(host: str, path: Path, size: int = 256) -> None:
 def report_axes(host: str, seen: np.ndarray, tolerance: float = 0.02) -> bool:
     """Print the colours (6, 3) seen along +X, −X, +Y, −Y, +Z, −Z; whether they are the labels' own."""
     right = True
-    for (name, (_, _, _, colour)), found in zip(LABELS.items(), seen, strict=True):
-        met = min(LABELS, key=lambda other: float(np.abs(np.subtract(LABELS[other][3], found)).max()))
-        fits = bool(np.abs(np.subtract(colour, found)).max() < tolerance)
+    for (name, label), found in zip(LABELS.items(), seen, strict=True):
+        met = min(LABELS, key=lambda other: float(np.abs(np.subtract(LABELS[other].colour, found)).max()))
+        fits = bool(np.abs(np.subtract(label.colour, found)).max() < tolerance)
         right &= fits
         print(f"{host}: along {name} it shows {met}, {np.round(found, 3)}{'' if fits else '   WRONG'}")
     return right

@@ -34,7 +34,8 @@ def main(python: str, folder: Path) -> None:
         package="usd-core",
     )
     told = json.loads((folder / "told.json").read_text())
-    print(f"OpenUSD {told['version']}: {told['checks']} checks, {told['problems'] or 'no complaints'}; up {told['up']}, {told['metres']} m")
+    version, problems = told["version"], told["problems"] or "no complaints"
+    print(f"OpenUSD {version}: {told['checks']} checks, {problems}; up {told['up']}, {told['metres']} m")
     towards = np.array([light["towards"] for light in told["lights"]])
     irradiance = np.array([light["irradiance"] for light in told["lights"]])
     turned = float(np.abs(towards - LIGHTS.directions).max())

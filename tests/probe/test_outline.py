@@ -9,7 +9,8 @@ from relume.capture.merging import merge
 from relume.errors import BallNotFound
 from relume.image.colour import decode_srgb
 from relume.image.files import read_photograph
-from relume.probe.outline import Outline, find_outline
+from relume.probe.outline import find_outline
+from relume.probe.silhouette import Outline
 
 
 def texture(x: np.ndarray, y: np.ndarray, period: float, seed: int) -> np.ndarray:

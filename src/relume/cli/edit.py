@@ -11,7 +11,7 @@ from relume.cli.arguments import DryRun, require_files, require_suffix
 from relume.cli.console import Manner, speaking, tell
 from relume.cli.edit_options import Arithmetic, Blur, Colour, Frame
 from relume.cli.edit_painter import Painter, cut_slice, paint_back
-from relume.cli.edit_steps import Step, energy
+from relume.cli.edit_steps import Step, energy, note_losses, with_mapping
 
 MAPS = (".exr", ".hdr")
 
@@ -21,6 +21,13 @@ def edit(
     /,
     *,
     out: Annotated[Path, Parameter(alias="-o", help="The map to write, .exr or .hdr; with --slice a .png.")],
+    told_mapping: Annotated[
+        str | None,
+        Parameter(
+            name="--from",
+            help="The mapping of a light map whose file tells none: latlong, angular, ball or another of `convert`.",
+        ),
+    ] = None,
     frame: Frame = Frame(),
     arithmetic: Arithmetic = Arithmetic(),
     colour: Colour = Colour(),
@@ -41,20 +48,20 @@ def edit(
         steps = [*frame.steps(), *arithmetic.steps(), *colour.steps(), *blur.steps()]
         alone = "--paint" if painter.paint is not None else "--slice" if painter.cut is not None else ""
         _check(painter, alone, steps)
+        if told_mapping is not None and alone:
+            raise ValueError(f"--from is for edits of light maps; {alone} needs none")
         require_suffix(out, *([".png"] if alone == "--slice" else MAPS))
         if alone == "--slice":
             cut_slice(light, out, painter, dry_run, manner)
         elif alone == "--paint":
             paint_back(light, out, painter, dry_run, manner)
         else:
-            _edit(light, out, steps, dry_run, manner)
+            _edit(light, out, told_mapping, steps, dry_run, manner)
 
 
 def _check(painter: Painter, alone: str, steps: list[Step]) -> None:
     if alone and steps:
         raise ValueError(f"{alone} and {steps[0].option}: paint on the map that is finished; give {alone} alone")
-    if not alone and not steps:
-        raise ValueError("nothing to do; give --crop, --resize, --add, --stops, --grey, --blur, --slice or another")
     for option, given in (
         ("--original", painter.original is not None),
         ("--scale", painter.scale),
@@ -65,17 +72,29 @@ def _check(painter: Painter, alone: str, steps: list[Step]) -> None:
             raise ValueError(f"{option} is for what was painted; give --paint too")
     if painter.bits != 8 and not alone:
         raise ValueError("--bits is for a slice; give --slice too")
+    if not alone and not steps:
+        raise ValueError("nothing to do; give --crop, --resize, --add, --stops, --grey, --blur, --slice or another")
 
 
-def _edit(source: Path, out: Path, steps: list[Step], dry_run: bool, manner: Manner) -> None:
+def _edit(source: Path, out: Path, told_mapping: str | None, steps: list[Step], dry_run: bool, manner: Manner) -> None:
     from relume.image import files
+    from relume.sphere.mappings import mapping_named
 
+    mapping = None if told_mapping is None else mapping_named(told_mapping).name
     if dry_run:
         tell(manner, {"would write": str(out), "edits": [step.words for step in steps]})
         return
-    before = after = files.read_radiance(source)
+    before = files.read_radiance(source)
+    if mapping is not None:
+        before = with_mapping(before, mapping)
+    after = before
     for step in steps:
         after = step(after)
+    # What was blurred as a light map is one, and was one before.
+    if "mapping" in after.attributes:
+        before = with_mapping(before, after.attributes["mapping"])
+    if {step.option for step in steps} == {"--resize"}:
+        note_losses(before, after)
     files.write(out, after)
     told = {"written": str(out), "edits": [step.words for step in steps], "size": list(after.size), "unit": after.unit}
     tell(manner, told | energy(before, "before") | energy(after, "after"))

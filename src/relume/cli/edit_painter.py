@@ -57,7 +57,7 @@ class Painter:
     ] = False
     tolerance: Annotated[
         int,
-        Parameter(group=PAINTER, help="Pixel values that count as unchanged: about 4 of 255 for a painter's JPEG."),
+        Parameter(group=PAINTER, help="Difference of pixel values that counts as none, 8 or more for a JPEG."),
     ] = 0
     accept: Annotated[bool, Parameter(group=PAINTER, negative="", help="Exit with 0 although most pixels changed.")] = (
         False
@@ -128,12 +128,13 @@ def paint_back(source: Path, out: Path, painter: Painter, dry_run: bool, manner:
     )
     _note_what_no_painter_sees(result, picture, scaled=painter.scale)
     files.write(out, result.picture)
-    told = {"written": str(out), "pixels changed": int(result.changed.sum()), "share changed": result.share}
+    told: dict[str, object] = {"written": str(out), "pixels changed": int(result.changed.sum())}
+    told |= {"share changed": result.share, "places changed": result.places}
     tell(manner, told | energy(picture, "before") | energy(result.picture, "after"))
     if result.share > DOUBTFUL_SHARE and not painter.accept:
         raise DoubtfulResult(
             f"{painter.paint}: {100 * result.share:.0f} % of the pixels changed; if a JPEG or a colour conversion did "
-            "that, give --tolerance 4 or the --original saved by the same program, else --accept"
+            "that, save a PNG in sRGB, or give --tolerance 8 or the --original saved by the same program, else --accept"
         )
 
 
@@ -184,6 +185,7 @@ def _plain(path: Path) -> Photograph:
 
 def _note_what_no_painter_sees(result: Repainted, picture: RadianceMap, *, scaled: bool) -> None:
     from relume.image.colour import luminance
+    from relume.image.slices import DOUBTFUL_PLACES
 
     if not result.changed.any():
         warnings.warn("no pixel was changed; the map is written as it was", stacklevel=2)
@@ -192,6 +194,12 @@ def _note_what_no_painter_sees(result: Repainted, picture: RadianceMap, *, scale
         warnings.warn(
             f"{result.above_white} changed pixels were brighter than the slice's white and are no more: "
             f"{100 * share:.3g} % of the map's light; --scale keeps lights, a darker --slice shows them",
+            stacklevel=2,
+        )
+    if result.places > DOUBTFUL_PLACES:
+        warnings.warn(
+            f"{result.places} separate places changed, as a JPEG leaves them and no brush; save a PNG, or raise "
+            "--tolerance",
             stacklevel=2,
         )
     if result.painted_white:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from relume.image.radiance import RadianceMap
+    from relume.sphere.audit import Audit
     from relume.sphere.illumination import IlluminationMap
 
 
@@ -30,6 +31,11 @@ class Step:
             return self.apply(picture)
         except ValueError as error:
             raise ValueError(f"{self.option}: {error}") from None
+
+
+def with_mapping(picture: RadianceMap, name: str) -> RadianceMap:
+    """The map as a light map that tells its mapping."""
+    return replace(picture, attributes={**picture.attributes, "mapping": name})
 
 
 def crop(picture: RadianceMap, left: int, top: int, width: int, height: int) -> RadianceMap:
@@ -126,11 +132,19 @@ def blur_sphere(picture: RadianceMap, sigma: float, share: float) -> RadianceMap
 def _on_the_sphere(picture: RadianceMap, blur: Callable[[IlluminationMap], IlluminationMap]) -> RadianceMap:
     from relume.sphere.illumination import as_illumination
 
-    result = blur(as_illumination(picture))
+    dark = int((picture.radiance < 0).any(-1).sum())
+    if dark:
+        raise ValueError(f"{dark} pixels are negative, which no light is; --max 0 takes them for 0")
+    try:
+        light = as_illumination(picture)
+    except ValueError as error:
+        told = "" if "mapping" in picture.attributes else "; tell it with --from"
+        raise ValueError(f"{error}{told}") from None
+    result = blur(light)
     if picture.variance is not None:
         warnings.warn("a light map that is blurred loses its variance", stacklevel=2)
-    attributes = {**picture.attributes, "mapping": result.mapping.name}
-    return replace(picture, radiance=result.radiance, variance=None, clipped=result.clipped, attributes=attributes)
+    blurred = replace(picture, radiance=result.radiance, variance=None, clipped=result.clipped)
+    return with_mapping(blurred, result.mapping.name)
 
 
 def _refuse_light_map(picture: RadianceMap, remedy: str) -> None:
@@ -143,11 +157,31 @@ def energy(picture: RadianceMap, when: str) -> dict[str, object]:
     """The light in a light map, else the mean of the pixels."""
     import numpy as np
 
+    light = _audit(picture)
+    if light is not None:
+        return {f"{key} {when}": value for key, value in light.facts().items() if key in ("total", "peak")}
+    finite = np.where(np.isfinite(picture.radiance), picture.radiance, 0)
+    return {f"mean {when}": [float(f"{value:.6g}") for value in finite.mean((0, 1), dtype=np.float64)]}
+
+
+def note_losses(before: RadianceMap, after: RadianceMap) -> None:
+    """Warn of light that a step lost which should have lost none."""
+    from relume.sphere.audit import losses
+
+    audits = _audit(before), _audit(after)
+    if audits[0] is not None and audits[1] is not None:
+        for line in losses(audits[0], audits[1]):
+            warnings.warn(line, stacklevel=2)
+
+
+def _audit(picture: RadianceMap) -> Audit | None:
+    """The energy of a light map; None for any other map, and one that holds what is no light."""
     from relume.sphere.audit import audit
     from relume.sphere.illumination import as_illumination
 
-    if "mapping" in picture.attributes and np.isfinite(picture.radiance).all() and picture.radiance.min() >= 0:
-        facts = audit(as_illumination(picture)).facts()
-        return {f"{key} {when}": facts[key] for key in ("total", "peak")}
-    finite = np.where(np.isfinite(picture.radiance), picture.radiance, 0)
-    return {f"mean {when}": [float(f"{value:.6g}") for value in finite.mean((0, 1), dtype=np.float64)]}
+    if "mapping" not in picture.attributes:
+        return None
+    try:
+        return audit(as_illumination(picture))
+    except ValueError:
+        return None

@@ -48,8 +48,10 @@ def _light_only(path: Path, picture: RadianceMap, clamp: bool) -> RadianceMap:
     if not odd and not dark:
         return picture
     if odd or not clamp:
+        faults = [f"{odd} pixels are NaN or infinite"] if odd else []
+        faults += [f"{dark} negative" if odd else f"{dark} pixels are negative"] if dark else []
         raise UnreadableFile(
-            f"{path}: {odd} pixels are NaN or infinite and {dark} negative, which no light is; "
+            f"{path}: {' and '.join(faults)}, which no light is; "
             "paint over them, or write the map again from where it came"
             + ("; --clamp takes the negative ones for 0" if dark and not odd else "")
         )

@@ -3,19 +3,34 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, Times, read_point, read_times, require_files, require_suffix
 from relume.cli.console import Manner, note, speaking, tell
+from relume.errors import DoubtfulResult
+
+if TYPE_CHECKING:
+    from relume.cli.probe_views import Group, ViewPicture
+    from relume.probe.ball import BallView
+    from relume.probe.blending import Probe
+    from relume.probe.reflectance import BallReflectance
+    from relume.probe.silhouette import Outline
+
+FAR = 20.0
+"""Ball radii from the camera to the ball where nothing tells: a metre for a ball of 5 cm."""
+CROPPED = 4.0
+"""Ball radii below which a distance told by the EXIF is that of a crop: nobody photographs a ball from 15 cm."""
 
 
 def probe(
     photographs: Annotated[
-        list[Path], Parameter(help="A bracket of the ball, or one radiance map of it.", negative="")
-    ],
+        list[Path] | None,
+        Parameter(help="A bracket of the ball, one photograph or radiance map of it, or a folder a view.", negative=""),
+    ] = None,
     /,
     *,
     out: Annotated[Path, Parameter(alias="-o", help="The lat-long illumination map to write, .exr or .hdr.")],
@@ -27,97 +42,304 @@ def probe(
             consume_multiple=True,
         ),
     ] = None,
+    view: Annotated[
+        list[str] | None,
+        Parameter(
+            negative="", help='One more view, again for each: a folder, a file, or a pattern like "left/*.jpg", quoted.'
+        ),
+    ] = None,
     camera: Annotated[
         str, Parameter(help="Where the camera stood, as X,Y,Z in metres from the ball's centre.")
     ] = "0,0,1",
     second_camera: Annotated[str, Parameter(help="Where the camera of --second stood.")] = "1,0,0",
+    turn: Annotated[
+        str | None,
+        Parameter(
+            allow_leading_hyphen=True,
+            help="Degrees by which the camera was carried round the ball for each view, counter-clockwise from above, "
+            "like 0,90,180; folders and --view are registered without unless given.",
+        ),
+    ] = None,
+    distance: Annotated[
+        float | None, Parameter(help="Metres from the camera to the ball's centre, instead of --camera's own length.")
+    ] = None,
     radius: Annotated[
         float | None, Parameter(help="The ball's radius in metres, where the EXIF has no focal length.")
     ] = None,
+    reflectance: Annotated[
+        str | None,
+        Parameter(help='The ball\'s reflectance seen straight on: one number, R,G,B, or "chrome"; 1 unless given.'),
+    ] = None,
+    fresnel: Annotated[
+        bool, Parameter(help="Whether --reflectance rises to 1 at grazing, as metals' and coatings' does.")
+    ] = True,
+    pick: Annotated[
+        list[str] | None,
+        Parameter(
+            negative="",
+            help="The ball's rim in pixels, once for each view: X,Y,RADIUS, or three points or more as X,Y,X,Y,X,Y; "
+            '"auto" to have it sought.',
+        ),
+    ] = None,
+    pick_exactly: Annotated[
+        bool, Parameter(negative="", help="Take what is picked as it is, without following the rim near it.")
+    ] = False,
+    balance: Annotated[
+        bool, Parameter(negative="", help="Bring all views to the brightness of the first before they are blended.")
+    ] = False,
+    profile: Annotated[
+        Path | None, Parameter(help="The camera's profile from `relume merge --save-profile`; else recovered.")
+    ] = None,
     times: Times = None,
     size: Annotated[int, Parameter(help="Rows of the map.")] = 512,
+    accept: Annotated[bool, Parameter(negative="", help="Exit with 0 although the result is doubtful.")] = False,
     dry_run: DryRun = False,
     manner: Manner = Manner(),
 ) -> None:
-    """Find the mirrored ball, unwrap it with the camera's perspective, and blend up to two views into one light map."""
-    import numpy as np
+    """Find the mirrored ball, unwrap it with the camera's perspective, and blend any number of views into a light map.
 
-    from relume.capture.bracket import Bracket, read_bracket, require_told
-    from relume.capture.calibration import recover_response
-    from relume.capture.merging import merge
-    from relume.image import files
-    from relume.image.radiance import RadianceMap
-    from relume.probe.ball import view_ball
+    What no view saw is filled smoothly and marked: the map's `clipped` layer holds 3 there and 1 where light is
+    saturated, and an EXR has a layer `confidence`, 0 to 1. A view whose camera's place is not told is registered to
+    the first.
+    """
+    from relume.capture.profile import read_profile
+    from relume.cli import probe_views
     from relume.probe.blending import assemble
-    from relume.sphere.illumination import as_radiance_map
+    from relume.probe.registration import ToldPlaces, UnknownTurns
 
+    doubts: list[str] = []
     with speaking(manner):
         require_suffix(out, ".exr", ".hdr")
-        groups = [(photographs, read_point(camera, "--camera"))]
+        if size < 2:
+            raise ValueError(f"--size is {size}; a map has at least 2 rows, best 512")
+        require_files([*(second or []), *([profile] if profile else [])])
+        first = _carried(read_point(camera, "--camera"), distance)
+        groups = probe_views.grouped(photographs or [])
+        for word in view or []:
+            groups += probe_views.from_pattern(word)
+        if not groups:
+            raise ValueError("no photographs were given; name a bracket of the ball, or a folder for each view")
+        told = len(groups) == 1
+        if turn is not None:
+            groups, told = probe_views.placed(groups, first, _turns(turn, len(groups))), True
+        else:
+            groups = probe_views.placed(groups, first, [0.0] * len(groups))
         if second:
-            groups.append((second, read_point(second_camera, "--second-camera")))
-        seconds = read_times(times)
-        pictures: list[tuple[RadianceMap | Bracket, float | None, str]] = []
-        for paths, _ in groups:
-            require_files(paths)
-            first = files.read(paths[0])
-            if isinstance(first, RadianceMap):
-                pictures.append((first, None, paths[0].name))
-                continue
-            given = None if seconds is None else [seconds.pop(0) for _ in paths if seconds]
-            bracket = read_bracket(paths, times=given)
-            pictures.append((bracket, bracket.focal_length, bracket.name))
+            if not told:
+                raise ValueError("--second is the other of two views; give more than two with --view or as folders")
+            place = _carried(read_point(second_camera, "--second-camera"), distance)
+            groups.append(probe_views.Group(tuple(second), place))
+        seconds, picks = read_times(times), _picks(pick or [], len(groups))
+        mirror = _reflectance(reflectance, fresnel)
+        known = read_profile(profile) if profile else None
+        if known is not None and known.response is None:
+            raise ValueError(f"--profile {profile}: a profile of camera raws, and these are encoded photographs")
         if dry_run:
-            tell(manner, {"would write": str(out), "views": [name for _, _, name in pictures]})
+            views = [_named(group.paths) for group in groups]
+            where = "told" if told else "to be found by registration"
+            tell(manner, {"would write": str(out), "views": views, "their cameras": where})
             return
-        brackets = [p for p, _, _ in pictures if isinstance(p, Bracket)]
-        require_told(brackets)
-        curve = None
-        if brackets:
-            recovered = recover_response(brackets).response
-            curve = recovered.balanced_at(recovered.levels - 1)
-        views = []
-        for (picture, focal_length, name), (_, position) in zip(pictures, groups, strict=True):
-            if isinstance(picture, Bracket) and curve is not None:
-                picture = merge(picture, curve)
-            assert isinstance(picture, RadianceMap)
-            if focal_length is None and radius is None:
-                note(
-                    manner,
-                    f"{name}: no focal length in its EXIF and no --radius; the ball is taken to be 5 cm in radius",
-                )
-            views.append(
-                view_ball(
-                    picture, camera=np.array(position), centre=np.zeros(3), focal_length=focal_length,
-                    radius=0.05 if radius is None else radius, name=name,
-                )
-            )  # fmt: skip
-        result = assemble(views, size=size)
-        files.write(out, as_radiance_map(result.light))
-        unseen = float(((result.confidence < 0.05) * result.light.mapping.solid_angles(size)).sum())
-        if unseen > 0:
-            note(
-                manner,
-                f"{unseen:.2g} sr are seen by no view and were filled from beside; photograph from a second side",
-            )
-        if result.clipped_solid_angle > 0:
-            note(
-                manner, f"{result.clipped_solid_angle:.2g} sr are saturated in every photograph; add shorter exposures"
-            )
-        tell(
-            manner,
-            {
-                "written": str(out),
-                "balls": [
-                    {
-                        "x": round(v.outline.centre[0], 2),
-                        "y": round(v.outline.centre[1], 2),
-                        "radius": round(v.outline.radius, 2),
-                    }
-                    for v in views
-                ],
-                "turned by registration": [f"{math.degrees(c):.2f}°" for c in result.corrections],
-                "total": result.light.total().round(4).tolist(),
-                "irradiance from above": result.light.irradiance(np.array([0.0, 1.0, 0.0])).round(4).tolist(),
-            },
+        pictures = probe_views.quietly_read(
+            lambda: probe_views.read_pictures(
+                groups, times=seconds, profile=known, told=lambda line: note(manner, line), doubted=doubts.append
+            ),
+            lambda line: note(manner, line),
         )
+        views = [
+            _view(picture, group, chosen, pick_exactly, radius, distance, mirror, manner)
+            for picture, group, chosen in zip(pictures, groups, picks, strict=True)
+        ]
+        unscaled = len(views) > 1 and not all(picture.exposed for picture in pictures)
+        if unscaled and not balance:
+            note(manner, "not every view tells its exposure, so all are brought to the brightness of the first")
+        balanced = balance or unscaled
+        result = assemble(views, size=size, registration=ToldPlaces() if told else UnknownTurns(), balanced=balanced)
+        _write(out, result)
+        for line in result.notes:
+            if not (balanced and "times as bright" in line):
+                doubts.append(line)
+        _remark(result, manner, len(views))
+        tell(manner, _facts(out, views, result, told))
+        for line in doubts if accept or len(doubts) > 1 else ():
+            note(manner, line)
+        if doubts and not accept:
+            line = doubts[0] if len(doubts) == 1 else f"{len(doubts)} doubts, noted above"
+            raise DoubtfulResult(f"{line} (all was written; --accept takes it as it is)")
+
+
+def _carried(place: tuple[float, float, float], distance: float | None) -> tuple[float, float, float]:
+    """A camera's place, brought to a distance from the ball."""
+    length = math.hypot(*place)
+    if length == 0:
+        raise ValueError("--camera: 0,0,0 is the ball's centre; give where the camera stood")
+    if distance is None:
+        return place
+    if not distance > 0:
+        raise ValueError(f"--distance is {distance}; give metres from the camera to the ball's centre")
+    x, y, z = (value * distance / length for value in place)
+    return x, y, z
+
+
+def _turns(text: str, count: int) -> list[float]:
+    """Radians for each view; raises ValueError for what is no number, or another number of them."""
+    try:
+        turns = [math.radians(float(word)) for word in text.replace(",", " ").split()]
+    except ValueError:
+        raise ValueError(f'--turn: "{text}" are no angles; write degrees, like 0,90,180') from None
+    if len(turns) != count:
+        raise ValueError(f"--turn: {len(turns)} angles for {count} views; give one for each, 0 for the first")
+    return turns
+
+
+def _picks(words: Sequence[str], count: int) -> list[Outline | None]:
+    """The outline picked for each view; None where it is to be sought."""
+    import numpy as np
+
+    from relume.probe.silhouette import outline_of_circle, outline_through
+
+    if len(words) > count:
+        raise ValueError(f"--pick: {len(words)} are given for {count} view{'s' * (count > 1)}; give one for each")
+    picked: list[Outline | None] = []
+    for word in words:
+        if word == "auto":
+            picked.append(None)
+            continue
+        try:
+            numbers = [float(each) for each in word.replace(",", " ").split()]
+        except ValueError:
+            numbers = []
+        if len(numbers) == 3:
+            picked.append(outline_of_circle(*numbers))
+        elif len(numbers) >= 6 and len(numbers) % 2 == 0:
+            picked.append(outline_through(np.array(numbers).reshape(-1, 2)))
+        else:
+            raise ValueError(f'--pick: "{word}" is no rim; write X,Y,RADIUS, or three points or more, in pixels')
+    return picked + [None] * (count - len(picked))
+
+
+def _reflectance(text: str | None, rising: bool) -> BallReflectance:
+    from relume.probe.reflectance import CHROME_STEEL, BallReflectance
+
+    if text is None:
+        return BallReflectance()
+    if text == "chrome":
+        return BallReflectance(CHROME_STEEL.normal, rising)
+    try:
+        numbers = [float(word) for word in text.replace(",", " ").split()]
+    except ValueError:
+        numbers = []
+    if len(numbers) == 1:
+        numbers *= 3
+    if len(numbers) != 3 or not all(0 < number <= 1 for number in numbers):
+        raise ValueError(f'--reflectance: "{text}" is none; write a share above 0 and up to 1, R,G,B, or chrome')
+    return BallReflectance((numbers[0], numbers[1], numbers[2]), rising)
+
+
+def _named(paths: Sequence[Path]) -> str:
+    return paths[0].name if len(paths) == 1 else f"{paths[0].name} … {paths[-1].name}"
+
+
+def _view(
+    picture: ViewPicture,
+    group: Group,
+    picked: Outline | None,
+    exactly: bool,
+    radius: float | None,
+    distance: float | None,
+    mirror: BallReflectance,
+    manner: Manner,
+) -> BallView:
+    import numpy as np
+
+    from relume.probe.ball import view_ball
+    from relume.probe.following import refined
+
+    assert group.camera is not None
+    camera, centre = np.array(group.camera), np.zeros(3)
+    length, focal_length = float(np.linalg.norm(camera)), picture.focal_length
+    if picked is not None and not exactly:
+        picked = refined(picture.picture.radiance, picked, focal_length)
+
+    def found(focal_length: float | None, size: float) -> BallView:
+        return view_ball(
+            picture.picture, camera=camera, centre=centre, focal_length=focal_length, radius=size, outline=picked,
+            reflectance=mirror, name=picture.name,
+        )  # fmt: skip
+
+    if focal_length is not None:
+        result = found(focal_length, radius or length / FAR)
+        if result.distance >= CROPPED:
+            return result
+        note(
+            manner,
+            f"{picture.name}: its EXIF puts the camera {result.distance:.1f} ball radii away, as that of a crop does, "
+            "so its focal length is left out",
+        )
+    if radius is None:
+        away = f"{length:.3g} m" if distance is not None else "a camera"
+        note(
+            manner,
+            f"{picture.name}: nothing tells how far the camera was in ball radii; {FAR:.0f} are taken for {away}; "
+            "give --radius and --distance, metres",
+        )
+    return found(None, length / FAR if radius is None else radius)
+
+
+def _write(out: Path, result: Probe) -> None:
+    import numpy as np
+
+    from relume.image import files
+    from relume.sphere.illumination import as_radiance_map
+
+    picture = as_radiance_map(result.light)
+    if out.suffix.lower() == ".hdr":
+        files.write(out, picture)
+        return
+    mask = np.zeros(picture.radiance.shape[:2], np.uint8) if picture.clipped is None else picture.clipped
+    layers = {"radiance": picture.radiance, "clipped": mask, "confidence": result.confidence}
+    files.write_layers(out, layers, unit=picture.unit, attributes=picture.attributes)
+
+
+def _remark(result: Probe, manner: Manner, count: int) -> None:
+    if result.unseen_solid_angle > 0:
+        again = "photograph from a second side" if count == 1 else "photograph from one more side"
+        note(manner, f"{result.unseen_solid_angle:.2g} sr are seen by no view and were filled from beside; {again}")
+    if result.clipped_solid_angle > 0:
+        note(manner, f"{result.clipped_solid_angle:.2g} sr are saturated in every photograph; add shorter exposures")
+
+
+def _facts(out: Path, views: Sequence[BallView], result: Probe, told: bool) -> dict[str, Any]:
+    import numpy as np
+
+    facts: dict[str, Any] = {"written": str(out), "balls": [_ball(view) for view in views]}
+    if len(views) > 1:
+        facts["cameras told"] = told
+        facts["turned by registration"] = [f"{math.degrees(c):.2f}°" for c in result.corrections]
+        facts["brightness against the first"] = [round(gain, 3) for gain in result.gains]
+        facts["surroundings, ball radii away"] = round(1 / result.nearness, 1) if result.nearness > 1e-3 else "far"
+        if not told and result.turns is not None:
+            towards = [turn @ view.towards_camera for turn, view in zip(result.turns, views, strict=True)]
+            start = math.atan2(towards[0][0], towards[0][2])
+            facts["turns found"] = [
+                f"{math.degrees(math.atan2(x, z) - start) % 360:.1f}°" for x, _, z in (t.tolist() for t in towards)
+            ]
+    else:
+        facts["turned by registration"] = ["0.00°"]
+    facts["unseen, sr"] = round(result.unseen_solid_angle, 4)
+    facts["saturated, sr"] = round(result.clipped_solid_angle, 4)
+    facts["total"] = result.light.total().round(4).tolist()
+    facts["irradiance from above"] = result.light.irradiance(np.array([0.0, 1.0, 0.0])).round(4).tolist()
+    return facts
+
+
+def _ball(view: BallView) -> dict[str, Any]:
+    outline = view.outline
+    found: dict[str, Any] = {
+        "x": round(outline.centre[0], 2),
+        "y": round(outline.centre[1], 2),
+        "radius": round(outline.radius, 2),
+        "radii away": round(view.distance, 2),
+    }
+    if outline.semi_axes is not None and outline.semi_axes[0] > 1.001 * outline.semi_axes[1]:
+        found["semi-axes"] = [round(axis, 2) for axis in outline.semi_axes]
+    return found

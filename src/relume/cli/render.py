@@ -102,6 +102,14 @@ def render(
     degrees: Annotated[
         float | None, Parameter(help="With --frames: how far; 360 unless given.", allow_leading_hyphen=True)
     ] = None,
+    environment: Annotated[
+        str | None,
+        Parameter(
+            help="mitsuba, whitted: instead of the picture the lat-long illumination map of the scene seen from the "
+            "point X,Y,Z in metres, .exr or .hdr (Miller & Hoffman 1984, §5.2); --size 1024x512 unless given.",
+            allow_leading_hyphen=True,
+        ),
+    ] = None,
     exposure: Annotated[
         float,
         Parameter(
@@ -135,15 +143,18 @@ def render(
             "--region": region,
             "--tree": tree,
             "--frames": frames,
+            "--environment": environment,
         }
         given = renderer is not None
         possible = choice.renderers_for(options, renderer)
-        if tree is not None:
+        if environment is not None:
+            choice.check_environment(out, {"--tree": tree, "--frames": frames, "--region": region, "--plate": plate})
+        elif tree is not None:
             choice.check_drawing(out, {"--frames": frames, "--region": region})
         else:
             choice.check_output(out, frames, {"--motion": motion, "--degrees": degrees})
         require_files([plate] if plate is not None else [])
-        read = choice.read_file(scene, light, size)
+        read = choice.read_file(scene, light, size if environment is None else None)
         world, camera = read.scene, read.camera
         renderer = choice.chosen(read, possible, given=given, moving=frames is not None)
         if degrees is not None and motion is None and read.moves:
@@ -160,6 +171,12 @@ def render(
             tolerance=tolerance,
             threads=threads,
         )
+        if environment is not None:
+            from relume.cli.render_environment import write_environment
+
+            method = whitted if renderer == "whitted" else choice.mitsuba_with(samples, threads)
+            write_environment(out, read, environment, size, method, seed=seed or 0, dry_run=dry_run, manner=manner)
+            return
         behind = _plate(plate, camera)
         film = metered_scene(world).brighter(exposure)
         told = {

@@ -12,6 +12,7 @@ from relume.cli.render_tree import DRAWINGS
 from relume.errors import UnreadableFile
 
 if TYPE_CHECKING:
+    from relume.render.mitsuba import Mitsuba
     from relume.render.whitted import Whitted
     from relume.scene.camera import Camera
     from relume.shot.scene_file import SceneFile
@@ -36,6 +37,7 @@ FOR: dict[str, tuple[Name, ...]] = {
     "--region": ("whitted",),
     "--tree": ("whitted",),
     "--frames": ("mapped", "whitted"),
+    "--environment": ("mitsuba", "whitted"),
 }
 """The renderers that an option means something to; an option that is not here means something to all."""
 
@@ -123,6 +125,24 @@ def check_drawing(out: Path, others: Mapping[str, object]) -> None:
     require_suffix(out, *DRAWINGS)
 
 
+def check_environment(out: Path, others: Mapping[str, object]) -> None:
+    """Refuse what no environment can be, before any work.
+
+    others : options that ask for pictures
+    """
+    given = [name for name, value in others.items() if value is not None]
+    if given:
+        raise ValueError(f"--environment shows all directions, and {given[0]} asks for pictures; leave one of them out")
+    require_suffix(out, ".exr", ".hdr")
+
+
+def mitsuba_with(samples: int | None, threads: int | None) -> Mitsuba:
+    """Light transport with what the command line says."""
+    from relume.render.mitsuba import Mitsuba
+
+    return Mitsuba(samples=256 if samples is None else samples, threads=threads)
+
+
 def read_file(path: Path, light: Path | None, size: str | None) -> SceneFile:
     """The scene file, or the mesh as one, under this light and in this size where they are given."""
     from relume.image import files
@@ -145,7 +165,7 @@ def read_file(path: Path, light: Path | None, size: str | None) -> SceneFile:
     elif light is None:
         raise ValueError(f"{path}: a mesh brings no light; give --light MAP, or a scene file")
     else:
-        read = scene_of_mesh(path, light, SIZE if size is None else _read_size(size))
+        read = scene_of_mesh(path, light, SIZE if size is None else read_size(size))
     return read if size is None else replace(read, camera=_resized(read.camera, size))
 
 
@@ -191,11 +211,12 @@ def read_region(text: str, camera: Camera) -> Region:
 
 def _resized(camera: Camera, size: str) -> Camera:
     """The same field of view across, in other pixels."""
-    width, height = _read_size(size)
+    width, height = read_size(size)
     return replace(camera, width=width, height=height, focal_length=camera.focal_length * width / camera.width)
 
 
-def _read_size(size: str) -> tuple[int, int]:
+def read_size(size: str) -> tuple[int, int]:
+    """Width and height in pixels of text like "1280x720"; raises ValueError where they are none."""
     try:
         width, height = (int(word) for word in size.lower().replace("×", "x").split("x"))
     except ValueError:

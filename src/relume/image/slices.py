@@ -10,7 +10,7 @@ import json
 import math
 from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from relume.image.radiance import RadianceMap
 DEPTHS = {8: np.uint8, 16: np.uint16}
 DOUBTFUL_SHARE = 0.5
 """Share of changed pixels above which the painter's program, not the painter, may have changed them."""
+DOUBTFUL_PLACES = 200
+"""Patches of changed pixels above which the same holds: nobody makes as many strokes, a JPEG does."""
 
 
 @dataclass(frozen=True)
@@ -138,6 +140,13 @@ class Repainted:
         """Of the pixels that changed."""
         return float(self.changed.mean())
 
+    @property
+    def places(self) -> int:
+        """How many patches of touching pixels changed: few by a brush, hundreds by a JPEG."""
+        from scipy.ndimage import label
+
+        return cast(tuple[np.ndarray, int], label(self.changed, np.ones((3, 3))))[1]
+
 
 def fingerprint(picture: RadianceMap) -> str:
     """A text that tells whether a slice was cut from this map: a digest of its radiance."""
@@ -168,8 +177,8 @@ def painted(
     original : the slice before painting, to compare with; made anew from the map unless given. Give one that went
         through the same program, when that program changes pixels by itself
     method : `Replaced()`, as HDR Shop does, or `Scaled()`
-    tolerance : difference of pixel values, in those of `edited`, up to which a pixel counts as unchanged; 0 unless the
-        file is a JPEG, which changes a little everywhere
+    tolerance : difference of pixel values, in those of `edited`, up to which a channel counts as unchanged; 0 unless
+        the file is a JPEG, which changes a little everywhere and saturated colours a lot
 
     Raises ValueError for another size, transparent pixels, an original of other bits, or a negative tolerance.
     """

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Constellation:
-    """Parallel lights, the strongest first.
+    """Parallel lights that stand for a map.
 
     directions : (N, 3) float64, unit, towards the lights
     irradiance : (N, 3) float64, on a surface that faces the light, in the map's unit times sr; lux where that is cd/m²
@@ -53,7 +53,9 @@ class Constellation:
 
 
 def constellation(light: IlluminationMap, count: int = 64, method: Regions | None = None) -> Constellation:
-    """At most `count` lights with all of a map's light, each in the mean direction of the light it stands for.
+    """At most `count` lights with all of a map's light, each in the mean direction of what it stands for.
+
+    The strongest is the first.
 
     light : in any mapping; its pixels are summed in double precision, so that nothing is lost or added
     count : they are fewer only where the map has fewer bright pixels; a black map has none. 64 light a scene so that
@@ -69,6 +71,57 @@ def constellation(light: IlluminationMap, count: int = 64, method: Regions | Non
         raise ValueError(f"a constellation of {count} lights; expected 1 or more, like 64")
     cells = cells_of(light)
     return _lights(cells, (method or MedianCut()).regions(cells, count))
+
+
+def together(first: Constellation, second: Constellation) -> Constellation:
+    """The lights of both, those of the first before; a pixel that both have a light for is the first's."""
+    directions = np.concatenate([first.directions, second.directions])
+    irradiance = np.concatenate([first.irradiance, second.irradiance])
+    labels = second.labels
+    if labels is not None:
+        labels = np.where(labels >= 0, labels + len(first.directions), -1).astype(np.int32)
+    if first.labels is not None:
+        labels = first.labels if labels is None else np.where(first.labels >= 0, first.labels, labels)
+    return Constellation(
+        directions,
+        irradiance,
+        _both(first.angular_radii, second.angular_radii),
+        _both(first.solid_angles, second.solid_angles),
+        labels,
+    )
+
+
+def irradiance_error(
+    light: IlluminationMap, lights: Constellation, residual: IlluminationMap | None = None, count: int = 512
+) -> tuple[float, float]:
+    """How far lights and residual are from lighting surfaces as the map does: mean and largest difference.
+
+    count : normals, all over the sphere
+    Both are shares of the mean irradiance, in the channel where they are largest; pixels are taken together in cells of
+    0.7°, which puts them off by 1e-4 or less.
+    """
+    from relume.light.constellation_cells import cells_of
+
+    # Spiral points (Saff & Kuijlaars 1997): as far from each other as so many can be.
+    height, turn = 1 - (2 * np.arange(count) + 1) / count, np.pi * (1 + np.sqrt(5)) * np.arange(count)
+    ring = np.sqrt(1 - height**2)
+    normals = np.stack([ring * np.sin(turn), height, ring * np.cos(turn)], axis=-1)
+
+    def irradiance(map_: IlluminationMap) -> np.ndarray:
+        cells = cells_of(map_, 256)
+        lit = cells.luminance > 0
+        moments, flux = cells.moment[lit], cells.flux[lit]
+        directions = (moments / np.linalg.norm(moments, axis=-1, keepdims=True)).astype(np.float32)
+        return np.stack([np.maximum(directions @ n, 0) @ flux for n in normals.astype(np.float32)])
+
+    truth = irradiance(light)
+    found = lights.irradiance_on(normals) + (0 if residual is None else irradiance(residual))
+    difference = np.abs(found - truth) / np.maximum(truth.mean(axis=0), 1e-300)
+    return float(difference.mean(axis=0).max()), float(difference.max())
+
+
+def _both(first: np.ndarray | None, second: np.ndarray | None) -> np.ndarray | None:
+    return None if first is None or second is None else np.concatenate([first, second])
 
 
 def _lights(cells: Cells, regions: np.ndarray) -> Constellation:

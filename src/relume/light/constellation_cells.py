@@ -87,7 +87,8 @@ def cells_of(light: IlluminationMap, most: int = MOST_ROWS) -> Cells:
 def _gathered(light: IlluminationMap, most: int) -> Cells:
     """The cells of a map in another mapping: as many as it has pixels, so that most have one."""
     directions, areas = pixel_directions(light.mapping, light.size), light.mapping.solid_angles(light.size)
-    shown = areas > 0
+    # Beside a disc solid angles are 0, but for rounding.
+    shown = areas > 1e-12 * areas.max()
     rows = int(np.clip(np.sqrt(np.count_nonzero(shown) / 2), 1, most))
     points = LatLong().image_points(directions) * (2 * rows, rows)
     column, row = np.moveaxis(np.clip(points, 0, (2 * rows - 1, rows - 1)).astype(np.int64), -1, 0)

@@ -82,7 +82,9 @@ def _coarse(cells: Cells) -> tuple[np.ndarray, np.ndarray, int]:
     step = -(-rows // MOST_ROWS)
     lit = np.concatenate([cells.luminance[..., None], cells.moment], axis=-1)
     if step > 1:
-        lit = np.add.reduceat(np.add.reduceat(lit, np.arange(0, rows, step), axis=0), np.arange(0, columns, step), axis=1)
+        lit = np.add.reduceat(
+            np.add.reduceat(lit, np.arange(0, rows, step), axis=0), np.arange(0, columns, step), axis=1
+        )
     coarse = replace(cells, polar=_every(cells.polar, step), longitude=_every(cells.longitude, step))
     return lit, coarse.directions(), step
 

@@ -28,6 +28,22 @@ CAMERA_FROM_PIXELS = np.diag([1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
+class Seen:
+    """What a view of the ball tells of some directions (…).
+
+    radiance : (…, 3), the ball's reflectance divided out
+    incidence : (…) cosine of incidence, 0 where the picture shows nothing of it
+    sampling : (…) pixels per radian where it is squeezed most, 0 where the picture shows nothing of it
+    saturated : (…) share that was saturated in every photograph, 0 to 1
+    """
+
+    radiance: np.ndarray
+    incidence: np.ndarray
+    sampling: np.ndarray
+    saturated: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class BallView:
     """One radiance map of the ball, with where its camera stood: everything needed to look light up in it.
 
@@ -57,6 +73,13 @@ class BallView:
         """The same view with its world turned by `rotation`."""
         return replace(self, world_from_pixels=rotation @ self.world_from_pixels)
 
+    def adjusted(self, right: float, down: float, outward: float) -> BallView:
+        """The same view with its silhouette moved, and grown, by pixels; where its camera stood stays."""
+        axis = normalised(self.axis + np.array([right, down, 0.0]) * self.axis[2] / self.focal_length)
+        sine = min((1 + outward / self.outline.radius) / self.distance, 0.999)
+        world = self.world_from_pixels @ rotation_between(axis, self.axis)
+        return replace(self, axis=axis, distance=1 / sine, world_from_pixels=world)
+
     def look_up(self, directions: np.ndarray, nearness: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Radiance (…, 3) seen in the ball from world directions (…, 3), and how squarely, cos of incidence (…).
 
@@ -65,15 +88,44 @@ class BallView:
         The cosine is 1 where the ball faces the camera and falls to 0 at the silhouette, where the whole
         neighbourhood of the direction behind the ball is squeezed into no width; in the blind cone it is 0.
         """
-        x, y, incidence = self._seen_at(directions, nearness)
+        seen = self.see(directions, nearness)
+        return seen.radiance, seen.incidence
+
+    def saturated(self, directions: np.ndarray, nearness: float = 0.0) -> np.ndarray:
+        """Whether the light from world directions (…, 3) was saturated in every photograph: (…) bool."""
+        return self.see(directions, nearness).saturated > 0.5
+
+    def sampling(self, directions: np.ndarray, nearness: float = 0.0) -> np.ndarray:
+        """Pixels per radian of light in the direction in which the ball squeezes it most: (…), 0 in the blind cone.
+
+        It squeezes radially, f dα/dβ: all pixels take in nearly the same solid angle (`solid_angles`), but near the
+        silhouette a long narrow strip of it.
+        """
+        return self.see(directions, nearness).sampling
+
+    def see(self, directions: np.ndarray, nearness: float = 0.0) -> Seen:
+        """All that the view tells of world directions (…, 3); `nearness` as for `look_up`."""
+        local = np.asarray(directions, np.float64) @ self.world_from_pixels
+        gamma, normal = self._normal(local)
+        if nearness:
+            # From the surface point n (in radii) the point at 1/nearness lies along ω − nearness·n.
+            gamma, normal = self._normal(normalised(local - nearness * normal))
+        point = self.distance * self.axis + normal
+        x, y = self._project(point)
+        incidence = np.maximum(-(normalised(point) * normal).sum(-1), 0)
+        alpha_rise, beta_rise = self._rises(gamma)
         width, height = self.picture.size
         shown = (x >= 0) & (x <= width) & (y >= 0) & (y <= height)
-        if self.picture.clipped is not None and np.any(self.picture.clipped == OUTSIDE):
-            shown &= bilinear((self.picture.clipped == OUTSIDE).astype(np.float32), x, y) < 0.01
+        saturated = np.zeros(x.shape)
+        if self.picture.clipped is not None:
+            if np.any(self.picture.clipped == OUTSIDE):
+                shown &= bilinear((self.picture.clipped == OUTSIDE).astype(np.float32), x, y) < 0.01
+            saturated = bilinear((self.picture.clipped == SATURATED).astype(np.float32), x, y)
         radiance = bilinear(self.picture.radiance, x, y)
         if min(self.reflectance.normal) < 1:
             radiance = radiance / self.reflectance.at(incidence)
-        return radiance, np.where(shown, incidence, 0)
+        sampling = np.where(shown, self.focal_length * np.maximum(alpha_rise, 0) / beta_rise, 0)
+        return Seen(radiance, np.where(shown, incidence, 0), sampling, saturated)
 
     def solid_angles(self, directions: np.ndarray) -> np.ndarray:
         """Steradians of light from infinity that one pixel takes in where directions (…, 3) are seen: (…).
@@ -82,32 +134,19 @@ class BallView:
         ball for a distant camera, 4/radius² (its pixels lie on 4π sr alike), and 0 in the blind cone.
         """
         local = np.asarray(directions, np.float64) @ self.world_from_pixels
-        cosine = np.clip(-local @ self.axis, -1, 1)
-        normal = self._normal(local)
-        gamma = np.arccos(np.clip(-normal @ self.axis, -1, 1))
+        beta = np.arccos(np.clip(-local @ self.axis, -1, 1))
+        gamma, normal = self._normal(local)
         alpha_rise, beta_rise = self._rises(gamma)
         alpha = np.arctan2(np.sin(gamma), self.distance - np.cos(gamma))
         # At the middle both sines vanish, and their ratio is that of the angles.
         middle = gamma < 1e-5
-        ratio = np.sqrt(np.maximum(1 - cosine**2, 0)) / np.where(middle, 1, np.sin(alpha))
-        ratio = np.where(middle, beta_rise / np.where(middle, alpha_rise, 1), ratio)
+        ratio = np.where(
+            middle, beta_rise / np.where(middle, alpha_rise, 1), np.sin(beta) / np.where(middle, 1, np.sin(alpha))
+        )
         point = self.distance * self.axis + normal
         pixel = (point[..., 2] / np.linalg.norm(point, axis=-1)) ** 3 / self.focal_length**2
-        seen = np.arccos(cosine) < np.pi - np.arcsin(1 / self.distance)
+        seen = beta < np.pi - np.arcsin(1 / self.distance)
         return np.where(seen, pixel * ratio * beta_rise / np.maximum(alpha_rise, 1e-12), 0)
-
-    def sampling(self, directions: np.ndarray, nearness: float = 0.0) -> np.ndarray:
-        """Pixels per radian of light in the direction in which the ball squeezes it most: (…), 0 in the blind cone.
-
-        Squeezed radially, f dα/dβ: all pixels take in nearly the same solid angle (`solid_angles`), but near the
-        silhouette a long narrow strip of it.
-        """
-        local = np.asarray(directions, np.float64) @ self.world_from_pixels
-        normal = self._normal(local)
-        if nearness:
-            normal = self._normal(normalised(local - nearness * normal))
-        alpha_rise, beta_rise = self._rises(np.arccos(np.clip(-normal @ self.axis, -1, 1)))
-        return self.focal_length * np.maximum(alpha_rise, 0) / beta_rise
 
     def _rises(self, gamma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """dα/dγ and dβ/dγ."""
@@ -116,26 +155,8 @@ class BallView:
         rise = (far * cosine - 1) / squared
         return rise, 1 + (far**2 - far * cosine) / squared
 
-    def saturated(self, directions: np.ndarray, nearness: float = 0.0) -> np.ndarray:
-        """Whether the light from world directions (…, 3) was saturated in every photograph: (…) bool."""
-        if self.picture.clipped is None:
-            return np.zeros(directions.shape[:-1], bool)
-        x, y, _ = self._seen_at(directions, nearness)
-        return bilinear((self.picture.clipped == SATURATED).astype(np.float32), x, y) > 0.5
-
-    def _seen_at(self, directions: np.ndarray, nearness: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Pixel coordinates where directions are seen, and the cosine of incidence there."""
-        local = np.asarray(directions, np.float64) @ self.world_from_pixels
-        normal = self._normal(local)
-        if nearness:
-            # From the surface point n (in radii) the point at 1/nearness lies along ω − nearness·n.
-            normal = self._normal(normalised(local - nearness * normal))
-        point = self.distance * self.axis + normal
-        x, y = self._project(point)
-        return x, y, np.maximum(-(normalised(point) * normal).sum(-1), 0)
-
-    def _normal(self, directions: np.ndarray) -> np.ndarray:
-        """The normals (…, 3) at which directions (…, 3), in the pixel frame, are reflected to the camera."""
+    def _normal(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """γ (…) and the normals (…, 3) at which directions (…, 3), in the pixel frame, are reflected to the camera."""
         back = -self.axis
         cosine = np.clip(directions @ back, -1, 1)
         sideways = directions - cosine[..., None] * back
@@ -143,8 +164,8 @@ class BallView:
         sideways = np.divide(sideways, length, out=np.zeros_like(sideways), where=length > 0)
         gamma = np.linspace(0, np.arccos(1 / self.distance), 8192)
         beta = gamma + np.arctan2(self.distance * np.sin(gamma), self.distance * np.cos(gamma) - 1)
-        angle = np.interp(np.arccos(cosine), beta, gamma)[..., None]
-        return np.cos(angle) * back + np.sin(angle) * sideways
+        angle = np.interp(np.arccos(cosine), beta, gamma)
+        return angle, np.cos(angle)[..., None] * back + np.sin(angle)[..., None] * sideways
 
     def _project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         width, height = self.picture.size
@@ -187,7 +208,7 @@ def view_ball(
         cut = found.cut(picture.size)
         if cut > MOST_CUT:
             raise BallNotFound(
-                f"{name}: the picture's edge cuts off {100 * cut:.0f} % of the ball; photograph it whole, or pick its rim"
+                f"{name}: the picture's edge cuts off {100 * cut:.0f} % of the ball; take it whole, or pick its rim"
             )
     cone = cone_through(found.points, picture.size, focal_length)
     # The camera that looks straight at the ball, then turned in itself so that the ball lies where it is seen.

@@ -7,8 +7,10 @@ inside; where the ball reflects nearly all, there is no step at all, only this r
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
-from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.ndimage import gaussian_filter, gaussian_filter1d, map_coordinates
 
 from relume.image.colour import luminance
 from relume.probe.silhouette import RAYS, TELEPHOTO, Cone, Outline, cone_through, outline_of
@@ -16,6 +18,9 @@ from relume.sphere.directions import normalised
 
 OUTLIER = 1.0
 """Pixels beyond which a point of the rim is not believed; an edge is seen to a few tenths."""
+PRECISE = 0.3
+"""The same for the places that were found in linear light: what the ball mirrors near its rim draws whole stretches of
+it inward by a pixel or two, and only a narrow gate tells them from the rim itself."""
 REACH = (0.02, 0.012, 0.008)
 """How far the rim is sought on either side of the guess, in radii, pass by pass."""
 STEP, INSIDE, OUTSIDE, MOVE = 0.5, 6.0, 4.0, 2.0
@@ -64,20 +69,20 @@ def refined(radiance: np.ndarray, outline: Outline, focal_length: float | None =
     """
     bright = luminance(radiance)
     size = (bright.shape[1], bright.shape[0])
-    focal_length = focal_length or TELEPHOTO * size[0]
-    cone = cone_through(outline.points, size, focal_length)
-    coarse = follow(evened(bright), cone, focal_length, (0.012, 0.008))
+    focal = float(TELEPHOTO * size[0]) if focal_length is None else focal_length
+    cone = cone_through(outline.points, size, focal)
+    coarse = follow(evened(bright), cone, focal, (0.012, 0.008))
     if coarse is None:
         return outline
-    cone = cone_through(coarse.points, size, focal_length)
+    cone = cone_through(coarse.points, size, focal)
     for _ in range(2):
-        rim, normals = cone.silhouette(size, focal_length)
+        rim, normals = cone.silhouette(size, focal)
         places, sure = _placed(bright, rim, normals)
         points = (rim + normals * places[:, None])[sure]
         if len(points) < RAYS // 10:
             return coarse
-        cone, near = robust_cone(points, size, focal_length, OUTLIER)
-        coarse = outline_of(cone, size, focal_length, points[near], float(near.sum()) / RAYS)
+        cone, near = robust_cone(points, size, focal, PRECISE)
+        coarse = outline_of(cone, size, focal, points[near], coarse.coverage)
     return coarse
 
 
@@ -142,7 +147,8 @@ def _placed(bright: np.ndarray, rim: np.ndarray, normals: np.ndarray) -> tuple[n
     moves = np.arange(-MOVE, MOVE + 0.05, 0.1)
     best: tuple[float, np.ndarray] | None = None
     for blur in BLURS:
-        residuals = np.stack([(_without_model(steps, move, blur) @ profiles.T) for move in moves])
+        model = _Model.of(blur)
+        residuals = np.stack([model.unexplained(steps - move) @ profiles.T for move in moves])
         left = (residuals**2).sum(1).T / total[:, None]
         misfit = float(np.median(left.min(1)[around])) if around.any() else 0.0
         if best is None or misfit < best[0]:
@@ -158,18 +164,26 @@ def _placed(bright: np.ndarray, rim: np.ndarray, normals: np.ndarray) -> tuple[n
     return place, around & told & (np.abs(place) < MOVE - 0.15)
 
 
-def _without_model(steps: np.ndarray, move: float, blur: float) -> np.ndarray:
-    """The matrix that takes from a profile all that a rim at `move` explains."""
-    fine = np.arange(-INSIDE - 8, OUTSIDE + 8, 0.05)
-    depth = np.maximum(move - fine, 0)
-    outside = (fine > move).astype(np.float64)
-    shapes = [outside, outside * (fine - move), 1 - outside, np.sqrt(depth)]
-    columns = []
-    for shape in shapes:
-        blurred = gaussian_filter(shape, blur / 0.05, mode="nearest")
-        columns.append(np.interp(steps, fine, blurred))
-    basis, _ = np.linalg.qr(np.stack(columns, axis=1))
-    return np.eye(len(steps)) - basis @ basis.T
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """What a profile across a blurred rim is made of, in columns: level and slope outside, level and root inside."""
+
+    places: np.ndarray
+    shapes: np.ndarray
+
+    @staticmethod
+    def of(blur: float) -> _Model:
+        fine = 0.05
+        places = np.arange(-INSIDE - MOVE - 8, OUTSIDE + MOVE + 8, fine)
+        outside = (places > 0).astype(np.float64)
+        shapes = np.stack([outside, outside * places, 1 - outside, np.sqrt(np.maximum(-places, 0))])
+        return _Model(places, np.asarray(gaussian_filter1d(shapes, blur / fine, axis=1, mode="nearest")))
+
+    def unexplained(self, steps: np.ndarray) -> np.ndarray:
+        """The matrix that takes from a profile at `steps` from the rim all that the rim explains."""
+        columns = [np.interp(steps, self.places, shape) for shape in self.shapes]
+        basis, _ = np.linalg.qr(np.stack(columns, axis=1))
+        return np.eye(len(steps)) - basis @ basis.T
 
 
 def _profiles(

@@ -34,9 +34,9 @@ def find_outline(radiance: np.ndarray, name: str = "picture", focal_length: floa
     about equally well.
     """
     picture = evened(luminance(radiance))
-    focal_length = focal_length or TELEPHOTO * picture.shape[1]
+    focal = float(TELEPHOTO * picture.shape[1]) if focal_length is None else focal_length
     slopes = _slopes(picture)
-    outlines = [_followed(picture, focal_length, _fitted(slopes, focal_length, *c)) for c in _circles(picture)]
+    outlines = [_followed(picture, focal, _fitted(slopes, focal, *c)) for c in _circles(picture)]
     seen = [o for o in outlines if o is not None and o.coverage >= COVERAGE_NEEDED]
     if not seen:
         raise BallNotFound(f"{name}: no mirrored ball found; it must be round, whole in the picture and sharp")
@@ -83,7 +83,7 @@ def _circles(picture: np.ndarray, count: int = 12) -> list[tuple[float, float, f
         )
         share = share[margin : height - margin, margin : width - margin]
         peak = np.where(share == maximum_filter(share, 7), share, 0)
-        for index in np.argsort(peak, axis=None)[-3:]:
+        for index in np.argpartition(peak, -3, axis=None)[-3:]:
             row, column = divmod(int(index), share.shape[1])
             found.append((float(share[row, column]), column + 0.5, row + 0.5, float(radius)))
     # A short circle is matched by chance more easily than a long one.

@@ -1,4 +1,4 @@
-"""Light from a painting: an encoded picture of an environment, told what its values mean (Miller & Hoffman 1984, 5.3)."""
+"""Light from a painting: an encoded picture of an environment whose values are explained (Miller & Hoffman 1984)."""
 
 from __future__ import annotations
 

@@ -100,8 +100,8 @@ def mosaic(
     unseen, saturated = (float(angles[codes == code].sum()) for code in (OUTSIDE, SATURATED))
     if balanced.disagreement > UNLIKE:
         notes.append(
-            f"views differ by {100 * np.expm1(balanced.disagreement):.0f} % where they overlap; check their orientation, "
-            "and whether the light changed"
+            f"views differ by {100 * np.expm1(balanced.disagreement):.0f} % where they overlap; check their "
+            "orientation, and whether the light changed"
         )
     elif seams.disputed > SHARE_DISPUTED * 4 * np.pi:
         notes.append(

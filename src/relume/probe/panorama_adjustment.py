@@ -1,4 +1,4 @@
-"""All views of a panorama turned together: rotations, one focal length and one term of distortion (bundle adjustment)."""
+"""All views of a panorama turned together (bundle adjustment): rotations, one focal length, one term of distortion."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy import sparse
 
 from relume.probe.panorama_matching import Matching, Pair, find_pairs
-from relume.probe.panorama_views import NotAPanorama, PanoramaView
+from relume.probe.panorama_views import NotAPanorama, PanoramaView, undistorted
 from relume.sphere.directions import UP, normalised, rotation_between, rotation_from_vector
 
 MATCHES = 200
@@ -20,6 +20,10 @@ PRIOR_FOCAL, PRIOR_DISTORTION = 0.1, 0.05
 """Standard deviations of ln focal length about what was told, and of the distortion about 0."""
 FEATURE = 0.7
 """Pixels, in the picture they were found in, that the place of a feature is uncertain by."""
+STEPS = 20
+"""Of Gauss–Newton in a round, at most."""
+LOSS = 2.0
+"""Deviations at which a match counts half."""
 ALONE = 0.05
 """Share of the views' right axes that has to be out of one line for them to tell the horizon."""
 
@@ -96,12 +100,10 @@ def _linked(views: Sequence[PanoramaView], pairs: Sequence[Pair]) -> list[tuple[
         ways = [(int(pair.agreeing.sum()), pair) for pair in pairs if (pair.first in known) != (pair.second in known)]
         if not ways:
             lost = [view.name for i, view in enumerate(views) if i not in known]
-            others = (
-                "the others" if len(lost) < len(views) - 1 else next(v.name for i, v in enumerate(views) if i in known)
-            )
+            found = [view.name for i, view in enumerate(views) if i in known]
             raise NotAPanorama(
-                f"{', '.join(lost)}: too little in common with {others} to tell where {'it' if len(lost) == 1 else 'they'} "
-                "looked; let views overlap by a third, or tell their orientation"
+                f"{', '.join(lost)}: too little in common with {', '.join(found) if len(found) < 3 else 'the others'} "
+                "to tell the orientation; let views overlap by a third, or tell how each was turned"
             )
         pair = max(ways, key=lambda way: way[0])[1]
         old, new = (pair.first, pair.second) if pair.first in known else (pair.second, pair.first)
@@ -169,41 +171,105 @@ class _Bundle:
     def solved(
         self, rotations: Sequence[np.ndarray], scale: float, distortion: float
     ) -> tuple[list[np.ndarray], float, float]:
-        """Rotations, focal scale and distortion of the least misfit (robust: Cauchy's loss)."""
-        free = self.free
-        chosen = [replace(pair, points=pair.points[_spread(pair.agreeing)]) for pair in self.pairs]
-        uncertain = [
-            FEATURE * max(self.views[p.first].picture.size) / self.method.width / self.views[p.first].focal_length
-            for p in chosen
-        ]
-        uncertain = [max(u, FEATURE / self.views[p.first].focal_length) for u, p in zip(uncertain, chosen, strict=True)]
-
-        def turned(unknown: np.ndarray) -> tuple[list[np.ndarray], float, float]:
-            now = list(rotations)
-            for place, index in enumerate(free):
-                now[index] = rotation_from_vector(unknown[3 * place : 3 * place + 3]) @ rotations[index]
-            return now, float(np.exp(unknown[-2])), float(unknown[-1])
-
-        def misfit(unknown: np.ndarray) -> np.ndarray:
-            now, focal, bend = turned(unknown)
-            parts = [
-                (self._apart(pair, now, focal, bend) / deviation).ravel()
-                for pair, deviation in zip(chosen, uncertain, strict=True)
-            ]
-            return np.concatenate([*parts, [unknown[-2] / PRIOR_FOCAL, unknown[-1] / PRIOR_DISTORTION]])
-
-        start = np.zeros(3 * len(free) + 2)
-        start[-2:] = np.log(scale), distortion
-        span = np.full(len(start), np.inf)
-        span[-2:] = 0.5, (0.3 if self.method.distortion else 1e-12)
-        fit = least_squares(misfit, start, bounds=(-span, span), loss="cauchy", f_scale=2.0, x_scale=0.01, max_nfev=30)
-        return turned(fit.x)
+        """Rotations, focal scale and distortion of the least misfit (Gauss–Newton with Cauchy's weights)."""
+        ends = _Ends.of(self.views, self.pairs, self.method)
+        turns, free = np.stack(rotations), self.free
+        columns = np.full(len(turns), -1)
+        columns[free] = 3 * np.arange(len(free))
+        lens = np.array([np.log(scale), distortion])
+        deviation = np.array([PRIOR_FOCAL, PRIOR_DISTORTION if self.method.distortion else 1e-9])
+        unknown = 3 * len(free) + 2
+        for _ in range(STEPS):
+            apart, slopes = ends.misfit(turns, lens)
+            weight = 1 / (1 + (apart**2).sum(-1) / LOSS**2)
+            jacobian = ends.jacobian(turns, lens, slopes, columns, unknown)
+            weighted = jacobian.multiply(np.repeat(weight, 3)[:, None]).tocsr()
+            normal = (jacobian.T @ weighted).toarray()
+            right = -(weighted.T @ apart.ravel())
+            normal[-2:, -2:] += np.diag(1 / deviation**2)
+            right[-2:] -= lens / deviation**2
+            # Views that no match holds stay where they are.
+            step = np.linalg.solve(normal + 1e-9 * np.diag(np.maximum(np.diag(normal), 1.0)), right)
+            for index in free:
+                turns[index] = rotation_from_vector(step[columns[index] : columns[index] + 3]) @ turns[index]
+            lens = np.clip(lens + step[-2:], [-0.5, -0.3], [0.5, 0.3])
+            if np.abs(step).max() < 1e-7:
+                break
+        return list(turns), float(np.exp(lens[0])), float(lens[1])
 
     def error(self, rotations: Sequence[np.ndarray], scale: float, distortion: float) -> float:
         """Root mean square of what agreeing matches differ by, radians."""
         apart = [self._apart(pair, rotations, scale, distortion)[pair.agreeing] for pair in self.pairs]
         together = np.concatenate(apart)
         return float(np.sqrt((together**2).sum(-1).mean())) if len(together) else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Ends:
+    """Both ends of the agreeing matches of all pairs.
+
+    views : (M, 2) indices
+    tangents : (M, 2, 2), of the points where the lens puts them, with the focal lengths as told
+    deviation : (M,) radians, of what right matches differ by
+    """
+
+    views: np.ndarray
+    tangents: np.ndarray
+    deviation: np.ndarray
+
+    @staticmethod
+    def of(views: Sequence[PanoramaView], pairs: Sequence[Pair], method: Matching) -> _Ends:
+        """Those of at most MATCHES of each pair."""
+        indices, tangents, deviations = [np.zeros((0, 2), int)], [np.zeros((0, 2, 2))], [np.zeros(0)]
+        for pair in pairs:
+            points = pair.points[_spread(pair.agreeing)]
+            both = [views[pair.first], views[pair.second]]
+            ends = [(points[:, e] - np.array(v.picture.size) / 2) / v.focal_length for e, v in enumerate(both)]
+            pixel = max(max(1.0, max(v.picture.size) / method.width) / v.focal_length for v in both)
+            indices.append(np.tile([pair.first, pair.second], (len(points), 1)))
+            tangents.append(np.stack(ends, axis=1))
+            deviations.append(np.full(len(points), FEATURE * pixel))
+        return _Ends(np.concatenate(indices), np.concatenate(tangents), np.concatenate(deviations))
+
+    def rays(self, lens: np.ndarray) -> np.ndarray:
+        """(M, 2, 3) of the cameras' frames; lens is ln of the focal length's scale, and the distortion."""
+        straight = undistorted(self.tangents / np.exp(lens[0]), float(lens[1]))
+        return normalised(np.stack([straight[..., 0], -straight[..., 1], -np.ones(straight.shape[:-1])], axis=-1))
+
+    def misfit(self, turns: np.ndarray, lens: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What the ends differ by, (M, 3) in deviations, and its slope by both of the lens, (M, 3, 2)."""
+
+        def apart(lens: np.ndarray) -> np.ndarray:
+            world = np.einsum("meij,mej->mei", turns[self.views], self.rays(lens))
+            return (world[:, 1] - world[:, 0]) / self.deviation[:, None]
+
+        step = 1e-5
+        slopes = [(apart(lens + step * axis) - apart(lens - step * axis)) / (2 * step) for axis in np.eye(2)]
+        return apart(lens), np.stack(slopes, axis=-1)
+
+    def jacobian(
+        self, turns: np.ndarray, lens: np.ndarray, slopes: np.ndarray, columns: np.ndarray, unknown: int
+    ) -> sparse.csr_array:
+        """(3 M, unknown): the turn of each free view begins at its column, and the lens is last."""
+        world = np.einsum("meij,mej->mei", turns[self.views], self.rays(lens)) / self.deviation[:, None, None]
+        rows = np.arange(3 * len(world)).reshape(-1, 3)
+        entries, down, across = (
+            [slopes.ravel()],
+            [np.repeat(rows.ravel(), 2)],
+            [np.tile([unknown - 2, unknown - 1], 3 * len(world))],
+        )
+        for end, sign in ((0, -1.0), (1, 1.0)):
+            begins = columns[self.views[:, end]]
+            x, y, z = world[begins >= 0, end].T
+            none = np.zeros_like(x)
+            # ω × r: a row for each component of the difference, a column for each of ω.
+            cross = sign * np.stack([[none, z, -y], [-z, none, x], [y, -x, none]])
+            entries.append(np.moveaxis(cross, -1, 0).ravel())
+            down.append(np.broadcast_to(rows[begins >= 0][:, :, None], (len(x), 3, 3)).ravel())
+            turns_of = begins[begins >= 0][:, None, None] + np.arange(3)
+            across.append(np.broadcast_to(turns_of, (len(x), 3, 3)).ravel())
+        coordinates = (np.concatenate(down), np.concatenate(across))
+        return sparse.csr_array((np.concatenate(entries), coordinates), (3 * len(world), unknown))
 
 
 def _spread(agreeing: np.ndarray) -> np.ndarray:

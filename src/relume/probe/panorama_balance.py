@@ -25,6 +25,8 @@ PRIOR_COEFFICIENT = 0.5
 CORRELATED = 4.0
 """Cells that err as one: what moved or was misplaced covers several."""
 ITERATIONS = 20
+MOST = 30_000
+"""Cells that are compared, evenly taken from all."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,9 @@ def _differences(views: Sequence[PanoramaView], seen: Sight, angles: np.ndarray)
             parts.append((*ends, logarithm, angles[both], radii))
     if not parts:
         return None
-    first, second, logarithm, weight, radii = (np.concatenate(group) for group in zip(*parts, strict=True))
+    together = [np.concatenate(group) for group in zip(*parts, strict=True)]
+    chosen = np.linspace(0, len(together[0]) - 1, min(len(together[0]), MOST)).astype(int)
+    first, second, logarithm, weight, radii = (group[chosen] for group in together)
     return _Differences(first, second, logarithm.astype(np.float64), weight / weight.mean() / CORRELATED, radii)
 
 

@@ -61,7 +61,7 @@ def blend(views: Sequence[PanoramaView], seams: Seams, size: int, margin: float 
 
 
 def fill(radiance: np.ndarray, unseen: np.ndarray) -> np.ndarray:
-    """The map with what is unseen as smooth as can be: the logarithm is harmonic on the sphere, bounded by what is seen.
+    """The map with what is unseen as smooth as can be: its logarithm is harmonic, bounded by what is seen.
 
     radiance : (rows, 2·rows, 3); unseen : (rows, 2·rows) bool
     Logarithms, so that a lamp at the rim of what is seen does not shine into it.

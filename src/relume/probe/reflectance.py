@@ -56,8 +56,8 @@ def measured_reflectance(mirrored: np.ndarray, direct: np.ndarray, *, rising: bo
     ratio = seen / true
     if not np.all((ratio > 0) & (ratio <= 1)):
         raise ValueError(
-            f"the card in the ball is {np.round(ratio, 3).tolist()} times as bright as the card itself; a ball reflects "
-            "a share between 0 and 1: check that both are lit alike"
+            f"the card in the ball is {np.round(ratio, 3).tolist()} times as bright as the card itself; a ball "
+            "reflects a share between 0 and 1: check that both are lit alike"
         )
     red, green, blue = ratio.tolist()
     return BallReflectance((red, green, blue), rising)

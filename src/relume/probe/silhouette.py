@@ -1,8 +1,8 @@
 """The silhouette of a ball under perspective: the cone of rays that graze it, and the ellipse they draw.
 
-Pixel frame: x right, y down, z forward; the principal point is the picture's middle. A ball whose centre lies `distance`
-radii away along `axis` is touched by the rays d with d·axis = cos α, sin α = 1/distance; the picture cuts this cone in
-an ellipse, a circle only where the ball lies in the picture's middle.
+Pixel frame: x right, y down, z forward; the principal point is the picture's middle. A ball whose centre lies
+`distance` radii away along `axis` is touched by the rays d with d·axis = cos α, sin α = 1/distance; the picture
+cuts this cone in an ellipse, a circle only where the ball lies in the picture's middle.
 """
 
 from __future__ import annotations
@@ -64,26 +64,32 @@ class Cone:
         """α = asin(1/distance), radians."""
         return float(np.arcsin(1 / self.distance))
 
-    def silhouette(self, size: tuple[int, int], focal_length: float, count: int = RAYS) -> tuple[np.ndarray, ...]:
+    def silhouette(
+        self, size: tuple[int, int], focal_length: float, count: int = RAYS
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Points (count, 2) on the silhouette, pixels, and the unit normals (count, 2) that point away from the ball.
 
         size : (width, height) of the picture
         focal_length : pixels
         """
+        sideways, other = self._across()
         turns = 2 * np.pi * np.arange(count) / count
-        points = _projected(self._rays(turns, self.half_angle), size, focal_length)
-        step = 1e-4 * self.half_angle
-        outer = _projected(self._rays(turns, self.half_angle + step), size, focal_length)
-        # Across the ellipse, not along the ray's own move: the two differ where the ball lies far from the middle.
-        along = np.roll(points, -1, 0) - np.roll(points, 1, 0)
-        normals = normalised(np.stack([along[:, 1], -along[:, 0]], axis=1))
-        return points, normals * np.sign((normals * (outer - points)).sum(1, keepdims=True))
-
-    def _rays(self, turns: np.ndarray, angle: float) -> np.ndarray:
-        sideways = normalised(np.cross(self.axis, np.eye(3)[np.argmin(np.abs(self.axis))]))
-        other = np.cross(self.axis, sideways)
         ring = np.cos(turns)[:, None] * sideways + np.sin(turns)[:, None] * other
-        return np.cos(angle) * self.axis + np.sin(angle) * ring
+        rays = self.axis + np.tan(self.half_angle) * ring
+        points = _projected(rays, size, focal_length)
+        # How a point moves along the silhouette, by the quotient rule.
+        turned = np.cos(turns)[:, None] * other - np.sin(turns)[:, None] * sideways
+        along = turned[:, :2] * rays[:, 2:] - rays[:, :2] * turned[:, 2:]
+        normals = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.hypot(along[:, 0], along[:, 1])[:, None]
+        return points, normals * np.sign((normals[0] * (points[0] - points.mean(0))).sum())
+
+    def _across(self) -> tuple[np.ndarray, np.ndarray]:
+        """Two unit vectors that stand on the axis and on each other."""
+        x, y, z = self.axis.tolist()
+        sideways = np.array([z, 0.0, -x]) if abs(y) < 0.9 else np.array([0.0, -z, y])
+        sideways /= np.linalg.norm(sideways)
+        a, b, c = sideways.tolist()
+        return sideways, np.array([y * c - z * b, z * a - x * c, x * b - y * a])
 
 
 def _projected(rays: np.ndarray, size: tuple[int, int], focal_length: float) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -13,6 +14,8 @@ from relume.probe.weights import trust
 from relume.sphere.directions import rotation_about
 from relume.sphere.mappings import LatLong, pixel_points
 
+EDGES: Any = ("nearest", "wrap")
+"""How a lat-long chart goes on beyond its edges when it is blurred."""
 ROWS = 64
 """Rows of the charts that are compared: 2.8° each, and as much blur."""
 SPACING = np.radians(7.5)
@@ -68,7 +71,7 @@ def _chart(view: BallView) -> Chart:
 
 
 def _blurred(level: np.ndarray, share: np.ndarray, blur: float) -> np.ndarray:
-    above, below = (gaussian_filter(each, blur, mode=("nearest", "wrap")) for each in (level, share))
+    above, below = (np.asarray(gaussian_filter(each, blur, mode=EDGES)) for each in (level, share))
     return above / np.maximum(below, 1e-6)
 
 

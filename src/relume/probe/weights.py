@@ -14,11 +14,6 @@ STILL_SEEN = 0.1
 """What remains of the trust in a view's own camera: it stands there, if no other view sees past it."""
 
 
-def sharpness_of(view: BallView, directions: np.ndarray, nearness: float = 0.0) -> np.ndarray:
-    """How finely a view samples directions (…, 3), 1 where the ball faces the camera and 0 in the blind cone."""
-    return view.sampling(directions, nearness) / view.sampling(view.towards_camera[None])[0]
-
-
 def clear_of_camera(view: BallView, directions: np.ndarray) -> np.ndarray:
     """1 away from a view's own camera and what is under it, `STILL_SEEN` in its midst: (…)."""
     angle = _angle_to_stand(view.towards_camera, directions)
@@ -27,9 +22,13 @@ def clear_of_camera(view: BallView, directions: np.ndarray) -> np.ndarray:
 
 
 def trust(view: BallView, directions: np.ndarray, nearness: float = 0.0) -> np.ndarray:
-    """How far a view among others is believed, 0 to 1: (…)."""
-    _, incidence = view.look_up(directions, nearness)
-    return (incidence > 0) * sharpness_of(view, directions, nearness) * clear_of_camera(view, directions)
+    """How far a view among others is believed, 0 to 1: how finely it samples (…), away from its camera."""
+    return view.sampling(directions, nearness) / finest(view) * clear_of_camera(view, directions)
+
+
+def finest(view: BallView) -> float:
+    """Pixels per radian in the middle of the ball, where a view samples most finely."""
+    return view.focal_length / ((view.distance - 1) * (1 + view.distance / (view.distance - 1)))
 
 
 def _angle_to_stand(camera: np.ndarray, directions: np.ndarray) -> np.ndarray:

@@ -135,17 +135,18 @@ class Fisheye(_Disc):
 
     @classmethod
     def named(cls, text: str) -> Fisheye:
-        """The fisheye of a name, "fisheye" alone or with what follows left out at its default; raises ValueError."""
-        kind, _, field = text.removeprefix("fisheye").removeprefix(":").partition(":")
+        """The fisheye of a name: fisheye, fisheye:160, fisheye:equisolid, fisheye:equisolid:160; raises ValueError."""
+        words = text.split(":")[1:]
+        equisolid = words[:1] == ["equisolid"]
+        if words[:1] in (["equisolid"], ["equidistant"]):
+            words = words[1:]
         try:
-            degrees = float(field or 180)
-            if kind not in ("", "equidistant", "equisolid"):
-                raise ValueError
+            (degrees,) = map(float, words or ["180"])
         except ValueError:
             raise ValueError(
                 f'"{text}" is no fisheye; write fisheye:equidistant:DEGREES or fisheye:equisolid:DEGREES'
             ) from None
-        return cls(float(np.radians(degrees)), kind == "equisolid")
+        return cls(float(np.radians(degrees)), equisolid)
 
     def _angle(self, radius: np.ndarray) -> np.ndarray:
         return 2 * np.arcsin(radius * np.sin(self.field / 4)) if self.equisolid else radius * self.field / 2

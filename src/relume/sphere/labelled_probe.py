@@ -6,6 +6,8 @@ inside, looks along −Z with +Y up, turns to ±X or +Z, or nods to ±Y.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from relume.sphere.illumination import IlluminationMap
@@ -13,15 +15,31 @@ from relume.sphere.mappings import LatLong, pixel_directions
 
 _X, _Y, _Z = np.eye(3)
 
-LABELS: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray, tuple[float, float, float]]] = {
-    "+X": (_X, _Z, _Y, (1.0, 0.1, 0.1)),
-    "-X": (-_X, -_Z, _Y, (0.1, 0.9, 0.9)),
-    "+Y": (_Y, _X, _Z, (0.1, 1.0, 0.1)),
-    "-Y": (-_Y, _X, -_Z, (1.0, 0.1, 1.0)),
-    "+Z": (_Z, -_X, _Y, (0.2, 0.3, 1.0)),
-    "-Z": (-_Z, _X, _Y, (1.0, 0.9, 0.1)),
+
+@dataclass(frozen=True, eq=False)
+class Label:
+    """An axis of the world as it is written on the map.
+
+    towards : the axis, and the middle of its disc
+    right, up : what lies to the right and above for who looks there
+    colour : radiance of the disc
+    """
+
+    towards: np.ndarray
+    right: np.ndarray
+    up: np.ndarray
+    colour: tuple[float, float, float]
+
+
+LABELS: dict[str, Label] = {
+    "+X": Label(_X, _Z, _Y, (1.0, 0.1, 0.1)),
+    "-X": Label(-_X, -_Z, _Y, (0.1, 0.9, 0.9)),
+    "+Y": Label(_Y, _X, _Z, (0.1, 1.0, 0.1)),
+    "-Y": Label(-_Y, _X, -_Z, (1.0, 0.1, 1.0)),
+    "+Z": Label(_Z, -_X, _Y, (0.2, 0.3, 1.0)),
+    "-Z": Label(-_Z, _X, _Y, (1.0, 0.9, 0.1)),
 }
-"""By the name of an axis: its direction, what lies to the right and above there, and the radiance of its disc."""
+"""The six axes by their names."""
 
 RADIUS = np.radians(30)
 """Of a disc: six do not touch."""
@@ -46,16 +64,16 @@ def labelled_probe(size: int = 512) -> IlluminationMap:
     directions = pixel_directions(LatLong(), size)
     pixel = np.pi / size
     radiance = _grid(directions, pixel)
-    for name, (towards, right, up, colour) in LABELS.items():
-        depth = directions @ towards
+    for name, label in LABELS.items():
+        depth = directions @ label.towards
         near = depth > np.cos(RADIUS) - 2 * pixel
         # The plane that touches the sphere in the axis: letters are straight there.
         plane = directions[near] / depth[near][:, None]
-        x, y = plane @ right, plane @ up
+        x, y = plane @ label.right, plane @ label.up
         disc = _inside(np.tan(RADIUS) - np.hypot(x, y), pixel)
         ink = np.maximum(_sign_ink(name[0], x, y, pixel), _letter_ink(name[1], x, y, pixel))
-        label = np.asarray(colour) * (1 - ink)[:, None] + INK * ink[:, None]
-        radiance[near] += disc[:, None] * (label - radiance[near])
+        written = np.asarray(label.colour) * (1 - ink)[:, None] + INK * ink[:, None]
+        radiance[near] += disc[:, None] * (written - radiance[near])
     return IlluminationMap(radiance.astype(np.float32))
 
 

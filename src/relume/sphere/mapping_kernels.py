@@ -36,25 +36,25 @@ def cosine(angle):
 
 
 @kernel
-def toward(kind, across, down, xs, ys, count, x, y, z, density):
+def toward(kind, across, down, xs, ys, x, y, z, density):
     """Directions in a plane's frame (right, down, outward) of its points, and steradians per unit of area there.
 
     Points may lie a little beyond the plane: directions go on there.
     """
     if kind == LAT_LONG:
-        for i in range(count):
+        for i in range(len(xs)):
             longitude, polar = _PI * xs[i], _PI * _HALF * (ys[i] + _ONE)
             ring = sine(polar)
             x[i], y[i], z[i] = ring * sine(longitude), -cosine(polar), ring * cosine(longitude)
             density[i] = abs(ring) * np.float32(np.pi * np.pi / 2)
     elif kind == EQUIDISTANT:
-        for i in range(count):
+        for i in range(len(xs)):
             radius = max(np.sqrt(xs[i] * xs[i] + ys[i] * ys[i]), _TINY)
             ring = sine(across * radius) / radius
             x[i], y[i], z[i] = xs[i] * ring, ys[i] * ring, cosine(across * radius)
             density[i] = abs(ring) * across
     elif kind == EQUISOLID:
-        for i in range(count):
+        for i in range(len(xs)):
             square = across * across * (xs[i] * xs[i] + ys[i] * ys[i])
             # Beyond the rim of a whole ball the other side of the rim follows.
             beyond = square > _ONE
@@ -64,7 +64,7 @@ def toward(kind, across, down, xs, ys, count, x, y, z, density):
             x[i], y[i], z[i] = xs[i] * ring, ys[i] * ring, _ONE - _TWO * square
             density[i] = np.float32(4) * across * across
     elif kind == ORTHOGRAPHIC:
-        for i in range(count):
+        for i in range(len(xs)):
             square = xs[i] * xs[i] + ys[i] * ys[i]
             # Beyond the rim the other half of the sphere follows.
             beyond = square > _ONE
@@ -74,13 +74,13 @@ def toward(kind, across, down, xs, ys, count, x, y, z, density):
             z[i] = -outward if beyond else outward
             density[i] = _ONE / outward
     elif kind == FLAT:
-        for i in range(count):
+        for i in range(len(xs)):
             right, below = across * xs[i], down * ys[i]
             depth = _ONE / np.sqrt(right * right + below * below + _ONE)
             x[i], y[i], z[i] = right * depth, below * depth, depth
             density[i] = across * down * depth * depth * depth
     elif kind == OCTAHEDRAL:
-        for i in range(count):
+        for i in range(len(xs)):
             height = _ONE - abs(xs[i]) - abs(ys[i])
             below = max(-height, np.float32(0))
             right = xs[i] - (below if xs[i] >= 0 else -below)
@@ -89,7 +89,7 @@ def toward(kind, across, down, xs, ys, count, x, y, z, density):
             x[i], y[i], z[i] = right * scale, near * scale, height * scale
             density[i] = scale * scale * scale
     else:
-        for i in range(count):
+        for i in range(len(xs)):
             height = _ONE - abs(xs[i]) - abs(ys[i])
             radius = _ONE - abs(height)
             turn = (abs(ys[i]) - abs(xs[i])) / max(radius, _TINY)
@@ -104,12 +104,12 @@ def toward(kind, across, down, xs, ys, count, x, y, z, density):
 
 
 @kernel
-def turned(turn, count, x, y, z):
+def turned(turn, x, y, z):
     """Directions turned in place."""
     a, b, c = turn[0, 0], turn[0, 1], turn[0, 2]
     d, e, f = turn[1, 0], turn[1, 1], turn[1, 2]
     g, h, k = turn[2, 0], turn[2, 1], turn[2, 2]
-    for i in range(count):
+    for i in range(len(x)):
         right, down, outward = x[i], y[i], z[i]
         x[i] = a * right + b * down + c * outward
         y[i] = d * right + e * down + f * outward
@@ -117,21 +117,21 @@ def turned(turn, count, x, y, z):
 
 
 @kernel
-def found(kind, across, down, frames, whole, count, x, y, z, plane, xs, ys):
+def found(kind, across, down, frames, whole, x, y, z, plane, xs, ys):
     """Plane and point of directions in the first plane's frame; plane −1 where none shows it."""
-    plane[:count] = 0
+    plane[:] = 0
     if kind == LAT_LONG:
-        for i in range(count):
+        for i in range(len(x)):
             xs[i] = arctangent2(x[i], z[i]) * np.float32(1 / np.pi)
             ys[i] = arctangent2(np.sqrt(x[i] * x[i] + z[i] * z[i]), -y[i]) * np.float32(2 / np.pi) - _ONE
     elif kind == EQUIDISTANT:
-        for i in range(count):
+        for i in range(len(x)):
             ring = np.sqrt(x[i] * x[i] + y[i] * y[i])
             radius = arctangent2(ring, z[i]) / across
             scale = radius / max(ring, _TINY)
             xs[i], ys[i] = x[i] * scale, y[i] * scale
     elif kind == EQUISOLID:
-        for i in range(count):
+        for i in range(len(x)):
             ring = np.sqrt(x[i] * x[i] + y[i] * y[i])
             # sin(θ/2), by whichever half-angle formula keeps its digits.
             near = ring / np.sqrt(_TWO * max(_ONE + z[i], _ONE))
@@ -139,11 +139,11 @@ def found(kind, across, down, frames, whole, count, x, y, z, plane, xs, ys):
             scale = (near if z[i] > 0 else far) / (across * max(ring, _TINY))
             xs[i], ys[i] = x[i] * scale, y[i] * scale
     elif kind == ORTHOGRAPHIC:
-        for i in range(count):
+        for i in range(len(x)):
             plane[i] = 1 if z[i] < 0 else 0
             xs[i], ys[i] = x[i], y[i]
     elif kind == FLAT:
-        for i in range(count):
+        for i in range(len(x)):
             best, depth = -1, np.float32(0)
             for p in range(len(frames)):
                 outward = frames[p, 2, 0] * x[i] + frames[p, 2, 1] * y[i] + frames[p, 2, 2] * z[i]
@@ -155,7 +155,7 @@ def found(kind, across, down, frames, whole, count, x, y, z, plane, xs, ys):
                 below = frames[best, 1, 0] * x[i] + frames[best, 1, 1] * y[i] + frames[best, 1, 2] * z[i]
                 xs[i], ys[i] = right / (depth * across), below / (depth * down)
     elif kind == OCTAHEDRAL:
-        for i in range(count):
+        for i in range(len(x)):
             scale = _ONE / (abs(x[i]) + abs(y[i]) + abs(z[i]))
             right, near = x[i] * scale, y[i] * scale
             outer, outer_near = _ONE - abs(near), _ONE - abs(right)
@@ -163,7 +163,7 @@ def found(kind, across, down, frames, whole, count, x, y, z, plane, xs, ys):
             outer_near = outer_near if y[i] >= 0 else -outer_near
             xs[i], ys[i] = (outer if z[i] < 0 else right), (outer_near if z[i] < 0 else near)
     else:
-        for i in range(count):
+        for i in range(len(x)):
             # √(1 − |z|), by a formula that keeps its digits.
             radius = np.sqrt((x[i] * x[i] + y[i] * y[i]) / (_ONE + abs(z[i])))
             along = radius * arctangent2(abs(y[i]), abs(x[i])) * np.float32(2 / np.pi)
@@ -173,7 +173,7 @@ def found(kind, across, down, frames, whole, count, x, y, z, plane, xs, ys):
             ys[i] = near if y[i] >= 0 else -near
     if not whole:
         disc = kind != FLAT
-        for i in range(count):
+        for i in range(len(x)):
             if disc and xs[i] * xs[i] + ys[i] * ys[i] > _ONE:
                 plane[i] = -1
             elif abs(xs[i]) > _ONE or abs(ys[i]) > _ONE:
@@ -208,6 +208,13 @@ def spread(kind, across, down, x, y):
         longest = np.sqrt(2 / (right * right + near * near + height * height))
         return longest, longest
     return np.pi * 0.8, np.pi * 0.8
+
+
+@kernel
+def spreads(kind, across, down, xs, ys, wide, high):
+    """`spread` at many points."""
+    for i in range(len(xs)):
+        wide[i], high[i] = spread(kind, across, down, np.float64(xs[i]), np.float64(ys[i]))
 
 
 @kernel

@@ -64,7 +64,9 @@ def oriented(light: IlluminationMap, orientation: Orientation, size: int | None 
     A lat-long map that is turned by whole columns keeps its pixels; any other is resampled, its energy kept. The result
     is *for the program*: read by us it is light from elsewhere, until `restored` turns it back.
     """
-    turned = _turned(light, orientation.rotation.T, orientation.mapping, size)
+    from relume.sphere.resampling import resampled
+
+    turned = resampled(light, orientation.mapping, size or light.size, orientation.rotation.T)
     return _flipped(turned) if orientation.mirrored else turned
 
 
@@ -75,33 +77,10 @@ def restored(light: IlluminationMap, orientation: Orientation) -> IlluminationMa
     """
     if light.mapping.name != orientation.mapping.name:
         raise ValueError(f"a {light.mapping.name} map; {orientation.name} reads {orientation.mapping.name} maps only")
+    from relume.sphere.resampling import resampled
+
     straight = _flipped(light) if orientation.mirrored else light
-    return _turned(straight, orientation.rotation, LatLong(), None)
-
-
-def _turned(light: IlluminationMap, rotation: np.ndarray, mapping: Mapping, size: int | None) -> IlluminationMap:
-    """The light turned by an active rotation, in another mapping and size."""
-    size = size or light.size
-    columns = _whole_columns(rotation, 2 * light.size)
-    if columns is not None and isinstance(light.mapping, LatLong):
-        light = IlluminationMap(
-            np.roll(light.radiance, columns, axis=1),
-            light.mapping,
-            light.unit,
-            None if light.clipped is None else np.roll(light.clipped, columns, axis=1),
-        )
-    else:
-        light = light.rotated(rotation)
-    same = light.mapping.name == mapping.name and light.size == size
-    return light if same else light.remapped(mapping, size)
-
-
-def _whole_columns(rotation: np.ndarray, width: int) -> int | None:
-    """By how many columns to the right a rotation about +Y moves a lat-long map; None where not by whole ones."""
-    if abs(rotation[1, 1] - 1) > 1e-12:
-        return None
-    columns = -np.arctan2(rotation[0, 2], rotation[0, 0]) * width / (2 * np.pi)
-    return round(columns) if abs(columns - round(columns)) < 1e-9 * width else None
+    return resampled(straight, LatLong(), light.size, orientation.rotation)
 
 
 def _flipped(light: IlluminationMap) -> IlluminationMap:

@@ -19,11 +19,14 @@ from relume.sphere.mappings import LatLong, Mapping
 _ROUNDS = 100_000
 """Draws after which something must be wrong: the least likely pixel needs some thousand."""
 # A hair within the pixel: beyond its edge another face of a cube may begin.
-_EDGES = np.array([1e-6, 0.5, 1 - 1e-6])
+_EDGES = np.array([1e-6, 0.25, 0.5, 0.75, 1 - 1e-6])
 _CORNERS = np.stack(np.meshgrid(_EDGES, _EDGES), axis=-1).reshape(-1, 2)
 """Points of a pixel whose directions tell how far it reaches."""
 _MARGIN = 0.1
-"""Share of its extent by which a pixel's box is widened each way: its edges are curved between those points."""
+"""Share of its extent by which a pixel's box is widened each way: its edges are curved between those points. Twice
+what the mirror ball's rim needs."""
+_WIDE = 0.1
+"""Cosine from its middle to which a pixel reaches in a map of hardly any pixels: its box is the sphere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,8 +155,10 @@ def pixel_boxes(
     points = (np.stack([columns, rows], axis=-1)[:, None] + _CORNERS) / shape
     shown = mapping.directions(mapping.shown(points))
     missing = np.isnan(shown[..., :1])
-    middles = np.where(missing, 0, shown).sum(1)
-    middles /= np.linalg.norm(middles, axis=-1, keepdims=True)
+    middles = np.where(missing, 0, shown).sum(1) / (~missing).sum(1)
+    middles /= np.maximum(np.linalg.norm(middles, axis=-1, keepdims=True), 1e-300)
+    wide = np.nanmin((shown * middles[:, None]).sum(-1), axis=-1) < _WIDE
+    middles[wide] = (0.0, 0.0, 1.0)
     spread = np.where(missing, 0, shown - middles[:, None])
     _, axes = np.linalg.eigh(np.einsum("npi,npj->nij", spread, spread))
     along = axes[..., 2] - (axes[..., 2] * middles).sum(-1, keepdims=True) * middles
@@ -163,8 +168,8 @@ def pixel_boxes(
     extents = np.stack([np.arctan2(local[..., 1], local[..., 0]), local[..., 2]], axis=-1)
     low, high = extents.min(1), extents.max(1)
     margin = _MARGIN * np.maximum(high - low, 0.2 * (high - low).max(-1, keepdims=True))
-    low, high = low - margin, high + margin
-    return frames, np.maximum(low, [-np.pi, -1]), np.minimum(high, [np.pi, 1])
+    frames[wide], low[wide], high[wide] = np.eye(3), (-np.pi, -1), (np.pi, 1)
+    return frames, np.maximum(low - margin, [-np.pi, -1]), np.minimum(high + margin, [np.pi, 1])
 
 
 def _in_box(frames: np.ndarray, low: np.ndarray, high: np.ndarray, numbers: np.ndarray) -> np.ndarray:

@@ -15,6 +15,8 @@ EFFICACY = 179.0
 """Lumens a watt, by which Radiance turns its RGB into photometric units (Ward 1994, §4; WHTEFFICACY in color.h)."""
 NARROWEST = np.radians(0.1)
 """Apparent diameter of a light that has none: a Radiance source must have some, and 0.1° blurs no shadow visibly."""
+_NARROWED = "# All lights are 0.1 degrees wide, whatever they stand for: a source hides what glows behind it.\n"
+_WIDE = "# Wide lights want jittered rays: trace with -dj 0.9 or so.\n"
 LONGITUDE, POLAR = "1+atan2(Dx,Dy)/PI", "1-Acos(Dz)/PI"
 
 
@@ -24,7 +26,8 @@ def text(lights: Constellation, *, unit: str, background: str | None = None, ang
     unit : the map's, "relative" or "cd/m²"; lux and cd/m² are divided by 179 lm/W, by which Radiance multiplies
     background : the lat-long picture with the light that the lights do not carry, relative to where Radiance runs; it
         must be a Radiance picture (.hdr or .pic)
-    angles : (N,), apparent diameters in radians; those of 0, and all where None, become 0.1°
+    angles : (N,), apparent diameters in radians; those below 0.1°, and all where None, become 0.1°. So do all beside a
+        background, for a source hides what glows behind it (30 lights of 15° took 4 % from it)
 
     A source's radiance is E / (π sin²(angle/2)), so that its irradiance is ours whatever its angle.
 
@@ -39,14 +42,18 @@ def text(lights: Constellation, *, unit: str, background: str | None = None, ang
         if unit == "cd/m²"
         else "Radiance takes them for W/m² and W/(sr·m²); its 179 lm/W make no lux of them"
     )
+    narrow = background is not None
+    wide = angles is not None and bool(np.any(np.asarray(angles) > NARROWEST))
     parts = [
         f"# Parallel lights that stand for a light map, for Radiance's +Z up.\n# {meaning(unit)}\n",
         f"# {watts}.\n",
         "# Red, green and blue are of Rec. 709 and are handed over as they are.\n",
         "# To keep a light out of sight and of mirrors, as when the background shows it already, write `illum` for\n"
-        "# `light`: illum sources light surfaces and are not seen (so were the lights of Fiat Lux placed).\n",
+        "# `light`: illum sources light surfaces and are not seen (as the placed lights of Fiat Lux, 1999).\n",
+        "# Trace many lights with -dt 0, or the faint ones are guessed.\n",
+        (_NARROWED if narrow else _WIDE) if wide else "",
         _glow(name, scale) if name is not None else "",
-        *(_source(lamp, scale) for lamp in lamps(lights, angles)),
+        *(_source(lamp, 0.0 if narrow else lamp.angle, scale) for lamp in lamps(lights, angles)),
     ]
     return "".join(parts)
 
@@ -73,9 +80,9 @@ background_glow source background
 """
 
 
-def _source(lamp: Lamp, scale: float) -> str:
+def _source(lamp: Lamp, diameter: float, scale: float) -> str:
     x, y, z = lamp.direction
-    angle = max(lamp.angle, float(NARROWEST))
+    angle = max(diameter, float(NARROWEST))
     per_irradiance = scale / (np.pi * np.sin(angle / 2) ** 2)
     red, green, blue = (float(channel * per_irradiance) for channel in lamp.irradiance)
     return f"""

@@ -1,0 +1,157 @@
+"""Constellations: the three methods' time on a 4k map, and how well they light surfaces, against plain NumPy.
+
+`python benchmarks/constellation.py [FOLDER]`: maps, .exr or .hdr, lat-long; ../shared/data unless given.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from relume.image.files import read_radiance
+from relume.light.constellation import Constellation, constellation, irradiance_error
+from relume.light.constellation_cells import cells_of
+from relume.light.k_means import KMeans
+from relume.light.median_cut import MedianCut
+from relume.light.residual import key_lights
+from relume.light.sun import SunNotFound, extract_sun
+from relume.light.variance_cut import VarianceMinimisation
+from relume.sphere.illumination import IlluminationMap, as_illumination
+
+METHODS = {"median cut": MedianCut(), "variance": VarianceMinimisation(), "k-means": KMeans()}
+COUNTS = (16, 64, 256)
+
+
+def naive_median_cut(light: IlluminationMap, levels: int) -> Constellation:
+    """2^levels lights by equal cuts of a plain array, as HDR Toolbox and its like have them; no summed-area table."""
+    rows, columns = light.radiance.shape[:2]
+    areas = light.mapping.solid_angles(rows)
+    flux = light.radiance.astype(np.float64) * areas[..., None]
+    weights = flux @ [0.2126, 0.7152, 0.0722]
+    rings = np.sin(np.pi * (np.arange(rows) + 0.5) / rows)
+    boxes = [(0, rows, 0, columns)]
+    for _ in range(levels):
+        halves = []
+        for top, bottom, left, right in boxes:
+            part = weights[top:bottom, left:right]
+            wide = (right - left) * rings[(top + bottom) // 2] > bottom - top
+            if min(part.shape) < 1 or max(part.shape) < 2:
+                halves.append((top, bottom, left, right))
+                continue
+            along = np.cumsum(part.sum(axis=0 if wide else 1))
+            cut = int(np.clip(np.searchsorted(along, along[-1] / 2) + 1, 1, len(along) - 1))
+            if wide:
+                halves += [(top, bottom, left, left + cut), (top, bottom, left + cut, right)]
+            else:
+                halves += [(top, top + cut, left, right), (top + cut, bottom, left, right)]
+        boxes = halves
+    directions, irradiance = [], []
+    for top, bottom, left, right in boxes:
+        part = weights[top:bottom, left:right]
+        whole = max(part.sum(), 1e-300)
+        row = (part.sum(axis=1) @ (np.arange(top, bottom) + 0.5)) / whole
+        column = (part.sum(axis=0) @ (np.arange(left, right) + 0.5)) / whole
+        directions.append(light.mapping.directions(np.array([column / columns, row / rows])))
+        irradiance.append(flux[top:bottom, left:right].sum(axis=(0, 1)))
+    return Constellation(np.array(directions), np.array(irradiance))
+
+
+def median_time(work, times: int = 7) -> tuple[float, float]:
+    """Seconds on the clock and of all cores, medians of several after one that compiles."""
+    work()
+    taken = []
+    for _ in range(times):
+        wall, process = time.perf_counter(), time.process_time()
+        work()
+        taken.append((time.perf_counter() - wall, time.process_time() - process))
+    clock, cores = np.median(taken, axis=0)
+    return float(clock), float(cores)
+
+
+def four_k() -> IlluminationMap:
+    """4096 × 2048 pixels of sky, ground, noise and a sun of four pixels."""
+    random = np.random.default_rng(4)
+    rows = 2048
+    height = np.cos(np.pi * (np.arange(rows) + 0.5) / rows)[:, None, None]
+    sky = np.where(height > 0, np.array([0.3, 0.5, 1.0]) * (1.2 - height), np.array([0.15, 0.12, 0.08]))
+    radiance = (sky * random.uniform(0.5, 1.5, (rows, 2 * rows, 1))).astype(np.float32)
+    radiance[600:602, 1500:1502] = 2e5
+    return IlluminationMap(radiance)
+
+
+def maps(folder: Path) -> dict[str, IlluminationMap]:
+    found = {}
+    for path in sorted(folder.rglob("*")):
+        if path.suffix not in (".exr", ".hdr"):
+            continue
+        try:
+            picture = read_radiance(path)
+            if picture.size[0] == 2 * picture.size[1] and np.isfinite(picture.radiance).all():
+                found[path.name] = as_illumination(replace(picture, radiance=np.maximum(picture.radiance, 0)))
+        except ValueError:
+            continue
+    return found
+
+
+def main() -> None:
+    warnings.simplefilter("ignore")
+    light = four_k()
+    print("64 lights from 4096 × 2048 pixels: milliseconds on the clock, of all cores")
+    for name, method in METHODS.items():
+        clock, cores = median_time(lambda m=method: constellation(light, 64, m))
+        print(f"  {name:<12} {1e3 * clock:6.0f} {1e3 * cores:6.0f}")
+    for name, work in {
+        "naive": lambda: naive_median_cut(light, 6),
+        "sums alone": lambda: cells_of(light),
+        "key lights": lambda: key_lights(light, 64),
+        "sun": lambda: extract_sun(light),
+    }.items():
+        clock, cores = median_time(work, 3)
+        print(f"  {name:<12} {1e3 * clock:6.0f} {1e3 * cores:6.0f}")
+
+    default = Path(__file__).resolve().parents[2] / "shared" / "data"
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else default
+    found = {name: each for part in ("hdri", "probes") for name, each in maps(folder / part).items()} or maps(folder)
+    found.pop("spot1Lux.hdr", None)  # a single pixel
+    print("\nirradiance error, mean / largest of 512 normals, percent of the map's mean irradiance")
+    print(f"{'':<28}" + "".join(f"{f'{name} {count}':>17}" for count in COUNTS for name in ("naive", *METHODS)))
+    sums = []
+    for name, each in found.items():
+        row = []
+        for count in COUNTS:
+            row.append(irradiance_error(each, naive_median_cut(each, count.bit_length() - 1)))
+            row += [irradiance_error(each, constellation(each, count, method)) for method in METHODS.values()]
+        sums.append(row)
+        print(f"{name:<28}" + "".join(f"{100 * mean:10.2f} /{100 * worst:5.1f}" for mean, worst in row))
+    print(f"{'mean':<28}" + "".join(f"{100 * mean:10.2f} /{100 * worst:5.1f}" for mean, worst in np.mean(sums, axis=0)))
+
+    print("\nkey lights above 4 × the mean of the residual, and the residual: share in 64 lights; error, percent")
+    for name, each in found.items():
+        key = key_lights(each, 64)
+        mean, worst = irradiance_error(each, key.lights, key.residual)
+        share = key.lights.total().sum() / each.total().sum()
+        print(f"{name:<28}{100 * share:6.1f} %{100 * mean:8.3f} /{100 * worst:6.2f}")
+
+    print("\nsuns: height and angle to the right, degrees; diameter; share; error of sun and rest, percent")
+    for name, each in found.items():
+        try:
+            taken = extract_sun(each)
+        except SunNotFound as error:
+            print(f"{name:<28}{error}")
+            continue
+        (sun,) = taken.suns
+        x, y, z = sun.direction
+        worst = irradiance_error(each, taken.lights(), taken.rest)[1]
+        print(
+            f"{name:<28}{np.degrees(np.arcsin(y)):7.2f}{np.degrees(np.arctan2(x, -z)):9.2f}"
+            f"{np.degrees(2 * sun.angular_radius):8.2f}{100 * sun.share:8.1f} %{100 * worst:8.3f}"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,104 @@
+"""Pictures of a panorama from files: radiance maps, brackets in folders, and single photographs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from relume.capture.bracket import read_bracket, require_told
+from relume.capture.folder import pictures_in
+from relume.capture.measurement import measure
+from relume.errors import UnreadableFile
+from relume.image import files
+from relume.image.colour import decode_srgb
+from relume.image.files.signatures import kind_of
+from relume.image.photograph import Photograph
+from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
+from relume.image.response import Response
+
+WHITE = 0.98
+"""Share of the highest code from which a channel is taken for saturated: JPEG rings about white."""
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A picture of a panorama before its lens and its orientation are known.
+
+    picture : the radiance map
+    focal_length : pixels, where the file tells it
+    name : the file or folder
+    assumed : whether the picture is a single photograph whose encoding was assumed to be sRGB
+    """
+
+    picture: RadianceMap
+    focal_length: float | None
+    name: str
+    assumed: bool = False
+
+
+def read_sources(paths: Sequence[Path], *, response: Response | None = None) -> list[Source]:
+    """Read the views of a panorama: each path is one.
+
+    paths : a radiance map, a photograph, or a folder with the bracket of one view
+    response : of the camera; recovered from the brackets unless given, and taken to be sRGB for single photographs
+
+    All brackets share one response, so that their maps share one scale. Raises UnreadableFile, NotABracket.
+    """
+    folders = [path for path in paths if path.is_dir()]
+    of_folders: dict[Path, Source] = {}
+    if folders:
+        groups = [pictures_in(folder) for folder in folders]
+        for folder, group in zip(folders, groups, strict=True):
+            if not group:
+                raise UnreadableFile(
+                    f"{folder}: no photograph is in this folder; name the folder of one view's bracket"
+                )
+            if any(kind_of(path) == "RAW" for path in group):
+                raise UnreadableFile(f"{folder}: holds camera raws; merge them with `relume merge`, and give the maps")
+        brackets = [read_bracket(group) for group in groups]
+        if len(brackets) > 1:
+            require_told(brackets)
+        found = measure(brackets, response=response).measured
+        for folder, bracket, measured in zip(folders, brackets, found, strict=True):
+            of_folders[folder] = Source(measured.picture, bracket.focal_length, folder.name)
+    sources = []
+    for path in paths:
+        if path in of_folders:
+            sources.append(of_folders[path])
+            continue
+        image = files.read(path)
+        if isinstance(image, RadianceMap):
+            sources.append(Source(image, None, path.name))
+        else:
+            sources.append(Source(radiance_of(image, response), image.focal_length, path.name, response is None))
+    return sources
+
+
+def radiance_of(photograph: Photograph, response: Response | None = None) -> RadianceMap:
+    """The radiance that a single photograph shows, divided by its exposure where that is told.
+
+    response : of the camera; sRGB unless given, which cameras only come near to
+    White is a lower bound, black an upper one.
+    """
+    levels = np.iinfo(photograph.pixels.dtype).max
+    if response is None:
+        linear = decode_srgb(np.arange(levels + 1) / levels)
+        table = np.stack([linear] * 3)
+    elif response.levels == levels + 1:
+        table = np.exp(response.log_exposure)
+    else:
+        raise ValueError(
+            f"{photograph.name}: {photograph.pixels.dtype} pixels and a response of {response.levels} values; expected "
+            f"one of {levels + 1}"
+        )
+    exposure = photograph.exposure.factor if photograph.exposure else 1.0
+    radiance = np.stack([table[c][photograph.pixels[..., c]] for c in range(3)], axis=-1) / exposure
+    clipped = np.where(photograph.pixels.max(2) >= WHITE * levels, SATURATED, 0).astype(np.uint8)
+    clipped[photograph.pixels.max(2) == 0] = BLACK
+    if photograph.outside is not None:
+        clipped[photograph.outside] = OUTSIDE
+        radiance[photograph.outside] = 0
+    return RadianceMap(radiance.astype(np.float32), None, clipped)

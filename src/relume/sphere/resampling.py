@@ -1,0 +1,271 @@
+"""Light moved between mappings and sizes: antialiased, energy kept, turned on the way.
+
+Every target pixel is the mean, by solid angle, of bilinear look-ups in cells no wider than the source's pixels: where
+a map grows that is bilinear interpolation, where it shrinks an average over areas (a box filter, as HDR Shop's).
+Look-ups at a few points count a single pixel a few per cent too much or too little. For most pixels that averages out;
+for a sun it would not. So what stands out is taken out first and pushed instead: its flux, exactly, is shared out among
+the target's pixels. A lat-long's rows near the poles are averaged along themselves beforehand to pixels as wide as high.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from relume._kernel import in_threads
+from relume.sphere.illumination import IlluminationMap
+from relume.sphere.layouts import EQUIDISTANT, EQUISOLID, LAT_LONG, ORTHOGRAPHIC, Layout, Planes, layout
+from relume.sphere.mapping_kernels import found, grain, spreads, toward, turned
+from relume.sphere.mappings import LatLong, Mapping
+from relume.sphere.resampling_kernels import (
+    bright,
+    cells,
+    deposit,
+    divisions,
+    finish,
+    mark,
+    round_caps,
+    scaled,
+    settle,
+    sums,
+    tents,
+    weigh,
+)
+
+STANDS_OUT = 16.0
+"""Times a channel's mean radiance above which light is pushed: few pixels do that, and below it errors average out."""
+SMALL = 1e-5
+"""Share of the whole flux below which a pixel need not be pushed: 10,000 such with errors of 5 % add up to 5e-5."""
+_ROUNDED = 0.5
+"""sin of the angle from a pole below which a lat-long's rows are averaged: pixels there are narrower than half."""
+_EXACT = 3e-7
+"""How near to 1 the ratio of totals may stay: float32 rounds to a fifth of that."""
+_LINES, _PIXELS, _CELLS, _PUSHED = 32, 1 << 20, 1 << 17, 1 << 12
+"""Lines a thread takes at a time, pixels it scales, cells it looks up, and pixels pushed at a time."""
+_MOST_CELLS = 64
+"""Cells a side, at most, of a pixel that is pushed."""
+
+
+def resampled(light: IlluminationMap, mapping: Mapping, size: int, rotation: np.ndarray) -> IlluminationMap:
+    """The light in another mapping and size, turned by `rotation`: what came from ω comes from `rotation` @ ω.
+
+    light : in any mapping
+    size : rows of the result
+    rotation : (3, 3), active
+
+    Each channel's total is kept, unless one of the mappings shows a part of the sphere only: light that falls outside is
+    lost then, and what no pixel showed stays 0 and is marked OUTSIDE. Constant light stays constant. Marks in `clipped`
+    travel: a pixel is SATURATED when any of the pixels it is made from is, else marked when all of them are.
+    Raises ValueError for a size no such map has.
+    """
+    rotation = np.asarray(rotation, np.float64)
+    if (rolled := _rolled(light, mapping, size, rotation)) is not None:
+        return rolled
+    target = layout(mapping, size)
+    source = layout(light.mapping, light.size)
+    radiance, marks, _ = moved(light.radiance, light.clipped, source, target, rotation)
+    return IlluminationMap(radiance, mapping, light.unit, marks)
+
+
+def moved(
+    radiance: np.ndarray, clipped: np.ndarray | None, source: Layout, target: Layout, rotation: np.ndarray
+) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
+    """Light of one layout in another: radiance (H, W, 3) float32, marks (H, W) uint8 or None, and the share covered.
+
+    The share (H, W) float32 of each target pixel that the source shows; empty where it shows the whole sphere.
+    """
+    light = np.ascontiguousarray(radiance, np.float32).reshape(-1, 3)
+    codes = np.zeros(0, np.uint8) if clipped is None else np.ascontiguousarray(clipped, np.uint8).reshape(-1)
+    whole = source.planes.whole
+    pixels = target.shape[0] * target.shape[1]
+    result = np.zeros((pixels, 3), np.float32)
+    covered = np.zeros(0 if whole else pixels, np.float32)
+    if not whole and clipped is None:
+        codes = np.zeros(len(light), np.uint8)
+    marks = np.zeros(pixels if len(codes) else 0, np.uint8)
+
+    peaks = np.empty((source.lines, 3), np.float32)
+    parts = in_threads(lambda a, b: sums(source.planes, light, a, b, peaks), source.lines, chunk=_LINES)
+    *total, shown = np.sum(parts, axis=0)
+    most = _most(np.array(total), shown, len(light))
+    caps = _caps(light, source, most)
+    turns = target.turns(source, rotation.T)
+    work = target.planes, source.planes, turns, light, caps, most, codes, result, covered, marks
+    parts = in_threads(lambda a, b: _gathered(a, b, *work), target.lines, chunk=_LINES)
+    places, flux = _bright(source, light, most, peaks)
+    if whole and target.planes.whole:
+        gathered, wanted = np.sum(parts, axis=0), np.array(total) - flux.sum(axis=0)
+        scale = np.divide(wanted, gathered, out=np.ones(3), where=(gathered > 0) & (wanted > 0))
+        if np.abs(scale - 1).max() > _EXACT:
+            factors = scale.astype(np.float32)
+            in_threads(lambda a, b: scaled(result, factors, a, b), pixels, chunk=_PIXELS)
+    _push(source, target, source.turns(target, rotation), places, flux, result)
+    known = marks.reshape(target.shape) if clipped is not None or marks.any() else None
+    return result.reshape(*target.shape, 3), known, covered.reshape(target.shape if covered.size else 0)
+
+
+def _gathered(
+    begin: int,
+    end: int,
+    target: Planes,
+    source: Planes,
+    turns: np.ndarray,
+    light: np.ndarray,
+    caps: np.ndarray,
+    most: np.ndarray,
+    codes: np.ndarray,
+    result: np.ndarray,
+    covered: np.ndarray,
+    marks: np.ndarray,
+) -> np.ndarray:
+    """Fill lines begin…end of the target with means of look-ups in the source; their total, (3,)."""
+    step = grain(source.kind, source.across, source.down, source.rows, source.columns)
+    lines = range(begin, end)
+    wide = np.empty((len(lines), -(-target.columns // 8)), np.int64)
+    high = np.empty_like(wide)
+    counts = [divisions(target, step, line, wide[i], high[i]) for i, line in enumerate(lines)]
+    total = np.zeros(3)
+    while begin < end:
+        # As many lines of one plane as fill the buffers; one line may be more.
+        last, need = begin + 1, counts[begin - lines.start]
+        while last < end and last % target.rows and need + counts[last - lines.start] <= _CELLS:
+            need, last = need + counts[last - lines.start], last + 1
+        xs, ys, x, y, z, weight = np.empty((6, need), np.float32)
+        owner, plane = np.empty((2, need), np.int32)
+        count = np.zeros(1, np.int64)
+        for line in range(begin, last):
+            i = line - lines.start
+            cells(target, line, wide[i], high[i], (line - begin) * target.columns, xs, ys, owner, count)
+        xs, ys, x, y, z, weight, owner, plane = (a[: count[0]] for a in (xs, ys, x, y, z, weight, owner, plane))
+        toward(target.kind, target.across, target.down, xs, ys, x, y, z, weight)
+        turned(turns[begin // target.rows], x, y, z)
+        found(source.kind, source.across, source.down, source.frames, source.whole, x, y, z, plane, xs, ys)
+        owned = (last - begin) * target.columns
+        first, added = np.zeros((2, owned, 3), np.float32)
+        inside, every = np.zeros((2, owned), np.float32)
+        weigh(owner, weight, every)
+        settle(source, plane, xs, ys, owner, weight, light, caps, most, first, added, inside)
+        marked = owned if len(codes) else 0
+        least, saturated = np.full(marked, 255, np.uint8), np.zeros(marked, np.uint8)
+        if marked:
+            mark(source, plane, xs, ys, owner, codes, least, saturated)
+        total += finish(target, begin, last, first, added, inside, every, least, saturated, result, covered, marks)
+        begin = last
+    return total
+
+
+def _bright(source: Layout, light: np.ndarray, most: np.ndarray, peaks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The source's pixels above `most`: (K, 3) plane, row and column, and (K, 3) the flux above it."""
+    none = np.empty((0, 3), np.int64), np.empty((0, 3))
+    count = bright(source.planes, light, most, peaks, *none)
+    places, flux = np.empty((count, 3), np.int64), np.empty((count, 3))
+    bright(source.planes, light, most, peaks, places, flux)
+    return places, flux
+
+
+def _push(
+    source: Layout, target: Layout, turns: np.ndarray, places: np.ndarray, flux: np.ndarray, result: np.ndarray
+) -> None:
+    """Add the flux of the source's pixels at `places` to the target's, over each pixel's own tent."""
+    for plane in range(len(source.frames)):
+        own = np.flatnonzero(places[:, 0] == plane)
+        for some in (own[b : b + _PUSHED] for b in range(0, len(own), _PUSHED)):
+            _push_some(source.planes, target.planes, turns[plane], places[some, 1:], flux[some], result)
+
+
+def _push_some(
+    source: Planes, target: Planes, turn: np.ndarray, places: np.ndarray, flux: np.ndarray, result: np.ndarray
+) -> None:
+    across, down = _middles(source, places)
+    xs, ys, plane, _ = _sent(source, target, turn, across, down)
+    # How many of the target's pixels a pixel of the source covers there, each way.
+    wide, high, fine, fine_down = np.empty((4, len(xs)))
+    spreads(source.kind, source.across, source.down, across, down, wide, high)
+    spreads(target.kind, target.across, target.down, xs, ys, fine, fine_down)
+    finest = np.maximum(np.minimum(fine * 2 / target.columns, fine_down * 2 / target.rows), 1e-9)
+    wide, high = wide * 2 / (source.columns * finest), high * 2 / (source.rows * finest)
+    # A tent over the pixel and half its neighbours, as bilinear look-ups have it; narrower where it and the target's own
+    # bilinear shares would blur more than one such tent.
+    tent, tent_down = (np.sqrt(np.maximum(1 - 1 / np.maximum(n, 1) ** 2, 0)) for n in (wide, high))
+    many, many_down = (
+        np.minimum(np.ceil(2 * t * n) + 1, _MOST_CELLS).astype(np.int64) for t, n in ((tent, wide), (tent_down, high))
+    )
+    half_width, half_height = tent * 2 / source.columns, tent_down * 2 / source.rows
+    ends = np.cumsum(many * many_down)
+    begin = 0
+    while begin < len(ends):
+        end = max(begin + 1, int(np.searchsorted(ends, (ends[begin - 1] if begin else 0) + _CELLS)))
+        some = slice(begin, end)
+        count = int(ends[end - 1] - (ends[begin - 1] if begin else 0))
+        points = np.empty((2, count), np.float32)
+        share, owner = np.empty(count, np.float32), np.empty(count, np.int32)
+        tents(
+            across[some], down[some], half_width[some], half_height[some], many[some], many_down[some],
+            *points, share, owner,
+        )  # fmt: skip
+        xs, ys, plane, _ = _sent(source, target, turn, *points)
+        deposit(target, plane, xs, ys, share, owner, flux[some], result)
+        begin = end
+
+
+def _sent(
+    source: Planes, target: Planes, turn: np.ndarray, xs: np.ndarray, ys: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Where points of a plane of the source fall in the target: points, planes, and the source's density there."""
+    x, y, z, density, across, down = np.empty((6, len(xs)), np.float32)
+    plane = np.empty(len(xs), np.int32)
+    toward(source.kind, source.across, source.down, xs, ys, x, y, z, density)
+    turned(turn, x, y, z)
+    found(target.kind, target.across, target.down, target.frames, target.whole, x, y, z, plane, across, down)
+    return across, down, plane, density
+
+
+def _middles(source: Planes, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The middles by solid angle of pixels (K, 2) of a plane, as points of it, (K,) float32 each."""
+    steps = (np.arange(8) + 0.5) / 8
+    down = (2 * (places[:, :1, None] + steps[None, :, None]) / source.rows - 1).astype(np.float32)
+    across = (2 * (places[:, 1:, None] + steps[None, None, :]) / source.columns - 1).astype(np.float32)
+    across, down = (np.ascontiguousarray(a.reshape(len(places), 64)) for a in np.broadcast_arrays(across, down))
+    x, y, z, weight = np.empty((4, across.size), np.float32)
+    toward(source.kind, source.across, source.down, across.reshape(-1), down.reshape(-1), x, y, z, weight)
+    weight = weight.reshape(across.shape).astype(np.float64)
+    if source.kind in (EQUIDISTANT, EQUISOLID, ORTHOGRAPHIC):
+        radius = np.hypot(across, down)
+        # A sliver that no point shows: its nearest one to the disc.
+        shown = radius <= np.maximum(1, radius.min(axis=1, keepdims=True))
+        weight *= shown
+        inner = np.minimum(1, (1 - 1e-6) / np.maximum(radius, 1e-9))
+        across, down = across * inner, down * inner
+    whole = weight.sum(axis=1)
+    middle = (across * weight).sum(axis=1) / whole, (down * weight).sum(axis=1) / whole
+    return middle[0].astype(np.float32), middle[1].astype(np.float32)
+
+
+def _most(total: np.ndarray, shown: float, pixels: int) -> np.ndarray:
+    """The radiance of each channel above which light is pushed, (3,) float32."""
+    mean = total / shown
+    return np.maximum(STANDS_OUT * mean, SMALL * pixels * mean).astype(np.float32)
+
+
+def _caps(light: np.ndarray, source: Layout, most: np.ndarray) -> np.ndarray:
+    """A lat-long's rows near the poles, averaged along themselves: (2·K·columns, 3) float32; else empty."""
+    kind, rows, columns = source.planes.kind, source.planes.rows, source.planes.columns
+    deep = int(np.sum(np.sin(np.pi * (np.arange(rows) + 0.5) / rows) < _ROUNDED)) // 2 if kind == LAT_LONG else 0
+    caps = np.empty((2 * deep * columns, 3), np.float32)
+    in_threads(lambda a, b: round_caps(light, rows, columns, most, caps, a, b), 2 * deep, chunk=_LINES)
+    return caps
+
+
+def _rolled(light: IlluminationMap, mapping: Mapping, size: int, rotation: np.ndarray) -> IlluminationMap | None:
+    """The light where nothing has to be looked up: not turned at all, or a lat-long about +Y by whole pixels."""
+    if mapping != light.mapping or size != light.size:
+        return None
+    if np.abs(rotation - np.eye(3)).max() < 1e-12:
+        return light
+    if not isinstance(mapping, LatLong) or abs(rotation[1, 1] - 1) > 1e-12:
+        return None
+    columns = light.radiance.shape[1]
+    turn = np.arctan2(rotation[0, 2], rotation[0, 0]) * columns / (2 * np.pi)
+    if abs(turn - round(turn)) > 1e-6:
+        return None
+    marks = None if light.clipped is None else np.roll(light.clipped, -round(turn), axis=1)
+    return IlluminationMap(np.roll(light.radiance, -round(turn), axis=1), mapping, light.unit, marks)

@@ -1,0 +1,230 @@
+"""`relume lights`: what it writes, read back from the files, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lights
+from command_line import refused
+from relume.cli import main
+from relume.image.files import read_photograph, read_radiance, write
+from relume.image.radiance import SATURATED, RadianceMap
+from relume.light.constellation import constellation
+from relume.light.k_means import KMeans
+from relume.light.variance_cut import VarianceMinimisation
+from relume.sphere.illumination import IlluminationMap, as_illumination, as_radiance_map
+from relume.sphere.mappings import mapping_named
+
+
+def stored(folder: Path, light: IlluminationMap, name: str = "light.exr") -> str:
+    write(folder / name, as_radiance_map(light))
+    return str(folder / name)
+
+
+def made(words: Sequence[str], capsys: pytest.CaptureFixture[str]) -> dict:
+    assert main(["lights", *words, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def read(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Directions and irradiance in a JSON file."""
+    written = json.loads(path.read_text())["lights"]
+    return np.array([each["direction"] for each in written]), np.array([each["irradiance"] for each in written])
+
+
+@pytest.mark.parametrize(
+    ("word", "method"), [("median-cut", None), ("variance", VarianceMinimisation()), ("k-means", KMeans())]
+)
+def test_the_file_holds_the_constellation(word, method, tmp_path, capsys):
+    light, out = lights.sunny(32), tmp_path / "made.json"
+    told = made([stored(tmp_path, light), "-o", str(out), "--count", "12", "--method", word], capsys)
+    expected = constellation(light, 12, method)
+    directions, irradiance = read(out)
+    np.testing.assert_allclose(directions, expected.directions, atol=1e-8)
+    np.testing.assert_allclose(irradiance, expected.irradiance, rtol=1e-8)
+    assert (told["written"], told["lights"], told["method"], told["unit"]) == ([str(out)], 12, word, "relative")
+    assert told["total of the map"] == told["total of the lights"]
+    assert told["total of the map"] == pytest.approx(light.total(), rel=1e-5)
+    assert 0 < told["irradiance error, of the mean"]["mean"] < told["irradiance error, of the mean"]["largest"] < 0.4
+    written = json.loads(out.read_text())
+    assert (written["unit"], written["background"]) == ("relative", None)
+    assert "angle" not in written["lights"][0]
+
+
+def test_there_are_64_lights_unless_told_and_lux_where_the_map_is_calibrated(tmp_path, capsys):
+    light = IlluminationMap(lights.sunny(32).radiance, unit="cd/m²")
+    told = made([stored(tmp_path, light), "-o", str(tmp_path / "made.json")], capsys)
+    assert (told["lights"], told["unit"]) == (64, "cd/m²")
+    assert json.loads((tmp_path / "made.json").read_text())["unit"] == "cd/m²"
+
+
+def test_every_format_is_told_by_its_suffix_or_by_name(tmp_path, capsys):
+    light = stored(tmp_path, lights.sunny(32))
+    names = ["a.json", "a.usda", "a.gltf", "a.py", "a.rad", "a.xml"]
+    words = [word for name in names for word in ("-o", str(tmp_path / name))]
+    assert made([light, *words, "--count", "3"], capsys)["written"] == [str(tmp_path / name) for name in names]
+    starts = ["{", "#usda", "{", '"""', "#", "<"]
+    for name, start in zip(names, starts, strict=True):
+        assert (tmp_path / name).read_text().startswith(start), name
+    made([light, "-o", str(tmp_path / "b.txt"), "--format", "usd", "--count", "3"], capsys)
+    assert (tmp_path / "b.txt").read_text() == (tmp_path / "a.usda").read_text()
+
+
+def test_lights_and_residual_are_the_map(tmp_path, capsys):
+    light, out, rest = lights.sunny(64, 400), tmp_path / "made.json", tmp_path / "maps" / "rest.exr"
+    rest.parent.mkdir()
+    told = made(
+        [stored(tmp_path, light), "-o", str(out), "--count", "9", "--residual", str(rest), "--contrast", "3"], capsys
+    )
+    residual = as_illumination(read_radiance(rest))
+    _, irradiance = read(out)
+    np.testing.assert_allclose(irradiance.sum(0) + residual.total(), light.total(), rtol=1e-8)
+    luminance = residual.radiance @ [0.2126, 0.7152, 0.0722]
+    assert luminance.max() == pytest.approx(3 * luminance.ravel() @ residual_areas(residual) / (4 * np.pi), rel=1e-5)
+    assert json.loads(out.read_text())["background"] == "maps/rest.exr"
+    assert told["total of the residual"] == pytest.approx(residual.total(), rel=1e-5)
+    assert told["lights"] == 9
+
+
+def residual_areas(residual: IlluminationMap) -> np.ndarray:
+    return residual.mapping.solid_angles(residual.size).ravel()
+
+
+def test_a_sun_is_a_light_and_the_map_without_it(tmp_path, capsys):
+    light, out, rest = lights.lone(64, 20, 77, 1e4, dark=1.0), tmp_path / "made.json", tmp_path / "rest.exr"
+    told = made([stored(tmp_path, light), "-o", str(out), "--residual", str(rest), "--sun"], capsys)
+    directions, irradiance = read(out)
+    assert len(directions) == 1
+    np.testing.assert_allclose(read_radiance(rest).radiance, 1.0, rtol=1e-6)
+    np.testing.assert_allclose(irradiance[0] + as_illumination(read_radiance(rest)).total(), light.total(), rtol=1e-8)
+    assert told["suns"][0]["height"] == pytest.approx(90 - 20.5 * 180 / 64, abs=0.01)
+    assert told["suns"][0]["to the right"] == pytest.approx((77.5 / 128 - 0.5) * 360, abs=0.01)
+    angle = json.loads(out.read_text())["lights"][0]["angle"]
+    assert np.degrees(angle) == pytest.approx(told["suns"][0]["diameter"], rel=1e-2)
+    assert 2 < told["suns"][0]["diameter"] < 4  # a pixel of 2.8°
+
+
+def test_a_sun_and_a_constellation_of_the_rest_carry_everything(tmp_path, capsys):
+    light, out = lights.lone(64, 20, 77, 1e4, dark=1.0), tmp_path / "made.json"
+    told = made([stored(tmp_path, light), "--sun", "1", "--count", "9", "-o", str(out)], capsys)
+    _, irradiance = read(out)
+    assert len(irradiance) == told["lights"] == 9
+    np.testing.assert_allclose(irradiance.sum(0), light.total(), rtol=1e-8)
+    assert [each["angle"] > 0 for each in json.loads(out.read_text())["lights"]] == [True] + [False] * 8
+    made([stored(tmp_path, light), "--sun", "1", "--count", "9", "--soft", "-o", str(out)], capsys)
+    assert all(each["angle"] > 0 for each in json.loads(out.read_text())["lights"])
+    told = made(
+        [stored(tmp_path, light), "--sun", "1", "--count", "9", "--residual", str(tmp_path / "r.exr"), "-o", str(out)],
+        capsys,
+    )
+    assert told["lights"] == 1  # even light has no other key
+
+
+def test_fewer_suns_than_asked_are_told(tmp_path, capsys):
+    words = [stored(tmp_path, lights.lone(64, 20, 77, 1e4, dark=1.0)), "-o", str(tmp_path / "made.json")]
+    assert main(["lights", *words, "--sun", "3"]) == 0
+    assert "--sun 3: 1 stand out" in capsys.readouterr().err
+
+
+def test_a_clipped_sun_is_written_and_doubted(tmp_path, capsys):
+    light = lights.lone(64, 20, 77, 1e4, dark=1.0)
+    clipped = np.zeros((64, 128), np.uint8)
+    clipped[20, 77] = SATURATED
+    words = [stored(tmp_path, IlluminationMap(light.radiance, clipped=clipped)), "-o", str(tmp_path / "made.json")]
+    assert main(["lights", *words, "--sun"]) == 4
+    captured = capsys.readouterr()
+    assert "1 pixels are clipped" in captured.err and "the sun is clipped, its light a lower bound" in captured.err
+    assert "suns" in captured.out and len(read(tmp_path / "made.json")[0]) == 64
+
+
+def test_a_probe_is_read_in_the_mapping_told_and_its_residual_is_lat_long(tmp_path, capsys):
+    probe = lights.sunny(64, 400).remapped(mapping_named("angular"), 64)
+    write(tmp_path / "probe.exr", RadianceMap(probe.radiance))
+    words = [str(tmp_path / "probe.exr"), "-o", str(tmp_path / "made.json"), "--count", "8"]
+    assert "does not tell its mapping" in refused(["lights", *words], capsys)
+    told = made([*words, "--from", "angular"], capsys)
+    assert told["total of the lights"] == pytest.approx(probe.total(), rel=1e-5)
+    assert main(["lights", *words, "--from", "angular", "--residual", str(tmp_path / "rest.exr")]) == 0
+    assert "resampled to lat-long" in capsys.readouterr().err
+    assert read_radiance(tmp_path / "rest.exr").attributes["mapping"] == "latlong"
+
+
+def test_the_picture_shows_map_borders_and_lights(tmp_path, capsys):
+    light, out = lights.lone(32, 10, 20, 1e3, dark=1.0), tmp_path / "made.png"
+    words = [stored(tmp_path, light), "-o", str(tmp_path / "made.json"), "--count", "2", "--picture", str(out)]
+    assert str(out) in made(words, capsys)["written"]
+    pixels = read_photograph(out).pixels.astype(int)
+    assert pixels.shape[1] == 1600
+    high = 800  # of the map; its caption is above
+    page = pixels[-high:]
+    cyan = (page[..., 0] < 60) & (page[..., 1] > 200) & (page[..., 2] > 200)
+    assert 100 < cyan.sum() < 20000
+    for u, v in light.mapping.image_points(constellation(light, 2).directions):
+        row, column = round(v * 800), round(u * 1600)
+        near = page[row - 3 : row + 4, column - 3 : column + 4]
+        assert np.any((near[..., 0] > 150) & (near[..., 1] < 80))  # a cross on each light
+    # The even map is middle grey.
+    assert np.median(page) == pytest.approx(118, abs=4)
+
+
+def test_a_dry_run_writes_nothing(tmp_path, capsys):
+    words = [
+        stored(tmp_path, lights.sunny(16)),
+        "-o",
+        str(tmp_path / "made.json"),
+        "--picture",
+        str(tmp_path / "a.png"),
+    ]
+    told = made([*words, "--dry-run"], capsys)
+    assert told["would write"] == [str(tmp_path / "made.json"), str(tmp_path / "a.png")]
+    assert [path.name for path in tmp_path.iterdir()] == ["light.exr"]
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["-o", "a.obj"], "must end in .json or .usda or .gltf or .py or .rad or .xml"),
+        (["-o", "a.json", "-o", "a.json"], "names one file twice"),
+        (["-o", "a.json", "-o", "a.rad", "--format", "usd"], "--format usd is for a single -o"),
+        (["-o", "a.json", "--count", "0"], "--count is 0; give 1 to 65536"),
+        (["-o", "a.json", "--sun", "0"], "--sun is 0; give 1 or more"),
+        (["-o", "a.json", "--sun", "1", "--count", "1"], "leaves no light for the rest"),
+        (["-o", "a.json", "--contrast", "3"], "--contrast is for the residual"),
+        (["-o", "a.json", "--residual", "r.exr", "--contrast", "-1"], "--contrast is -1"),
+        (["-o", "a.json", "--residual", "r.png"], "--residual r.png: the file must end in .exr or .hdr"),
+        (["-o", "a.rad", "--residual", "r.exr"], "radiance reads .hdr backgrounds only"),
+        (["-o", "a.json", "--picture", "r.exr"], "--picture r.exr: the file must end in .png"),
+        (["-o", "a.json", "--from", "mercator"], "--from: "),
+        (["-o", "a.json", "--sun"], "no sun stands out"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(words, told, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    stored(tmp_path, lights.constant(16), "even.exr")
+    assert told in refused(["lights", "even.exr", *words], capsys)
+    assert [path.name for path in tmp_path.iterdir()] == ["even.exr"]
+
+
+def test_what_is_no_light_is_refused_with_its_pixels_counted(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    radiance = lights.constant(16).radiance
+    radiance[3, 4:9] = -1
+    write(Path("ringing.exr"), RadianceMap(radiance))
+    line = refused(["lights", "ringing.exr", "-o", "a.json"], capsys)
+    assert "ringing.exr: 5 pixels are negative, which no light is" in line and "--clamp takes" in line
+    assert main(["lights", "ringing.exr", "-o", "a.json", "--clamp"]) == 0
+    assert "5 pixels were negative, the lowest -1; they count as 0" in capsys.readouterr().err
+    radiance[0, 0] = np.nan
+    write(Path("holes.exr"), RadianceMap(radiance))
+    line = refused(["lights", "holes.exr", "-o", "b.json", "--clamp"], capsys)
+    assert "1 pixels are NaN or infinite and 5 negative" in line and "--clamp" not in line
+    write(Path("black.exr"), as_radiance_map(lights.constant(16, 0.0)))
+    assert "black.exr: black all over" in refused(["lights", "black.exr", "-o", "b.json"], capsys)
+    assert "no such file" in refused(["lights", "none.exr", "-o", "b.json"], capsys)
+    assert "no folder" in refused(["lights", "ringing.exr", "-o", "none/b.json"], capsys, 3)
+    assert not Path("b.json").exists()

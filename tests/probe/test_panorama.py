@@ -1,0 +1,277 @@
+"""Panoramas: views of a known world, and what comes back of the world, the camera's turns and its faults."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from panoramas import all_round, patchwork, photograph, turn_between
+from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
+from relume.probe.panorama import Panorama, mosaic
+from relume.probe.panorama_balance import Balancing, balance
+from relume.probe.panorama_blending import fill
+from relume.probe.panorama_views import FACES, NotAPanorama, PanoramaView, orientation
+from relume.sphere.directions import normalised
+from relume.sphere.mappings import LatLong, pixel_points
+
+WORLD = patchwork()
+ROTATIONS = all_round()
+GAINS = np.exp(0.25 * np.random.default_rng(5).normal(size=len(ROTATIONS)))
+FALLOFF = (-0.3, 0.05, -0.05)
+NORMALS = normalised(np.random.default_rng(1).normal(size=(60, 3)))
+
+
+def views_of(told: bool, *, focal_error: float = 0.0, distortion: float = 0.0) -> list[PanoramaView]:
+    return [
+        PanoramaView(
+            photograph(
+                WORLD, turn, gain=gain, vignetting=FALLOFF, noise=0.01, distortion=distortion, seed=index
+            ),
+            160.0 * (1 + focal_error),
+            turn if told else None,
+            f"view {index}",
+            distortion if told else 0.0,
+        )
+        for index, (turn, gain) in enumerate(zip(ROTATIONS, GAINS, strict=True))
+    ]  # fmt: skip
+
+
+@lru_cache
+def told_panorama() -> Panorama:
+    return mosaic(views_of(True))
+
+
+@lru_cache
+def matched_panorama() -> Panorama:
+    """Told 5 % too long a lens, without its distortion."""
+    return mosaic(views_of(False, focal_error=0.05, distortion=-0.03))
+
+
+def face_views(
+    picture_of=lambda turn: photograph(WORLD, turn, focal_length=100, size=(200, 200)),
+) -> list[PanoramaView]:
+    turns = {name: orientation(*np.radians(angles)) for name, angles in FACES.items()}
+    return [PanoramaView(picture_of(turn), 100, turn, name) for name, turn in turns.items()]
+
+
+def off_world(result: Panorama) -> np.ndarray:
+    """The found world from the true one."""
+    total = sum(found.placed @ true.T for found, true in zip(result.views, ROTATIONS, strict=True))
+    u, _, vt = np.linalg.svd(total)
+    return u @ vt
+
+
+def irradiance_error(result: Panorama, world_turn: np.ndarray) -> float:
+    """Largest relative error over all directions; the scale, which nothing tells, is taken out."""
+    true, found = WORLD.irradiance(NORMALS), result.light.irradiance(NORMALS @ world_turn.T)
+    ratio = found / true
+    return float(np.abs(ratio / ratio.mean() - 1).max())
+
+
+def gain_error(result: Panorama) -> float:
+    product = result.gains[:, 0] * GAINS
+    return float(np.abs(product / np.exp(np.log(product).mean()) - 1).max())
+
+
+def test_views_of_told_orientation_give_the_world_back_with_gains_and_vignetting():
+    result = told_panorama()
+    assert irradiance_error(result, np.eye(3)) < 0.005
+    assert gain_error(result) < 0.005
+    np.testing.assert_allclose(result.vignetting.falloff((320, 256)), _falloff(), atol=0.01)
+    assert result.unseen == 0 and result.saturated == 0 and result.light.clipped is None
+    assert result.notes == () and result.error is None
+    assert result.light.size == 496  # 160 π, to a multiple of 16
+
+
+def test_matched_views_find_turns_focal_length_distortion_and_the_world():
+    result = matched_panorama()
+    turn = off_world(result)
+    worst = max(turn_between(turn @ true, view.placed) for true, view in zip(ROTATIONS, result.views, strict=True))
+    assert worst < 0.1
+    assert result.views[0].focal_length == pytest.approx(160, rel=2e-3)
+    assert result.views[0].distortion == pytest.approx(-0.03, abs=2e-3)
+    assert gain_error(result) < 0.01
+    assert irradiance_error(result, turn) < 0.01
+    assert result.error is not None and 0 < np.degrees(result.error) < 0.3
+    # The hand was loose by 4°, so the mean of its faults is about one.
+    assert np.degrees(np.arccos(turn[1, 1])) < 2.5
+    assert -result.views[0].placed[2, 2] * 0 + abs(result.views[0].axis[0]) < 1e-9 and result.views[0].axis[2] < 0
+
+
+def test_no_seam_is_seen():
+    # Across seams the ratio to the truth changes no more than noise does: no step of more than 1 % on a 3° scale.
+    result = told_panorama()
+    truth = WORLD.look_up(LatLong().directions(pixel_points(LatLong(), result.light.size)))
+    flux = result.light.mapping.solid_angles(result.light.size)[..., None]
+    edge = 496 // 62
+    cells = [(image * flux).reshape(62, edge, 124, edge, 3).sum((1, 3)) for image in (result.light.radiance, truth)]
+    ratio = np.log(cells[0] / cells[1])
+    ratio -= np.median(ratio)
+    assert np.percentile(np.abs(ratio), 90) < 0.01
+    assert np.abs(ratio[8:-8]).max() < 0.08  # cells at the rim of a lamp a hundred times as bright
+
+
+def test_six_faces_of_a_cube_are_evened_at_their_edges():
+    gains = dict(zip(FACES, (1.0, 1.2, 0.85, 1.1, 0.95, 1.05), strict=True))
+    turns = {name: orientation(*np.radians(angles)) for name, angles in FACES.items()}
+    views = [
+        PanoramaView(
+            photograph(WORLD, turns[name], focal_length=100, size=(200, 200), gain=gain), 100, turns[name], name
+        )
+        for name, gain in gains.items()
+    ]
+    result = mosaic(views, size=256)
+    product = result.gains[:, 0] * list(gains.values())
+    assert np.abs(product / product.mean() - 1).max() < 0.04
+    assert result.unseen == 0
+    assert irradiance_error(result, np.eye(3)) < 0.03
+
+
+def test_faces_that_agree_are_taken_as_they_are():
+    result = mosaic(face_views(), size=256, balancing=None)
+    truth = WORLD.irradiance(NORMALS)
+    np.testing.assert_allclose(result.light.irradiance(NORMALS), truth, rtol=0.01)
+
+
+def test_what_no_view_sees_is_marked_told_and_filled_smoothly():
+    views = [view for view in face_views() if view.name != "down"]
+    result = mosaic(views, size=128, balancing=None)
+    assert result.unseen == pytest.approx(4 * np.pi / 6, rel=0.01)
+    clipped = result.light.clipped
+    assert clipped is not None and clipped[-1].min() == OUTSIDE and clipped[:64].max() == 0
+    hole = result.light.radiance[clipped == OUTSIDE]
+    seen = result.light.radiance[clipped == 0]
+    assert seen.min() < hole.min() and hole.max() < seen.max() and hole.min() > 0
+    steps = np.abs(np.diff(np.log(result.light.radiance[-16:]), axis=1)).max()
+    assert steps < 0.1
+
+
+def test_fill_is_harmonic_and_lets_constant_light_be():
+    radiance, hole = np.full((48, 96, 3), 2.5, np.float32), np.zeros((48, 96), bool)
+    hole[30:, 10:60] = True
+    radiance[hole] = 0
+    np.testing.assert_allclose(fill(radiance, hole), 2.5, rtol=1e-5)
+
+
+def test_a_clipped_pixel_never_wins_over_a_measured_one():
+    turns = [orientation(*np.radians((yaw, 0, 0))) for yaw in (-20, 20)]
+    short = [PanoramaView(photograph(WORLD, turn), 160, turn, "short") for turn in turns]
+    bright = [replace(view, picture=photograph(WORLD, view.rotation, white=1.5), name="white") for view in short]
+    # In both the truth is seen wherever the unclipped one looks.
+    result = mosaic([short[0], bright[1]], size=128, balancing=None)
+    both = mosaic(short, size=128, balancing=None)
+    clipped = result.light.clipped
+    assert clipped is not None
+    sees = both.light.clipped == 0
+    alone = mosaic([short[0], replace(short[0], name="again")], size=128, balancing=None).light.clipped == 0
+    assert not np.any(clipped[alone] == SATURATED)
+    np.testing.assert_allclose(result.light.radiance[clipped == 0], both.light.radiance[clipped == 0], rtol=0.35)
+    bounded = clipped == SATURATED
+    assert bounded.any() and np.all(sees[bounded])
+    assert result.saturated == pytest.approx(float(LatLong().solid_angles(128)[bounded].sum()))
+    # A bound of white, no more.
+    assert result.light.radiance[bounded].max() <= 1.5
+    two = mosaic(bright, size=128, balancing=None)
+    assert two.light.clipped is not None and (two.light.clipped == SATURATED).sum() > bounded.sum()
+
+
+def test_of_two_bounds_the_higher_is_kept():
+    turn = np.eye(3)
+    low, high = (
+        PanoramaView(
+            RadianceMap(np.full((60, 80, 3), v, np.float32), None, np.ones((60, 80), np.uint8)), 60, turn, str(v)
+        )
+        for v in (1.0, 3.0)
+    )
+    result = mosaic([low, high], size=64, balancing=None)
+    assert result.light.clipped is not None
+    assert np.all(result.light.radiance[result.light.clipped == SATURATED] == 3)
+
+
+def test_what_moved_is_taken_from_one_view():
+    turns = [orientation(*np.radians((yaw, 0, 0))) for yaw in (-18, 18)]
+    pictures = [RadianceMap(np.ones((200, 240, 3), np.float32)) for _ in turns]
+    # Somebody stood in the middle of the overlap while the second view was taken.
+    rays = PanoramaView(pictures[1], 150, turns[1])
+    directions = LatLong().directions(pixel_points(LatLong(), 256))
+    x, y = np.meshgrid(np.arange(240) + 0.5, np.arange(200) + 0.5)
+    towards = rays.rays(np.stack([x, y], -1)) @ turns[1].T
+    person = (np.abs(np.arctan2(towards[..., 0], -towards[..., 2])) < 0.07) & (np.abs(towards[..., 1]) < 0.3)
+    pictures[1].radiance[person] = 0.1
+    views = [
+        PanoramaView(picture, 150, turn, f"{i}") for i, (picture, turn) in enumerate(zip(pictures, turns, strict=True))
+    ]
+    result = mosaic(views, size=256)
+    middle = (np.abs(np.arctan2(directions[..., 0], -directions[..., 2])) < 0.06) & (np.abs(directions[..., 1]) < 0.27)
+    inside = result.light.radiance[middle]
+    # Whole or not at all: no ghost.
+    assert np.ptp(inside) < 0.05
+
+
+def test_a_lamp_at_a_rim_has_no_halo():
+    # The lamp is in the first view alone, beside the rim of the second.
+    turns = [orientation(*np.radians((yaw, 0, 0))) for yaw in (0, 50)]
+    pictures = [RadianceMap(np.ones((200, 200, 3), np.float32)) for _ in turns]
+    first = PanoramaView(pictures[0], 150, turns[0])
+    second = PanoramaView(pictures[1], 150, turns[1])
+    lamp = orientation(np.radians(15.5), 0)[:, 2] * -1
+    x, y = np.meshgrid(np.arange(200) + 0.5, np.arange(200) + 0.5)
+    near = (first.rays(np.stack([x, y], -1)) @ lamp) > np.cos(np.radians(0.8))
+    pictures[0].radiance[near] = 5000
+    result = mosaic([first, second], size=240)
+    directions = LatLong().directions(pixel_points(LatLong(), 240))
+    angle = np.degrees(np.arccos(np.clip(directions @ lamp, -1, 1)))
+    seen = np.ones(angle.shape, bool) if result.light.clipped is None else result.light.clipped == 0
+    beside = result.light.radiance[(angle > 2.5) & seen]
+    np.testing.assert_allclose(beside / np.median(beside), 1, rtol=0.01)
+
+
+def test_colours_are_balanced_on_request():
+    turns = [orientation(*np.radians((yaw, 0, 0))) for yaw in (0, 40)]
+    views = [PanoramaView(photograph(WORLD, turn), 160, turn, str(i)) for i, turn in enumerate(turns)]
+    tinted = replace(views[1].picture, radiance=views[1].picture.radiance * np.array([1.2, 1.0, 0.8], np.float32))
+    views[1] = replace(views[1], picture=tinted)
+    found = balance(views, Balancing(colours=True)).gains
+    np.testing.assert_allclose(found[0] / found[1], [1.2, 1.0, 0.8], rtol=0.01)
+    grey = balance(views).gains
+    assert np.all(grey[:, 0] == grey[:, 2])
+
+
+def test_views_whose_told_orientation_is_wrong_are_doubted():
+    turns = [orientation(*np.radians((yaw, 0, 0))) for yaw in (0, 40)]
+    views = [PanoramaView(photograph(WORLD, turn), 160, turn, str(i)) for i, turn in enumerate(turns)]
+    wrong = mosaic([views[0], replace(views[1], rotation=orientation(np.radians(25), 0))], size=64)
+    assert len(wrong.notes) == 1 and "check their orientation" in wrong.notes[0]
+    assert mosaic(views, size=64).notes == ()
+
+
+def test_views_that_do_not_overlap_are_named():
+    turns = [orientation(*np.radians((yaw, 0, 0))) for yaw in (0, 35, 180)]
+    views = [PanoramaView(photograph(WORLD, turn), 160, None, name) for turn, name in zip(turns, "abc", strict=True)]
+    with pytest.raises(NotAPanorama, match="^c: too little in common with a, b to tell") as caught:
+        mosaic(views)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_is_no_panorama_is_refused_in_a_line():
+    good = PanoramaView(RadianceMap(np.ones((8, 8, 3), np.float32)), 4, np.eye(3), "good")
+    for value in (np.nan, -1.0):
+        broken = RadianceMap(np.full((8, 8, 3), value, np.float32))
+        with pytest.raises(NotAPanorama, match="^bad: holds negative or non-finite radiance"):
+            mosaic([good, replace(good, picture=broken, name="bad")])
+    with pytest.raises(NotAPanorama, match="^good: a panorama needs two views"):
+        mosaic([good])
+    calibrated = RadianceMap(np.ones((8, 8, 3), np.float32), unit="cd/m²")
+    with pytest.raises(NotAPanorama, match="in cd/m²"):
+        mosaic([good, replace(good, picture=calibrated)])
+    with pytest.raises(ValueError, match="at least 16 rows"):
+        mosaic([good, good], size=3)
+
+
+def _falloff() -> np.ndarray:
+    from relume.capture.vignetting import Vignetting
+
+    return Vignetting(FALLOFF).falloff((320, 256))
