@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from relume.capture.vignetting import Vignetting
 from relume.image.radiance import RadianceMap
@@ -17,7 +17,7 @@ def patchwork(rows: int = 384, patches: int = 3000, seed: int = 0) -> Illuminati
     """Patches of all brightnesses from a fifth to five times the mean, and three lamps a hundred times as bright."""
     generator = np.random.default_rng(seed)
     directions = LatLong().directions(pixel_points(LatLong(), rows))
-    nearest = cKDTree(normalised(generator.normal(size=(patches, 3)))).query(directions)[1]
+    nearest = KDTree(normalised(generator.normal(size=(patches, 3)))).query(directions)[1]
     colours = np.exp(generator.normal(size=(patches, 1)) * 0.6 + generator.normal(size=(patches, 3)) * 0.15)
     colours[:3] = 100 * np.array([1.0, 0.9, 0.7])
     return IlluminationMap(colours[nearest].astype(np.float32))
@@ -34,15 +34,16 @@ def photograph(
     distortion: float = 0.0,
     noise: float = 0.0,
     white: float | None = None,
+    cells: int = 1,
     seed: int = 0,
 ) -> RadianceMap:
-    """What a camera at the light's centre sees; values above `white` are clipped and marked."""
+    """What a camera at the light's centre sees, cells² look-ups a pixel; values above `white` are clipped, marked."""
     width, height = size
     blank = RadianceMap(np.ones((height, width, 3), np.float32))
     view = PanoramaView(blank, focal_length, rotation, distortion=distortion)
-    x, y = (np.arange(2 * width) + 0.5) / 2, (np.arange(2 * height) + 0.5) / 2
+    x, y = (np.arange(cells * width) + 0.5) / cells, (np.arange(cells * height) + 0.5) / cells
     rays = view.rays(np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)) @ rotation.T
-    radiance = light.look_up(rays).reshape(height, 2, width, 2, 3).mean((1, 3))
+    radiance = light.look_up(rays).reshape(height, cells, width, cells, 3).mean((1, 3))
     radiance = radiance * gain * Vignetting(vignetting).falloff(size)[..., None]
     radiance *= 1 + noise * np.random.default_rng(seed).normal(size=radiance.shape)
     clipped = None

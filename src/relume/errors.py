@@ -4,6 +4,8 @@
     ├── UnreadableFile      a photograph, map or mesh is missing, damaged or of a kind relume does not read
     ├── NotABracket         photographs that cannot be merged: no exposure, different sizes, nothing well exposed
     ├── BallNotFound        no mirrored ball is seen in the photograph
+    ├── SunNotFound         no sun or lamp stands out of an illumination map
+    ├── SunNotRecovered     what a clipped sun held cannot be told from the readings
     ├── GridNotFound        no calibration grid is seen in the photograph
     ├── InvalidShot         the shot file has an unknown key, a missing one or a wrong value
     ├── InvalidScene        the scene file has an unknown key, a missing one or a wrong value
@@ -29,6 +31,14 @@ class NotABracket(RelumeError):
 
 class BallNotFound(RelumeError):
     """No mirrored ball is seen in the photograph."""
+
+
+class SunNotFound(RelumeError):
+    """No sun or lamp stands out of an illumination map."""
+
+
+class SunNotRecovered(RelumeError):
+    """What a clipped sun held cannot be told: nothing clipped, or the readings do not see it."""
 
 
 class GridNotFound(RelumeError):

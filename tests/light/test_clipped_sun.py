@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from relume.errors import SunNotRecovered
 from relume.image import files
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
-from relume.light.clipped_regions import Disc, Spread, SunNotRecovered, clipped_pixels, plateau, sources
+from relume.light.clipped_regions import Disc, Spread, clipped_pixels, plateau, sources
 from relume.light.clipped_sun import recover_sun
 from relume.light.matte_readings import MatteReadings, Patch, read_chart, read_grey_ball
 from relume.probe.ball import CAMERA_FROM_PIXELS, BallView, view_ball
@@ -297,7 +298,7 @@ def test_a_photographed_matte_ball_is_found_as_a_mirrored_one_is():
 
 
 def test_the_file_tells_how_the_sun_was_recovered(tmp_path):
-    truth, lights = made(LIGHTS, size=32)
+    truth, lights = made(LIGHTS)
     found = recover_sun(cut(truth), read_grey_ball(photographed(lights), 0.18))
     picture = as_radiance_map(found.light)
     files.write(tmp_path / "map.exr", replace(picture, attributes={**picture.attributes, **found.attributes}))

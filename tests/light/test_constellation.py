@@ -67,6 +67,7 @@ def test_a_light_is_the_sum_of_the_pixels_labelled_as_its_own(name, method):
     light = sunny(48) if name == "latlong" else sunny(48).remapped(mapping_named(name), 48)
     lights = constellation(light, 12, method)
     areas = light.mapping.solid_angles(light.size)
+    assert lights.labels is not None and lights.solid_angles is not None
     assert lights.labels.shape == areas.shape
     assert np.all((lights.labels >= 0) == (areas > 1e-12))
     flux = light.radiance.astype(np.float64) * areas[..., None]
@@ -124,8 +125,8 @@ def test_surfaces_are_lit_as_by_photographed_light(name, shared):
     mean, worst = error(light, 64)
     assert mean < 0.015
     assert worst < 0.04
-    assert error(light, 64, KMeans())[0] < mean
-    assert error(light, 64, VarianceMinimisation())[0] < mean
+    assert error(light, 64, KMeans())[0] < 0.8 * mean
+    assert error(light, 64, VarianceMinimisation())[0] < 0.015
 
 
 @EACH
@@ -236,6 +237,7 @@ def test_the_middle_of_the_light_is_inside_its_rectangle():
 def spread_of(light, lights):
     """Σ Y |ω − direction|² dω, each pixel about its own light: what variance minimisation and k-means make small."""
     pixels, flux = naive.latlong_pixels(light.radiance)
+    assert lights.labels is not None
     own = lights.directions[lights.labels.ravel()]
     return float((flux @ [0.2126, 0.7152, 0.0722]) @ np.sum((pixels - own) ** 2, axis=-1))
 
@@ -260,6 +262,7 @@ def test_of_all_cuts_the_first_leaves_the_least_variance():
     cuts = [rows < k for k in range(1, 12)] + [columns < k for k in range(1, 24)]
     best = min(cuts, key=lambda cut: variance(cut) + variance(~cut))
     labels = constellation(light, 2, VarianceMinimisation()).labels
+    assert labels is not None
     assert np.array_equal(labels == labels[0, 0], best == best[0, 0])
 
 
@@ -268,6 +271,7 @@ def test_two_sources_are_not_cut_through_where_median_cut_does():
     radiance = np.zeros((16, 32, 3), np.float32)
     radiance[7, 10:12], radiance[7, 20] = 10, 3
     lights = constellation(IlluminationMap(radiance), 2, VarianceMinimisation())
+    assert lights.labels is not None
     assert np.array_equal(np.unique(lights.labels[7, 10:12]), [0])
     assert lights.irradiance[0, 0] / lights.irradiance[1, 0] == pytest.approx(20 / 3)
     halved = constellation(IlluminationMap(radiance), 2, MedianCut())
@@ -312,6 +316,7 @@ def test_the_angular_radius_is_that_of_the_disc_of_light(degrees):
     towards = np.array([0.6, 0.64, -0.48])
     light = of_directions(lambda d: 1.0 * (d @ towards > np.cos(np.radians(degrees))), 256)
     lights = constellation(light, 1)
+    assert lights.angular_radii is not None
     assert np.degrees(lights.angular_radii[0]) == pytest.approx(degrees, rel=0.03)
     assert lights.directions[0] @ towards > np.cos(np.radians(0.1))
 
@@ -332,6 +337,7 @@ def test_the_lights_of_two_constellations_together_keep_their_pixels():
     first, second = constellation(lone(8, 2, 3), 1), constellation(constant(8), 4)
     first = Constellation(first.directions, first.irradiance, first.angular_radii, first.solid_angles, None)
     both = together(first, second)
+    assert second.labels is not None
     np.testing.assert_array_equal(both.irradiance, np.concatenate([first.irradiance, second.irradiance]))
     np.testing.assert_array_equal(both.labels, second.labels + 1)
     marked = Constellation(first.directions, first.irradiance, labels=np.where(second.labels == 0, 0, -1))

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from lights import constant, lone, spread, sunny
+from relume.errors import SunNotFound
 from relume.image.files import read_radiance
 from relume.image.radiance import SATURATED
-from relume.light.sun import SunNotFound, extract_sun
+from relume.light.sun import extract_sun
 from relume.sphere.directions import normalised
 from relume.sphere.illumination import IlluminationMap, as_illumination
 from relume.sphere.mappings import LatLong, Mapping, mapping_named, pixel_points
@@ -102,6 +103,23 @@ def test_a_sun_on_the_horizon_leaves_the_horizon():
     # The step is a little smoothed within the patch, by no more than half.
     step = sky(np.array([0, 0.03, -1])) - sky(np.array([0, -0.03, -1]))
     assert np.all(above - below > 0.5 * step) and np.all(above - below < step)
+
+
+def test_a_sun_at_the_seam_is_filled_from_both_sides_of_it():
+    radiance = np.full((32, 64, 3), 3.0, np.float32)
+    radiance[:, 32:] = 1.0  # behind, to the left of the seam 3 and to its right 1
+    radiance[15:17, 0] = 1e4
+    rest = extract_sun(IlluminationMap(radiance)).rest.radiance
+    # The nearest pixels: three of 3, three of 1.
+    assert np.all((rest[15:17, 0] > 1.8) & (rest[15:17, 0] < 2.7))
+
+
+def test_no_channel_of_the_fill_is_a_source_itself():
+    # Compression rings round a lamp: dark pixels with one bright channel.
+    light = lone(32, 10, 20, 1e4, dark=1.0)
+    light.radiance[9, 19:22] = 0, 0, 50
+    rest = extract_sun(light).rest.radiance
+    assert rest[10, 20].max() < 16.5
 
 
 def test_surfaces_are_lit_as_before():

@@ -72,7 +72,7 @@ def test_the_kernel_sees_what_a_look_up_sees():
         }
         if any(clipped[p] == 3 for p in shares):
             continue
-        value = sum(share * picture.radiance[p] for p, share in shares.items())
+        value = np.sum([share * picture.radiance[p] for p, share in shares.items()], axis=0)
         bound = sum(share * (clipped[p] == 1) for p, share in shares.items())
         total[pixel] += weight * np.array([*value, bound, 1, min(x, 80 - x, y, 60 - y)])
     covered = total[..., 4].copy()
@@ -95,7 +95,7 @@ def test_features_lie_where_the_world_has_them():
     turns = [orientation(0), orientation(np.radians(35), np.radians(10), np.radians(20))]
     views = [PanoramaView(photograph(world, turn), 160.0, turn) for turn in turns]
     features = [features_of(view) for view in views]
-    pairs = match(*features, 0.75)
+    pairs = match(features[0], features[1], 0.75)
     ends = [
         view.rays(f.points[pairs[:, i]]) @ view.placed.T
         for i, (view, f) in enumerate(zip(views, features, strict=True))

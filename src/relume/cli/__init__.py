@@ -12,6 +12,7 @@ COMMANDS = {
     "panorama": "Mosaic perspective photographs into an illumination map.",
     "convert": "Convert light between mappings, turn it, lay it out for another program.",
     "edit": "Edit radiance maps in linear light, or through any painting program.",
+    "sun": "Recover a sun that clipped, from a grey ball or a chart in the same light.",
     "lights": "Turn an illumination map into lamps for other programs: constellations, the sun, the rest.",
     "reflect": "Turn an illumination map into reflection maps, cubes for game engines and a contact sheet.",
     "render": "Render a scene or a mesh under an illumination map: a picture, frames or a movie.",

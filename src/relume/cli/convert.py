@@ -20,7 +20,10 @@ if TYPE_CHECKING:
     from relume.sphere.illumination import IlluminationMap
     from relume.sphere.mappings import Mapping
 
-MAPPINGS = "latlong, angular, ball, cross, cross-vertical, strip, faces, octahedral, equalarea, hemispheres, fisheye (:equisolid) (:DEGREES)"
+MAPPINGS = (
+    "latlong, angular, ball, cross, cross-vertical, strip, faces, octahedral, equalarea, hemispheres, "
+    "fisheye (:equisolid) (:DEGREES)"
+)
 HOSTS = "blender, usd, gltf, three, mitsuba, pbrt, arnold, radiance"
 FACE_WORDS = ("px", "nx", "py", "ny", "pz", "nz")
 LARGEST = 16384
@@ -44,9 +47,7 @@ def convert(
     ],
     from_: Annotated[
         str | None,
-        Parameter(
-            name="--from", help=f"Mapping of the input, where the file does not remember it: {MAPPINGS}."
-        ),
+        Parameter(name="--from", help=f"Mapping of the input, where the file does not remember it: {MAPPINGS}."),
     ] = None,
     to: Annotated[str | None, Parameter(help="Mapping to convert to, one of the same; as it is unless given.")] = None,
     size: Annotated[

@@ -33,11 +33,27 @@ def read_light(path: Path, mapping: Mapping | None = None, *, clamp: bool = Fals
     from relume.image import files
     from relume.sphere.illumination import as_illumination
 
-    picture = _light_only(path, files.read_radiance(path), clamp)
+    picture = _light_only(path, _without_surroundings(files.read_radiance(path), mapping), clamp)
     try:
         return as_illumination(picture, mapping)
     except ValueError as error:
         raise UnreadableFile(f"{path}: {error}") from None
+
+
+def _without_surroundings(picture: RadianceMap, mapping: Mapping | None) -> RadianceMap:
+    """The picture with 0 beside the discs and faces of its mapping: what other programs leave there is no light."""
+    import numpy as np
+
+    from relume.sphere.mappings import mapping_named
+
+    try:
+        mapping = mapping or mapping_named(picture.attributes.get("mapping", ""))
+        areas = mapping.solid_angles(picture.size[1])
+    except ValueError:
+        return picture
+    if areas.shape != picture.radiance.shape[:2] or areas.min() > 0:
+        return picture
+    return replace(picture, radiance=np.where(areas[..., None] > 0, picture.radiance, np.float32(0)))
 
 
 def _light_only(path: Path, picture: RadianceMap, clamp: bool) -> RadianceMap:

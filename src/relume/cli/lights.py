@@ -83,9 +83,9 @@ def lights(
     manner: Manner = Manner(),
 ) -> None:
     """Turn an illumination map into parallel lights that carry all of its light, for renderers without such maps."""
+    from relume.errors import SunNotFound
     from relume.image import files
     from relume.light.constellation import irradiance_error
-    from relume.light.sun import SunNotFound
     from relume.sphere.illumination import as_radiance_map
     from relume.sphere.mappings import LatLong, mapping_named
 

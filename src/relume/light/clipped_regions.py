@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from scipy.ndimage import label
 
-from relume.errors import RelumeError
+from relume.errors import SunNotRecovered
 from relume.image.colour import luminance
 from relume.image.radiance import SATURATED
 from relume.sphere.directions import normalised
@@ -18,10 +18,6 @@ SUN_DIAMETER = 0.0093
 """Radians, 0.533°, the sun's mean angular diameter."""
 NEAR_THE_TOP = 0.999
 """Share of the brightest value at which a pixel belongs to the plateau."""
-
-
-class SunNotRecovered(RelumeError):
-    """What clipped cannot be told from what is given; the message says why."""
 
 
 class Shape(Protocol):

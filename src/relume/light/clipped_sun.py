@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import nnls
 
+from relume.errors import SunNotRecovered
 from relume.image.colour import LUMINANCE_WEIGHTS
-from relume.light.clipped_regions import Shape, Spread, SunNotRecovered, clipped_pixels, middle_of, sources
+from relume.light.clipped_regions import Shape, Spread, clipped_pixels, middle_of, sources
 from relume.light.lobes import Lambert
 from relume.light.matte_readings import MatteReadings
 from relume.light.reflection import reflection_map
@@ -33,9 +34,9 @@ MODEL = 0.01
 """Share of a reading by which paint, the ball's shape and interpolation may be off; weighs dark sides against lit."""
 DISAGREEMENT = 0.1
 """Mean relative residual from which on the result is doubtful."""
-WIDEST = np.radians(6)
-"""Width of a clipped source from which on it matters where in it the light was: on real suns with a bright haze about
-them, cut so low that this clipped, irradiance still errs by 5 % and more in some directions."""
+WIDEST = np.radians(3)
+"""Width of a clipped source from which on it matters where in it the light was: real suns with haze about them, cut so
+low that the haze clipped too, leave irradiance wrong by 5 % and more in some directions."""
 _TABLE_ROWS = 72
 _PRODUCTS = 4_000_000
 """Cosines held at once."""

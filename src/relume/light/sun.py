@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.errors import RelumeError
+from relume.errors import SunNotFound
 from relume.image.colour import LUMINANCE_WEIGHTS, luminance
 from relume.image.radiance import SATURATED
 from relume.light.constellation import Constellation
@@ -24,10 +24,6 @@ PLATEAU = 4
 """Times the largest pixel: so much of the very same, highest value is no chance; it clipped, or was drawn."""
 LEAST = 0.01
 """Of the map's light: a source with less is a glint or a star, not what lights the place."""
-
-
-class SunNotFound(RelumeError):
-    """No compact source stands out of the map."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +96,8 @@ def extract_sun(
             break
         if float(np.sum(values[patch] * areas[patch])) < LEAST * whole:
             continue
-        fill = np.minimum(filled(light, patch, bright), light.radiance[patch])
+        # A ring of compression artefacts may have a channel far above the level; the fill must be no source itself.
+        fill = np.minimum(np.minimum(filled(light, patch, bright), np.float32(level)), light.radiance[patch])
         sun, reach = _sun(light, patch, fill, whole)
         if reach > widest:
             wide = max(wide, reach)

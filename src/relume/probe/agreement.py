@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -18,6 +19,8 @@ ROWS = 96
 """Rows of the charts that are compared: 1.9° each, more than registration leaves between views."""
 TOLERANCE = 0.35
 """Difference in ln luminance, half a stop, at which a view counts half: edges that are blurred differ by less."""
+EDGES: Any = ("nearest", "wrap")
+"""How a lat-long chart goes on beyond its edges when it is blurred."""
 LEAST = 0.05
 """What the view that contradicts all others keeps, so that it still serves where it is the only one."""
 
@@ -49,13 +52,13 @@ def agreement(views: Sequence[BallView], nearness: float, gains: Sequence[float]
     levels, shares = [], []
     for view, gain in zip(views, gains, strict=True):
         light = luminance(view.look_up(directions, nearness)[0]).reshape(cells).mean((1, 3)) / gain
-        levels.append(np.log(gaussian_filter(light, 1.0, mode=("nearest", "wrap")) + 1e-9))
+        levels.append(np.log(gaussian_filter(light, 1.0, mode=EDGES) + 1e-9))
         shares.append(trust(view, directions, nearness).reshape(cells).mean((1, 3)))
     level, share = np.stack(levels), np.stack(shares)
     # The sharp power of the blending gives a view that samples badly no say; here it has little.
     off = np.abs(level - _weighted_median(level, share**2))
     agreed = LEAST + (1 - LEAST) / (1 + (off / TOLERANCE) ** 4)
-    return Agreement(np.stack([gaussian_filter(each, 0.7, mode=("nearest", "wrap")) for each in agreed]))
+    return Agreement(np.stack([gaussian_filter(each, 0.7, mode=EDGES) for each in agreed]))
 
 
 def _weighted_median(values: np.ndarray, weights: np.ndarray) -> np.ndarray:

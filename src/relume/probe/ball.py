@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from relume.errors import BallNotFound
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
@@ -23,6 +24,8 @@ from relume.sphere.directions import look_at, normalised, rotation_between
 
 MOST_CUT = 0.02
 """The share of the ball that may lie beyond the picture's edge: crops drawn along the rim cut that much."""
+MIXED = 1.0
+"""Pixels inside the silhouette that a pixel cut by it reaches when the picture is looked up between its pixels."""
 CAMERA_FROM_PIXELS = np.diag([1.0, -1.0, -1.0])
 """Turns the pixel frame (y down, z forward) into the camera frame of the world's conventions (y up, z backward)."""
 
@@ -33,7 +36,8 @@ class Seen:
 
     radiance : (…, 3), the ball's reflectance divided out
     incidence : (…) cosine of incidence, 0 where the picture shows nothing of it
-    sampling : (…) pixels per radian where it is squeezed most, 0 where the picture shows nothing of it
+    sampling : (…) pixels per radian where it is squeezed most, 0 where the picture shows nothing of it, and in the
+        outermost pixel of the ball
     saturated : (…) share that was saturated in every photograph, 0 to 1
     """
 
@@ -98,7 +102,7 @@ class BallView:
     def sampling(self, directions: np.ndarray, nearness: float = 0.0) -> np.ndarray:
         """Pixels per radian of light in the direction in which the ball squeezes it most: (…), 0 in the blind cone.
 
-        It squeezes radially, f dα/dβ: all pixels take in nearly the same solid angle (`solid_angles`), but near the
+        Likewise in the ball's outermost pixel, which mixes it with what is behind. It squeezes radially, f dα/dβ: all pixels take in nearly the same solid angle (`solid_angles`), but near the
         silhouette a long narrow strip of it.
         """
         return self.see(directions, nearness).sampling
@@ -124,7 +128,10 @@ class BallView:
         radiance = bilinear(self.picture.radiance, x, y)
         if min(self.reflectance.normal) < 1:
             radiance = radiance / self.reflectance.at(incidence)
-        sampling = np.where(shown, self.focal_length * np.maximum(alpha_rise, 0) / beta_rise, 0)
+        # The outermost pixel mixes the ball with what is behind it.
+        outermost = 1 - np.sin(gamma) / (self.distance - np.cos(gamma)) * np.sqrt(self.distance**2 - 1)
+        clean = shown & (outermost * self.outline.radius > MIXED)
+        sampling = np.where(clean, self.focal_length * np.maximum(alpha_rise, 0) / beta_rise, 0)
         return Seen(radiance, np.where(shown, incidence, 0), sampling, saturated)
 
     def solid_angles(self, directions: np.ndarray) -> np.ndarray:
@@ -195,7 +202,8 @@ def view_ball(
     Raises BallNotFound; ValueError when neither focal length nor radius is given.
     """
     camera, centre = np.asarray(camera, np.float64), np.asarray(centre, np.float64)
-    found = find_outline(picture.radiance, name, focal_length) if outline is None else outline
+    shown = _continued(picture)
+    found = find_outline(shown, name, focal_length) if outline is None else outline
     if focal_length is None:
         if radius is None:
             raise ValueError(f"{name}: no focal length in its EXIF; give the ball's radius, so that it can be found")
@@ -204,7 +212,7 @@ def view_ball(
             raise ValueError(f"{name}: the camera is told to stand inside the ball; radius and places are in metres")
         focal_length = found.radius * float(np.sqrt(1 - sine**2)) / sine
     if outline is None:
-        found = refined(picture.radiance, found, focal_length)
+        found = refined(shown, found, focal_length)
         cut = found.cut(picture.size)
         if cut > MOST_CUT:
             raise BallNotFound(
@@ -215,3 +223,11 @@ def view_ball(
     straight = look_at(camera, centre) @ CAMERA_FROM_PIXELS
     world_from_pixels = straight @ rotation_between(cone.axis, np.array([0.0, 0.0, 1.0]))
     return BallView(picture, focal_length, cone.axis, cone.distance, world_from_pixels, found, reflectance)
+
+
+def _continued(picture: RadianceMap) -> np.ndarray:
+    """Radiance that goes on beyond every photograph, lest the border there be taken for a rim."""
+    if picture.clipped is None or not np.any(picture.clipped == OUTSIDE) or np.all(picture.clipped == OUTSIDE):
+        return picture.radiance
+    rows, columns = distance_transform_edt(picture.clipped == OUTSIDE, return_distances=False, return_indices=True)  # pyright: ignore
+    return picture.radiance[rows, columns]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -25,6 +26,9 @@ RIM_LIMIT = 0.008
 """The most that a silhouette is moved or grown, in radii: beyond that it was not the rim that was found."""
 RIM_HOLD = 0.6
 """How hard the silhouettes are held, in misfit per pixel: enough for light that tells nothing of them."""
+TURN_HOLD = 4.0
+"""How hard the turns are held, in misfit per radian."""
+PARTS = 100
 ROBUST = 0.1
 """Difference in ln luminance from which on a direction counts less: lamps a little out of place, people who moved."""
 STEP = 1e-3
@@ -118,8 +122,9 @@ class Bundle:
 
         start = np.zeros(len(upper))
         start[-1] = 0.01
+        slope: Any = slopes  # the stubs know three words for it and no function
         solution = least_squares(
-            misfit, start, jac=slopes, bounds=(lower, upper), loss="soft_l1", f_scale=ROBUST, x_scale=scale,
+            misfit, start, jac=slope, bounds=(lower, upper), loss="soft_l1", f_scale=ROBUST, x_scale=scale,
             xtol=1e-5, ftol=1e-6, max_nfev=40,
         )  # fmt: skip
         return self._parts(solution.x, count)
@@ -137,4 +142,9 @@ class Bundle:
     def _misfits(self, seen: np.ndarray, found: Adjustment) -> np.ndarray:
         level = seen - self.offsets(seen)[:, None]
         mean = (self.shares * level).sum(0)
-        return np.concatenate([(np.sqrt(self.shares) * (level - mean)).ravel(), (RIM_HOLD * found.rims).ravel()])
+        return np.concatenate([(np.sqrt(self.shares) * (level - mean)).ravel(), self._held(found)])
+
+    def _held(self, found: Adjustment) -> np.ndarray:
+        """What silhouettes and turns cost by themselves, in parts so small that the robust loss leaves them squares."""
+        cost = np.concatenate([(RIM_HOLD * found.rims).ravel(), (TURN_HOLD * found.vectors).ravel()])
+        return np.repeat(cost / PARTS**0.5, PARTS)

@@ -7,22 +7,26 @@ from dataclasses import replace
 
 import numpy as np
 
+from relume.errors import BallNotFound
 from relume.image.photograph import Photograph
 from relume.probe.following import refined
 from relume.probe.lone_photograph import linear
 from relume.probe.outline import find_outline
-from relume.probe.silhouette import Outline
+from relume.probe.silhouette import Outline, outline_of_circle
+
+ALIKE = 0.05
+"""Difference in radius between crops of one ball, drawn by one hand."""
 
 
 def on_one_frame(photographs: Sequence[Photograph]) -> tuple[Photograph, ...]:
     """Photographs of different sizes, each moved and scaled so that its ball covers that of the first.
 
     What lay beyond a crop is marked `outside`. Focal lengths are left out: EXIF tells that of the whole picture.
-    Raises BallNotFound, naming the photograph.
+    Raises BallNotFound, naming the first, where none shows a ball.
     """
     import cv2
 
-    outlines = [_outline(photograph) for photograph in photographs]
+    outlines = _outlines(photographs)
     width, height = photographs[0].size
     first, moved = outlines[0], []
     for photograph, outline in zip(photographs, outlines, strict=True):
@@ -39,6 +43,25 @@ def on_one_frame(photographs: Sequence[Photograph]) -> tuple[Photograph, ...]:
     return tuple(moved)
 
 
-def _outline(photograph: Photograph) -> Outline:
-    radiance = linear(replace(photograph, exposure=None)).radiance
-    return refined(radiance, find_outline(radiance, photograph.name))
+def _outlines(photographs: Sequence[Photograph]) -> list[Outline]:
+    """The ball in each: crops of one ball are alike in size, and one that comes out otherwise is sought again there."""
+    lights = [linear(replace(photograph, exposure=None)).radiance for photograph in photographs]
+    found: list[Outline | None] = []
+    for photograph, light in zip(photographs, lights, strict=True):
+        try:
+            found.append(refined(light, find_outline(light, photograph.name)))
+        except BallNotFound:
+            found.append(None)
+    seen = [outline for outline in found if outline is not None]
+    if not seen:
+        raise BallNotFound(f"{photographs[0].name}: no mirrored ball found in it, nor in the others; crop them alike")
+    usual = float(np.median([outline.radius for outline in seen]))
+    usual_place = np.median([outline.centre for outline in seen if abs(outline.radius / usual - 1) < ALIKE], axis=0)
+    result = []
+    for outline, light in zip(found, lights, strict=True):
+        if outline is None or abs(outline.radius / usual - 1) > ALIKE:
+            # In a dark frame lamps outshine the rim; what little of it is seen is looked for where the others have it.
+            x, y = usual_place.tolist()
+            outline = refined(light, outline_of_circle(x, y, usual))
+        result.append(outline)
+    return result

@@ -67,7 +67,7 @@ def refined(radiance: np.ndarray, outline: Outline, focal_length: float | None =
 
     The outline is given back as it was where too little of the rim is seen.
     """
-    bright = luminance(radiance)
+    bright = np.asarray(luminance(radiance), np.float64)
     size = (bright.shape[1], bright.shape[0])
     focal = float(TELEPHOTO * size[0]) if focal_length is None else focal_length
     cone = cone_through(outline.points, size, focal)

@@ -102,7 +102,7 @@ def add_view(shown, cost, begin, rows, ramp, total, weight, bound):
         for column in range(shown.shape[1]):
             if shown[out, column, 4] <= 0:
                 continue
-            if shown[out, column, 3] > 1e-6:
+            if shown[out, column, 3] > 0:
                 for channel in range(3):
                     bound[out, column, channel] = max(bound[out, column, channel], shown[out, column, channel])
                 continue

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy import sparse
@@ -133,12 +134,14 @@ def lay_seams(views: Sequence[PanoramaView], seen: Sight | None = None) -> Seams
         reached[index, inside] = np.where(np.isfinite(within), within, beyond)
     first = reached.min(0)
     with np.errstate(invalid="ignore"):
-        late = np.where(np.isfinite(reached), (reached - first) / SOFTNESS, MOST)
+        # Where fronts run fast a little behind is far behind: what moved is not seen through.
+        late = np.where(np.isfinite(reached), (reached - first) / (SOFTNESS * pace), MOST)
     late = np.minimum(late, MOST).reshape(len(views), seen.rows, 2 * seen.rows).astype(np.float32)
     disputed = float(LatLong().solid_angles(seen.rows)[difference > MOVED].sum())
     return Seams(np.stack([wrapped(each) for each in late]), disputed)
 
 
+@lru_cache(4)
 def sphere_graph(rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Neighbouring cells of a lat-long map, over the seam and the poles: from, to, and the angle between, radians."""
     directions = LatLong().directions(pixel_points(LatLong(), rows)).reshape(-1, 3)

@@ -73,7 +73,7 @@ def shrunk(view: PanoramaView, focal_length: float) -> PanoramaView:
     if view.picture.clipped is not None:
         # A pixel is what the worst of those in it are: a bound stays a bound.
         worst = [
-            cv2.resize((view.picture.clipped == code).astype(np.float32), size, interpolation=cv2.INTER_AREA) > 1e-3
+            cv2.resize((view.picture.clipped == code).astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0
             for code in (2, 1, 3)
         ]
         clipped = np.select([worst[2], worst[1], worst[0]], [3, 1, 2], 0).astype(np.uint8)

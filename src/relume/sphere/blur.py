@@ -117,7 +117,7 @@ def _spherical(rows: int, sigma: float) -> Spread:
 
         with ThreadPoolExecutor() as pool:
             list(pool.map(receive, range(rows)))
-        return np.asarray(irfft(received, n=columns, axis=1, workers=-1)) * 1
+        return np.asarray(irfft(received, n=columns, axis=1, workers=-1)) * balance[:, None, None]
 
     return spread
 

@@ -72,7 +72,9 @@ class _Disc(ABC):
         # integral[e, k] walks cell k of the line `coordinate = edges[e]` upwards, counter-clockwise for a right edge.
         integral = (self._cap(np.minimum(squared, 1.0)) * turn * weights).sum(-1) / rows
         walked = integral[1:] - integral[:-1]
-        quarter = np.maximum(walked + walked.T, 0.0)
+        inner_edge = np.maximum(edges[:-1], 0)
+        nearest = inner_edge[:, None] ** 2 + inner_edge[None, :] ** 2
+        quarter = np.where(nearest < 1, np.maximum(walked + walked.T, 0.0), 0.0)
         inner = slice(rows % 2, None)  # the middle row and column of an odd number are no pair
         half = np.concatenate([quarter[inner][::-1], quarter])
         return np.concatenate([half[:, inner][:, ::-1], half], axis=1)

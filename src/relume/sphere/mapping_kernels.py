@@ -12,8 +12,10 @@ _HALF, _ONE, _TWO = np.float32(0.5), np.float32(1), np.float32(2)
 _PI, _QUARTER = np.float32(np.pi), np.float32(np.pi / 4)
 _TINY = np.float32(1e-30)
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
-_RIM = 16
+RIM = 16
 """Pixels from the rim of an orthographic disc within which solid angles grow too fast for a sum of four densities."""
+FINE = 1024
+"""Columns from which the density at a pixel's middle tells its solid angle to 1e-6."""
 
 
 @inlined
@@ -293,12 +295,12 @@ def solid_angle(kind, across, down, rows, columns, row, column):
         middle = np.hypot(2 * (column + 0.5) / columns - 1, 2 * (row + 0.5) / rows - 1)
         if middle > 1 + 1.5 * 2 / rows:
             return 0.0
-        if middle > 1 - (_RIM if kind == ORTHOGRAPHIC else 1.5) * 2 / rows:
+        if middle > 1 - (RIM if kind == ORTHOGRAPHIC else 1.5) * 2 / rows:
             return _rim_solid_angle(kind, across, rows, row, column)
     # Gauss's rule of two points a side, in as many parts as make a coarse image fine.
     parts = 1 if columns >= 64 else (127 // columns + 1) // 2 * 2
-    node = 0.0 if columns >= 1024 else 0.5 / np.sqrt(3.0)
-    points = 1 if columns >= 1024 else 2
+    node = 0.0 if columns >= FINE else 0.5 / np.sqrt(3.0)
+    points = 1 if columns >= FINE else 2
     total = 0.0
     for i in range(parts):
         for j in range(parts):

@@ -2,9 +2,10 @@
 
 Every target pixel is the mean, by solid angle, of bilinear look-ups in cells no wider than the source's pixels: where
 a map grows that is bilinear interpolation, where it shrinks an average over areas (a box filter, as HDR Shop's).
-Look-ups at a few points count a single pixel a few per cent too much or too little. For most pixels that averages out;
-for a sun it would not. So what stands out is taken out first and pushed instead: its flux, exactly, is shared out among
-the target's pixels. A lat-long's rows near the poles are averaged along themselves beforehand to pixels as wide as high.
+Look-ups at a few points count a single pixel a few per cent too much or too little. For most pixels that averages
+out; for a sun it would not. So what stands out is taken out first and pushed instead: its flux, exactly, is shared out
+among the target's pixels. A lat-long's rows near the poles are averaged along themselves beforehand to pixels as wide
+as high.
 """
 
 from __future__ import annotations
@@ -17,18 +18,19 @@ from relume.sphere.layouts import EQUIDISTANT, EQUISOLID, LAT_LONG, ORTHOGRAPHIC
 from relume.sphere.mapping_kernels import found, grain, spreads, toward, turned
 from relume.sphere.mappings import LatLong, Mapping
 from relume.sphere.resampling_kernels import (
+    RUN,
     bright,
     cells,
     deposit,
     divisions,
     finish,
+    locate,
     mark,
     round_caps,
     scaled,
     settle,
     sums,
     tents,
-    weigh,
 )
 
 STANDS_OUT = 16.0
@@ -52,9 +54,9 @@ def resampled(light: IlluminationMap, mapping: Mapping, size: int, rotation: np.
     size : rows of the result
     rotation : (3, 3), active
 
-    Each channel's total is kept, unless one of the mappings shows a part of the sphere only: light that falls outside is
-    lost then, and what no pixel showed stays 0 and is marked OUTSIDE. Constant light stays constant. Marks in `clipped`
-    travel: a pixel is SATURATED when any of the pixels it is made from is, else marked when all of them are.
+    Each channel's total is kept, unless one of the mappings shows a part of the sphere only: light that falls outside
+    is lost then, and what no pixel showed stays 0 and is marked OUTSIDE. Constant light stays constant. Marks in
+    `clipped` travel: a pixel is SATURATED when any of the pixels it is made from is, else marked when all of them are.
     Raises ValueError for a size no such map has.
     """
     rotation = np.asarray(rotation, np.float64)
@@ -89,7 +91,7 @@ def moved(
     most = _most(np.array(total), shown, len(light))
     caps = _caps(light, source, most)
     turns = target.turns(source, rotation.T)
-    work = target.planes, source.planes, turns, light, caps, most, codes, result, covered, marks
+    work = target.planes, source.planes, turns, light.reshape(-1), caps.reshape(-1), most, codes, result, covered, marks
     parts = in_threads(lambda a, b: _gathered(a, b, *work), target.lines, chunk=_LINES)
     places, flux = _bright(source, light, most, peaks)
     if whole and target.planes.whole:
@@ -120,7 +122,7 @@ def _gathered(
     """Fill lines begin…end of the target with means of look-ups in the source; their total, (3,)."""
     step = grain(source.kind, source.across, source.down, source.rows, source.columns)
     lines = range(begin, end)
-    wide = np.empty((len(lines), -(-target.columns // 8)), np.int64)
+    wide = np.empty((len(lines), -(-target.columns // RUN)), np.int64)
     high = np.empty_like(wide)
     counts = [divisions(target, step, line, wide[i], high[i]) for i, line in enumerate(lines)]
     total = np.zeros(3)
@@ -131,24 +133,25 @@ def _gathered(
             need, last = need + counts[last - lines.start], last + 1
         xs, ys, x, y, z, weight = np.empty((6, need), np.float32)
         owner, plane = np.empty((2, need), np.int32)
+        owned = (last - begin) * target.columns
+        values = np.empty((owned, 3), np.float32)
+        inside, every, parts = np.zeros((3, owned), np.float32)
         count = np.zeros(1, np.int64)
         for line in range(begin, last):
             i = line - lines.start
-            cells(target, line, wide[i], high[i], (line - begin) * target.columns, xs, ys, owner, count)
+            cells(target, line, wide[i], high[i], begin, xs, ys, owner, parts, count)
         xs, ys, x, y, z, weight, owner, plane = (a[: count[0]] for a in (xs, ys, x, y, z, weight, owner, plane))
         toward(target.kind, target.across, target.down, xs, ys, x, y, z, weight)
         turned(turns[begin // target.rows], x, y, z)
         found(source.kind, source.across, source.down, source.frames, source.whole, x, y, z, plane, xs, ys)
-        owned = (last - begin) * target.columns
-        first, added = np.zeros((2, owned, 3), np.float32)
-        inside, every = np.zeros((2, owned), np.float32)
-        weigh(owner, weight, every)
-        settle(source, plane, xs, ys, owner, weight, light, caps, most, first, added, inside)
         marked = owned if len(codes) else 0
         least, saturated = np.full(marked, 255, np.uint8), np.zeros(marked, np.uint8)
         if marked:
             mark(source, plane, xs, ys, owner, codes, least, saturated)
-        total += finish(target, begin, last, first, added, inside, every, least, saturated, result, covered, marks)
+        place = np.empty(count[0], np.int64)
+        locate(source, len(caps) // (6 * source.columns), plane, xs, ys, place)
+        settle(source, plane, place, xs, ys, owner, weight, light, caps, most, values, inside, every)
+        total += finish(target, begin, last, values, inside, every, parts, least, saturated, result, covered, marks)
         begin = last
     return total
 
@@ -183,8 +186,8 @@ def _push_some(
     spreads(target.kind, target.across, target.down, xs, ys, fine, fine_down)
     finest = np.maximum(np.minimum(fine * 2 / target.columns, fine_down * 2 / target.rows), 1e-9)
     wide, high = wide * 2 / (source.columns * finest), high * 2 / (source.rows * finest)
-    # A tent over the pixel and half its neighbours, as bilinear look-ups have it; narrower where it and the target's own
-    # bilinear shares would blur more than one such tent.
+    # A tent over the pixel and half its neighbours, as bilinear look-ups have it; narrower where it and the target's
+    # own bilinear shares would blur more than one such tent.
     tent, tent_down = (np.sqrt(np.maximum(1 - 1 / np.maximum(n, 1) ** 2, 0)) for n in (wide, high))
     many, many_down = (
         np.minimum(np.ceil(2 * t * n) + 1, _MOST_CELLS).astype(np.int64) for t, n in ((tent, wide), (tent_down, high))

@@ -9,9 +9,9 @@ import numpy as np
 
 from relume._kernel import inlined, kernel
 from relume.sphere.layouts import EQUIDISTANT, EQUISOLID, LAT_LONG, ORTHOGRAPHIC
-from relume.sphere.mapping_kernels import neighbour, solid_angle, spread
+from relume.sphere.mapping_kernels import FINE, RIM, neighbour, solid_angle, spread
 
-_RUN = 8
+RUN = 16
 """Pixels along a row that share their number of cells."""
 _HALF, _ONE = np.float32(0.5), np.float32(1)
 
@@ -55,42 +55,36 @@ def round_caps(light, rows, columns, most, caps, begin, end):
     caps : (2·K·columns, 3) of the first and last K rows; begin…end of 2·K
     """
     deep = caps.shape[0] // columns // 2
+    band = np.empty(3 * columns, np.float32)
     for line in range(begin, end):
         row = line if line < deep else rows - 2 * deep + line
         width = 1 / np.sin(np.pi * (row + 0.5) / rows)
         reach = int(np.ceil(width / 2 - 0.5))
         share = width / 2 - reach + 0.5
-        start, out = row * columns, line * columns
+        start, out, length = row * columns, line * columns, columns + 2 * reach
         for channel in range(3):
             top = most[channel]
+            for i in range(reach):
+                band[i] = min(light[start + columns - reach + i, channel], top)
+                band[reach + columns + i] = min(light[start + i, channel], top)
+            for i in range(columns):
+                band[reach + i] = min(light[start + i, channel], top)
             running = 0.0
-            for step in range(1 - reach, reach):
-                running += min(light[start + step % columns, channel], top)
-            for column in range(columns):
-                left, right = (column - reach) % columns, (column + reach) % columns
-                first, last = min(light[start + left, channel], top), min(light[start + right, channel], top)
-                caps[out + column, channel] = (running + share * (np.float64(first) + last)) / width
-                leaving = min(light[start + (column + 1 - reach) % columns, channel], top)
-                running += np.float64(last) - leaving
+            for i in range(1, 2 * reach):
+                running += band[i]
+            for i in range(length - 2 * reach):
+                first, last = np.float64(band[i]), np.float64(band[i + 2 * reach])
+                caps[out + i, channel] = (running + share * (first + last)) / width
+                running += last - band[i + 1]
 
 
 @inlined
-def _mixed(table, index, below, across, down, channel, top):
-    """Bilinear between four neighbours, in a form that gives back constants to the bit."""
-    a, b = min(table[index, channel], top), min(table[index + 1, channel], top)
-    c, d = min(table[below, channel], top), min(table[below + 1, channel], top)
-    upper, lower = a + across * (b - a), c + across * (d - c)
-    return upper + down * (lower - upper)
-
-
-@inlined
-def _single(light, caps, index, low, high, channel, top):
-    """One pixel of a source; in a lat-long's first and last pixels (below low, from high on) of its caps."""
-    if index < low:
-        return caps[index, channel]
-    if index >= high:
-        return caps[index - high + low, channel]
-    return min(light[index, channel], top)
+def _mixed(entries, upper, lower, across, down, top):
+    """One channel, bilinear between four neighbours, in a form that gives back constants to the bit."""
+    a, b = min(entries[upper], top), min(entries[upper + np.uint64(3)], top)
+    c, d = min(entries[lower], top), min(entries[lower + np.uint64(3)], top)
+    above, below = a + across * (b - a), c + across * (d - c)
+    return above + down * (below - above)
 
 
 @kernel
@@ -99,7 +93,7 @@ def divisions(planes, step, line, wide, high):
     kind, rows, columns = planes.kind, planes.rows, planes.columns
     middle, count = 2 * (line % rows + 0.5) / rows - 1, 0
     for run in range(len(wide)):
-        begin, end = run * _RUN, min(run * _RUN + _RUN, columns)
+        begin, end = run * RUN, min(run * RUN + RUN, columns)
         # The spread is greatest at one end of a run, or nearly.
         near, near_down = spread(kind, planes.across, planes.down, 2 * (begin + 0.5) / columns - 1, middle)
         far, far_down = spread(kind, planes.across, planes.down, 2 * (end - 0.5) / columns - 1, middle)
@@ -110,11 +104,15 @@ def divisions(planes, step, line, wide, high):
 
 
 @kernel
-def cells(planes, line, wide, high, first_owner, xs, ys, owner, count):
-    """Appends a line's cells to `count` (1,) earlier ones; those that a disc does not show are left out."""
+def cells(planes, line, wide, high, begin, xs, ys, owner, parts, count):
+    """Appends a line's cells to `count` (1,) earlier ones; those that a disc does not show are left out.
+
+    begin : the first line whose pixels own cells; line begin owns with 0…columns
+    parts : of how many cells a pixel would be, each owner's
+    """
     kind, rows, columns = planes.kind, planes.rows, planes.columns
     disc = kind == EQUIDISTANT or kind == EQUISOLID or kind == ORTHOGRAPHIC
-    row, place = line % rows, count[0]
+    row, place, first_owner = line % rows, count[0], (line - begin) * columns
     middle = 2 * (row + 0.5) / rows - 1
     for column in range(columns):
         if disc:
@@ -123,7 +121,8 @@ def cells(planes, line, wide, high, first_owner, xs, ys, owner, count):
             above = max(abs(row + 0.5 - rows * 0.5) - 0.5, 0.0)
             if left * left + above * above >= rows * rows * 0.25:
                 continue
-        before, across_many, down_many = place, wide[column // _RUN], high[column // _RUN]
+        parts[first_owner + column] = wide[column // RUN] * high[column // RUN]
+        before, across_many, down_many = place, wide[column // RUN], high[column // RUN]
         for j in range(down_many):
             down = 2 * (row + (j + 0.5) / down_many) / rows - 1
             for i in range(across_many):
@@ -141,112 +140,162 @@ def cells(planes, line, wide, high, first_owner, xs, ys, owner, count):
 
 
 @kernel
-def weigh(owner, weight, every):
-    """Adds the weights of cells to the pixels that own them."""
-    for i in range(len(owner)):
-        every[owner[i]] += weight[i]
+def locate(source, deep, plane, xs, ys, place):
+    """Turns points into places between pixels: `place` is where the upper left of the four begins, `xs` and `ys` how
+    far to the right and below it the point lies.
+
+    deep : rows of a lat-long that `round_caps` averaged near each pole
+    place : −1 where the source shows nothing; −2 − n near a plane's edge, rim or seam, where n counts the pixels of
+        planes that are one wider all round; from the number of the source's values on, a place in its caps
+    """
+    kind, rows, columns, stride, origins = source.kind, source.rows, source.columns, source.stride, source.origins
+    disc = kind == EQUIDISTANT or kind == EQUISOLID or kind == ORTHOGRAPHIC
+    safe = np.float32((1 - 3.0 / rows) * abs(1 - 3.0 / rows)) if disc else np.float32(4)
+    half_columns, half_rows = np.float32(columns / 2), np.float32(rows / 2)
+    behind = 3 * rows * columns
+    gap = 3 * (rows - 2 * deep) * columns
+    for i in range(len(xs)):
+        x, y = (xs[i] + _ONE) * half_columns - _HALF, (ys[i] + _ONE) * half_rows - _HALF
+        near = xs[i] * xs[i] + ys[i] * ys[i] <= safe
+        across, down = np.floor(x), np.floor(y)
+        xs[i], ys[i] = x - across, y - down
+        column, row = np.int64(across), np.int64(down)
+        p = plane[i]
+        near = near and column >= 0 and column + 1 < columns and row >= 0 and row + 1 < rows
+        near = near and row + 1 != deep and row + 1 != rows - deep
+        index = 3 * (origins[max(p, 0)] + row * stride + column)
+        if deep > 0 and near:
+            index = index + behind if row < deep else index
+            index = index + behind - gap if row >= rows - deep else index
+        beyond = -2 - ((row + 1) * (columns + 2) + column + 1)
+        place[i] = -1 if p < 0 else (index if near else beyond)
 
 
 @kernel
-def finish(planes, begin, end, first, added, inside, every, least, saturated, radiance, covered, marks):
-    """Writes lines begin…end from what was added up for their pixels; returns their total, (3,).
+def settle(source, plane, place, xs, ys, owner, weight, light, caps, most, values, inside, every):
+    """Looks cells up in a source; their weighted means and the sums of their weights go to the pixels that own them.
+
+    owner : of one pixel's cells, one behind the other
+    light : (3·N,) float32, the source's pixels, of which no more than `most` (3,) is seen
+    caps : see `round_caps`, flat; empty where the source is no lat-long
+    values : (K, 3) float32, the mean of what the source shows
+    inside, every : (K,) float32, the weights of the cells that the source shows, and of all
+    """
+    kind, across, down, rows, columns = source.kind, source.across, source.down, source.rows, source.columns
+    stride, origins, frames, whole = source.stride, source.origins, source.frames, source.whole
+    deep = len(caps) // columns // 6
+    low, high = deep * columns, (rows - deep) * columns
+    channels = len(light)
+    red, green, blue = most[0], most[1], most[2]
+    step = np.uint64(3 * stride)
+    one_on, two_on = np.uint64(1), np.uint64(2)
+    corners = np.empty(12, np.float32)
+    own, shown, total = -1, np.float32(0), np.float32(0)
+    first_one, first_two, first_three = np.float32(0), np.float32(0), np.float32(0)
+    more_one, more_two, more_three = np.float32(0), np.float32(0), np.float32(0)
+    for i in range(len(xs) + 1):
+        if i == len(xs) or owner[i] != own:
+            if own >= 0:
+                scale = _ONE / max(shown, np.float32(1e-30))
+                values[own, 0] = max(first_one + more_one * scale, np.float32(0))
+                values[own, 1] = max(first_two + more_two * scale, np.float32(0))
+                values[own, 2] = max(first_three + more_three * scale, np.float32(0))
+                inside[own], every[own] = shown, total
+            if i == len(xs):
+                break
+            own, shown, total = owner[i], np.float32(0), np.float32(0)
+            first_one, first_two, first_three = np.float32(0), np.float32(0), np.float32(0)
+            more_one, more_two, more_three = np.float32(0), np.float32(0), np.float32(0)
+        share = weight[i]
+        total += share
+        where = place[i]
+        if where == -1:
+            continue
+        right, below = xs[i], ys[i]
+        if 0 <= where < channels:
+            begin = np.uint64(where)
+            one = _mixed(light, begin, begin + step, right, below, red)
+            two = _mixed(light, begin + one_on, begin + step + one_on, right, below, green)
+            three = _mixed(light, begin + two_on, begin + step + two_on, right, below, blue)
+        elif where >= channels:
+            begin = np.uint64(where - channels)
+            one = _mixed(caps, begin, begin + step, right, below, red)
+            two = _mixed(caps, begin + one_on, begin + step + one_on, right, below, green)
+            three = _mixed(caps, begin + two_on, begin + step + two_on, right, below, blue)
+        else:
+            row, column = (-2 - where) // (columns + 2) - 1, (-2 - where) % (columns + 2) - 1
+            for k in range(4):
+                index = neighbour(
+                    kind,
+                    across,
+                    down,
+                    rows,
+                    columns,
+                    stride,
+                    origins,
+                    frames,
+                    whole,
+                    plane[i],
+                    row + k // 2,
+                    column + k % 2,
+                )
+                for channel in range(3):
+                    if deep > 0 and index < low:
+                        corners[3 * k + channel] = caps[3 * index + channel]
+                    elif deep > 0 and index >= high:
+                        corners[3 * k + channel] = caps[3 * (index - high + low) + channel]
+                    else:
+                        corners[3 * k + channel] = light[3 * index + channel]
+            one = _mixed(corners, np.uint64(0), np.uint64(6), right, below, red)
+            two = _mixed(corners, np.uint64(1), np.uint64(7), right, below, green)
+            three = _mixed(corners, np.uint64(2), np.uint64(8), right, below, blue)
+        if shown == 0:
+            first_one, first_two, first_three = one, two, three
+        shown += share
+        more_one += share * (one - first_one)
+        more_two += share * (two - first_two)
+        more_three += share * (three - first_three)
+
+
+@kernel
+def finish(planes, begin, end, values, inside, every, parts, least, saturated, radiance, covered, marks):
+    """Writes lines begin…end from what was found for their pixels; returns their total, (3,).
 
     radiance : (M, 3) float32, the image's pixels
     covered : (M,) float32, the share of each that the source shows; empty where that is 1
     marks : (M,) uint8; empty where nothing is known
     """
     kind, rows, columns, stride, origins = planes.kind, planes.rows, planes.columns, planes.stride, planes.origins
+    disc = kind == EQUIDISTANT or kind == EQUISOLID or kind == ORTHOGRAPHIC
     total = np.zeros(3)
     for line in range(begin, end):
         row = line % rows
         start = origins[line // rows] + row * stride
         ring = solid_angle(kind, planes.across, planes.down, rows, columns, row, row) if kind == LAT_LONG else 0.0
+        above, most = (2 * (row + 0.5) / rows - 1) ** 2, (1 - 2 * RIM / rows) * abs(1 - 2 * RIM / rows)
         one, two, three = 0.0, 0.0, 0.0
         for column in range(columns):
             index, own = start + column, (line - begin) * columns + column
             if every[own] == 0:
                 continue
-            scale = _ONE / max(inside[own], np.float32(1e-30))
-            share = inside[own] / every[own]
-            a = max((first[own, 0] + added[own, 0] * scale) * share, np.float32(0))
-            b = max((first[own, 1] + added[own, 1] * scale) * share, np.float32(0))
-            c = max((first[own, 2] + added[own, 2] * scale) * share, np.float32(0))
-            radiance[index, 0], radiance[index, 1], radiance[index, 2] = a, b, c
+            a, b, c = values[own, 0], values[own, 1], values[own, 2]
             if len(covered) > 0:
+                share = inside[own] / every[own]
+                a, b, c = a * share, b * share, c * share
                 covered[index] = share
+            radiance[index, 0], radiance[index, 1], radiance[index, 2] = a, b, c
             if len(marks) > 0:
                 marks[index] = 1 if saturated[own] else least[own]
             angle = ring
             if kind != LAT_LONG:
-                angle = solid_angle(kind, planes.across, planes.down, rows, columns, row, column)
+                # Of fine images the densities at the cells are good enough, but not where a rim cuts pixels.
+                if columns >= FINE and not (disc and above + (2 * (column + 0.5) / columns - 1) ** 2 > most):
+                    angle = every[own] / parts[own] * (4.0 / (rows * columns))
+                else:
+                    angle = solid_angle(kind, planes.across, planes.down, rows, columns, row, column)
             one, two, three = one + a * angle, two + b * angle, three + c * angle
         total[0], total[1], total[2] = total[0] + one, total[1] + two, total[2] + three
     return total
-
-
-@kernel
-def settle(source, plane, xs, ys, owner, weight, light, caps, most, first, added, inside):
-    """Looks cells up in a source and adds them to the pixels that own them.
-
-    light : (N, 3) float32, the source's pixels, of which no more than `most` (3,) is seen
-    caps : see `round_caps`; empty where the source is no lat-long
-    first, added, inside : the first value found, what others differ from it by, weighted, and the sum of weights
-    """
-    kind, across, down, rows, columns = source.kind, source.across, source.down, source.rows, source.columns
-    stride, origins, frames, whole = source.stride, source.origins, source.frames, source.whole
-    disc = kind == EQUIDISTANT or kind == EQUISOLID or kind == ORTHOGRAPHIC
-    deep = caps.shape[0] // columns // 2
-    low, high = deep * columns, (rows - deep) * columns
-    safe = (1 - 3.0 / rows) * abs(1 - 3.0 / rows)
-    half_columns, half_rows = np.float32(columns / 2), np.float32(rows / 2)
-    red, green, blue = most[0], most[1], most[2]
-    for i in range(len(xs)):
-        p = plane[i]
-        if p < 0:
-            continue
-        x, y = (xs[i] + _ONE) * half_columns - _HALF, (ys[i] + _ONE) * half_rows - _HALF
-        column, row = int(np.floor(x)), int(np.floor(y))
-        right, below = x - np.float32(column), y - np.float32(row)
-        plain = column >= 0 and column + 1 < columns and row >= 0 and row + 1 < rows
-        if disc and xs[i] * xs[i] + ys[i] * ys[i] > safe:
-            plain = False
-        if plain and row >= deep and row + 1 < rows - deep:
-            index = origins[p] + row * stride + column
-            one = _mixed(light, index, index + stride, right, below, 0, red)
-            two = _mixed(light, index, index + stride, right, below, 1, green)
-            three = _mixed(light, index, index + stride, right, below, 2, blue)
-        elif plain and (row + 1 < deep or row >= rows - deep):
-            index = row * columns + column
-            index = index if row < deep else index - high + low
-            one = _mixed(caps, index, index + stride, right, below, 0, red)
-            two = _mixed(caps, index, index + stride, right, below, 1, green)
-            three = _mixed(caps, index, index + stride, right, below, 2, blue)
-        else:
-            one, two, three = np.float32(0), np.float32(0), np.float32(0)
-            corners = np.empty((4, 3), np.float32)
-            for k in range(4):
-                index = neighbour(
-                    kind, across, down, rows, columns, stride, origins, frames, whole, p, row + k // 2, column + k % 2
-                )
-                if deep > 0:
-                    corners[k, 0] = _single(light, caps, index, low, high, 0, red)
-                    corners[k, 1] = _single(light, caps, index, low, high, 1, green)
-                    corners[k, 2] = _single(light, caps, index, low, high, 2, blue)
-                else:
-                    corners[k, 0] = min(light[index, 0], red)
-                    corners[k, 1] = min(light[index, 1], green)
-                    corners[k, 2] = min(light[index, 2], blue)
-            one = _mixed(corners, 0, 2, right, below, 0, red)
-            two = _mixed(corners, 0, 2, right, below, 1, green)
-            three = _mixed(corners, 0, 2, right, below, 2, blue)
-        own = owner[i]
-        if inside[own] == 0:
-            first[own, 0], first[own, 1], first[own, 2] = one, two, three
-        share = weight[i]
-        inside[own] += share
-        added[own, 0] += share * (one - first[own, 0])
-        added[own, 1] += share * (two - first[own, 1])
-        added[own, 2] += share * (three - first[own, 2])
 
 
 @kernel

@@ -9,13 +9,20 @@ import numpy as np
 
 from relume.light.constellation import Constellation
 from relume.light.exports import blender, gltf, json_lights, mitsuba_xml, radiance, usd
+from relume.light.placing import PlacedLights
 
 __all__ = ["FORMATS", "Format"]
 
 
 class _Text(Protocol):
     def __call__(
-        self, lights: Constellation, *, unit: str, background: str | None = None, angles: np.ndarray | None = None
+        self,
+        lights: Constellation,
+        *,
+        unit: str,
+        background: str | None = None,
+        angles: np.ndarray | None = None,
+        points: PlacedLights | None = None,
     ) -> str: ...
 
 
@@ -26,7 +33,8 @@ class Format:
     name : what a person asks for
     suffix : of its files
     background_suffix : of the lat-long file with the light that the lights do not carry, as the program reads it
-    text : writes it: lights, unit, the background's file name and the lights' apparent diameters in radians to a text
+    text : writes it: lights, unit, the background's file name, the lights' apparent diameters in radians and the lights
+        that have a place to a text
     """
 
     name: str

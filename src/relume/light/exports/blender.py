@@ -1,4 +1,4 @@
-"""A constellation as a Blender script: a Sun each, and the background as the world's environment texture.
+"""A constellation as a Blender script: a Sun each, a Point for placed lights, and the background as the world.
 
 Blender's +Z is up: our (x, y, z) is (x, −z, y) there, as its own importers turn glTF and OBJ. The middle of its
 environment textures is +X, a quarter turn from where our −Z comes to lie, which the mapping node makes good.
@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from relume.light.constellation import Constellation
-from relume.light.exports.lamps import beside, figure, figures, lamps, meaning
+from relume.light.exports.lamps import beside, bulbs, figure, figures, lamps, meaning
+from relume.light.placing import PlacedLights
 
 _SCRIPT = '''"""Lights for Blender, written by relume: run it in the Text Editor, or `blender --python THIS_FILE`.
 
@@ -98,14 +99,41 @@ suns = fresh_collection()
 for light in LIGHTS:
     add_sun(suns, *light)
 '''
+_POINTS = '''
+
+# name, position in metres (+Y up), colour, strength in watts (4π times the intensity), radius in metres
+POINTS = (
+{points})
 
 
-def text(lights: Constellation, *, unit: str, background: str | None = None, angles: np.ndarray | None = None) -> str:
+def add_point(collection, name, position, colour, strength, radius):
+    """A Point light gives strength / 4π over the square of the distance."""
+    point = bpy.data.lights.new(name, "POINT")
+    point.color, point.energy, point.shadow_soft_size = colour, strength, radius
+    lamp = bpy.data.objects.new(name, point)
+    lamp.location = TO_BLENDER @ Vector(position)
+    collection.objects.link(lamp)
+
+
+for light in POINTS:
+    add_point(suns, *light)
+'''
+
+
+def text(
+    lights: Constellation,
+    *,
+    unit: str,
+    background: str | None = None,
+    angles: np.ndarray | None = None,
+    points: PlacedLights | None = None,
+) -> str:
     """The lights as a Python script for Blender 3 and newer.
 
     unit : the map's, "relative" or "cd/m²"; the numbers go to Blender as they are, lights and background alike
     background : the lat-long file with the light that the lights do not carry, relative to the script; black where None
     angles : (N,), apparent diameters in radians; 0, for hard shadows, where None
+    points : lights that have a place, as Point lights of 4π watts where our intensity is 1
 
     Raises ValueError for another unit, an absolute path or angles that do not fit.
     """
@@ -114,4 +142,12 @@ def text(lights: Constellation, *, unit: str, background: str | None = None, ang
         f"{figure(lamp.intensity)}, {figure(lamp.angle)}),\n"
         for lamp in lamps(lights, angles)
     ]
-    return _SCRIPT.format(meaning=meaning(unit), background=beside(background), lights="".join(lines))
+    script = _SCRIPT.format(meaning=meaning(unit, points), background=beside(background), lights="".join(lines))
+    if points is None:
+        return script
+    placed = [
+        f"    ({bulb.name!r}, ({figures(bulb.position, ', ')}), ({figures(bulb.colour, ', ')}), "
+        f"{figure(4 * np.pi * bulb.strength)}, {figure(bulb.radius)}),\n"
+        for bulb in bulbs(points)
+    ]
+    return script + _POINTS.format(points="".join(placed))

@@ -1,4 +1,4 @@
-"""A constellation as glTF: directional lights of the extension KHR_lights_punctual."""
+"""A constellation as glTF: directional lights, and point lights, of the extension KHR_lights_punctual."""
 
 from __future__ import annotations
 
@@ -8,32 +8,41 @@ from typing import Any
 import numpy as np
 
 from relume.light.constellation import Constellation
-from relume.light.exports.lamps import beside, figure, lamps, meaning
+from relume.light.exports.lamps import beside, bulbs, figure, lamps, meaning
+from relume.light.placing import PlacedLights
 
 EXTENSION = "KHR_lights_punctual"
 
 
-def text(lights: Constellation, *, unit: str, background: str | None = None, angles: np.ndarray | None = None) -> str:
+def text(
+    lights: Constellation,
+    *,
+    unit: str,
+    background: str | None = None,
+    angles: np.ndarray | None = None,
+    points: PlacedLights | None = None,
+) -> str:
     """The lights as a `.gltf` file; each shines along −Z of its node, intensity × color being our irradiance.
 
     unit : the map's, "relative" or "cd/m²"; glTF takes intensity for lux
     background : the file with the light that the lights do not carry; glTF cannot hold it, so `extras` name it
     angles : (N,), apparent diameters in radians; punctual lights have none, so `extras` keep them
+    points : lights that have a place, as point lights of an intensity in candela; `extras` keep their radii
 
     Raises ValueError for another unit, an absolute path or angles that do not fit.
     """
-    bulbs: list[dict[str, Any]] = []
+    shining: list[dict[str, Any]] = []
     nodes: list[dict[str, Any]] = []
     for index, lamp in enumerate(lamps(lights, angles)):
-        bulb: dict[str, Any] = {
+        light: dict[str, Any] = {
             "name": lamp.name,
             "type": "directional",
             "color": [float(figure(part)) for part in lamp.colour],
             "intensity": float(figure(lamp.intensity)),
         }
         if angles is not None:
-            bulb["extras"] = {"apparent_diameter_radians": float(figure(lamp.angle))}
-        bulbs.append(bulb)
+            light["extras"] = {"apparent_diameter_radians": float(figure(lamp.angle))}
+        shining.append(light)
         nodes.append(
             {
                 "name": lamp.name,
@@ -41,7 +50,25 @@ def text(lights: Constellation, *, unit: str, background: str | None = None, ang
                 "extensions": {EXTENSION: {"light": index}},
             }
         )
-    notes: dict[str, Any] = {"meaning": f"{meaning(unit)} glTF takes intensity for lux.", "unit": unit}
+    for bulb in bulbs(points):
+        light = {
+            "name": bulb.name,
+            "type": "point",
+            "color": [float(figure(part)) for part in bulb.colour],
+            "intensity": float(figure(bulb.strength)),
+        }
+        if bulb.radius > 0:
+            light["extras"] = {"radius_metres": float(figure(bulb.radius))}
+        nodes.append(
+            {
+                "name": bulb.name,
+                "translation": [float(figure(part)) for part in bulb.position],
+                "extensions": {EXTENSION: {"light": len(shining)}},
+            }
+        )
+        shining.append(light)
+    takes = "glTF takes intensity for lux" + ("." if points is None else ", and that of point lights for candela.")
+    notes: dict[str, Any] = {"meaning": f"{meaning(unit, points)} {takes}", "unit": unit}
     name = beside(background)
     if name is not None:
         notes["background"] = name
@@ -54,7 +81,7 @@ def text(lights: Constellation, *, unit: str, background: str | None = None, ang
     if nodes:
         written |= {
             "extensionsUsed": [EXTENSION],
-            "extensions": {EXTENSION: {"lights": bulbs}},
+            "extensions": {EXTENSION: {"lights": shining}},
             "nodes": nodes,
             "scenes": [{"name": "lights", "nodes": list(range(len(nodes)))}],
             "scene": 0,

@@ -7,15 +7,24 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from relume.light.constellation import Constellation
-from relume.light.exports.lamps import Lamp, beside, figures, lamps, meaning
+from relume.light.exports.lamps import Bulb, Lamp, beside, bulbs, figure, figures, lamps, meaning
+from relume.light.placing import PlacedLights
 
 
-def text(lights: Constellation, *, unit: str, background: str | None = None, angles: np.ndarray | None = None) -> str:
+def text(
+    lights: Constellation,
+    *,
+    unit: str,
+    background: str | None = None,
+    angles: np.ndarray | None = None,
+    points: PlacedLights | None = None,
+) -> str:
     """The lights as directional emitters of our irradiance, the background as an envmap turned half round.
 
     unit : the map's, "relative" or "cd/m²"
     background : the lat-long file with the light that the lights do not carry, relative to the scene; None for none
     angles : (N,), apparent diameters in radians; a directional emitter has none, which a comment says
+    points : lights that have a place, as point emitters, or as spheres that emit where they have a radius
 
     An envmap's middle is +Z and ours −Z. Its first and last rows stand at the poles, where ours are half a pixel off:
     what Mitsuba shows is at most half a pixel of the file too near the horizon.
@@ -25,7 +34,7 @@ def text(lights: Constellation, *, unit: str, background: str | None = None, ang
     name = beside(background)
     parts = [
         '<?xml version="1.0" encoding="utf-8"?>\n',
-        f"<!-- Parallel lights that stand for a light map; +Y is up. {meaning(unit)} -->\n",
+        f"<!-- Parallel lights that stand for a light map; +Y is up. {meaning(unit, points)} -->\n",
         '<!-- To use it: <include filename="…"/> in a scene. -->\n',
         "<!-- The lights' apparent diameters are not in here: Mitsuba's directional emitters have none. -->\n"
         if angles is not None and np.any(np.asarray(angles) > 0)
@@ -33,6 +42,7 @@ def text(lights: Constellation, *, unit: str, background: str | None = None, ang
         '<scene version="3.0.0">\n',
         _envmap(name) if name is not None else "",
         *(_directional(lamp) for lamp in lamps(lights, angles)),
+        *(_placed(bulb) for bulb in bulbs(points)),
         "</scene>\n",
     ]
     return "".join(parts)
@@ -55,4 +65,21 @@ def _directional(lamp: Lamp) -> str:
         <vector name="direction" value="{figures((-x, -y, -z), ", ")}"/>
         <rgb name="irradiance" value="{figures(lamp.irradiance, ", ")}"/>
     </emitter>
+"""
+
+
+def _placed(bulb: Bulb) -> str:
+    if bulb.radius == 0:
+        return f"""    <emitter type="point" id="{bulb.name}">
+        <point name="position" value="{figures(bulb.position, ", ")}"/>
+        <rgb name="intensity" value="{figures(bulb.intensity, ", ")}"/>
+    </emitter>
+"""
+    return f"""    <shape type="sphere" id="{bulb.name}">
+        <point name="center" value="{figures(bulb.position, ", ")}"/>
+        <float name="radius" value="{figure(bulb.radius)}"/>
+        <emitter type="area">
+            <rgb name="radiance" value="{figures(bulb.radiance(bulb.radius), ", ")}"/>
+        </emitter>
+    </shape>
 """

@@ -1,4 +1,4 @@
-"""A constellation as a Radiance scene: a distant `source` each, and the background as a glow all round.
+"""A constellation as a Radiance scene: a distant `source` each, spheres for placed lights, the background as a glow.
 
 Radiance is used with +Z up: our (x, y, z) is (x, −z, y) there. Its picture coordinates count from the lower left corner
 with the shorter side as 1, so our lat-long map is u = 1 + longitude/π, v = 1 − polar angle/π.
@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from relume.light.constellation import Constellation
-from relume.light.exports.lamps import Lamp, beside, figure, figures, lamps, meaning
+from relume.light.exports.lamps import POINT_RADIUS, Bulb, Lamp, beside, bulbs, figure, figures, lamps, meaning
+from relume.light.placing import PlacedLights
 
 EFFICACY = 179.0
 """Lumens a watt, by which Radiance turns its RGB into photometric units (Ward 1994, §4; WHTEFFICACY in color.h)."""
@@ -20,7 +21,14 @@ _WIDE = "# Wide lights want jittered rays: trace with -dj 0.9 or so.\n"
 LONGITUDE, POLAR = "1+atan2(Dx,Dy)/PI", "1-Acos(Dz)/PI"
 
 
-def text(lights: Constellation, *, unit: str, background: str | None = None, angles: np.ndarray | None = None) -> str:
+def text(
+    lights: Constellation,
+    *,
+    unit: str,
+    background: str | None = None,
+    angles: np.ndarray | None = None,
+    points: PlacedLights | None = None,
+) -> str:
     """The lights as a `.rad` scene for oconv.
 
     unit : the map's, "relative" or "cd/m²"; lux and cd/m² are divided by 179 lm/W, by which Radiance multiplies
@@ -28,6 +36,7 @@ def text(lights: Constellation, *, unit: str, background: str | None = None, ang
         must be a Radiance picture (.hdr or .pic)
     angles : (N,), apparent diameters in radians; those below 0.1°, and all where None, become 0.1°. So do all beside a
         background, for a source hides what glows behind it (30 lights of 15° took 4 % from it)
+    points : lights that have a place: spheres of `light` where they have a radius, else of unseen `illum`
 
     A source's radiance is E / (π sin²(angle/2)), so that its irradiance is ours whatever its angle.
 
@@ -45,7 +54,7 @@ def text(lights: Constellation, *, unit: str, background: str | None = None, ang
     narrow = background is not None
     wide = angles is not None and bool(np.any(np.asarray(angles) > NARROWEST))
     parts = [
-        f"# Parallel lights that stand for a light map, for Radiance's +Z up.\n# {meaning(unit)}\n",
+        f"# Parallel lights that stand for a light map, for Radiance's +Z up.\n# {meaning(unit, points)}\n",
         f"# {watts}.\n",
         "# Red, green and blue are of Rec. 709 and are handed over as they are.\n",
         "# To keep a light out of sight and of mirrors, as when the background shows it already, write `illum` for\n"
@@ -54,6 +63,7 @@ def text(lights: Constellation, *, unit: str, background: str | None = None, ang
         (_NARROWED if narrow else _WIDE) if wide else "",
         _glow(name, scale) if name is not None else "",
         *(_source(lamp, 0.0 if narrow else lamp.angle, scale) for lamp in lamps(lights, angles)),
+        *(_sphere(bulb, scale) for bulb in bulbs(points)),
     ]
     return "".join(parts)
 
@@ -95,4 +105,22 @@ void light {lamp.name}_emission
 0
 0
 4 {figures((x, -z, y))} {figure(float(np.degrees(angle)))}
+"""
+
+
+def _sphere(bulb: Bulb, scale: float) -> str:
+    """A lamp that is seen, or for a point one that lights and is not seen: an `illum` of no other material."""
+    x, y, z = bulb.position
+    material = "light {0}_emission\n0" if bulb.radius else "illum {0}_emission\n1 void"
+    radius = bulb.radius or POINT_RADIUS
+    red, green, blue = bulb.radiance(radius)
+    return f"""
+void {material.format(bulb.name)}
+0
+3 {figures((scale * red, scale * green, scale * blue))}
+
+{bulb.name}_emission sphere {bulb.name}
+0
+0
+4 {figures((x, -z, y))} {figure(radius)}
 """

@@ -1,29 +1,39 @@
-"""A constellation as a USD layer: a DistantLight each, and a DomeLight for the background."""
+"""A constellation as a USD layer: a DistantLight each, a SphereLight for placed lights, a DomeLight for the background."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from relume.light.constellation import Constellation
-from relume.light.exports.lamps import Lamp, beside, figure, figures, lamps, meaning
+from relume.light.exports.lamps import POINT_RADIUS, Bulb, Lamp, beside, bulbs, figure, figures, lamps, meaning
+from relume.light.placing import PlacedLights
 
 
-def text(lights: Constellation, *, unit: str, background: str | None = None, angles: np.ndarray | None = None) -> str:
+def text(
+    lights: Constellation,
+    *,
+    unit: str,
+    background: str | None = None,
+    angles: np.ndarray | None = None,
+    points: PlacedLights | None = None,
+) -> str:
     """The lights as a `.usda` layer of upAxis Y.
 
     unit : the map's, "relative" or "cd/m²"
     background : the lat-long file with the light that the lights do not carry, relative to the layer; None for none
     angles : (N,), apparent diameters in radians; parallel light where None
+    points : lights that have a place, as SphereLights; those without a radius may be treated as points
 
     Lights are normalised, so that UsdLux's intensity × color is our irradiance whatever the angle (UsdLux, LightAPI,
     `inputs:normalize`: "the intensity becomes a measure of the illuminance, expressed in lux"), and a dome of
     intensity 1 shows its pixels' own numbers (there: in cd/m²). The dome is turned half round, since its middle
-    is +Z and that of our maps −Z.
+    is +Z and that of our maps −Z. A normalised sphere's radiance is its intensity over 4π r², and it shines as a disc
+    of π r²: UsdLux's intensity × color is four times ours.
 
     Raises ValueError for another unit, an absolute path or angles that do not fit.
     """
     name = beside(background)
-    doc = f"Parallel lights that stand for a light map. {meaning(unit)} UsdLux takes them for lux and cd/m²."
+    doc = f"Parallel lights that stand for a light map. {meaning(unit, points)} UsdLux takes them for lux and cd/m²."
     parts = [
         "#usda 1.0\n(\n",
         '    defaultPrim = "Light"\n',
@@ -32,6 +42,7 @@ def text(lights: Constellation, *, unit: str, background: str | None = None, ang
         'def Xform "Light"\n{\n',
         *([_dome(name)] if name is not None else []),
         *(_distant(lamp) for lamp in lamps(lights, angles)),
+        *(_sphere(bulb) for bulb in bulbs(points)),
         "}\n",
     ]
     return "".join(parts)
@@ -62,5 +73,19 @@ def _distant(lamp: Lamp) -> str:
         bool inputs:normalize = 1
         quatd xformOp:orient = ({figures((w, x, y, z), ", ")})
         uniform token[] xformOpOrder = ["xformOp:orient"]
+    }}
+"""
+
+
+def _sphere(bulb: Bulb) -> str:
+    return f"""    def SphereLight "{bulb.name}"
+    {{
+        color3f inputs:color = ({figures(bulb.colour, ", ")})
+        float inputs:intensity = {figure(4 * bulb.strength)}
+        bool inputs:normalize = 1
+        float inputs:radius = {figure(bulb.radius or POINT_RADIUS)}
+        bool treatAsPoint = {int(bulb.radius == 0)}
+        double3 xformOp:translate = ({figures(bulb.position, ", ")})
+        uniform token[] xformOpOrder = ["xformOp:translate"]
     }}
 """

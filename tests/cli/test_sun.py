@@ -1,0 +1,80 @@
+"""`relume sun`: a clipped sun given back by a grey ball or a chart, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from command_line import refused
+from lights import sunny
+from relume.cli import main
+from relume.image.files import read_radiance, write
+from relume.image.radiance import RadianceMap
+from relume.sphere.directions import normalised
+from relume.sphere.illumination import IlluminationMap, as_illumination, as_radiance_map
+
+TRUTH = sunny(64, sun=4000)
+PATCHES = {
+    "30,30,8=0.9": (0.7, 0.3, -0.65),
+    "70,30,8=0.5,0.4,0.3": (0, 1, 0),
+    "30,70,8=0.2": (1, 0.2, 0),
+    "70,70,8=0.6": (-0.7, 0, 0.6),
+}
+
+
+def scene(folder: Path, brighter: float = 1.0) -> tuple[str, list[str]]:
+    """The clipped map, and a chart whose four patches face four ways, the last away from the sun, as options."""
+    write(folder / "map.exr", as_radiance_map(IlluminationMap(np.minimum(TRUTH.radiance, 20))))
+    chart = np.zeros((100, 100, 3), np.float32)
+    options = ["--chart", str(folder / "chart.exr")]
+    for word, normal in PATCHES.items():
+        place, reflectance = word.split("=")
+        x, y, _ = map(int, place.split(","))
+        irradiance = TRUTH.irradiance(normalised(normal))
+        chart[y - 10 : y + 10, x - 10 : x + 10] = (
+            brighter * irradiance * np.array(reflectance.split(","), float) / np.pi
+        )
+        options += ["--patch", f"{word}@{','.join(map(str, normal))}"]
+    write(folder / "chart.exr", RadianceMap(chart))
+    return str(folder / "map.exr"), options
+
+
+def test_a_chart_gives_the_sun_back_and_the_file_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source, options = scene(tmp_path)
+    out = tmp_path / "out.exr"
+    assert main(["sun", source, "-o", str(out), *options, "--level", "19.9", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    written = read_radiance(out)
+    for normal in (*PATCHES.values(), (0.2, 0.5, -0.9)):
+        there = as_illumination(written).irradiance(normalised(normal))
+        np.testing.assert_allclose(there, TRUTH.irradiance(normalised(normal)), rtol=0.02)
+    assert min(told["sources"][0]["factor"]) > 1.5
+    assert written.attributes["sun_recovered"].startswith("from ")
+    assert told["after"]["total"][0] > 1.2 * told["before"]["total"][0]
+
+
+def test_a_chart_that_is_brighter_everywhere_is_doubtful(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source, options = scene(tmp_path, brighter=2.5)
+    out = tmp_path / "out.exr"
+    words = ["sun", source, "-o", str(out), *options, "--level", "19.9"]
+    assert main(words) == 4
+    assert "is the reflectance right" in capsys.readouterr().err and out.is_file()
+    assert main([*words, "--accept"]) == 0
+
+
+def test_wrong_words_are_refused_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source, options = scene(tmp_path)
+    out = str(tmp_path / "out.exr")
+    assert "--grey-ball with --albedo, or --chart" in refused(["sun", source, "-o", out], capsys)
+    assert "needs its --albedo" in refused(["sun", source, "-o", out, "--grey-ball", source], capsys)
+    assert "needs a --patch" in refused(["sun", source, "-o", out, *options[:2]], capsys)
+    wrong = [*options[:2], "--patch", "30,30,8=white"]
+    assert "write X,Y,RADIUS=REFLECTANCE@NX,NY,NZ" in refused(["sun", source, "-o", out, *wrong], capsys)
+    beside = [*options[:2], "--patch", "900,30,8=0.9@0,1,0"]
+    assert "fewer than four pixels" in refused(["sun", source, "-o", out, *beside], capsys)
+    write(tmp_path / "flat.exr", RadianceMap(np.ones((60, 80, 3), np.float32)))
+    flat = ["--grey-ball", str(tmp_path / "flat.exr"), "--albedo", "0.18"]
+    assert "ball found" in refused(["sun", source, "-o", out, *flat], capsys)
