@@ -32,8 +32,11 @@ if TYPE_CHECKING:
         InvalidScene,
         InvalidShot,
         NotABracket,
+        NotAPanorama,
         OutputNotWritten,
         RelumeError,
+        SunNotFound,
+        SunNotRecovered,
         UnreadableFile,
         UnsupportedScene,
     )
@@ -41,9 +44,20 @@ if TYPE_CHECKING:
     from relume.image.photograph import Exposure, Photograph
     from relume.image.radiance import RadianceMap
     from relume.image.response import Response
+    from relume.light.clipped_sun import recover_sun
+    from relume.light.constellation import Constellation, constellation
+    from relume.light.k_means import KMeans
+    from relume.light.median_cut import MedianCut
     from relume.light.reflection import ReflectionMap, reflection_map, reflection_maps
+    from relume.light.residual import key_lights
+    from relume.light.sun import extract_sun
+    from relume.light.variance_cut import VarianceMinimisation
     from relume.probe.ball import BallView, view_ball
     from relume.probe.blending import Probe, assemble
+    from relume.probe.painting import HotSpot, paint
+    from relume.probe.panorama import mosaic
+    from relume.probe.panorama_views import PanoramaView
+    from relume.render.environment import environment
     from relume.render.mapped import Mapped
     from relume.render.mitsuba import Mitsuba
     from relume.render.renderer import Constant, Render, Renderer, render
@@ -62,31 +76,30 @@ if TYPE_CHECKING:
     from relume.shot.outcome import Inserted
     from relume.shot.project import Shot, read_shot
     from relume.shot.scene_file import SceneFile, read_scene
-    from relume.sphere.discs import Angular, MirrorBall
+    from relume.sphere.audit import audit
+    from relume.sphere.cubes import Cross, Strip, VerticalCross
+    from relume.sphere.discs import Angular, Fisheye, Hemispheres, MirrorBall
     from relume.sphere.illumination import IlluminationMap, as_illumination, as_radiance_map
     from relume.sphere.mappings import LatLong
+    from relume.sphere.orientation import oriented
+    from relume.sphere.perspective import perspective_view
+    from relume.sphere.sampling import Sampler
+    from relume.sphere.spherical_harmonics import Harmonics, project
+    from relume.sphere.squares import EqualArea, Octahedral
 
 _HOMES = {
     "capture.alignment": ("align",),
+    "capture.bracket": ("Bracket", "read_bracket"),
+    "capture.calibration": ("Calibration", "recover_response"),
     "capture.debevec_malik": ("DebevecMalik",),
     "capture.deghosting": ("deghost",),
-    "capture.measurement": (
-        "Measurement",
-        "Treatment",
-        "measure",
-    ),
+    "capture.measurement": ("Measurement", "Treatment", "measure"),
+    "capture.merging": ("merge",),
     "capture.mitsunaga_nayar": ("MitsunagaNayar",),
-    "capture.profile": (
-        "CameraProfile",
-        "read_profile",
-        "write_profile",
-    ),
+    "capture.profile": ("CameraProfile", "read_profile", "write_profile"),
     "capture.ratios": ("Ratios",),
     "capture.raw_merging": ("merge_raw",),
     "capture.robertson": ("Robertson",),
-    "capture.bracket": ("Bracket", "read_bracket"),
-    "capture.calibration": ("Calibration", "recover_response"),
-    "capture.merging": ("merge",),
     "capture.weighting": ("Hat", "InverseVariance"),
     "composite.differential": ("differential",),
     "composite.local_scene": ("Recovered", "recover_reflectance"),
@@ -98,8 +111,11 @@ _HOMES = {
         "InvalidScene",
         "InvalidShot",
         "NotABracket",
+        "NotAPanorama",
         "OutputNotWritten",
         "RelumeError",
+        "SunNotFound",
+        "SunNotRecovered",
         "UnreadableFile",
         "UnsupportedScene",
     ),
@@ -107,9 +123,20 @@ _HOMES = {
     "image.photograph": ("Exposure", "Photograph"),
     "image.radiance": ("RadianceMap",),
     "image.response": ("Response",),
+    "light.clipped_sun": ("recover_sun",),
+    "light.constellation": ("Constellation", "constellation"),
+    "light.k_means": ("KMeans",),
+    "light.median_cut": ("MedianCut",),
     "light.reflection": ("ReflectionMap", "reflection_map", "reflection_maps"),
+    "light.residual": ("key_lights",),
+    "light.sun": ("extract_sun",),
+    "light.variance_cut": ("VarianceMinimisation",),
     "probe.ball": ("BallView", "view_ball"),
     "probe.blending": ("Probe", "assemble"),
+    "probe.painting": ("HotSpot", "paint"),
+    "probe.panorama": ("mosaic",),
+    "probe.panorama_views": ("PanoramaView",),
+    "render.environment": ("environment",),
     "render.mapped": ("Mapped",),
     "render.mitsuba": ("Mitsuba",),
     "render.renderer": ("Constant", "Render", "Renderer", "render"),
@@ -128,9 +155,16 @@ _HOMES = {
     "shot.outcome": ("Inserted",),
     "shot.project": ("Shot", "read_shot"),
     "shot.scene_file": ("SceneFile", "read_scene"),
+    "sphere.audit": ("audit",),
+    "sphere.cubes": ("Cross", "Strip", "VerticalCross"),
+    "sphere.discs": ("Angular", "Fisheye", "Hemispheres", "MirrorBall"),
     "sphere.illumination": ("IlluminationMap", "as_illumination", "as_radiance_map"),
-    "sphere.discs": ("Angular", "MirrorBall"),
     "sphere.mappings": ("LatLong",),
+    "sphere.orientation": ("oriented",),
+    "sphere.perspective": ("perspective_view",),
+    "sphere.sampling": ("Sampler",),
+    "sphere.spherical_harmonics": ("Harmonics", "project"),
+    "sphere.squares": ("EqualArea", "Octahedral"),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -145,29 +179,41 @@ __all__ = [
     "CameraProfile",
     "Checks",
     "Constant",
+    "Constellation",
+    "Cross",
     "DebevecMalik",
     "Diffuse",
     "DistantLight",
     "DoubtfulResult",
+    "EqualArea",
     "Exposure",
     "Film",
+    "Fisheye",
     "GridNotFound",
+    "Harmonics",
     "Hat",
+    "Hemispheres",
+    "HotSpot",
     "IlluminationMap",
     "Inserted",
     "InvalidScene",
     "InvalidShot",
     "InverseVariance",
+    "KMeans",
     "LatLong",
     "Mapped",
     "Material",
     "Measurement",
+    "MedianCut",
     "Mesh",
     "MirrorBall",
     "Mitsuba",
     "MitsunagaNayar",
     "NotABracket",
+    "NotAPanorama",
+    "Octahedral",
     "OutputNotWritten",
+    "PanoramaView",
     "Patches",
     "Photograph",
     "Plane",
@@ -184,27 +230,43 @@ __all__ = [
     "Renderer",
     "Response",
     "Robertson",
+    "Sampler",
     "Scene",
     "SceneFile",
     "Shot",
     "Sphere",
+    "Strip",
+    "SunNotFound",
+    "SunNotRecovered",
     "Treatment",
     "UnreadableFile",
     "UnsupportedScene",
+    "VarianceMinimisation",
+    "VerticalCross",
     "Whitted",
     "WhittedMaterial",
     "align",
     "as_illumination",
     "as_radiance_map",
     "assemble",
+    "audit",
     "camera_from_grid",
+    "constellation",
     "deghost",
     "develop",
     "differential",
+    "environment",
+    "extract_sun",
     "insert",
+    "key_lights",
     "measure",
     "merge",
     "merge_raw",
+    "mosaic",
+    "oriented",
+    "paint",
+    "perspective_view",
+    "project",
     "read",
     "read_bracket",
     "read_meshes",
@@ -216,6 +278,7 @@ __all__ = [
     "read_shot",
     "recover_reflectance",
     "recover_response",
+    "recover_sun",
     "reflection_map",
     "reflection_maps",
     "render",

@@ -4,6 +4,7 @@
     ├── UnreadableFile      a photograph, map or mesh is missing, damaged or of a kind relume does not read
     ├── NotABracket         photographs that cannot be merged: no exposure, different sizes, nothing well exposed
     ├── BallNotFound        no mirrored ball is seen in the photograph
+    ├── NotAPanorama        views that make no panorama: too few, or without overlap
     ├── SunNotFound         no sun or lamp stands out of an illumination map
     ├── SunNotRecovered     what a clipped sun held cannot be told from the readings
     ├── GridNotFound        no calibration grid is seen in the photograph
@@ -31,6 +32,10 @@ class NotABracket(RelumeError):
 
 class BallNotFound(RelumeError):
     """No mirrored ball is seen in the photograph."""
+
+
+class NotAPanorama(RelumeError):
+    """Views that make no panorama: too few, without a field of view, or without overlap."""
 
 
 class SunNotFound(RelumeError):

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import relume.cli
 from command_line import refused
 from panoramas import patchwork, photograph
 from relume.cli import main
@@ -18,11 +17,6 @@ from relume.image.radiance import RadianceMap
 from relume.probe.panorama_views import FACES, orientation
 
 WORLD = patchwork(128, 800)
-
-
-@pytest.fixture(autouse=True)
-def registered(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(relume.cli.COMMANDS, "panorama", "Put photographs in several directions together.")
 
 
 @pytest.fixture(scope="module")

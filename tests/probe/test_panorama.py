@@ -11,11 +11,12 @@ from scipy.ndimage import maximum_filter
 import lights
 from panoramas import all_round, patchwork, photograph, turn_between
 from relume.capture.vignetting import Vignetting
+from relume.errors import NotAPanorama
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
 from relume.probe.panorama import Panorama, mosaic
 from relume.probe.panorama_balance import Balancing, balance
 from relume.probe.panorama_blending import fill
-from relume.probe.panorama_views import FACES, NotAPanorama, PanoramaView, orientation
+from relume.probe.panorama_views import FACES, PanoramaView, orientation
 from relume.sphere.directions import normalised
 from relume.sphere.mappings import LatLong, pixel_points
 

@@ -81,12 +81,12 @@ def panorama(
     Where neither --faces, --turn nor --orientations tells how the camera was turned it is found from what the views
     have in common. A doubtful result is written all the same and told with exit code 4.
     """
+    from relume.errors import NotAPanorama
     from relume.image import files
     from relume.probe.panorama import mosaic
     from relume.probe.panorama_balance import Balancing
     from relume.probe.panorama_matching import Matching
     from relume.probe.panorama_sources import read_sources
-    from relume.probe.panorama_views import NotAPanorama
     from relume.sphere.illumination import as_radiance_map
 
     with speaking(manner):
@@ -193,7 +193,8 @@ def _of_table(paths: Sequence[Path], table: Path) -> dict[Path, tuple[Angles, fl
 def _view(
     source: Source, path: Path, told: dict[Path, tuple[Angles, float | None]], field: float | None
 ) -> PanoramaView:
-    from relume.probe.panorama_views import NotAPanorama, PanoramaView, focal_length_of, orientation
+    from relume.errors import NotAPanorama
+    from relume.probe.panorama_views import PanoramaView, focal_length_of, orientation
 
     angles, own_field = told.get(path, (None, None))
     across = field if own_field is None else own_field

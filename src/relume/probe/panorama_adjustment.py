@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
+from relume.errors import NotAPanorama
 from relume.probe.panorama_matching import Matching, Pair, find_pairs
-from relume.probe.panorama_views import NotAPanorama, PanoramaView, undistorted
+from relume.probe.panorama_views import PanoramaView, undistorted
 from relume.sphere.directions import UP, normalised, rotation_between, rotation_from_vector
 
 MATCHES = 200

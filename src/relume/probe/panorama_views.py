@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.errors import RelumeError
+from relume.errors import NotAPanorama
 from relume.image.radiance import RadianceMap
 from relume.sphere.directions import normalised, rotation_about
 
@@ -20,10 +20,6 @@ FACES: dict[str, tuple[float, float]] = {
 }
 """Yaw and pitch in degrees of the six photographs on a cube's faces (Miller & Hoffman 1984, §5.1); up and down are
 tilted from the front."""
-
-
-class NotAPanorama(RelumeError):
-    """The views cannot be put together: one alone, no field of view, or nothing in common."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -136,7 +136,7 @@ def figures(numbers: tuple[float, ...], between: str = " ") -> str:
 
 
 def meaning(unit: str, points: PlacedLights | None = None) -> str:
-    """What the numbers of lights and background are, and of placed lights; raises ValueError for a unit there is not."""
+    """What the numbers of lights, background and placed lights are; raises ValueError for a unit there is not."""
     if unit == "cd/m²":
         told, intensity = (
             "Irradiance is in lux, red, green and blue apart, and the background's pixels are in cd/m².",

@@ -1,4 +1,4 @@
-"""A constellation as a USD layer: a DistantLight each, a SphereLight for placed lights, a DomeLight for the background."""
+"""A constellation as a USD layer: a DistantLight each, SphereLights for placed lights, a DomeLight as background."""
 
 from __future__ import annotations
 
