@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from trial import LIGHTS, background, finish, report_axes, report_irradiance, run_inside, write_oriented_probe
+from trial import LIGHTS, POINTS, background, finish, report_axes, report_irradiance, run_inside, write_oriented_probe
 
 from relume.image import files
 from relume.light.exports import FORMATS
@@ -32,13 +32,19 @@ def main(python: str, folder: Path) -> None:
         ("probe.usda", "usd", "labelled.exr"),
         ("lights.gltf", "gltf", None),
     ):
-        (folder / name).write_text(FORMATS[kind].text(LIGHTS, unit="relative", background=behind), encoding="utf-8")
+        text = FORMATS[kind].text(LIGHTS, unit="relative", background=behind, points=POINTS)
+        (folder / name).write_text(text, encoding="utf-8")
     run_inside(python, Path(__file__).with_name("inside_blender.py"), str(folder), needs="bpy")
     right = [
         report_axes("blender", middles(folder, "axis")),
         report_axes("USD in Blender", middles(folder, "usd"), 0.03),
     ]
-    for kind, suns in json.loads((folder / "imported.json").read_text()).items():
+    for kind, (suns, points) in json.loads((folder / "imported.json").read_text()).items():
+        placed = [points[name] for name in sorted(points)]
+        moved = float(np.abs([each["position"] for each in placed] - POINTS.positions).max())
+        gives = np.array([each["watts"] for each in placed]).sum() / (4 * np.pi * POINTS.intensity.sum())
+        print(f"{kind} in Blender: points off by {moved:.0e} m, their watts / 4π are {gives:.5g} times our intensity")
+        right.append(moved < 1e-5)
         found = [suns[name] for name in sorted(suns)]
         off = float(np.abs([sun["towards"] for sun in found] - LIGHTS.directions).max())
         times = np.array([sun["gives"] for sun in found]).sum() / LIGHTS.irradiance.sum()

@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from trial import LIGHTS, finish
+from trial import LIGHTS, POINTS, finish
 
 from relume.light.constellation import Constellation
 from relume.light.exports import FORMATS
@@ -30,9 +30,10 @@ def main(place: Path, folder: Path) -> None:
         sys.exit(f"{place} has no gltf-validator; install Node.js and run `npm install gltf-validator` there")
     none = Constellation(np.zeros((0, 3)), np.zeros((0, 3)))
     right = []
-    for name, lights in (("lights", LIGHTS), ("none", none)):
+    for name, lights, points in (("lights", LIGHTS, None), ("placed", LIGHTS, POINTS), ("none", none, None)):
         file = folder / f"{name}.gltf"
-        file.write_text(FORMATS["gltf"].text(lights, unit="cd/m²", background="rest.exr"), encoding="utf-8")
+        text = FORMATS["gltf"].text(lights, unit="cd/m²", background="rest.exr", points=points)
+        file.write_text(text, encoding="utf-8")
         done = subprocess.run(
             ["node", "-e", VALIDATE, str(file)], cwd=place, capture_output=True, text=True, check=True
         )

@@ -84,13 +84,13 @@ def import_usd(layer):
     scene = empty_scene(128, 16)
     scene.world = bpy.data.worlds.new("usd")  # its importer gives a dome to a world that is there
     bpy.ops.wm.usd_import(filepath=str(layer))
-    return scene, suns()
+    return scene, (suns(), points())
 
 
 def import_gltf(file):
     empty_scene(128, 16)
     bpy.ops.import_scene.gltf(filepath=str(file))
-    return suns()
+    return suns(), points()
 
 
 def suns():
@@ -107,6 +107,18 @@ def suns():
     return found
 
 
+def points():
+    """Of every Point light its place in relume's axes and its watts, by name."""
+    return {
+        lamp.name: {
+            "position": list(TO_BLENDER.transposed() @ lamp.matrix_world.translation),
+            "watts": [lamp.data.energy * part for part in lamp.data.color],
+        }
+        for lamp in bpy.data.objects
+        if lamp.type == "LIGHT" and lamp.data.type == "POINT"
+    }
+
+
 def measure(script, folder):
     """A white matte square with each axis for its normal, under the lights and background of the script."""
     for axis in AXES:
@@ -116,6 +128,8 @@ def measure(script, folder):
         # The camera stands on the normal and looks back at the square.
         opposite = {"p": "n", "n": "p"}[axis[0]] + axis[1]
         right, up, _ = camera_towards(scene, opposite, place=towards, orthographic=True)
+        # Lamps near by light the middle of the square, where they are reckoned, and its rims differently.
+        scene.camera.data.ortho_scale = 0.01
         corners = [x * right + y * up for x, y in ((-9, -9), (9, -9), (9, 9), (-9, 9))]
         mesh = bpy.data.meshes.new("square")
         mesh.from_pydata([tuple(corner) for corner in corners], [], [(0, 1, 2, 3)])

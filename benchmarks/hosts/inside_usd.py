@@ -16,7 +16,7 @@ def main(layer, result):
     context = UsdValidation.ValidationContext(known.GetOrLoadValidatorsByName(names))
     problems = [f"{error.GetName()}: {error.GetMessage()}" for error in context.Validate(stage)]
     cache = UsdGeom.XformCache()
-    lights, dome = [], None
+    lights, spheres, dome = [], [], None
     for prim in stage.Traverse():
         matrix = cache.GetLocalToWorldTransform(prim)
         if prim.IsA(UsdLux.DistantLight):
@@ -26,6 +26,17 @@ def main(layer, result):
                     "towards": list(matrix.TransformDir(Gf.Vec3d(0, 0, 1))),
                     "irradiance": [light.GetIntensityAttr().Get() * part for part in light.GetColorAttr().Get()],
                     "angle": light.GetAngleAttr().Get(),
+                    "normalize": light.GetNormalizeAttr().Get(),
+                }
+            )
+        if prim.IsA(UsdLux.SphereLight):
+            light = UsdLux.SphereLight(prim)
+            spheres.append(
+                {
+                    "position": list(matrix.ExtractTranslation()),
+                    "power": [light.GetIntensityAttr().Get() * part for part in light.GetColorAttr().Get()],
+                    "radius": light.GetRadiusAttr().Get(),
+                    "point": light.GetTreatAsPointAttr().Get(),
                     "normalize": light.GetNormalizeAttr().Get(),
                 }
             )
@@ -47,6 +58,7 @@ def main(layer, result):
         "metres": UsdGeom.GetStageMetersPerUnit(stage),
         "default": str(stage.GetDefaultPrim().GetPath()),
         "lights": lights,
+        "spheres": spheres,
         "dome": dome,
     }
     with open(result, "w") as file:

@@ -12,7 +12,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from trial import LIGHTS, NORMALS, background, finish, report_axes, report_irradiance, write_oriented_probe
+from trial import LIGHTS, NORMALS, POINTS, background, finish, report_axes, report_irradiance, write_oriented_probe
 
 from relume.image import files
 from relume.light.constellation import Constellation
@@ -54,7 +54,8 @@ def main(python: str, folder: Path) -> None:
     files.write(folder / "background.hdr", as_radiance_map(background()))
     right = [report_axes("radiance", axes)]
     for unit, factor in (("relative", 1.0), ("cd/m²", EFFICACY)):
-        (folder / "lights.rad").write_text(write(LIGHTS, unit=unit, background="background.hdr"), encoding="utf-8")
+        scene = write(LIGHTS, unit=unit, background="background.hdr", points=POINTS)
+        (folder / "lights.rad").write_text(scene, encoding="utf-8")
         lit = traced(place, folder, "lights.rad", NORMALS, "-I", *INDIRECT) * factor
         right.append(report_irradiance(f"radiance ({unit})", lit, 0.01))
     finish(*right)

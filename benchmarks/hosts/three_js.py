@@ -14,7 +14,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from trial import LIGHTS, NORMALS, finish, report_axes, run_inside, write_oriented_probe
+from trial import LIGHTS, NORMALS, POINTS, finish, report_axes, run_inside, write_oriented_probe
 
 from relume.light.exports import FORMATS
 
@@ -26,7 +26,7 @@ def main(python: str, three: Path, chromium: str, folder: Path) -> None:
         sys.exit(f"{chromium} is not there; install Chromium")
     here = Path(__file__).parent
     write_oriented_probe("three", folder / "probe.hdr", 512)
-    gltf = FORMATS["gltf"].text(LIGHTS, unit="relative")
+    gltf = FORMATS["gltf"].text(LIGHTS, unit="relative", points=POINTS)
     (folder / "lights.gltf").write_text(gltf, encoding="utf-8")
     shutil.copy(here / "three_js.html", folder / "page.html")
     shutil.copytree(three, folder / "three", dirs_exist_ok=True)
@@ -38,7 +38,8 @@ def main(python: str, three: Path, chromium: str, folder: Path) -> None:
         report_axes("background", np.array(result["shown"])),
         report_axes("mirrored sphere", np.array(result["ball"]), 0.05),
     ]
-    lit, wanted = np.array(result["squares"]) * np.pi, np.maximum(NORMALS @ LIGHTS.directions.T, 0) @ LIGHTS.irradiance
+    lit = np.array(result["squares"]) * np.pi
+    wanted = LIGHTS.irradiance_on(NORMALS) + POINTS.seen_from((0, 0, 0)).irradiance_on(NORMALS)
     worst = float(np.abs(lit - wanted).max() / wanted.max())
     print(f"glTF lights: irradiance {np.round(lit, 4).tolist()}, differs by {worst:.3%} of the largest at most")
     finish(*right, worst < 0.001)

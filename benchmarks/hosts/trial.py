@@ -14,6 +14,7 @@ import numpy as np
 
 from relume.image import files
 from relume.light.constellation import Constellation
+from relume.light.placing import PlacedLights
 from relume.sphere.directions import normalised
 from relume.sphere.illumination import IlluminationMap, as_radiance_map
 from relume.sphere.labelled_probe import LABELS, labelled_probe
@@ -26,6 +27,12 @@ LIGHTS = Constellation(
     normalised([[1.0, 2.0, 0.5], [-2.0, 1.0, -1.0], [0.3, -1.0, 2.0], [0.0, 0.0, -1.0]]),
     np.array([[3.0, 2.5, 1.0], [0.2, 0.5, 2.0], [0.5, 0.4, 0.3], [0.0, 0.7, 0.1]]),
 )
+POINTS = PlacedLights(
+    np.array([[2.0, 1.5, -2.5], [-1.0, -2.0, 1.5]]),
+    np.array([[20.0, 12.0, 5.0], [2.0, 6.0, 9.0]]),
+    np.array([0.0, 0.1]),
+)
+"""A point and a sphere, to be seen from the origin."""
 
 
 def background(size: int = 64) -> IlluminationMap:
@@ -36,9 +43,9 @@ def background(size: int = 64) -> IlluminationMap:
 
 
 def expected_irradiance() -> np.ndarray:
-    """Of LIGHTS and the background together on the six normals, (6, 3)."""
-    facing = np.maximum(NORMALS @ LIGHTS.directions.T, 0)
-    return facing @ LIGHTS.irradiance + background().irradiance(NORMALS)
+    """Of LIGHTS, POINTS and the background together on the six normals at the origin, (6, 3)."""
+    placed = POINTS.seen_from((0, 0, 0))
+    return LIGHTS.irradiance_on(NORMALS) + placed.irradiance_on(NORMALS) + background().irradiance(NORMALS)
 
 
 def write_oriented_probe(host: str, path: Path, size: int = 256) -> None:

@@ -11,7 +11,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from trial import LIGHTS, background, finish, run_inside
+from trial import LIGHTS, POINTS, background, finish, run_inside
 
 from relume.image import files
 from relume.light.exports import FORMATS
@@ -22,9 +22,8 @@ def main(python: str, folder: Path) -> None:
     files.write(folder / "back ground.exr", as_radiance_map(background()))
     angles = np.radians([0.0, 0.53, 5.0, 30.0])
     layer = folder / "lights.usda"
-    layer.write_text(
-        FORMATS["usd"].text(LIGHTS, unit="relative", background="back ground.exr", angles=angles), encoding="utf-8"
-    )
+    text = FORMATS["usd"].text(LIGHTS, unit="relative", background="back ground.exr", angles=angles, points=POINTS)
+    layer.write_text(text, encoding="utf-8")
     run_inside(
         python,
         Path(__file__).with_name("inside_usd.py"),
@@ -41,12 +40,19 @@ def main(python: str, folder: Path) -> None:
     turned = float(np.abs(towards - LIGHTS.directions).max())
     off = float(np.abs(irradiance - LIGHTS.irradiance).max())
     print(f"lights: directions differ by {turned:.1e}, irradiance by {off:.1e} at most")
+    places = np.array([sphere["position"] for sphere in told["spheres"]])
+    shine = np.array([sphere["power"] for sphere in told["spheres"]]) / 4
+    moved, weaker = float(np.abs(places - POINTS.positions).max()), float(np.abs(shine - POINTS.intensity).max())
+    print(f"spheres: places differ by {moved:.1e}, intensity by {weaker:.1e} at most")
     dome = told["dome"]
     print(f"dome: the middle of the file is {dome['middle']}, to its right {dome['right']}, on top {dome['top']}")
     finish(
         told["problems"] == [],
         told["up"] == "Y" and told["metres"] == 1 and told["default"] == "/Light",
         turned < 1e-7 and off < 1e-6 and all(light["normalize"] for light in told["lights"]),
+        moved < 1e-12 and weaker < 1e-5 and all(sphere["normalize"] for sphere in told["spheres"]),
+        [sphere["point"] for sphere in told["spheres"]] == [True, False],
+        np.allclose([sphere["radius"] for sphere in told["spheres"]], [0.01, 0.1]),
         np.allclose([light["angle"] for light in told["lights"]], np.degrees(angles)),
         np.allclose([dome["middle"], dome["right"], dome["top"]], [[0, 0, -1], [1, 0, 0], [0, 1, 0]], atol=1e-12),
         Path(dome["file"]) == (folder / "back ground.exr").resolve() and dome["format"] == "latlong",

@@ -165,7 +165,7 @@ def test_lamps_of_a_room_are_where_they_are_and_as_strong(maps):
     distance = np.linalg.norm(LAMPS[true] - FIRST, axis=-1)
     assert np.max(off / distance) < 0.01
     np.testing.assert_allclose(found.points.intensity, INTENSITY[true], rtol=0.02)
-    assert found.points.radii == pytest.approx(RADII[true], rel=0.2)
+    assert found.points.radii == pytest.approx(RADII[true], rel=0.02)
     assert np.all(off < 3 * found.uncertainty) and np.all(found.misses < 0.02)
     assert found.ratios == pytest.approx(1, abs=0.03)
     assert len(found.far) == 0 and [len(alone) for alone in found.unmatched] == [0, 0]

@@ -308,15 +308,18 @@ def _filled_in(light: IlluminationMap, path: Path, rotation: np.ndarray | None, 
     import numpy as np
 
     from relume.image import files
-    from relume.sphere.perspective import told_view, with_view
+    from relume.sphere.perspective import with_view
 
     picture = files.read_radiance(path)
     angle = float(np.radians(field))
     if rotation is None:
-        remembered = told_view(picture)
-        if remembered is None:
-            raise ValueError(f"--put {path}: the file does not remember where it was cropped from; give --view too")
-        rotation, angle = remembered
+        try:
+            rotation = np.array([float(word) for word in picture.attributes["view-rotation"].split()]).reshape(3, 3)
+            angle = float(np.radians(float(picture.attributes["view-field"])))
+        except (KeyError, ValueError):
+            raise ValueError(
+                f"--put {path}: the file does not remember where it was cropped from; give --view too"
+            ) from None
     return with_view(light, picture, rotation, angle)
 
 

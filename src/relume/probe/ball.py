@@ -102,21 +102,14 @@ class BallView:
     def sampling(self, directions: np.ndarray, nearness: float = 0.0) -> np.ndarray:
         """Pixels per radian of light in the direction in which the ball squeezes it most: (…), 0 in the blind cone.
 
-        Likewise in the ball's outermost pixel, which mixes it with what is behind. It squeezes radially, f dα/dβ: all pixels take in nearly the same solid angle (`solid_angles`), but near the
-        silhouette a long narrow strip of it.
+        Likewise in the ball's outermost pixel, which mixes it with what is behind. It squeezes radially, f dα/dβ: all
+        pixels take in nearly the same solid angle (`solid_angles`), but near the silhouette a long narrow strip of it.
         """
         return self.see(directions, nearness).sampling
 
     def see(self, directions: np.ndarray, nearness: float = 0.0) -> Seen:
         """All that the view tells of world directions (…, 3); `nearness` as for `look_up`."""
-        local = np.asarray(directions, np.float64) @ self.world_from_pixels
-        gamma, normal = self._normal(local)
-        if nearness:
-            # From the surface point n (in radii) the point at 1/nearness lies along ω − nearness·n.
-            gamma, normal = self._normal(normalised(local - nearness * normal))
-        point = self.distance * self.axis + normal
-        x, y = self._project(point)
-        incidence = np.maximum(-(normalised(point) * normal).sum(-1), 0)
+        x, y, incidence, gamma = self._places(directions, nearness)
         alpha_rise, beta_rise = self._rises(gamma)
         width, height = self.picture.size
         shown = (x >= 0) & (x <= width) & (y >= 0) & (y <= height)
@@ -133,6 +126,23 @@ class BallView:
         clean = shown & (outermost * self.outline.radius > MIXED)
         sampling = np.where(clean, self.focal_length * np.maximum(alpha_rise, 0) / beta_rise, 0)
         return Seen(radiance, np.where(shown, incidence, 0), sampling, saturated)
+
+    def places(self, directions: np.ndarray, nearness: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where in the picture directions (…, 3) are mirrored: x and y in pixels, and the cosine of incidence (…)."""
+        return self._places(directions, nearness)[:3]
+
+    def _places(
+        self, directions: np.ndarray, nearness: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Those of `places`, and γ."""
+        local = np.asarray(directions, np.float64) @ self.world_from_pixels
+        gamma, normal = self._normal(local)
+        if nearness:
+            # From the surface point n (in radii) the point at 1/nearness lies along ω − nearness·n.
+            gamma, normal = self._normal(normalised(local - nearness * normal))
+        point = self.distance * self.axis + normal
+        x, y = self._project(point)
+        return x, y, np.maximum(-(normalised(point) * normal).sum(-1), 0), gamma
 
     def solid_angles(self, directions: np.ndarray) -> np.ndarray:
         """Steradians of light from infinity that one pixel takes in where directions (…, 3) are seen: (…).

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 from scipy.optimize import least_squares
 
 from relume.image.colour import luminance
+from relume.image.resample import bilinear
 from relume.probe.ball import BallView
 from relume.sphere.directions import rotation_from_vector
 
@@ -26,6 +29,8 @@ RIM_LIMIT = 0.008
 """The most that a silhouette is moved or grown, in radii: beyond that it was not the rim that was found."""
 RIM_HOLD = 0.6
 """How hard the silhouettes are held, in misfit per pixel: enough for light that tells nothing of them."""
+BLUR = 1.0
+"""Pixels by which ln luminance is blurred before views are compared, so that both are smooth where they are probed."""
 TURN_HOLD = 4.0
 """How hard the turns are held, in misfit per radian."""
 PARTS = 100
@@ -58,6 +63,18 @@ class Bundle:
     directions: np.ndarray
     shares: np.ndarray
     adjusting: bool = True
+
+    @cached_property
+    def levels(self) -> list[np.ndarray]:
+        """Every picture's ln luminance.
+
+        The logarithm comes before all looking up between pixels: after it, a lamp a thousand times as bright as the
+        wall would reach the width of a pixel beyond itself, farther towards the rim than away from it, and so in other
+        directions in every view.
+        """
+        pictures = (luminance(view.picture.radiance) for view in self.views)
+        floors = ((picture, 1e-3 * float(np.median(picture)) + 1e-12) for picture in pictures)
+        return [np.asarray(gaussian_filter(np.log(np.maximum(*each)), BLUR)) for each in floors]
 
     def placed(self, found: Adjustment, index: int) -> BallView:
         """A view as adjusted."""
@@ -136,8 +153,9 @@ class Bundle:
         return Adjustment(vectors, rims, float(guess[-1]))
 
     def _logarithm(self, found: Adjustment, index: int) -> np.ndarray:
-        radiance, _ = self.placed(found, index).look_up(self.directions, found.nearness)
-        return np.log(luminance(radiance) + 1e-9)
+        view = self.placed(found, index)
+        x, y, incidence = view.places(self.directions, found.nearness)
+        return bilinear(self.levels[index], x, y) - np.log(view.reflectance.at(incidence).mean(-1))
 
     def _misfits(self, seen: np.ndarray, found: Adjustment) -> np.ndarray:
         level = seen - self.offsets(seen)[:, None]

@@ -74,12 +74,9 @@ class IlluminationMap:
         return self._resampled(self.mapping, self.size, np.asarray(rotation, np.float64))
 
     def _resampled(self, mapping: Mapping, size: int, rotation: np.ndarray) -> IlluminationMap:
-        from relume.sphere.transport import balanced_transport
+        from relume.sphere.resampling import resampled
 
-        matrix = balanced_transport(self.mapping, self.size, mapping, size, rotation)
-        source = self.radiance.reshape(-1, 3).astype(np.float64)
-        radiance = (matrix @ source).reshape(*mapping.shape(size), 3)
-        return IlluminationMap(radiance.astype(np.float32), mapping, self.unit)
+        return resampled(self, mapping, size, rotation)
 
 
 def as_illumination(picture: RadianceMap, mapping: Mapping | None = None) -> IlluminationMap:

@@ -183,8 +183,11 @@ def found(kind, across, down, frames, whole, x, y, z, plane, xs, ys):
 
 
 @kernel
-def spread(kind, across, down, x, y):
-    """Radians that a step of one along x, and one along y, crosses at a point of a plane."""
+def spread(kind, across, down, rows, x, y):
+    """Radians that a step of one along x, and one along y, crosses at a point of a plane of so many rows.
+
+    Where that grows without bound towards a rim it is taken half a pixel within, as for the pixel's own middle.
+    """
     if kind == LAT_LONG:
         return np.pi * np.cos(np.pi / 2 * y), np.pi / 2
     if kind == FLAT:
@@ -197,10 +200,10 @@ def spread(kind, across, down, x, y):
         if kind == EQUIDISTANT:
             radial, tangential = across, np.sin(across * inner) / inner
         elif kind == EQUISOLID:
-            slope = np.sqrt(max(1 - (across * inner) ** 2, 1e-6))
+            slope = np.sqrt(max(1 - (across * inner) ** 2, min(2 / rows, 1.0)))
             radial, tangential = 2 * across / slope, 2 * across * slope
         else:
-            radial, tangential = 1 / np.sqrt(max(1 - inner * inner, 1e-6)), 1.0
+            radial, tangential = 1 / np.sqrt(max(1 - inner * inner, min(2 / rows, 1.0))), 1.0
         cosine, sine = x / radius, y / radius
         return np.hypot(radial * cosine, tangential * sine), np.hypot(radial * sine, tangential * cosine)
     if kind == OCTAHEDRAL:
@@ -213,10 +216,10 @@ def spread(kind, across, down, x, y):
 
 
 @kernel
-def spreads(kind, across, down, xs, ys, wide, high):
+def spreads(kind, across, down, rows, xs, ys, wide, high):
     """`spread` at many points."""
     for i in range(len(xs)):
-        wide[i], high[i] = spread(kind, across, down, np.float64(xs[i]), np.float64(ys[i]))
+        wide[i], high[i] = spread(kind, across, down, rows, np.float64(xs[i]), np.float64(ys[i]))
 
 
 @kernel
@@ -299,6 +302,10 @@ def solid_angle(kind, across, down, rows, columns, row, column):
             return _rim_solid_angle(kind, across, rows, row, column)
     # Gauss's rule of two points a side, in as many parts as make a coarse image fine.
     parts = 1 if columns >= 64 else (127 // columns + 1) // 2 * 2
+    if kind == OCTAHEDRAL and columns < FINE:
+        # The density has a crease along the folds.
+        x, y = abs(2 * (column + 0.5) / columns - 1), abs(2 * (row + 0.5) / rows - 1)
+        parts = max(parts, 16) if abs(x + y - 1) < 2 / columns else parts
     node = 0.0 if columns >= FINE else 0.5 / np.sqrt(3.0)
     points = 1 if columns >= FINE else 2
     total = 0.0

@@ -182,8 +182,8 @@ def _push_some(
     xs, ys, plane, _ = _sent(source, target, turn, across, down)
     # How many of the target's pixels a pixel of the source covers there, each way.
     wide, high, fine, fine_down = np.empty((4, len(xs)))
-    spreads(source.kind, source.across, source.down, across, down, wide, high)
-    spreads(target.kind, target.across, target.down, xs, ys, fine, fine_down)
+    spreads(source.kind, source.across, source.down, source.rows, across, down, wide, high)
+    spreads(target.kind, target.across, target.down, target.rows, xs, ys, fine, fine_down)
     finest = np.maximum(np.minimum(fine * 2 / target.columns, fine_down * 2 / target.rows), 1e-9)
     wide, high = wide * 2 / (source.columns * finest), high * 2 / (source.rows * finest)
     # A tent over the pixel and half its neighbours, as bilinear look-ups have it; narrower where it and the target's

@@ -95,8 +95,8 @@ def divisions(planes, step, line, wide, high):
     for run in range(len(wide)):
         begin, end = run * RUN, min(run * RUN + RUN, columns)
         # The spread is greatest at one end of a run, or nearly.
-        near, near_down = spread(kind, planes.across, planes.down, 2 * (begin + 0.5) / columns - 1, middle)
-        far, far_down = spread(kind, planes.across, planes.down, 2 * (end - 0.5) / columns - 1, middle)
+        near, near_down = spread(kind, planes.across, planes.down, rows, 2 * (begin + 0.5) / columns - 1, middle)
+        far, far_down = spread(kind, planes.across, planes.down, rows, 2 * (end - 0.5) / columns - 1, middle)
         wide[run] = max(1, int(np.ceil(max(near, far) * 2 / (columns * step) - 1e-3)))
         high[run] = max(1, int(np.ceil(max(near_down, far_down) * 2 / (rows * step) - 1e-3)))
         count += wide[run] * high[run] * (end - begin)
