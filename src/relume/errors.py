@@ -6,6 +6,7 @@
     ├── BallNotFound        no mirrored ball is seen in the photograph
     ├── NotAPanorama        views that make no panorama: too few, or without overlap
     ├── SunNotFound         no sun or lamp stands out of an illumination map
+    ├── LampsNotMatched     two probes share no lamp whose place could be told
     ├── SunNotRecovered     what a clipped sun held cannot be told from the readings
     ├── GridNotFound        no calibration grid is seen in the photograph
     ├── InvalidShot         the shot file has an unknown key, a missing one or a wrong value
@@ -40,6 +41,10 @@ class NotAPanorama(RelumeError):
 
 class SunNotFound(RelumeError):
     """No sun or lamp stands out of an illumination map."""
+
+
+class LampsNotMatched(RelumeError):
+    """Two probes share no lamp whose place could be told."""
 
 
 class SunNotRecovered(RelumeError):

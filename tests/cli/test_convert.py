@@ -60,6 +60,22 @@ def test_six_faces_are_written_and_read_in_opengls_order(tmp_path: Path, capsys:
     assert degrees_between(brightest(again), SUN) < 4
 
 
+def test_faces_for_engines_that_negate_an_axis_show_the_same_light(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, out = stored(tmp_path, sunny(48)), str(tmp_path / "back.exr")
+    plain = made([source, "-o", str(tmp_path / "gl.exr"), "--to", "faces", "--size", "32"], capsys)["written"]
+    three = made([source, "-o", str(tmp_path / "three.exr"), "--to", "faces", "--size", "32", "--mirror", "x"], capsys)[
+        "written"
+    ]
+    # An unmirrored view of +X has −Z at its left: such an engine's px is our −X face, told the other way round.
+    np.testing.assert_array_equal(read_radiance(three[0]).radiance, read_radiance(plain[1]).radiance[:, ::-1])
+    made([*three, "-o", out, "--to", "latlong", "--size", "48", "--mirror", "x"], capsys)
+    made([*plain, "-o", str(tmp_path / "plain.exr"), "--to", "latlong", "--size", "48"], capsys)
+    np.testing.assert_array_equal(read_radiance(out).radiance, read_radiance(tmp_path / "plain.exr").radiance)
+    assert "--mirror is for six faces" in refused(["convert", source, "-o", out, "--mirror", "x"], capsys)
+
+
 def brightest(light: IlluminationMap) -> np.ndarray:
     row, column = np.unravel_index(light.radiance.sum(2).argmax(), light.radiance.shape[:2])
     return LatLong().directions(np.array([(column + 0.5) / light.radiance.shape[1], (row + 0.5) / light.size]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,10 @@ from relume.image.files import read_photograph, read_radiance, write
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.light.constellation import constellation
 from relume.light.k_means import KMeans
+from relume.light.placing import placed_in_box
 from relume.light.variance_cut import VarianceMinimisation
+from relume.render.environment import Arrival, splatted
+from relume.sphere.directions import rotation_about
 from relume.sphere.illumination import IlluminationMap, as_illumination, as_radiance_map
 from relume.sphere.mappings import mapping_named
 
@@ -228,3 +232,123 @@ def test_what_is_no_light_is_refused_with_its_pixels_counted(tmp_path, monkeypat
     assert "no such file" in refused(["lights", "none.exr", "-o", "b.json"], capsys)
     assert "no folder" in refused(["lights", "ringing.exr", "-o", "none/b.json"], capsys, 3)
     assert not Path("b.json").exists()
+
+
+# Lights that have a place
+
+LAMPS = np.array([[1.5, 2.4, -1.8], [-1.7, 2.2, -0.4], [0.4, 1.9, 1.9]])
+SHINE = np.array([[9.0, 8, 6], [5, 5.5, 7], [4, 3, 2]])
+PROBES = {"0,1.1,0": np.array([0, 1.1, 0]), "-0.9,1,-0.5": np.array([-0.9, 1, -0.5])}
+
+
+def lamps_seen(place: np.ndarray, size: int = 128, lamps: Sequence[int] = (0, 1, 2)) -> IlluminationMap:
+    """Points of light, each over four pixels, before a dim wall."""
+    ways = LAMPS[list(lamps)] - place
+    square = np.sum(ways**2, axis=-1, keepdims=True)
+    seen = [
+        Arrival(way, irradiance)
+        for way, irradiance in zip(ways / np.sqrt(square), SHINE[list(lamps)] / square, strict=True)
+    ]
+    return replace(splatted(seen, size=size), radiance=splatted(seen, size=size).radiance + np.float32(0.05))
+
+
+def in_places(folder: Path, **second) -> list[str]:
+    """The words for two maps of the lamps."""
+    (at, first), (other_at, other) = PROBES.items()
+    one, two = stored(folder, lamps_seen(first)), stored(folder, lamps_seen(other, **second), "second.exr")
+    return [one, "--at", at, "--second", two, "--second-at", other_at]
+
+
+def test_lights_stand_on_the_walls_of_a_box(tmp_path, capsys):
+    light, out = lights.sunny(32), tmp_path / "made.json"
+    words = [stored(tmp_path, light), "--count", "12", "-o", str(out), "--at", "0,1,0", "--box", "-2,0,-3,2,2.5,3"]
+    told = made(words, capsys)
+    points = json.loads(out.read_text())["points"]
+    expected = placed_in_box(constellation(light, 12), (0, 1, 0), ((-2, 0, -3), (2, 2.5, 3))).points
+    np.testing.assert_allclose([each["position"] for each in points], expected.positions, atol=1e-8)
+    np.testing.assert_allclose([each["intensity"] for each in points], expected.intensity, rtol=1e-8)
+    assert "radius" not in points[0] and json.loads(out.read_text())["lights"] == []
+    assert (told["lights"], told["placed"]) == (12, 12)
+    assert told["total of the lights"] == told["total of the map"]
+    told = made([*words, "--distant", "0", "--distant", "3"], capsys)
+    assert told["placed"] == 10 and told["total of the lights"] == told["total of the map"]
+    directions, irradiance = read(out)
+    np.testing.assert_allclose(directions, constellation(light, 12).directions[[0, 3]], atol=1e-8)
+    np.testing.assert_allclose(irradiance, constellation(light, 12).irradiance[[0, 3]], rtol=1e-8)
+
+
+def test_a_sun_on_a_wall_is_as_wide_as_it_looked(tmp_path, capsys):
+    light, out = lights.lone(64, 20, 77, 1e4, dark=1.0), tmp_path / "made.json"
+    words = [stored(tmp_path, light), "--sun", "1", "--count", "9", "-o", str(out), "--at", "0,1,0"]
+    told = made([*words, "--box", "-2,0,-3,2,2.5,3"], capsys)
+    points = json.loads(out.read_text())["points"]
+    reach = float(np.linalg.norm(np.subtract(points[0]["position"], (0, 1, 0))))
+    assert points[0]["radius"] == pytest.approx(reach * np.sin(np.radians(told["suns"][0]["diameter"] / 2)), rel=1e-2)
+    assert [each["radius"] for each in points[1:]] == [0] * 8
+
+
+def test_lamps_that_two_maps_see_stand_where_they_are(tmp_path, capsys):
+    out = tmp_path / "made.json"
+    words = [*in_places(tmp_path), "--sun", "3", "--count", "9", "-o", str(out), "-o", str(tmp_path / "made.rad")]
+    told = made(words, capsys)
+    points = json.loads(out.read_text())["points"]
+    for point in points:
+        number = int(np.argmin(np.linalg.norm(LAMPS - point["position"], axis=-1)))
+        assert point["position"] == pytest.approx(LAMPS[number], abs=0.03)
+        assert point["intensity"] == pytest.approx(SHINE[number], rel=0.03)
+    assert (told["placed"], told["far"], told["unmatched"]) == (3, 0, {"first": 0, "second": 0})
+    assert [each["position"] for each in told["lamps"]] == [
+        pytest.approx(each["position"], rel=1e-3) for each in points
+    ]
+    assert told["total of the lights"] == pytest.approx(told["total of the map"], rel=0.02)
+    assert len(json.loads(out.read_text())["lights"]) == 6  # the walls
+    assert (tmp_path / "made.rad").read_text().count("sphere point_") == 3
+
+
+def test_a_lamp_that_the_second_map_lacks_stays_distant(tmp_path, capsys):
+    out = tmp_path / "made.json"
+    words = [*in_places(tmp_path, lamps=(0, 1)), "--sun", "3", "-o", str(out), "--residual", str(tmp_path / "r.exr")]
+    assert main(["lights", *words]) == 0
+    assert "1 lamps of the first map and 0 of the second have no partner" in capsys.readouterr().err
+    directions, irradiance = read(out)
+    assert len(directions) == 1 and len(json.loads(out.read_text())["points"]) == 2
+    way = LAMPS[2] - PROBES["0,1.1,0"]
+    np.testing.assert_allclose(directions[0], way / np.linalg.norm(way), atol=0.01)
+    np.testing.assert_allclose(irradiance[0], SHINE[2] / (way @ way), rtol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--box", "-1,0,-1,1,2,1"], "--box is for lights that have a place; say where the map was taken with --at"),
+        (["--second", "even.exr"], "--second is for lights that have a place"),
+        (["--at", "0,1,0"], "by a room's --box or by a --second map; give one"),
+        (["--at", "0,1", "--box", "-1,0,-1,1,2,1"], '--at: "0,1" is no place'),
+        (["--at", "0,1,0", "--box", "-1,0,-1,1,2"], '"-1,0,-1,1,2" is no room; write two corners'),
+        (["--at", "0,3,0", "--box", "-1,0,-1,1,2,1"], "the probe at [0.0, 3.0, 0.0] is not inside the box"),
+        (["--at", "0,1,0", "--box", "-1,0,-1,1,2,1", "--distant", "64"], "--distant: distant lights are [64]; of "),
+        (["--at", "0,1,0", "--second", "even.exr", "--sun", "2"], "--second and --second-at belong together"),
+        (["--at", "0,1,0", "--second", "even.exr", "--second-at", "1,1,0"], "like --sun 4"),
+        (["--at", "0,1,0", "--second", "even.exr", "--second-at", "0,1,0", "--sun"], "are one place"),
+        (["--at", "0,1,0", "--second", "none.exr", "--second-at", "1,1,0", "--sun"], "none.exr: no such file"),
+        (
+            ["--at", "0,1,0", "--second", "even.exr", "--second-at", "1,1,0", "--sun", "--distant", "0"],
+            "--distant is for --box",
+        ),
+        (["--at", "0,1.1,0", "--second", "even.exr", "--second-at", "1,1,0", "--sun"], "even.exr: no sun stands out"),
+        (["--at", "0,1.1,0", "--second", "lux.exr", "--second-at", "1,1,0", "--sun"], "calibrate both or neither"),
+        (
+            ["--at", "0,1.1,0", "--second", "turned.exr", "--second-at", "1,1,0", "--sun", "2"],
+            "--second turned.exr: none of 2 and 2 lamps match",
+        ),
+    ],
+)
+def test_places_that_cannot_be_are_refused_in_one_line(words, told, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    light = lamps_seen(PROBES["0,1.1,0"], 64)
+    stored(tmp_path, light)
+    stored(tmp_path, light.rotated(rotation_about((1, 1, 0), 2)), "turned.exr")
+    stored(tmp_path, lights.constant(16), "even.exr")
+    stored(tmp_path, IlluminationMap(lights.constant(16).radiance, unit="cd/m²"), "lux.exr")
+    assert told in refused(["lights", "light.exr", "-o", "a.json", *words], capsys)
+    assert not (tmp_path / "a.json").exists()

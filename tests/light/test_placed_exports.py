@@ -119,7 +119,7 @@ def test_every_placed_light_is_read_back_where_it_is_and_as_strong(name):
 def test_without_placed_lights_nothing_speaks_of_them(name):
     alone = written(name, None)
     assert alone == FORMATS[name].text(SUN, unit="relative")
-    words = ("point_0", "POINTS", '"points"', "Points have", "SphereLight", "candela", "emitter type=\"point")
+    words = ("point_0", "POINTS", '"points"', "Points have", "SphereLight", "candela", 'emitter type="point')
     assert not any(word in alone for word in words)
     # The distant lights are the same beside them.
     beside, both = alone.splitlines(), written(name).splitlines()

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from relume.errors import LampsNotMatched
 from relume.light.constellation import Constellation, constellation
 from relume.light.placing import PlacedLights, chosen, placed_in_box
 from relume.light.sun import extract_sun
-from relume.light.triangulation import LampsNotMatched, triangulated
+from relume.light.triangulation import triangulated
 from relume.sphere.directions import normalised, rotation_about
 from relume.sphere.illumination import IlluminationMap
 from relume.sphere.mappings import LatLong, pixel_points
@@ -221,12 +222,12 @@ def test_intensity_tells_lamps_apart_whose_rays_meet_twice():
     # Both lamps and both probes lie in one plane, so that every ray meets every other.
     first, second = np.array([0.0, 0, 0]), np.array([1.0, 0, 0])
     places = [[0.2, 0, -2], [0.8, 0, -1.5]]
-    seen = [points(places, [[9.0, 9, 9], [1, 1, 1]], at) for at in (first, second)]
+    seen = [points(places, [[3.0, 3, 3], [1, 1, 1]], at) for at in (first, second)]
     for order in ([0, 1], [1, 0]):
-        found = triangulated(seen[0], chosen(seen[1], np.array(order)), first, second)
+        found = triangulated(seen[0], chosen(seen[1], np.array(order)), first, second, ratio=2)
         np.testing.assert_array_equal(found.pairs, [[0, order[0]], [1, order[1]]])
         np.testing.assert_allclose(found.points.positions, places, atol=1e-9)
-        np.testing.assert_allclose(found.points.intensity, [[9, 9, 9], [1, 1, 1]])
+        np.testing.assert_allclose(found.points.intensity, [[3, 3, 3], [1, 1, 1]])
 
 
 def test_colour_tells_lamps_apart():
@@ -265,10 +266,18 @@ def test_the_uncertainty_is_that_of_places_found_from_rays_that_err():
 
 def test_a_lamp_on_the_line_through_both_probes_has_no_place():
     first, second = np.array([0.0, 1, 0]), np.array([1.0, 1, 0])
-    for place in ([[3.0, 1, 0]], [[0.5, 1.0, 0]]):
+    for place in ([[3.0, 1, 0]], [[0.5, 1.0, 0]], [[0.5, 1.003, 0]]):
         seen = points(place, np.ones((1, 3)), first), points(place, np.ones((1, 3)), second)
-        with pytest.raises(LampsNotMatched, match="check the places"):
+        with pytest.raises(LampsNotMatched, match=r"check the places|line through both probes"):
             triangulated(*seen, first, second)
+
+
+def test_rays_that_miss_are_of_two_lamps():
+    first, second = np.array([0.0, 0, 0]), np.array([1.0, 0, -1])
+    seen = points([[0, 0, -1]], np.ones((1, 3)), first), points([[0, 0.2, -1]], np.ones((1, 3)), second)
+    with pytest.raises(LampsNotMatched, match=r"nearest rays miss by 0\.2 m, where 0\.037 m is allowed"):
+        triangulated(*seen, first, second)
+    assert len(triangulated(*seen, first, second, uncertainty=np.radians(4)).pairs) == 1
 
 
 def test_probes_at_one_place_are_refused(maps):

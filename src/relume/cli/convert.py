@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -65,6 +65,13 @@ def convert(
         str | None,
         Parameter(name="--for", help=f"Lay the map out as a program loads it by default: {HOSTS}. Not with --to."),
     ] = None,
+    mirror: Annotated[
+        Literal["x", "z"] | None,
+        Parameter(
+            help="The cube faces, read or written, are for an engine that negates an axis before it looks up: x for "
+            "three.js and PlayCanvas, z for Bevy and Stride; not for OpenGL, glTF and Filament."
+        ),
+    ] = None,
     view: Annotated[
         str | None,
         Parameter(
@@ -107,6 +114,11 @@ def convert(
         if size is not None and not 1 <= size <= LARGEST:
             raise ValueError(f"--size is {size}; give 1 to {LARGEST} rows, like 512")
         light = _input(files_in, from_, gamma, exposure, hot or [], clamp)
+        cubes = len(files_in) == 6, to in ("faces", "strip")
+        if mirror is not None and any(cubes) == all(cubes):
+            raise ValueError("--mirror is for six faces that are read, or for --to faces and --to strip; not for both")
+        if mirror is not None and cubes[0]:
+            light = _mirrored(light, mirror)
         if dry_run:
             tell(manner, {"would write": [str(path) for path in _outputs(out, to)], "from": light.mapping.name})
             return
@@ -126,11 +138,12 @@ def convert(
         elif target is not None or size is not None:
             mapping = target or light.mapping
             result = light.remapped(mapping, size or _matching_size(light, mapping))
-        written = as_radiance_map(result)
+        written = as_radiance_map(result if mirror is None or cubes[0] else _mirrored(result, mirror))
         if orientation is not None:
             written.attributes["orientation"] = orientation
         paths = _write(out, to, written)
-        after = audit(_read_back(paths, to))
+        reread = _read_back(paths, to)
+        after = audit(reread if mirror is None or cubes[0] else _mirrored(reread, mirror))
         told = losses(before, after)
         shown = float(result.mapping.solid_angles(result.size).sum())
         whole = shown > 4 * math.pi * 0.999
@@ -263,6 +276,17 @@ def _of_faces(paths: list[Path], clamp: bool) -> IlluminationMap:
         return IlluminationMap(radiance, Strip(), pictures[0].unit)
     except ValueError as error:
         raise UnreadableFile(f"{paths[0]} and its five neighbours: {error}") from None
+
+
+def _mirrored(light: IlluminationMap, axis: str) -> IlluminationMap:
+    """A strip of faces for an engine that negates an axis, or such a strip made ours: the same exchange."""
+    import numpy as np
+
+    from relume.sphere.cube import Cube
+    from relume.sphere.illumination import IlluminationMap
+
+    faces = Cube(np.stack(np.split(light.radiance, 6, axis=1)), light.unit).mirrored(axis).faces
+    return IlluminationMap(np.concatenate(list(faces), axis=1), light.mapping, light.unit)
 
 
 def _matching_size(light: IlluminationMap, mapping: Mapping) -> int:

@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from relume.cli.arguments import DryRun, require_files, require_suffix
 from relume.cli.console import Manner, note, speaking, tell
 from relume.cli.light_input import Clamp, read_light
+from relume.cli.lights_places import Places, by_second, on_walls, read_second
 from relume.errors import DoubtfulResult, UnreadableFile
 
 if TYPE_CHECKING:
@@ -79,6 +80,7 @@ def lights(
         str | None, Parameter(name="--from", help="Mapping of the map where the file does not remember it, as convert.")
     ] = None,
     clamp: Clamp = False,
+    places: Places = Places(),
     dry_run: DryRun = False,
     manner: Manner = Manner(),
 ) -> None:
@@ -94,6 +96,7 @@ def lights(
         forms = _forms(out, format, residual)
         suns = None if sun is None else (sun[0] if sun else 1)
         _check(count, suns, residual, contrast, picture)
+        places.check(suns)
         try:
             mapping = None if from_ is None else mapping_named(from_)
         except ValueError as error:
@@ -101,6 +104,7 @@ def lights(
         light = read_light(light_map, mapping, clamp=clamp)
         if not light.radiance.any():
             raise UnreadableFile(f"{light_map}: black all over; there is no light to make lights of")
+        second = read_second(places, light, mapping, clamp)
         written = [*out, *([residual] if residual else []), *([picture] if picture else [])]
         if dry_run:
             tell(manner, {"would write": [str(path) for path in written], "from": light.mapping.name})
@@ -111,6 +115,8 @@ def lights(
             )
             light = light.remapped(LatLong())
         _warn_of_clipped(light_map, light)
+        if places.second is not None and second is not None:
+            _warn_of_clipped(places.second, second)
         try:
             found, rest, made = _divided(light, count, suns, residual is not None, contrast, _method(method))
         except SunNotFound as error:
@@ -118,34 +124,47 @@ def lights(
         if suns is not None and len(found) < suns:
             note(manner, f"--sun {suns}: {len(found)} stand out; the light of others stays with the rest")
         angles = _angles(made, len(found), soft)
+        located = None
+        if places.box is not None:
+            located = on_walls(places, made, angles)
+        elif second is not None:
+            located = by_second(places, (light, second), made, angles, len(found), suns or 1)
         for path, form in zip(out, forms, strict=True):
             background = None if residual is None else _relative(residual, path)
-            files.write_text(path, form.text(made, unit=light.unit, background=background, angles=angles))
+            if located is None:
+                text = form.text(made, unit=light.unit, background=background, angles=angles)
+            else:
+                distant, apart, points = located.distant, located.angles, located.points
+                text = form.text(distant, unit=light.unit, background=background, angles=apart, points=points)
+            files.write_text(path, text)
         if residual is not None and rest is not None:
             files.write(residual, as_radiance_map(rest))
             if residual.suffix.lower() == ".hdr":
                 note(manner, f"{residual}: an .hdr file rounds its pixels to a 256th; totals are told from before that")
         if picture is not None:
             _draw(picture, light, made, f"{light_map.name}: {len(made.directions)} lights, {method}")
-        mean, worst = irradiance_error(light, made, rest)
+        given = made if located is None else located.seen(places)
+        mean, worst = irradiance_error(light, given, rest)
         facts: dict[str, object] = {
             "written": [str(path) for path in written],
             "lights": len(made.directions),
             "method": method,
             "unit": light.unit,
             "total of the map": _rounded(light.total()),
-            "total of the lights": _rounded(made.total()),
+            "total of the lights": _rounded(given.total()),
         }
         if rest is not None:
             facts["total of the residual"] = _rounded(rest.total())
         facts["irradiance error, of the mean"] = {"mean": float(f"{mean:.3g}"), "largest": float(f"{worst:.3g}")}
+        if located is not None:
+            facts |= located.facts
         if found:
             facts["suns"] = [_sun_facts(each) for each in found]
         for each in found:
             if each.flat and not each.clipped:
                 note(manner, f"{light_map}: the sun is of one value all over; if it is photographed it clipped there")
         tell(manner, facts)
-        if any(each.clipped for each in found):
+        if any(each.clipped for each in (*found, *(() if located is None else located.suns))):
             raise DoubtfulResult(
                 f"{light_map}: the sun is clipped, its light a lower bound; photograph it in shorter exposures, or "
                 "recover it from a grey ball"

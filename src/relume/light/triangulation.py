@@ -7,17 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from relume.errors import RelumeError
+from relume.errors import LampsNotMatched
 from relume.image.colour import LUMINANCE_WEIGHTS
 from relume.light.constellation import Constellation
 from relume.light.placing import PlacedLights, chosen, point, radii_at
 
 DEVIATIONS = 3.0
 """Standard deviations by which rays of one lamp may miss each other; of a thousand, three miss by more."""
-
-
-class LampsNotMatched(RelumeError):
-    """Two probes see no lamp that could be the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +102,9 @@ def triangulated(
 class _Meeting:
     """Every lamp of the first probe (N) with every one of the second (M).
 
-    allowed : of the miss, in metres; distances : (2, N, M), from both probes, not positive where rays part
+    distances : (2, N, M), from both probes, not positive where rays part
+    allowed : of the miss, in metres
+    vague : the place is as uncertain as its distance
     """
 
     distances: np.ndarray
@@ -114,6 +112,7 @@ class _Meeting:
     allowed: np.ndarray
     places: np.ndarray
     spread: np.ndarray
+    vague: np.ndarray
     far: np.ndarray
     ratios: np.ndarray
     tints: np.ndarray
@@ -142,9 +141,9 @@ class _Meeting:
         spread = uncertainty / np.sqrt(least)
         given, taken = first.irradiance @ LUMINANCE_WEIGHTS, second.irradiance @ LUMINANCE_WEIGHTS
         given, taken = np.maximum(given, 1e-300)[:, None], np.maximum(taken, 1e-300)[None]
-        # Rays that differ by no more than chance, and those that a lamp would have to be so near to infinity for.
+        # Rays that are parallel within chance come from far away, unless the lamp is known to be near all the same.
         parallel = (cosine > 0) & (square < 2 * (DEVIATIONS * uncertainty) ** 2)
-        vague = (spread * DEVIATIONS > reach.min(axis=0)) & (cosine > 0)
+        vague = spread * DEVIATIONS > reach.min(axis=0)
         far = parallel & (vague | np.any(distances <= 0, axis=0))
         ratios = np.where(far, taken / given, taken * distances[1] ** 2 / (given * distances[0] ** 2 + 1e-300))
         shares = [
@@ -157,6 +156,7 @@ class _Meeting:
             DEVIATIONS * uncertainty * np.sqrt(np.sum(reach**2, axis=0)),
             places,
             spread,
+            vague,
             far,
             ratios,
             np.abs(shares[0][:, None] - shares[1][None]).max(axis=-1),
@@ -169,7 +169,7 @@ class _Meeting:
         tinted = self.tints / tint
         fits = (missed <= 1) & (differing <= 1) & (tinted <= 1) & (self.far | np.all(self.distances > 0, axis=0))
         # A lamp whose place is as uncertain as its distance is neither here nor far: on the line through both probes.
-        fits &= self.far | (self.spread * DEVIATIONS <= self.distances.min(axis=0))
+        fits &= self.far | ~self.vague
         return np.where(fits, missed**2 + differing**2 + tinted**2, np.inf)
 
 
@@ -195,6 +195,11 @@ def _told(meeting: _Meeting, number: int, other: int) -> str:
         return (
             f"none of {number} and {other} lamps match: the nearest rays miss by {meeting.misses[i, j]:.2g} m, where "
             f"{meeting.allowed[i, j]:.2g} m is allowed; check the places and the maps' turns"
+        )
+    if meeting.vague[i, j]:
+        return (
+            f"none of {number} and {other} lamps match: they lie about the line through both probes, where rays tell "
+            "no place; put one of the probes aside"
         )
     return (
         f"none of {number} and {other} lamps match: rays meet, but intensities or tints differ (by "

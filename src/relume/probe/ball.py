@@ -102,7 +102,7 @@ class BallView:
     def sampling(self, directions: np.ndarray, nearness: float = 0.0) -> np.ndarray:
         """Pixels per radian of light in the direction in which the ball squeezes it most: (…), 0 in the blind cone.
 
-        Likewise in the ball's outermost pixel, which mixes it with what is behind. It squeezes radially, f dα/dβ: all
+        Likewise in the ball's outermost pixel, which mixes it with what is behind. It squeezes radially, f d(tan α)/dβ: all
         pixels take in nearly the same solid angle (`solid_angles`), but near the silhouette a long narrow strip of it.
         """
         return self.see(directions, nearness).sampling
@@ -124,16 +124,15 @@ class BallView:
         # The outermost pixel mixes the ball with what is behind it.
         outermost = 1 - np.sin(gamma) / (self.distance - np.cos(gamma)) * np.sqrt(self.distance**2 - 1)
         clean = shown & (outermost * self.outline.radius > MIXED)
-        sampling = np.where(clean, self.focal_length * np.maximum(alpha_rise, 0) / beta_rise, 0)
+        stretch = 1 + (np.sin(gamma) / (self.distance - np.cos(gamma))) ** 2  # 1/cos² α: the picture is flat
+        sampling = np.where(clean, self.focal_length * stretch * np.maximum(alpha_rise, 0) / beta_rise, 0)
         return Seen(radiance, np.where(shown, incidence, 0), sampling, saturated)
 
     def places(self, directions: np.ndarray, nearness: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Where in the picture directions (…, 3) are mirrored: x and y in pixels, and the cosine of incidence (…)."""
         return self._places(directions, nearness)[:3]
 
-    def _places(
-        self, directions: np.ndarray, nearness: float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def _places(self, directions: np.ndarray, nearness: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Those of `places`, and γ."""
         local = np.asarray(directions, np.float64) @ self.world_from_pixels
         gamma, normal = self._normal(local)

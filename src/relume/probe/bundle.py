@@ -27,15 +27,16 @@ EVEN_LIGHT = 0.05
 """Standard deviation of ln luminance below which there is nothing to correlate."""
 RIM_LIMIT = 0.008
 """The most that a silhouette is moved or grown, in radii: beyond that it was not the rim that was found."""
-RIM_HOLD = 0.6
+RIM_HOLD = 0.35
 """How hard the silhouettes are held, in misfit per pixel: enough for light that tells nothing of them."""
-BLUR = 1.0
+BLUR = 0.5
 """Pixels by which ln luminance is blurred before views are compared, so that both are smooth where they are probed."""
-TURN_HOLD = 4.0
-"""How hard the turns are held, in misfit per radian."""
 PARTS = 100
-ROBUST = 0.1
+ROBUST = 0.05
 """Difference in ln luminance from which on a direction counts less: lamps a little out of place, people who moved."""
+DOUBTED = 0.25
+"""Difference from the mean, ln luminance, beyond which a direction is hardly believed in the next round."""
+ROUNDS = 3
 STEP = 1e-3
 """Radians by which views are turned to see how the misfit changes: a third of a pixel of a ball of 600 pixels."""
 
@@ -57,12 +58,14 @@ class Bundle:
     directions : (M, 3) at which they are compared
     shares : (N, M) how much each view has to say there; they sum to 1 over the views
     adjusting : whether silhouettes are adjusted
+    hold : how hard the turns are held where they are, in misfit per radian
     """
 
     views: Sequence[BallView]
     directions: np.ndarray
     shares: np.ndarray
     adjusting: bool = True
+    hold: float = 0.0
 
     @cached_property
     def levels(self) -> list[np.ndarray]:
@@ -119,14 +122,16 @@ class Bundle:
         # Each turn and each silhouette concerns one view alone, so that only this one is looked up again.
         owner = [1 + place // 3 for place in range(free)] + [place // 3 for place in range(len(rims))] + [-1]
 
+        believed = np.ones(len(self.directions))
+
         def misfit(guess: np.ndarray) -> np.ndarray:
             found = self._parts(guess, count)
-            return self._misfits(self.logarithms(found), found)
+            return self._misfits(self.logarithms(found), found, believed)
 
         def slopes(guess: np.ndarray) -> np.ndarray:
             found = self._parts(guess, count)
             seen = self.logarithms(found)
-            base, columns = self._misfits(seen, found), []
+            base, columns = self._misfits(seen, found, believed), []
             for place, step in enumerate(steps):
                 forward = self._parts(guess + step * (np.arange(len(guess)) == place), count)
                 if owner[place] < 0:
@@ -134,17 +139,27 @@ class Bundle:
                 else:
                     moved = seen.copy()
                     moved[owner[place]] = self._logarithm(forward, owner[place])
-                columns.append((self._misfits(moved, forward) - base) / step)
+                columns.append((self._misfits(moved, forward, believed) - base) / step)
             return np.stack(columns, axis=1)
 
         start = np.zeros(len(upper))
         start[-1] = 0.01
         slope: Any = slopes  # the stubs know three words for it and no function
-        solution = least_squares(
-            misfit, start, jac=slope, bounds=(lower, upper), loss="soft_l1", f_scale=ROBUST, x_scale=scale,
-            xtol=1e-5, ftol=1e-6, max_nfev=40,
-        )  # fmt: skip
-        return self._parts(solution.x, count)
+        # Whoever walked between two views is in one of them: what does not agree is left to say ever less.
+        for _ in range(ROUNDS if self.adjusting else 1):
+            solution = least_squares(
+                misfit, start, jac=slope, bounds=(lower, upper), loss="soft_l1", f_scale=ROBUST, x_scale=scale,
+                xtol=1e-5, ftol=1e-6, max_nfev=40,
+            )  # fmt: skip
+            start = np.clip(solution.x, 0.999 * lower, 0.999 * upper)
+            start[-1] = max(start[-1], 1e-4)
+            believed = 1 / (1 + (self._disagreement(self.logarithms(self._parts(start, count))) / DOUBTED) ** 4)
+        return self._parts(start, count)
+
+    def _disagreement(self, seen: np.ndarray) -> np.ndarray:
+        """(M,) the most by which a view that has something to say departs from the others, ln luminance."""
+        level = seen - self.offsets(seen)[:, None]
+        return (np.abs(level - (self.shares * level).sum(0)) * (self.shares > 0.05)).max(0)
 
     def _parts(self, guess: np.ndarray, count: int) -> Adjustment:
         free = 3 * (count - 1)
@@ -157,12 +172,12 @@ class Bundle:
         x, y, incidence = view.places(self.directions, found.nearness)
         return bilinear(self.levels[index], x, y) - np.log(view.reflectance.at(incidence).mean(-1))
 
-    def _misfits(self, seen: np.ndarray, found: Adjustment) -> np.ndarray:
+    def _misfits(self, seen: np.ndarray, found: Adjustment, believed: np.ndarray) -> np.ndarray:
         level = seen - self.offsets(seen)[:, None]
         mean = (self.shares * level).sum(0)
-        return np.concatenate([(np.sqrt(self.shares) * (level - mean)).ravel(), self._held(found)])
+        return np.concatenate([(np.sqrt(self.shares * believed) * (level - mean)).ravel(), self._held(found)])
 
     def _held(self, found: Adjustment) -> np.ndarray:
         """What silhouettes and turns cost by themselves, in parts so small that the robust loss leaves them squares."""
-        cost = np.concatenate([(RIM_HOLD * found.rims).ravel(), (TURN_HOLD * found.vectors).ravel()])
+        cost = np.concatenate([(RIM_HOLD * found.rims).ravel(), (self.hold * found.vectors).ravel()])
         return np.repeat(cost / PARTS**0.5, PARTS)

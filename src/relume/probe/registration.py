@@ -22,6 +22,8 @@ from relume.sphere.directions import rotation_from_vector
 
 TURN_LIMIT = np.radians(6)
 """The farthest that registration turns a view whose camera's place is told: what a tape measure leaves uncertain."""
+TURN_HOLD = 4.0
+"""How hard told places hold the turns, in misfit per radian: enough for light that tells little of them."""
 LIKENESS = 0.7
 """Correlation of ln luminance below which two views do not show one light; the room's two reach 0.995, and −0.04 to
 0.84 where a camera is said to have stood elsewhere."""
@@ -71,7 +73,7 @@ class ToldPlaces:
     limit: float = float(TURN_LIMIT)
 
     def __call__(self, views: Sequence[BallView]) -> Registration:
-        return _laid(views, np.stack([np.eye(3)] * len(views)), self.limit)
+        return _laid(views, np.stack([np.eye(3)] * len(views)), self.limit, hold=TURN_HOLD)
 
 
 @dataclass(frozen=True)
@@ -113,7 +115,9 @@ def spread_directions(count: int) -> np.ndarray:
     return np.stack([ring * np.sin(longitude), y, -ring * np.cos(longitude)], axis=1)
 
 
-def _laid(views: Sequence[BallView], turns: np.ndarray, limit: float, *, quick: bool = False) -> Registration:
+def _laid(
+    views: Sequence[BallView], turns: np.ndarray, limit: float, *, hold: float = 0.0, quick: bool = False
+) -> Registration:
     """All views turned by `turns`, then refined together; `quick` for a first look, without touching silhouettes."""
     count = len(views)
     placed = [view.turned(turn) for view, turn in zip(views, turns, strict=True)]
@@ -128,7 +132,7 @@ def _laid(views: Sequence[BallView], turns: np.ndarray, limit: float, *, quick: 
     if not chosen.any():
         raise BallNotFound("the views of the ball have no direction in common that both show well; take them closer")
     directions, shares = directions[chosen], shares[:, chosen] ** 2
-    problem = Bundle(placed, directions, shares / shares.sum(0), adjusting=not quick)
+    problem = Bundle(placed, directions, shares / shares.sum(0), adjusting=not quick, hold=hold)
     found = problem.solved(limit)
     seen = problem.logarithms(found)
     gains = np.exp(problem.offsets(seen))

@@ -37,6 +37,15 @@ def cosine(angle):
     return sine(np.float32(np.pi / 2) - abs(angle))
 
 
+@inlined
+def _inner(x, y):
+    """A point beyond one edge of a square that is folded up: where it lies on the square."""
+    outside, above = abs(x) > _ONE, abs(y) > _ONE
+    inner_x = (_TWO - abs(x)) * (_ONE if x >= 0 else -_ONE) if outside else x
+    inner_y = (_TWO - abs(y)) * (_ONE if y >= 0 else -_ONE) if above else y
+    return (-inner_x if above else inner_x), (-inner_y if outside else inner_y)
+
+
 @kernel
 def toward(kind, across, down, xs, ys, x, y, z, density):
     """Directions in a plane's frame (right, down, outward) of its points, and steradians per unit of area there.
@@ -83,24 +92,26 @@ def toward(kind, across, down, xs, ys, x, y, z, density):
             density[i] = across * down * depth * depth * depth
     elif kind == OCTAHEDRAL:
         for i in range(len(xs)):
-            height = _ONE - abs(xs[i]) - abs(ys[i])
+            across_x, down_y = _inner(xs[i], ys[i])
+            height = _ONE - abs(across_x) - abs(down_y)
             below = max(-height, np.float32(0))
-            right = xs[i] - (below if xs[i] >= 0 else -below)
-            near = ys[i] - (below if ys[i] >= 0 else -below)
+            right = across_x - (below if across_x >= 0 else -below)
+            near = down_y - (below if down_y >= 0 else -below)
             scale = _ONE / np.sqrt(right * right + near * near + height * height)
             x[i], y[i], z[i] = right * scale, near * scale, height * scale
             density[i] = scale * scale * scale
     else:
         for i in range(len(xs)):
-            height = _ONE - abs(xs[i]) - abs(ys[i])
+            across_x, down_y = _inner(xs[i], ys[i])
+            height = _ONE - abs(across_x) - abs(down_y)
             radius = _ONE - abs(height)
-            turn = (abs(ys[i]) - abs(xs[i])) / max(radius, _TINY)
+            turn = (abs(down_y) - abs(across_x)) / max(radius, _TINY)
             angle = (turn + _ONE) * _QUARTER
             ring = radius * np.sqrt(max(_TWO - radius * radius, np.float32(0)))
             right, near = ring * cosine(angle), ring * sine(angle)
             pole = _ONE - radius * radius
-            x[i] = right if xs[i] >= 0 else -right
-            y[i] = near if ys[i] >= 0 else -near
+            x[i] = right if across_x >= 0 else -right
+            y[i] = near if down_y >= 0 else -near
             z[i] = pole if height >= 0 else -pole
             density[i] = _PI
 

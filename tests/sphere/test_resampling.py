@@ -1,0 +1,340 @@
+"""Light moved between all mappings: energy, places and constants kept, nothing aliased, marks carried."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+import relume.sphere.resampling as engine
+from relume._kernel import in_threads
+from relume.image.files import read_radiance
+from relume.image.radiance import OUTSIDE, SATURATED
+from relume.sphere.cubes import Cross, Strip, VerticalCross
+from relume.sphere.directions import normalised, rotation_about
+from relume.sphere.discs import Angular, Fisheye, Hemispheres, MirrorBall
+from relume.sphere.illumination import IlluminationMap, as_illumination
+from relume.sphere.layouts import layout
+from relume.sphere.mapping_kernels import solid_angle
+from relume.sphere.mappings import LatLong, Mapping, pixel_points
+from relume.sphere.resampling import resampled
+from relume.sphere.squares import EqualArea, Octahedral
+
+WHOLE: list[Mapping] = [
+    LatLong(),
+    Angular(),
+    MirrorBall(),
+    Hemispheres(),
+    Cross(),
+    VerticalCross(),
+    Strip(),
+    Octahedral(),
+    EqualArea(),
+    Fisheye(2 * np.pi),
+    Fisheye(2 * np.pi, equisolid=True),
+]
+ROWS = {"cross": 96, "cross-vertical": 128, "strip": 32}
+PAIRS = pytest.mark.parametrize(
+    ("source", "target"), [(a, b) for a in WHOLE for b in WHOLE if a != b], ids=lambda m: m.name
+)
+EVERY = pytest.mark.parametrize("mapping", WHOLE, ids=lambda m: m.name)
+ASKEW = rotation_about([1, 2, -0.5], 2.2)
+SUN = normalised([0.5, 0.62, -0.31])
+
+
+def rows(mapping, scale=1):
+    return ROWS.get(mapping.name, 64) * scale
+
+
+def middles(mapping, size):
+    """The mean direction of each pixel, by 8 × 8 cells: (rows, columns, 3), shorter than 1."""
+    cells = 8
+    height, width = mapping.shape(size)
+    towards = np.nan_to_num(mapping.directions(mapping.shown(pixel_points(mapping, size, cells))))
+    weighted = towards * mapping.solid_angles(size * cells)[..., None]
+    summed = weighted.reshape(height, cells, width, cells, 3).sum((1, 3))
+    return summed / np.maximum(mapping.solid_angles(size), 1e-300)[..., None]
+
+
+def of_directions(function, mapping=LatLong(), size=None):
+    size = size or rows(mapping)
+    values = np.where(mapping.solid_angles(size) > 0, function(middles(mapping, size)), 0)
+    return IlluminationMap(np.repeat(values[..., None], 3, axis=-1).astype(np.float32), mapping)
+
+
+def noise(mapping, size=None, seed=3):
+    random = np.random.default_rng(seed).random((*mapping.shape(size or rows(mapping)), 3), np.float32)
+    return IlluminationMap(random, mapping)
+
+
+def with_a_sun(mapping=LatLong(), size=None, towards=SUN):
+    """Noise of mean ½ and one pixel that gives most of the light."""
+    light = noise(mapping, size)
+    u, v = mapping.image_points(towards)
+    height, width = mapping.shape(light.size)
+    light.radiance[int(v * height), int(u * width)] = 5e4, 4e4, 3e4
+    return light
+
+
+def moment(light):
+    flux = light.radiance.astype(np.float64) * light.mapping.solid_angles(light.size)[..., None]
+    return np.einsum("hwk,hwc->ck", middles(light.mapping, light.size), flux)
+
+
+def averaged(light, mapping, size, rotation, cells=16):
+    """The slow twin: every target pixel's mean of 16 × 16 look-ups, by solid angle."""
+    points = pixel_points(mapping, size, cells)
+    towards = mapping.directions(points) @ rotation
+    shown = ~np.isnan(towards[..., 0])
+    weight = np.where(shown, mapping.solid_angles(size * cells), 0)[..., None]
+    found = light.look_up(np.where(shown[..., None], towards, [0.0, 0.0, 1.0])) * weight
+    height, width = mapping.shape(size)
+    summed, whole = (a.reshape(height, cells, width, cells, -1).sum((1, 3)) for a in (found, weight))
+    return summed / np.maximum(whole, 1e-300)
+
+
+# --- kernels and mappings agree --------------------------------------------------------------------------------------
+
+
+@EVERY
+def test_kernels_know_the_solid_angles_of_the_mappings(mapping):
+    size = rows(mapping)
+    planes, table = layout(mapping, size).planes, mapping.solid_angles(size)
+    numbers = planes.kind, planes.across, planes.down, planes.rows, planes.columns
+    for origin in planes.origins:
+        top, left = divmod(int(origin), planes.stride)
+        for row in range(0, planes.rows, 5):
+            found = [solid_angle(*numbers, row, column) for column in range(planes.columns)]
+            # Where the rim of a hemisphere cuts a pixel, 16 nodes are sure of it to 1e-3 only.
+            expected = table[top + row, left : left + planes.columns]
+            np.testing.assert_allclose(found, expected, rtol=2e-5, atol=2e-5 * table.max())
+
+
+@PAIRS
+def test_smooth_light_is_the_same_light_in_every_mapping(source, target):
+    def smooth(towards):
+        return 2 + towards @ np.array([0.5, 0.7, -0.3]) + 0.4 * towards[..., 0] * towards[..., 1]
+
+    size = rows(target)
+    moved = resampled(of_directions(smooth, source), target, size, np.eye(3))
+    expected = of_directions(smooth, target)
+    angles = target.solid_angles(size)
+    error = np.abs(moved.radiance - expected.radiance)[..., 0]
+    # Where a pixel is as narrow as most; a ball's rim and what is resampled from it are several degrees wide.
+    assert np.median(error[angles > 0]) < 3e-3
+    assert np.sum(error * angles) / (4 * np.pi) < 6e-3
+
+
+@EVERY
+def test_a_sun_is_found_where_the_mapping_says(mapping):
+    size = rows(mapping, 2)
+    moved = resampled(with_a_sun(size=128), mapping, size, ASKEW)
+    found = np.argwhere(moved.radiance[..., 0] == moved.radiance[..., 0].max())[0]
+    height, width = mapping.shape(size)
+    u, v = (np.array(found[::-1]) + 0.5) / [width, height]
+    assert mapping.directions(mapping.shown(np.array([u, v]))) @ ASKEW @ SUN > np.cos(np.radians(4))
+
+
+def test_a_quarter_turn_and_a_mapping_put_a_lamp_into_the_pixels_worked_out_by_hand():
+    radiance = np.zeros((32, 64, 3), np.float32)
+    radiance[16, 32] = 1  # just right of and below −Z
+    light = IlluminationMap(radiance)
+    # Right-handed about +Y takes −Z to −X: in an angular map that is half a radius left of the middle.
+    turned = resampled(light, Angular(), 64, rotation_about([0, 1, 0], np.pi / 2))
+    assert np.unravel_index(turned.radiance[..., 0].argmax(), (64, 64)) in [(31, 16), (32, 16), (32, 15), (31, 15)]
+    strip = resampled(light, Strip(), 16, rotation_about([1, 0, 0], np.pi / 2))
+    assert strip.radiance[..., 0].argmax() % 96 // 16 == 2  # about +X −Z goes to +Y, the third face
+
+
+# --- what is kept ----------------------------------------------------------------------------------------------------
+
+
+@PAIRS
+def test_total_and_first_moment_are_kept_with_a_sun(source, target):
+    light = with_a_sun(source)
+    moved = resampled(light, target, rows(target), ASKEW)
+    assert moved.total() == pytest.approx(light.total(), rel=3e-5)
+    shift = np.linalg.norm(moment(moved) - moment(light) @ ASKEW.T, axis=1)
+    # Turned askew the sun comes to the rim of a hemisphere, where a pixel of 64 rows is 14° wide.
+    assert np.all(shift < (2e-2 if isinstance(target, Hemispheres) else 3e-3) * light.total())
+
+
+@PAIRS
+def test_constant_light_stays_constant(source, target):
+    value = np.array([0.3, 1.7, 1e-5], np.float32)
+    light = IlluminationMap(np.broadcast_to(value, (*source.shape(rows(source)), 3)).copy(), source, "cd/m²")
+    moved = resampled(light, target, rows(target), ASKEW)
+    shown = target.solid_angles(rows(target)) > 0
+    np.testing.assert_allclose(moved.radiance[shown], np.broadcast_to(value, (shown.sum(), 3)), rtol=4e-7)
+    assert np.all(moved.radiance[~shown] == 0)
+    assert moved.unit == "cd/m²"
+
+
+@EVERY
+def test_no_lone_pixel_is_lost_wherever_it_is(mapping):
+    size = rows(mapping) // 2
+    # A sliver of a disc whose middle lies beyond the rim is not looked up: it keeps what stands out only.
+    places = np.argwhere(~np.isnan(mapping.directions(pixel_points(mapping, size))[..., 0]))
+    for row, column in places[:: len(places) // 25]:
+        radiance = np.zeros((*mapping.shape(size), 3), np.float32)
+        radiance[row, column] = 8, 4, 2
+        light = IlluminationMap(radiance, mapping)
+        for other in (LatLong(), MirrorBall(), Strip()):
+            moved = resampled(light, other, rows(other), ASKEW)
+            assert moved.total() == pytest.approx(light.total(), rel=2e-3)
+            assert moved.radiance.min() >= 0
+
+
+def test_eight_turns_of_45_degrees_keep_the_light():
+    light = with_a_sun(size=128)
+    turned, turn = light, rotation_about([1, 0.3, 0.2], np.pi / 4)
+    for _ in range(8):
+        turned = resampled(turned, LatLong(), 128, turn)
+    assert turned.total() == pytest.approx(light.total(), rel=1e-5)
+    assert np.all(np.linalg.norm(moment(turned) - moment(light), axis=1) < 1e-3 * light.total())
+
+
+def test_what_stands_out_and_what_does_not_go_the_same_way(monkeypatch):
+    light = of_directions(lambda d: 0.1 + np.exp(60 * (d @ SUN - 1)), size=64)
+    plain = resampled(light, Angular(), 64, ASKEW)
+    monkeypatch.setattr(engine, "STANDS_OUT", 2.0)
+    pushed = resampled(light, Angular(), 64, ASKEW)
+    assert not np.array_equal(plain.radiance, pushed.radiance)
+    # Two filters of about the same width: the peak of 1.1 may differ by some per cent, the light as a whole not.
+    difference = (plain.radiance - pushed.radiance) * Angular().solid_angles(64)[..., None]
+    assert np.abs(plain.radiance - pushed.radiance).max() < 0.08
+    assert np.abs(difference).sum() < 0.02 * light.total().sum()
+
+
+# --- filtering -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mapping", [Angular(), MirrorBall(), Strip(), Octahedral(), LatLong()], ids=lambda m: m.name)
+def test_a_shrinking_map_is_averaged_over_areas_as_by_its_slow_twin(mapping):
+    light = noise(LatLong(), 128)
+    size = max(rows(mapping) // 4, 8)
+    expected = averaged(light, mapping, size, ASKEW)
+    found = resampled(light, mapping, size, ASKEW).radiance
+    once = averaged(light, mapping, size, ASKEW, cells=1)
+    whole = mapping.solid_angles(size) > 0.5 * np.median(mapping.solid_angles(size))
+    error, without = (np.sqrt(np.mean((a - expected)[whole] ** 2)) for a in (found, once))
+    assert error < 0.03  # of noise whose deviation is 0.29
+    assert error < without / 6
+
+
+def test_a_pattern_too_fine_for_the_target_leaves_no_pattern_behind():
+    columns = np.arange(512)
+    stripes = np.broadcast_to((columns % 2 * 1.0)[None, :, None], (256, 512, 3)).astype(np.float32)
+    moved = resampled(IlluminationMap(stripes), Angular(), 64, np.eye(3))
+    # Farther out an angular map's pixels are so narrow across their radius that they do show single stripes.
+    inside = np.hypot(*np.moveaxis(pixel_points(Angular(), 64) - 0.5, -1, 0)) < 0.38
+    assert np.abs(moved.radiance[inside] - 0.5).max() < 0.12
+    assert np.std(moved.radiance[inside]) < 0.02
+
+
+def test_a_growing_map_shows_no_edges_of_pixels():
+    light = noise(LatLong(), 16)
+    moved = resampled(light, LatLong(), 160, rotation_about([0, 1, 0], 0.01))
+    steps = np.abs(np.diff(moved.radiance[40:120], axis=1)).max()
+    assert steps < 0.15  # a bilinear slope of at most 1 a pixel is 0.1 a step; a pixel's edge would be up to 1
+
+
+# --- threads, marks, parts -------------------------------------------------------------------------------------------
+
+
+def test_the_result_does_not_depend_on_the_number_of_threads(monkeypatch):
+    light = with_a_sun()
+    several = resampled(light, Cross(), 192, ASKEW).radiance
+    monkeypatch.setattr(engine, "in_threads", partial(in_threads, threads=1))
+    assert np.array_equal(resampled(light, Cross(), 192, ASKEW).radiance, several)
+
+
+def test_light_that_is_not_turned_is_the_very_light_and_whole_pixels_are_rolled():
+    light = IlluminationMap(noise(LatLong()).radiance, clipped=np.eye(64, 128, dtype=np.uint8))
+    assert resampled(light, LatLong(), 64, np.eye(3)) is light
+    turned = resampled(light, LatLong(), 64, rotation_about([0, 1, 0], 2 * np.pi * 5 / 128))
+    assert np.array_equal(turned.radiance, np.roll(light.radiance, -5, axis=1))
+    assert turned.clipped is not None
+    assert np.array_equal(turned.clipped, np.roll(np.eye(64, 128, dtype=np.uint8), -5, axis=1))
+    # A little more than that takes the long way to nearly the same.
+    smooth = of_directions(lambda d: 2 + d @ SUN)
+    rolled, turned = (resampled(smooth, LatLong(), 64, rotation_about([0, 1, 0], a + 0.09817477)) for a in (0, 1e-5))
+    np.testing.assert_allclose(turned.radiance, rolled.radiance, rtol=5e-3)
+
+
+@EVERY
+def test_marks_travel_and_one_saturated_pixel_is_not_lost(mapping):
+    marks = np.zeros((128, 256), np.uint8)
+    marks[40, 70] = SATURATED
+    marks[80:] = OUTSIDE
+    light = IlluminationMap(noise(LatLong(), 128).radiance, clipped=marks)
+    size = max(rows(mapping) // 2, 16)
+    moved = resampled(light, mapping, size, np.eye(3))
+    assert moved.clipped is not None
+    towards = LatLong().directions(np.array([70.5 / 256, 40.5 / 128]))
+    height, width = mapping.shape(size)
+    u, v = mapping.image_points(towards)
+    assert moved.clipped[int(v * height), int(u * width)] == SATURATED
+    assert np.sum(moved.clipped == SATURATED) <= 9
+    low = np.nan_to_num(mapping.directions(pixel_points(mapping, size)))[..., 1]
+    full = mapping.solid_angles(size) > 0.5 * np.median(mapping.solid_angles(size))
+    assert np.all(moved.clipped[full & (low < -0.6)] == OUTSIDE)
+    assert np.all(moved.clipped[full & (low > 0.3)] != OUTSIDE)
+
+
+def test_what_a_fisheye_does_not_show_is_black_and_marked():
+    light = IlluminationMap(
+        np.full((64, 64, 3), 2, np.float32) * (Fisheye().solid_angles(64) > 0)[..., None], Fisheye()
+    )
+    moved = resampled(light, LatLong(), 64, np.eye(3))
+    front = LatLong().directions(pixel_points(LatLong(), 64))[..., 2] < 0
+    assert moved.clipped is not None
+    assert np.all(moved.radiance[front] == 2)
+    assert np.all(moved.radiance[~front] == 0)
+    assert np.array_equal(moved.clipped == OUTSIDE, ~front)
+    assert moved.total() == pytest.approx([4 * np.pi] * 3, rel=1e-3)
+    back = resampled(moved, Fisheye(), 64, np.eye(3))
+    inside = np.hypot(*np.moveaxis(pixel_points(Fisheye(), 64) - 0.5, -1, 0)) < 0.48
+    assert np.abs(back.radiance[inside] - 2).max() < 1e-6
+
+
+def test_a_mapping_of_another_kind_is_refused():
+    class Cylinder(LatLong):
+        pass
+
+    class Other:
+        name = "other"
+        shape, solid_angles = LatLong().shape, LatLong().solid_angles
+
+    assert layout(Cylinder(), 8).planes.rows == 8
+    with pytest.raises(ValueError, match="cannot be resampled"):
+        layout(Other(), 8)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "path",
+    ["hdri/spruit_sunrise/spruit_sunrise_1k.hdr", "probes/grace_latlong/grace_latlong.exr"],
+    ids=["sun", "grace"],
+)
+def test_real_maps_at_512_rows_keep_total_moment_and_irradiance_to_a_thousandth(shared, path):
+    whole = as_illumination(read_radiance(shared / "data" / path))
+    normals = normalised(np.random.default_rng(0).normal(size=(200, 3)))
+    lights = {m.name: resampled(whole, m, 510 if m.name == "cross" else 512, np.eye(3)) for m in WHOLE}
+    weights = {n: middles(x.mapping, x.size) * x.mapping.solid_angles(x.size)[..., None] for n, x in lights.items()}
+
+    def facts(light):
+        weight, green = weights[light.mapping.name].reshape(-1, 3), light.radiance[..., 1].reshape(-1)
+        lit = np.flatnonzero(green > 0)
+        weight, green = weight[lit], green[lit].astype(np.float64)
+        irradiance = np.concatenate([green @ np.maximum(weight @ some.T, 0) for some in np.split(normals, 20)])
+        return light.total()[1], green @ weight, irradiance
+
+    before = {name: facts(light) for name, light in lights.items()}
+    for source in lights.values():
+        for target in WHOLE:
+            if target.name != source.mapping.name:
+                moved = facts(resampled(source, target, lights[target.name].size, np.eye(3)))
+                total, moments, irradiance = before[source.mapping.name]
+                assert moved[0] == pytest.approx(total, rel=1e-5)
+                assert np.linalg.norm(moved[1] - moments) < 1e-3 * total
+                assert np.abs(moved[2] - irradiance).max() < 1e-3 * irradiance.max()
