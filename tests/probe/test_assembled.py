@@ -136,6 +136,7 @@ def test_saturated_light_is_marked_as_a_lower_bound(views):
     assert probe.clipped_solid_angle == pytest.approx(2 * np.pi * (1 - np.cos(SUN_RADIUS)), rel=0.35)
 
 
+@pytest.mark.slow
 def test_of_three_views_the_one_that_contradicts_loses():
     back = np.array([-0.75, 0.2, -0.7])
     someone = unit(np.array([0.2, 0.35, 0.9]))  # in the middle of the side view only, and well seen by the others
@@ -156,15 +157,14 @@ def test_of_three_views_the_one_that_contradicts_loses():
     assert agreement(three[:2], 0.0, (1.0, 1.0)) is None
 
 
+@pytest.mark.slow
 def test_views_exposed_otherwise_are_told_and_balanced_on_request(views):
     brighter = RadianceMap(views[1].picture.radiance * np.float32(2.5))
     one = views[1]
     other = BallView(brighter, one.focal_length, one.axis, one.distance, one.world_from_pixels, one.outline)
     plain, balanced = (assemble([views[0], other], size=64, balanced=b) for b in (False, True))
     assert plain.gains == balanced.gains and plain.gains[1] == pytest.approx(2.5, rel=0.02)
-    assert "view 2 of the ball is 2.50 times as bright as the first" in plain.notes[0].replace("2.49", "2.50").replace(
-        "2.51", "2.50"
-    )
+    assert plain.notes[0].startswith("view 2 of the ball is 2.5") and "times as bright" in plain.notes[0]
     np.testing.assert_allclose(balanced.light.total(), assemble(views, size=64).light.total(), rtol=0.02)
     assert np.all(plain.light.total() > 1.2 * balanced.light.total())
 

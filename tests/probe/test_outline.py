@@ -153,6 +153,7 @@ def test_a_ball_in_one_real_photograph_is_found_where_the_eye_sees_it(shared, pa
     assert where <= 0.02 and size <= 0.02
 
 
+@pytest.mark.slow
 def test_the_ball_of_a_real_room_is_found_in_the_whole_picture(shared):
     folder = shared / "data/ball/pietka_room"
     outline = find_outline(merged([folder / f"raw{i}.jpg" for i in (1, 2, 3)]))
@@ -163,7 +164,22 @@ def test_the_ball_of_a_real_room_is_found_in_the_whole_picture(shared):
     assert where <= 0.035
 
 
+@pytest.mark.slow
 def test_the_picture_of_that_room_without_the_ball_holds_none(shared):
     photograph = read_photograph(shared / "data/ball/pietka_room/raw0.jpg")
     with pytest.raises(BallNotFound):
         find_outline(decode_srgb(photograph.pixels.astype(np.float32) / 255))
+
+
+def test_two_balls_are_refused_with_their_places():
+    left, right = drawing(520, 260, (130.0, 130.0), 60.0), drawing(520, 260, (390.0, 128.0), 62.0)
+    both = np.concatenate([left[:, :260], right[:, 260:]], axis=1)
+    with pytest.raises(BallNotFound, match=r"^desk\.jpg: two balls, at x,y,radius .*13\d,13\d,.*; pick the one"):
+        find_outline(both, "desk.jpg")
+
+
+def test_a_small_round_thing_beside_the_ball_is_no_second_one():
+    picture = drawing(520, 260, (150.0, 130.0), 100.0)
+    lamp = drawing(520, 260, (420.0, 130.0), 25.0)
+    picture[:, 300:] = lamp[:, 300:]
+    assert find_outline(picture).radius == pytest.approx(100.0, abs=0.5)

@@ -64,7 +64,9 @@ def test_the_solid_angle_of_a_pixel_is_its_jacobian(distance, axis):
         numeric = 1 / abs(across[0] * along[1] - across[1] * along[0])
         assert view.solid_angles(towards) == pytest.approx(numeric, rel=3e-3)
         least = np.linalg.svd(np.stack([across, along]), compute_uv=False)[-1]
-        if axis[0] == 0:  # off the middle the picture itself stretches by a few percent more
+        if (
+            axis[0] == 0 and degrees < 150
+        ):  # not in the outermost pixel; off the middle the picture itself stretches by a few percent more
             assert view.sampling(towards) == pytest.approx(least, rel=0.02)
 
 

@@ -15,7 +15,7 @@ from relume.sphere.mappings import LatLong
 @pytest.mark.parametrize("name", NAMED)
 def test_constant_light_has_a_total_of_four_pi_and_irradiance_of_pi(name):
     mapping = NAMED[name]
-    flat = np.broadcast_to(np.float32([1, 2, 0.5]), (*mapping.shape(fitting(mapping, 120)), 3))
+    flat = np.broadcast_to(np.array([1, 2, 0.5], np.float32), (*mapping.shape(fitting(mapping, 120)), 3))
     found = audit(IlluminationMap(flat.copy(), mapping))
     np.testing.assert_allclose(found.total, 4 * np.pi * np.array([1, 2, 0.5]), rtol=2e-5)
     np.testing.assert_allclose(found.irradiance, np.broadcast_to(np.pi * np.array([1, 2, 0.5]), (14, 3)), rtol=2e-3)

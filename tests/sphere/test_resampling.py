@@ -1,6 +1,6 @@
 """Light moved between all mappings: energy, places and constants kept, nothing aliased, marks carried."""
 
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 import pytest
@@ -45,6 +45,7 @@ def rows(mapping, scale=1):
     return ROWS.get(mapping.name, 64) * scale
 
 
+@lru_cache
 def middles(mapping, size):
     """The mean direction of each pixel, by 8 × 8 cells: (rows, columns, 3), shorter than 1."""
     cells = 8

@@ -102,8 +102,9 @@ class BallView:
     def sampling(self, directions: np.ndarray, nearness: float = 0.0) -> np.ndarray:
         """Pixels per radian of light in the direction in which the ball squeezes it most: (…), 0 in the blind cone.
 
-        Likewise in the ball's outermost pixel, which mixes it with what is behind. It squeezes radially, f d(tan α)/dβ: all
-        pixels take in nearly the same solid angle (`solid_angles`), but near the silhouette a long narrow strip of it.
+        Likewise in the ball's outermost pixel, which mixes it with what is behind. It squeezes radially,
+        f d(tan α)/dβ: all pixels take in nearly the same solid angle (`solid_angles`), but near the silhouette a long
+        narrow strip of it.
         """
         return self.see(directions, nearness).sampling
 

@@ -36,7 +36,7 @@ STANDS_OUT = 16.0
 SMALL = 1e-5
 """Share of the whole flux below which a pixel need not be pushed: 10,000 such with errors of 5 % add up to 5e-5."""
 _ROUNDED = 0.75
-"""sin of the angle from a pole below which a lat-long's rows are averaged: pixels there are narrower than 3/4 of that."""
+"""sin of the angle from a pole below which a lat-long's rows are averaged: how narrow pixels may be for their height."""
 _EXACT = 3e-7
 """How near to 1 the ratio of totals may stay: float32 rounds to a fifth of that."""
 _LINES, _PIXELS, _CELLS = 32, 1 << 20, 1 << 17

@@ -1,0 +1,121 @@
+"""Mappings: time of conversions, and their filtering against 256 look-ups a pixel, beside another tool where it is named.
+
+Run as `python benchmarks/mappings.py [PYTHON]`: PYTHON is an interpreter that has skylibs, which then converts the same
+maps in a process of its own.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import relume as rl
+from relume.sphere.cubes import Strip
+from relume.sphere.discs import Angular
+from relume.sphere.mappings import LatLong, pixel_points
+from relume.sphere.resampling import resampled
+
+SKYLIBS = """
+import sys, time
+import numpy as np
+from envmap import EnvironmentMap
+light, size, out = np.load(sys.argv[1]), int(sys.argv[2]), sys.argv[3]
+taken = []
+for _ in range(7):
+    source = EnvironmentMap(light.copy(), "latlong")
+    begin = time.perf_counter()
+    result = source.convertTo("angular", size)
+    taken.append(time.perf_counter() - begin)
+np.save(out, result.data)
+print(sorted(taken)[3])
+"""
+
+
+def median_time(work: Callable[[], object], times: int = 7) -> float:
+    """Seconds, the median of several after one that compiles."""
+    work()
+    taken = []
+    for _ in range(times):
+        begin = time.perf_counter()
+        work()
+        taken.append(time.perf_counter() - begin)
+    return sorted(taken)[times // 2]
+
+
+def textured(rows: int) -> rl.IlluminationMap:
+    """Noise with detail down to the pixel, and a sun."""
+    random = np.random.default_rng(0)
+    radiance = random.random((rows, 2 * rows, 3), np.float32) ** 4
+    radiance[rows // 3, rows // 2] = 1e5
+    return rl.IlluminationMap(radiance)
+
+
+def zone_plate(rows: int) -> rl.IlluminationMap:
+    """Rings round −Z that grow finer up to two pixels a ring, a quarter of the sphere away."""
+    towards = LatLong().directions(pixel_points(LatLong(), rows))
+    angle = np.arccos(np.clip(-towards[..., 2], -1, 1))
+    wave = 0.5 + 0.5 * np.cos(rows * angle**2 / np.pi)
+    return rl.IlluminationMap(np.repeat(wave[..., None], 3, 2).astype(np.float32))
+
+
+def truth(light: rl.IlluminationMap, size: int, cells: int = 16) -> np.ndarray:
+    """Each pixel of an angular map as the mean, by solid angle, of 256 bilinear look-ups."""
+    mapping, result = Angular(), np.zeros((size, size, 3))
+    steps = (np.arange(cells) + 0.5) / cells
+    for row in range(size):
+        v = (row + np.repeat(steps, size * cells)) / size
+        u = np.tile((np.arange(size)[:, None] + steps).ravel() / size, cells)
+        towards = mapping.directions(np.stack([u, v], -1))
+        weight = np.nan_to_num(np.sinc(2 * np.hypot(u - 0.5, v - 0.5)))
+        weight = np.where(np.isnan(towards[..., 0]), 0, weight)[:, None]
+        found = light.look_up(np.nan_to_num(towards, nan=0.57735)) * weight
+        found, weight = (a.reshape(cells, size, cells, -1).sum((0, 2)) for a in (found, weight))
+        result[row] = found / np.maximum(weight, 1e-300)
+    return result
+
+
+def by_skylibs(python: str, light: rl.IlluminationMap, size: int) -> tuple[np.ndarray, float]:
+    """skylibs' angular map and its median time in seconds."""
+    with tempfile.TemporaryDirectory() as folder:
+        given, made = Path(folder) / "light.npy", Path(folder) / "angular.npy"
+        np.save(given, light.radiance)
+        words = [python, "-c", SKYLIBS, str(given), str(size), str(made)]
+        said = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+        return np.load(made), float(said.split()[-1])
+
+
+def filtering(name: str, light: rl.IlluminationMap, size: int, python: str | None) -> None:
+    """Root mean square errors on the inner nine tenths of an angular map, where pixels are not slivers."""
+    expected = truth(light, size)
+    inner = np.hypot(*np.moveaxis(pixel_points(Angular(), size) - 0.5, -1, 0)) < 0.45
+    makers = {"relume": resampled(light, Angular(), size, np.eye(3)).radiance}
+    if python:
+        makers["skylibs"] = by_skylibs(python, light, size)[0]
+    errors = {maker: float(np.sqrt(np.mean((made - expected)[inner] ** 2))) for maker, made in makers.items()}
+    print(f"{name} to angular {size}: error " + ", ".join(f"{maker} {error:.2g}" for maker, error in errors.items()))
+
+
+def main(python: str | None) -> None:
+    light = textured(1024)
+    ours = median_time(lambda: resampled(light, Angular(), 1024, np.eye(3)))
+    print(f"lat-long 2048×1024 to angular 1024: {ours * 1e3:.0f} ms")
+    if python:
+        theirs = by_skylibs(python, light, 1024)[1]
+        print(f"  skylibs {theirs * 1e3:.0f} ms, {theirs / ours:.1f} times as long")
+    plain = rl.IlluminationMap(np.minimum(textured(256).radiance, 1))
+    filtering("noise 512×256", plain, 96, python)
+    filtering("zone plate 512×256", zone_plate(256), 96, python)
+    large = textured(4096)
+    for side in (1024, 2048, 4096):
+        taken = median_time(lambda side=side: resampled(large, Strip(), side, np.eye(3)), 3)
+        print(f"lat-long 8192×4096 to six faces of {side}: {taken:.2f} s")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1] if len(sys.argv) > 1 else None)
