@@ -1,4 +1,4 @@
-"""Mappings: time of conversions, and their filtering against 256 look-ups a pixel, beside another tool where it is named.
+"""Mappings: time of conversions, and filtering against 256 look-ups a pixel, beside another tool where it is named.
 
 Run as `python benchmarks/mappings.py [PYTHON]`: PYTHON is an interpreter that has skylibs, which then converts the same
 maps in a process of its own.

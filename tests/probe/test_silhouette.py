@@ -110,7 +110,7 @@ def test_points_picked_by_hand_are_taken_exactly_or_followed():
 
 @pytest.mark.parametrize("points", [[[0, 0], [1, 1]], [[0, 0], [10, 10], [20, 20]], [[5, 5], [5, 5], [5, 5]]])
 def test_points_that_make_no_circle_are_refused(points):
-    with pytest.raises(ValueError, match="rim|line"):
+    with pytest.raises(ValueError, match=r"rim|line"):
         outline_through(np.array(points, float))
 
 

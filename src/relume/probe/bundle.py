@@ -27,16 +27,16 @@ EVEN_LIGHT = 0.05
 """Standard deviation of ln luminance below which there is nothing to correlate."""
 RIM_LIMIT = 0.008
 """The most that a silhouette is moved or grown, in radii: beyond that it was not the rim that was found."""
-RIM_HOLD = 0.35
+RIM_HOLD = 0.15
 """How hard the silhouettes are held, in misfit per pixel: enough for light that tells nothing of them."""
 BLUR = 0.5
 """Pixels by which ln luminance is blurred before views are compared, so that both are smooth where they are probed."""
 PARTS = 100
-ROBUST = 0.05
+ROBUST = 0.1
 """Difference in ln luminance from which on a direction counts less: lamps a little out of place, people who moved."""
-DOUBTED = 0.25
-"""Difference from the mean, ln luminance, beyond which a direction is hardly believed in the next round."""
-ROUNDS = 3
+DOUBTED, LEAST_DOUBTED = 4.0, 0.1
+"""Difference from the mean, in medians of it and at least in ln luminance, beyond which a direction is not believed."""
+ROUNDS = 2
 STEP = 1e-3
 """Radians by which views are turned to see how the misfit changes: a third of a pixel of a ball of 600 pixels."""
 
@@ -145,15 +145,16 @@ class Bundle:
         start = np.zeros(len(upper))
         start[-1] = 0.01
         slope: Any = slopes  # the stubs know three words for it and no function
-        # Whoever walked between two views is in one of them: what does not agree is left to say ever less.
+        # Whoever walked between two views is in one of them: what departs far more than most is not believed.
         for _ in range(ROUNDS if self.adjusting else 1):
+            off = self._disagreement(self.logarithms(self._parts(start, count)))
+            believed = 1 / (1 + (off / max(DOUBTED * float(np.median(off)), LEAST_DOUBTED)) ** 4)
             solution = least_squares(
                 misfit, start, jac=slope, bounds=(lower, upper), loss="soft_l1", f_scale=ROBUST, x_scale=scale,
-                xtol=1e-5, ftol=1e-6, max_nfev=40,
+                xtol=1e-4, ftol=1e-4, max_nfev=20,
             )  # fmt: skip
             start = np.clip(solution.x, 0.999 * lower, 0.999 * upper)
             start[-1] = max(start[-1], 1e-4)
-            believed = 1 / (1 + (self._disagreement(self.logarithms(self._parts(start, count))) / DOUBTED) ** 4)
         return self._parts(start, count)
 
     def _disagreement(self, seen: np.ndarray) -> np.ndarray:

@@ -143,7 +143,8 @@ def outline_through(points: np.ndarray) -> Outline:
         raise ValueError(f"points have shape {points.shape}; three points (x, y) on the rim are needed at least")
     x, y, radius = _circle_through(points)
     spread = float(np.linalg.norm(np.ptp(points, axis=0)))
-    if not np.isfinite(radius) or radius > 1e3 * spread or spread == 0:
+    thickness = np.linalg.svd(points - points.mean(0), compute_uv=False)[1]
+    if not np.isfinite(radius) or thickness < 1e-3 * spread or spread == 0:
         raise ValueError("the points lie on a line; pick three round the rim, far from one another")
     return Outline(points, (x, y), radius, 1.0)
 

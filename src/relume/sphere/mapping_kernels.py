@@ -359,7 +359,11 @@ def neighbour(kind, across, down, rows, columns, stride, origins, frames, whole,
     elif kind == EQUIDISTANT or kind == EQUISOLID or kind == ORTHOGRAPHIC:
         x, y = 2 * (column + 0.5) / columns - 1, 2 * (row + 0.5) / rows - 1
         radius = np.hypot(x, y)
-        if radius > 1:
+        corner = radius
+        if kind == ORTHOGRAPHIC:
+            # A hemisphere's last pixels hold so much of it that they count wherever a corner of them is on the disc.
+            corner = np.hypot(max(abs(x) - 1 / columns, 0.0), max(abs(y) - 1 / rows, 0.0)) * (1 + 1e-9)
+        if corner > 1:
             # A pixel's middle as far within the rim, on the far side of a sphere or where the plane itself ends.
             scale = (2 - radius - 1.5 / rows) / radius
             if kind == ORTHOGRAPHIC:

@@ -1,7 +1,7 @@
 """Light moved between mappings and sizes: antialiased, energy kept, turned on the way.
 
-Every target pixel is the mean, by solid angle, of bilinear look-ups in cells no wider than the source's pixels: where
-a map grows that is bilinear interpolation, where it shrinks an average over areas (a box filter, as HDR Shop's).
+Every target pixel is the mean, by solid angle, of bilinear look-ups in cells hardly wider than the source's pixels:
+where a map grows that is bilinear interpolation, where it shrinks an average over areas (a box filter, as HDR Shop's).
 Look-ups at a few points count a single pixel a few per cent too much or too little. For most pixels that averages
 out; for a sun it would not. So what stands out is taken out first and pushed instead: its flux, exactly, is shared out
 among the target's pixels. A lat-long's rows near the poles are averaged along themselves beforehand to pixels as wide
@@ -35,8 +35,10 @@ STANDS_OUT = 16.0
 """Times a channel's mean radiance above which light is pushed: few pixels do that, and below it errors average out."""
 SMALL = 1e-5
 """Share of the whole flux below which a pixel need not be pushed: 10,000 such with errors of 5 % add up to 5e-5."""
+APART = 1.3
+"""Pixels of the source between look-ups, at most: bilinear look-ups are two wide, so they overlap well."""
 _ROUNDED = 0.75
-"""sin of the angle from a pole below which a lat-long's rows are averaged: how narrow pixels may be for their height."""
+"""sin of the angle from a pole below which a lat-long's rows are averaged: pixels there are narrower than that."""
 _EXACT = 3e-7
 """How near to 1 the ratio of totals may stay: float32 rounds to a fifth of that."""
 _LINES, _PIXELS, _CELLS = 32, 1 << 20, 1 << 17
@@ -116,11 +118,12 @@ def _gathered(
     marks: np.ndarray,
 ) -> np.ndarray:
     """Fill lines begin…end of the target with means of look-ups in the source; their total, (3,)."""
-    step = grain(source.kind, source.across, source.down, source.rows, source.columns)
+    step = APART * grain(source.kind, source.across, source.down, source.rows, source.columns)
     lines = range(begin, end)
     wide = np.empty((len(lines), -(-target.columns // RUN)), np.int64)
     high = np.empty_like(wide)
-    counts = [divisions(target, step, line, wide[i], high[i]) for i, line in enumerate(lines)]
+    counts = np.empty(len(lines), np.int64)
+    divisions(target, step, begin, wide, high, counts)
     total = np.zeros(3)
     while begin < end:
         # As many lines of one plane as fill the buffers; one line may be more.

@@ -13,6 +13,8 @@ from relume.sphere.mapping_kernels import FINE, RIM, neighbour, solid_angle, spr
 
 RUN = 16
 """Pixels along a row that share their number of cells."""
+SHARED = 4
+"""Lines that share it."""
 _HALF, _ONE = np.float32(0.5), np.float32(1)
 
 
@@ -88,19 +90,30 @@ def _mixed(entries, upper, lower, across, down, top):
 
 
 @kernel
-def divisions(planes, step, line, wide, high):
-    """Columns and rows of cells, no more than `step` radians apart, in each run of a line's pixels; cells in all."""
+def divisions(planes, step, begin, wide, high, counts):
+    """Columns and rows of cells, about `step` radians apart, in each run of a line's pixels, and cells a line.
+
+    begin : the first line
+    wide, high : (lines, runs), filled
+    counts : (lines,), filled
+    """
     kind, rows, columns = planes.kind, planes.rows, planes.columns
-    middle, count = 2 * (line % rows + 0.5) / rows - 1, 0
-    for run in range(len(wide)):
-        begin, end = run * RUN, min(run * RUN + RUN, columns)
-        # The spread is greatest at one end of a run, or nearly.
-        near, near_down = spread(kind, planes.across, planes.down, rows, 2 * (begin + 0.5) / columns - 1, middle)
-        far, far_down = spread(kind, planes.across, planes.down, rows, 2 * (end - 0.5) / columns - 1, middle)
-        wide[run] = max(1, int(np.ceil(max(near, far) * 2 / (columns * step) - 1e-3)))
-        high[run] = max(1, int(np.ceil(max(near_down, far_down) * 2 / (rows * step) - 1e-3)))
-        count += wide[run] * high[run] * (end - begin)
-    return count
+    counts[:] = 0
+    for line in range(len(wide)):
+        row = (begin + line) % rows
+        if line % SHARED and row % SHARED:
+            # A few lines share what one has: at a distance of so few pixels it is nearly the same.
+            wide[line], high[line], counts[line] = wide[line - 1], high[line - 1], counts[line - 1]
+            continue
+        middle = 2 * (row + 0.5) / rows - 1
+        for run in range(wide.shape[1]):
+            first, last = run * RUN, min(run * RUN + RUN, columns)
+            # The spread is greatest at one end of a run, or nearly.
+            near, near_down = spread(kind, planes.across, planes.down, rows, 2 * (first + 0.5) / columns - 1, middle)
+            far, far_down = spread(kind, planes.across, planes.down, rows, 2 * (last - 0.5) / columns - 1, middle)
+            wide[line, run] = max(1, int(np.ceil(max(near, far) * 2 / (columns * step) - 1e-3)))
+            high[line, run] = max(1, int(np.ceil(max(near_down, far_down) * 2 / (rows * step) - 1e-3)))
+            counts[line] += wide[line, run] * high[line, run] * (last - first)
 
 
 @kernel
@@ -160,15 +173,20 @@ def locate(source, deep, plane, xs, ys, place):
         across, down = np.floor(x), np.floor(y)
         xs[i], ys[i] = x - across, y - down
         column, row = np.int64(across), np.int64(down)
-        p = plane[i]
         near = near and column >= 0 and column + 1 < columns and row >= 0 and row + 1 < rows
         near = near and row + 1 != deep and row + 1 != rows - deep
-        index = 3 * (origins[max(p, 0)] + row * stride + column)
-        if deep > 0 and near:
+        index = 3 * (row * stride + column)
+        if deep > 0:
             index = index + behind if row < deep else index
             index = index + behind - gap if row >= rows - deep else index
         beyond = -2 - ((row + 1) * (columns + 2) + column + 1)
-        place[i] = -1 if p < 0 else (index if near else beyond)
+        place[i] = index if near else beyond
+    if len(origins) > 1 or not source.whole:
+        for i in range(len(xs)):
+            if plane[i] < 0:
+                place[i] = -1
+            elif place[i] >= 0:
+                place[i] += 3 * origins[plane[i]]
 
 
 @kernel
