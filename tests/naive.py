@@ -26,16 +26,22 @@ def look_up(radiance: np.ndarray, mapping: str, direction: np.ndarray) -> np.nda
         u, v = 0.5 + radius * math.cos(azimuth) / 2, 0.5 - radius * math.sin(azimuth) / 2
     column, row = u * width - 0.5, v * height - 0.5
     left, top = math.floor(column), math.floor(row)
-    total = np.zeros(3)
+    total, weight = np.zeros(3), 0.0
     for j, vertical in ((top, 1 - (row - top)), (top + 1, row - top)):
         for i, horizontal in ((left, 1 - (column - left)), (left + 1, column - left)):
             if mapping == "latlong":
                 across = i + width // 2 if j < 0 or j >= height else i
                 pixel = radiance[min(max(j, 0), height - 1), across % width]
             else:
-                pixel = radiance[min(max(j, 0), height - 1), min(max(i, 0), width - 1)]
+                j, i = min(max(j, 0), height - 1), min(max(i, 0), width - 1)
+                pixel = radiance[j, i]
+                # A pixel wholly beside the disc shows nothing and does not count.
+                nearest = [min(max(0.5, k / width), (k + 1) / width) - 0.5 for k in (i, j)]
+                if math.hypot(*nearest) >= 0.5:
+                    continue
             total += vertical * horizontal * pixel
-    return total
+            weight += vertical * horizontal
+    return total / weight
 
 
 def nearest_hit(shapes: Sequence[Shape], origin: np.ndarray, direction: np.ndarray) -> tuple[float, int, int]:

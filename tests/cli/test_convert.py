@@ -135,7 +135,7 @@ def test_a_map_for_another_program_comes_back_as_it_was(tmp_path: Path, capsys: 
 def test_a_view_is_cropped_and_put_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     light = sunny(96)
     source, view = stored(tmp_path, light), str(tmp_path / "view.exr")
-    told = made([source, "-o", view, "--view", "-45,10", "--field", "60", "--pixels", "160x120"], capsys)
+    told = made([source, "-o", view, "--view", "45,10", "--field", "60", "--pixels", "160x120"], capsys)
     assert told["size"] == [160, 120]
     picture = read_radiance(view)
     painted = RadianceMap(np.full_like(picture.radiance, 2.0), None, None, picture.unit, picture.attributes)

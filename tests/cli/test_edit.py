@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,8 @@ from relume.cli import main
 from relume.image.files import read_photograph, read_radiance, write
 from relume.image.photograph import Photograph
 from relume.image.radiance import SATURATED, RadianceMap
+from relume.sphere.directions import normalised
+from relume.sphere.illumination import as_illumination
 
 
 @pytest.fixture
@@ -137,6 +140,51 @@ def test_flat_edits_of_light_maps_are_refused_or_told(light: Path, capsys: pytes
     assert main([*start, "--crop", "0,0,8,8"]) == 0
     assert "no longer tells its mapping" in notes(capsys)
     assert "mapping" not in read_radiance(light.with_name("out.exr")).attributes
+
+
+@pytest.mark.parametrize("program", ["blender", "pbrt"])
+def test_a_map_for_another_program_stays_for_it_or_says_it_no_longer_is(
+    program: str, light: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    there = tmp_path / "there.exr"
+    assert main(["convert", str(light), "--for", program, "-o", str(there), "--size", "64"]) == 0
+    ours, sun = as_illumination(read_radiance(light)), normalised([0.0, np.cos(np.pi * 5.5 / 16), 0.9])
+    for words in (["--resize", "50%"], ["--spherical-blur", "4"], ["--spin", "20"]):
+        capsys.readouterr()
+        assert main(["edit", str(there), "-o", str(tmp_path / "out.exr"), *words]) == 0
+        noted, made = notes(capsys), read_radiance(tmp_path / "out.exr")
+        turned = words[0] == "--spin"
+        assert (f"laid out for {program}; written in our frame" in noted) == turned, words
+        assert made.attributes.get("orientation") == (None if turned else program)
+        if turned:
+            assert made.attributes["mapping"] == "latlong"
+        # Wherever it is read the sun stands where it stood.
+        seen = as_illumination(made)
+        assert seen.total() == pytest.approx(ours.total(), rel=2e-3), words
+        assert seen.irradiance(sun) == pytest.approx(ours.irradiance(sun), rel=3e-2), words
+        assert seen.irradiance(sun)[0] > 1.5 * seen.irradiance(-sun)[0]
+    sized = as_illumination(made)
+    spun_here = tmp_path / "here.exr"
+    assert main(["edit", str(light), "-o", str(spun_here), "--spin", "20"]) == 0
+    expected = as_illumination(read_radiance(spun_here))
+    # The vertical it was spun about is ours: pixels of 11° apart, what grazes a surface moves by 2 % of the sun.
+    normals = np.concatenate([np.eye(3), -np.eye(3)])
+    assert sized.irradiance(normals) == pytest.approx(expected.irradiance(normals), abs=0.02 * ours.irradiance(sun)[0])
+
+
+def test_a_part_of_a_map_tells_nothing_that_is_no_longer_true(
+    light: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    picture, out = read_radiance(light), tmp_path / "out.exr"
+    looks = {"orientation": "blender", "mirror": "x", "view-field": "90", "view-rotation": "1 0 0 0 1 0 0 0 1"}
+    write(tmp_path / "in.exr", replace(picture, attributes={**picture.attributes, **looks, "camera": "A"}))
+    assert main(["edit", str(tmp_path / "in.exr"), "-o", str(out), "--crop", "0,0,8,8"]) == 0
+    made = read_radiance(out)
+    assert not {"mapping", *looks} & set(made.attributes) and made.attributes["camera"] == "A"
+    del picture.attributes["mapping"]
+    write(tmp_path / "view.exr", replace(picture, attributes={"view-field": "90"}))
+    assert main(["edit", str(tmp_path / "view.exr"), "-o", str(out), "--crop", "0,0,8,8"]) == 0
+    assert "no longer tells where in its light map" in notes(capsys)
 
 
 def test_a_light_map_from_elsewhere_is_told_its_mapping(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

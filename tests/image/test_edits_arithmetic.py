@@ -108,6 +108,32 @@ def test_bounds_stay_bounds_and_opposing_ones_tell_nothing() -> None:
     assert added(first, 1.0).clipped is marks
 
 
+def test_a_negative_factor_turns_bounds_round_and_zero_leaves_none() -> None:
+    marks = np.array([[0, SATURATED, BLACK, OUTSIDE]], np.uint8)
+    first = flat([1.0] * 4, clipped=marks)
+
+    def after(operation, factor: object) -> list[int]:
+        made = operation(first, factor).clipped
+        assert made is not None
+        return made[0].tolist()
+
+    assert after(multiplied, -1.0) == after(divided, -2.0) == [0, BLACK, SATURATED, OUTSIDE]
+    assert after(multiplied, (2.0, 0.0, 1.0)) == [0, SATURATED, BLACK, OUTSIDE]
+    assert after(multiplied, (-1.0, 0.0, -1.0)) == [0, BLACK, SATURATED, OUTSIDE]
+    # A pixel has one mark: where some channels are bounded above and others below it says nothing.
+    assert after(multiplied, (1.0, -1.0, 1.0)) == [0, OUTSIDE, OUTSIDE, OUTSIDE]
+    assert after(multiplied, 0.0) == [0, 0, 0, 0]
+    assert after(multiplied, flat([-1.0, -1.0, 0.0, 2.0])) == [0, BLACK, 0, OUTSIDE]
+    # −1 × what is at least 1 is at most −1, and −1 ÷ it is at least −1.
+    negative = flat([-1.0] * 4)
+    product, quotient = multiplied(negative, first).clipped, divided(negative, first).clipped
+    assert product is not None and product[0].tolist() == [0, BLACK, SATURATED, OUTSIDE]
+    assert quotient is not None and quotient[0].tolist() == [0, SATURATED, BLACK, OUTSIDE]
+    # Nothing is known of what is at least 1 times what is at most 0.
+    unsure = multiplied(flat([1.0], clipped=marks[:, 1:2]), flat([0.0], clipped=marks[:, 2:3])).clipped
+    assert unsure is not None and unsure[0].tolist() == [OUTSIDE]
+
+
 def test_division_by_zero_is_marked_and_told() -> None:
     with pytest.warns(UserWarning, match="0 in 1 pixels"):
         result = divided(flat([1.0, 1.0]), flat([0.0, 2.0]))
@@ -131,6 +157,13 @@ def test_what_cannot_be_combined_is_refused() -> None:
         added(flat([1.0, 1.0]), flat([1.0]))
     with pytest.raises(ValueError, match="latlong and angular"):
         added(flat([1.0], attributes={"mapping": "latlong"}), flat([1.0], attributes={"mapping": "angular"}))
+    ours, blenders = {"mapping": "latlong"}, {"mapping": "latlong", "orientation": "blender"}
+    with pytest.raises(ValueError, match="latlong and latlong for blender; convert"):
+        added(flat([1.0], attributes=ours), flat([1.0], attributes=blenders))
+    with pytest.raises(ValueError, match="strip mirrored in x and strip mirrored in z; convert"):
+        average([flat([1.0], attributes={"mapping": "strip", "mirror": axis}) for axis in "xz"])
+    assert red(added(flat([1.0], attributes=blenders), flat([1.0], attributes=blenders))) == [2.0]
+    assert red(multiplied(flat([3.0], attributes=blenders), flat([2.0]))) == [6.0]
     with pytest.raises(ValueError, match="beyond float32"):
         multiplied(flat([1e38]), 1e3)
     with pytest.raises(ValueError, match="one number"):

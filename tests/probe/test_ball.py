@@ -134,6 +134,7 @@ def test_a_picture_without_a_ball_is_refused_by_name():
         view_ball(picture, camera=FRONT, centre=CENTRE, focal_length=3400.0, name="empty.jpg")
 
 
+@pytest.mark.slow
 def test_a_pose_wrong_by_two_degrees_is_registered_back(front):
     wrong = CENTRE + turned(SIDE - CENTRE, np.array([0.0, 1.0, 0.0]), 2.0)
     tilted = view(SIDE, told=wrong)
@@ -151,6 +152,7 @@ def test_poses_that_are_right_stay(both):
     assert np.degrees(max(both.corrections)) < 0.3
 
 
+@pytest.mark.slow
 def test_neither_camera_is_seen_in_the_blended_light():
     # The photographer is a black disc of 0.15 m, 8.6° to either side of the camera a metre away.
     views = [view(camera, camera_blob=0.15) for camera in (FRONT, SIDE)]
@@ -190,6 +192,7 @@ def test_what_one_view_is_blind_to_comes_from_the_other(both):
         assert error.max() < 0.06
 
 
+@pytest.mark.slow
 def test_near_walls_are_found_and_accounted_for():
     # The light is painted on a sphere of 40 ball radii: each ball point sees it from elsewhere.
     views = [view(camera, wall=40 * RADIUS) for camera in (FRONT, SIDE)]

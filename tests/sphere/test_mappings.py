@@ -275,6 +275,7 @@ def test_a_fisheye_shows_its_field_and_nothing_else():
     with pytest.raises(ValueError, match="no fisheye; write fisheye:equidistant:DEGREES"):
         mapping_named("fisheye:stereographic:180")
     assert mapping_named("fisheye") == Fisheye() == mapping_named("fisheye:equidistant:180")
+    assert mapping_named(Fisheye(1.7).name) == Fisheye(1.7)
     assert mapping_named("fisheye:equisolid") == Fisheye(equisolid=True)
     assert mapping_named("fisheye:160") == Fisheye(np.radians(160)) == mapping_named("fisheye:equidistant:160")
 

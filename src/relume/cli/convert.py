@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, require_files, require_suffix
 from relume.cli.console import Manner, note, speaking, tell
-from relume.cli.light_input import Clamp, read_light
+from relume.cli.light_input import Clamp, read_light, read_picture
 from relume.errors import DoubtfulResult, UnreadableFile
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ MAPPINGS = (
     "fisheye (:equisolid) (:DEGREES)"
 )
 HOSTS = "blender, usd, gltf, three, mitsuba, pbrt, arnold, radiance"
+CUBES = ("cross", "cross-vertical", "strip")
 FACE_WORDS = ("px", "nx", "py", "ny", "pz", "nz")
 LARGEST = 16384
 """Rows of a map, at most: beyond them it takes more memory than machines have."""
@@ -51,7 +52,7 @@ def convert(
     ] = None,
     to: Annotated[str | None, Parameter(help="Mapping to convert to, one of the same; as it is unless given.")] = None,
     size: Annotated[
-        int | None, Parameter(help="Rows of the map, or of each face; as fine as the input unless given.")
+        int | None, Parameter(help="Rows of the map; with --to faces of each face; as fine as the input unless given.")
     ] = None,
     rotate: Annotated[
         str | None,
@@ -75,12 +76,15 @@ def convert(
     view: Annotated[
         str | None,
         Parameter(
-            help="Crop a perspective picture out of the map instead, from a camera turned by YAW[,PITCH[,ROLL]].",
+            help="Crop a perspective picture out of the map, from a camera turned by YAW[,PITCH[,ROLL]] degrees, "
+            "to the right, up and clockwise, as panorama's --orientations.",
             allow_leading_hyphen=True,
         ),
     ] = None,
-    field: Annotated[float, Parameter(help="Horizontal field of view of --view and --put, degrees.")] = 90.0,
-    pixels: Annotated[str, Parameter(help="Size of --view, as WIDTHxHEIGHT.")] = "1024x1024",
+    field: Annotated[
+        float | None, Parameter(help="Horizontal field of view of --view, degrees; 90 unless given.")
+    ] = None,
+    pixels: Annotated[str | None, Parameter(help="Size of --view, as WIDTHxHEIGHT; 1024x1024 unless given.")] = None,
     put: Annotated[
         Path | None,
         Parameter(help="Put a perspective picture into the map, where it remembers to be cropped from, or at --view."),
@@ -102,48 +106,47 @@ def convert(
     """Convert light between mappings, turn it, or lay it out for another program; its energy is kept, and audited."""
     from relume.image import files
     from relume.sphere.audit import audit, losses
+    from relume.sphere.cube import mirrored_strip
     from relume.sphere.illumination import as_radiance_map
 
     with speaking(manner):
         require_suffix(out, ".exr", ".hdr")
         require_files([*files_in, *([put] if put else [])])
-        _refuse_mixtures(to, for_, view, put, size, gamma, hot, exposure)
+        _refuse_mixtures(to, for_, view, put, size, rotate, field, pixels, gamma, hot, exposure)
         target = None if to is None else _mapping(to, "--to")
-        turn = None if rotate is None else _rotation(rotate, "--rotate")
-        seen_from = None if view is None else _rotation(view, "--view")
+        turn = None if rotate is None else _turn(rotate)
+        seen_from = None if view is None else _camera(view)
         if size is not None and not 1 <= size <= LARGEST:
             raise ValueError(f"--size is {size}; give 1 to {LARGEST} rows, like 512")
-        light = _input(files_in, from_, gamma, exposure, hot or [], clamp)
         cubes = len(files_in) == 6, to in ("faces", "strip")
         if mirror is not None and any(cubes) == all(cubes):
             raise ValueError("--mirror is for six faces that are read, or for --to faces and --to strip; not for both")
-        if mirror is not None and cubes[0]:
-            light = _mirrored(light, mirror)
+        light = _input(files_in, from_, gamma, exposure, hot or [], clamp, mirror if cubes[0] else None)
         if dry_run:
             tell(manner, {"would write": [str(path) for path in _outputs(out, to)], "from": light.mapping.name})
             return
         if view is not None and put is None:
-            picture = _cropped(light, seen_from, field, pixels)
+            picture = _cropped(light, seen_from, field or 90.0, pixels or "1024x1024")
             files.write(out, picture)
             tell(manner, {"written": str(out), "size": list(picture.size), "unit": picture.unit})
             return
         if put is not None:
-            light = _filled_in(light, put, seen_from, field)
+            light = _filled_in(light, put, seen_from, field or 90.0)
         before = audit(light, turn)
-        if turn is not None:
-            light = light.rotated(turn)
         result, orientation = light, None
         if for_ is not None:
-            result, orientation = _laid_out(light, for_, size)
-        elif target is not None or size is not None:
+            result, orientation = _laid_out(light if turn is None else light.rotated(turn), for_, size)
+        elif target is not None or size is not None or turn is not None:
             mapping = target or light.mapping
-            result = light.remapped(mapping, size or _matching_size(light, mapping))
-        written = as_radiance_map(result if mirror is None or cubes[0] else _mirrored(result, mirror))
+            result = light.remapped(mapping, size or _fine_enough(light, mapping), turn)
+        mirrored = mirror is not None and not cubes[0]
+        written = as_radiance_map(mirrored_strip(result, str(mirror)) if mirrored else result)
+        if mirrored:
+            written.attributes["mirror"] = str(mirror)
         if orientation is not None:
             written.attributes["orientation"] = orientation
         paths = _write(out, to, written)
-        reread = _read_back(paths, to)
-        after = audit(reread if mirror is None or cubes[0] else _mirrored(reread, mirror))
+        after = audit(_read_back(paths, to))
         told = losses(before, after)
         shown = float(result.mapping.solid_angles(result.size).sum())
         whole = shown > 4 * math.pi * 0.999
@@ -172,6 +175,9 @@ def _refuse_mixtures(
     view: str | None,
     put: Path | None,
     size: int | None,
+    rotate: str | None,
+    field: float | None,
+    pixels: str | None,
     gamma: str | None,
     hot: list[str] | None,
     exposure: float,
@@ -179,8 +185,14 @@ def _refuse_mixtures(
     """Refuse options that contradict each other or would do nothing."""
     if for_ is not None and to is not None:
         raise ValueError("--for decides the mapping; leave --to out")
-    if view is not None and put is None and (to or for_ or size):
-        raise ValueError("--view writes a perspective picture; leave --to, --for and --size out (--pixels is its size)")
+    if view is not None and put is None and (to or for_ or size or rotate):
+        raise ValueError(
+            "--view writes a perspective picture; leave --to, --for, --rotate and --size out (--pixels is its size)"
+        )
+    if view is None and (field is not None or pixels is not None):
+        raise ValueError("--field and --pixels are for --view; give it too")
+    if put is not None and pixels is not None:
+        raise ValueError("--pixels is for a --view that is cropped; with --put leave it out")
     if gamma is None and (hot or exposure):
         raise ValueError("--hot and --exposure are for paintings; give --gamma too, like 2.2 or srgb")
 
@@ -194,11 +206,9 @@ def _mapping(text: str, option: str) -> Mapping:
         raise ValueError(f"{option}: {error}") from None
 
 
-def _rotation(text: str, option: str) -> np.ndarray:
-    """The rotation of "YAW[,PITCH[,ROLL]]", degrees: roll about +Z first, pitch about +X, then yaw about +Y."""
+def _angles(text: str, option: str) -> np.ndarray:
+    """Three angles of "YAW[,PITCH[,ROLL]]" in degrees, as radians."""
     import numpy as np
-
-    from relume.sphere.directions import rotation_about
 
     try:
         angles = [float(word) for word in text.replace(",", " ").split()]
@@ -206,13 +216,35 @@ def _rotation(text: str, option: str) -> np.ndarray:
             raise ValueError
     except ValueError:
         raise ValueError(f'{option}: "{text}" is no turn; write YAW, YAW,PITCH or YAW,PITCH,ROLL in degrees') from None
-    yaw, pitch, roll = np.radians([*angles, 0.0, 0.0][:3])
+    return np.radians([*angles, 0.0, 0.0][:3])
+
+
+def _turn(text: str) -> np.ndarray:
+    """The rotation of light: roll about +Z first, pitch about +X, then yaw about +Y, right-handed."""
+    import numpy as np
+
+    from relume.sphere.directions import rotation_about
+
+    yaw, pitch, roll = _angles(text, "--rotate")
     x, y, z = np.eye(3)
     return rotation_about(y, yaw) @ rotation_about(x, pitch) @ rotation_about(z, roll)
 
 
+def _camera(text: str) -> np.ndarray:
+    """The rotation of a camera: yaw to the right, pitch up, roll clockwise."""
+    from relume.probe.panorama_views import orientation
+
+    return orientation(*_angles(text, "--view"))
+
+
 def _input(
-    paths: list[Path], from_: str | None, gamma: str | None, exposure: float, hot: list[str], clamp: bool
+    paths: list[Path],
+    from_: str | None,
+    gamma: str | None,
+    exposure: float,
+    hot: list[str],
+    clamp: bool,
+    mirror: str | None,
 ) -> IlluminationMap:
     """The light that the files hold."""
     from relume.image.files.signatures import kind_of
@@ -223,7 +255,9 @@ def _input(
             raise ValueError(f"{len(paths)} paintings; give one")
         return _painted(paths[0], gamma, exposure, hot, told)
     if len(paths) == 6:
-        return _of_faces(paths, clamp)
+        if from_ not in (None, "faces"):
+            raise ValueError(f"--from {from_}: six files are the faces of a cube; leave it out, or give one map")
+        return _of_faces(paths, clamp, mirror)
     if len(paths) != 1:
         raise ValueError(f"{len(paths)} files; give one map, or the six faces +X −X +Y −Y +Z −Z")
     if from_ == "faces":
@@ -252,65 +286,52 @@ def _painted(path: Path, gamma: str, exposure: float, hot: list[str], mapping: M
     return paint(painting, read_gamma(gamma, str(path)), 2.0**exposure, spots, mapping=mapping or LatLong())
 
 
-def _of_faces(paths: list[Path], clamp: bool) -> IlluminationMap:
-    """Six files as one strip."""
+def _of_faces(paths: list[Path], clamp: bool, mirror: str | None) -> IlluminationMap:
+    """Six files as one strip; `mirror` where they do not remember for which engine they are."""
     import numpy as np
 
-    from relume.image import files
-    from relume.sphere.cubes import Strip
-    from relume.sphere.illumination import IlluminationMap
+    from relume.image.radiance import RadianceMap
+    from relume.sphere.illumination import as_illumination
 
-    pictures = [files.read_radiance(path) for path in paths]
-    side = pictures[0].size[1]
+    pictures = [read_picture(path, clamp=clamp) for path in paths]
+    first, side = pictures[0], pictures[0].size[1]
     for path, picture in zip(paths, pictures, strict=True):
-        if picture.size != (side, side) or picture.unit != pictures[0].unit:
+        if picture.size != (side, side) or picture.unit != first.unit:
             width, height = picture.size
             raise UnreadableFile(
                 f"{path}: {width}×{height} pixels, {picture.unit}; the faces of a cube are six squares of one size and "
-                f"unit, here {side}×{side}, {pictures[0].unit}"
+                f"unit, here {side}×{side}, {first.unit}"
             )
+        if picture.attributes.get("mirror") != first.attributes.get("mirror"):
+            raise UnreadableFile(f"{path}: mirrored for another engine than {paths[0]}; give six faces of one cube")
+    clipped = None
+    if any(picture.clipped is not None for picture in pictures):
+        empty = np.zeros((side, side), np.uint8)
+        clipped = np.concatenate([empty if p.clipped is None else p.clipped for p in pictures], axis=1)
     radiance = np.concatenate([picture.radiance for picture in pictures], axis=1)
-    if clamp:
-        radiance = np.maximum(radiance, 0)
-    try:
-        return IlluminationMap(radiance, Strip(), pictures[0].unit)
-    except ValueError as error:
-        raise UnreadableFile(f"{paths[0]} and its five neighbours: {error}") from None
+    attributes = {**({"mirror": mirror} if mirror else {}), **first.attributes, "mapping": "strip"}
+    return as_illumination(RadianceMap(radiance, None, clipped, first.unit, attributes))
 
 
-def _mirrored(light: IlluminationMap, axis: str) -> IlluminationMap:
-    """A strip of faces for an engine that negates an axis, or such a strip made ours: the same exchange."""
-    import numpy as np
+def _fine_enough(light: IlluminationMap, mapping: Mapping) -> int:
+    """Rows as fine as the light's, rounded up: to a power of two a cube's face, else to a multiple of 64."""
+    import math
 
-    from relume.sphere.cube import Cube
-    from relume.sphere.illumination import IlluminationMap
+    from relume.sphere.matching import matching_size
 
-    faces = Cube(np.stack(np.split(light.radiance, 6, axis=1)), light.unit).mirrored(axis).faces
-    return IlluminationMap(np.concatenate(list(faces), axis=1), light.mapping, light.unit)
-
-
-def _matching_size(light: IlluminationMap, mapping: Mapping) -> int:
-    """Rows of a map whose pixels are as fine as the light's: a power of two a cube's face, else a multiple of 64."""
-    import numpy as np
-
-    lit = light.mapping.solid_angles(light.size)
-    density = np.count_nonzero(lit) / lit.sum()
-    trial = mapping.solid_angles(384)
-    rows = 384 * np.sqrt(density * trial.sum() / np.count_nonzero(trial))
-    faces = getattr(mapping, "grid", (0, 0))[0]
-    if faces:
-        return min(faces * 2 ** int(np.ceil(np.log2(rows / faces) - 0.01)), LARGEST)
-    return min(64 * int(np.ceil(rows / 64 - 0.01)), LARGEST)
+    rows = matching_size(light, mapping)
+    if mapping == light.mapping:
+        return rows
+    faces = getattr(mapping, "grid", (1, 1))[0] if mapping.name in CUBES else 0
+    rounded = faces * 2 ** math.ceil(math.log2(rows / faces)) if faces else 64 * math.ceil(rows / 64)
+    return min(rounded, LARGEST // max(faces, 1) * max(faces, 1))
 
 
 def _laid_out(light: IlluminationMap, host: str, size: int | None) -> tuple[IlluminationMap, str]:
-    from relume.sphere.mappings import LatLong
     from relume.sphere.orientation import orientation_named, oriented
 
     orientation = orientation_named(host)
-    if not isinstance(light.mapping, LatLong):
-        light = light.remapped(LatLong(), _matching_size(light, LatLong()))
-    rows = size or _matching_size(light, orientation.mapping)
+    rows = size or _fine_enough(light, orientation.mapping)
     return oriented(light, orientation, rows), orientation.name
 
 
@@ -364,11 +385,12 @@ def _write(out: Path, to: str | None, picture: RadianceMap) -> list[Path]:
         return paths
     clipped = [None] * 6 if picture.clipped is None else np.split(picture.clipped, 6, axis=1)
     for path, radiance, marks in zip(paths, np.split(picture.radiance, 6, axis=1), clipped, strict=True):
-        face = {"face": path.stem.rpartition("_")[2]}
+        face = {**picture.attributes, "face": path.stem.rpartition("_")[2]}
+        del face["mapping"]
         files.write(path, RadianceMap(np.ascontiguousarray(radiance), None, marks, picture.unit, face))
     return paths
 
 
 def _read_back(paths: list[Path], to: str | None) -> IlluminationMap:
     """What was written, as any reader will find it, but in our frame."""
-    return _of_faces(paths, False) if to == "faces" else read_light(paths[0])
+    return _of_faces(paths, False, None) if to == "faces" else read_light(paths[0])

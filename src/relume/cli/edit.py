@@ -91,7 +91,7 @@ def _edit(source: Path, out: Path, told_mapping: str | None, steps: list[Step], 
     for step in steps:
         after = step(after)
     # What was blurred as a light map is one, and was one before.
-    if "mapping" in after.attributes:
+    if "mapping" in after.attributes and "mapping" not in before.attributes:
         before = with_mapping(before, after.attributes["mapping"])
     if {step.option for step in steps} == {"--resize"}:
         note_losses(before, after)

@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from relume.sphere.audit import Audit
     from relume.sphere.illumination import IlluminationMap
 
+_LOOKS = ("mapping", "envmap", "orientation", "mirror", "face")
+"""Attributes that tell where the pixels of a whole file look."""
+
 
 @dataclass(frozen=True)
 class Step:
@@ -39,25 +42,27 @@ def with_mapping(picture: RadianceMap, name: str) -> RadianceMap:
 
 
 def crop(picture: RadianceMap, left: int, top: int, width: int, height: int) -> RadianceMap:
-    """A rectangle of the map, which no longer tells a mapping unless it is the whole."""
+    """A rectangle of the map, which no longer tells where its pixels look unless it is the whole."""
     from relume.image.resizing import cropped
 
     part = cropped(picture, left, top, width, height)
-    lost = [key for key in ("mapping", "envmap") if key in part.attributes]
+    lost = [key for key in part.attributes if key in _LOOKS or key.startswith("view-")]
     if not lost or part.size == picture.size:
         return part
-    warnings.warn("a part of a light map is no light map; the file no longer tells its mapping", stacklevel=2)
+    if "mapping" in lost:
+        warnings.warn("a part of a light map is no light map; the file no longer tells its mapping", stacklevel=2)
+    elif any(key.startswith("view-") for key in lost):
+        warnings.warn("a part of a view; the file no longer tells where in its light map that lay", stacklevel=2)
     return replace(part, attributes={key: text for key, text in part.attributes.items() if key not in lost})
 
 
 def resize(picture: RadianceMap, width: int, height: int) -> RadianceMap:
     """The map at another size: a light map by solid angle, any other by area."""
     from relume.image.resizing import resized
-    from relume.sphere.illumination import as_illumination
 
     if "mapping" not in picture.attributes or min(width, height) < 1:
         return resized(picture, width, height)
-    light = as_illumination(picture)
+    light = _as_laid_out(picture)
     if light.mapping.shape(height) != (height, width):
         expected = light.mapping.shape(height)[1]
         raise ValueError(
@@ -116,35 +121,51 @@ def soften(picture: RadianceMap, sigma: float, share: float) -> RadianceMap:
 
 
 def spin(picture: RadianceMap, angle: float) -> RadianceMap:
-    """Motion blur of a light map, turned by `angle` in radians."""
+    """Motion blur of a light map, turned by `angle` in radians, in our frame: only there the vertical is upright."""
     from relume.sphere.blur import spun
+    from relume.sphere.illumination import as_illumination, as_radiance_map
 
-    return _on_the_sphere(picture, lambda light: spun(light, angle))
+    light = _light(picture, as_illumination)
+    told = picture.attributes.get("orientation")
+    if told is not None:
+        warnings.warn(f"laid out for {told}; written in our frame: convert --for {told} again", stacklevel=2)
+    elif "mirror" in picture.attributes:
+        axis = picture.attributes["mirror"]
+        warnings.warn(f"mirrored in {axis}; written in our frame: convert --mirror {axis} again", stacklevel=2)
+    return as_radiance_map(spun(light, angle))
 
 
 def blur_sphere(picture: RadianceMap, sigma: float, share: float) -> RadianceMap:
     """Soft blur of a light map, `sigma` in radians."""
     from relume.sphere.blur import blurred
 
-    return _on_the_sphere(picture, lambda light: blurred(light, sigma, share=share))
+    result = blurred(_light(picture, _as_laid_out), sigma, share=share)
+    made = replace(picture, radiance=result.radiance, variance=None, clipped=result.clipped)
+    return with_mapping(made, result.mapping.name)
 
 
-def _on_the_sphere(picture: RadianceMap, blur: Callable[[IlluminationMap], IlluminationMap]) -> RadianceMap:
+def _as_laid_out(picture: RadianceMap) -> IlluminationMap:
+    """The light as it stands in the file, whatever program it is for: enough for what is alike in all directions."""
     from relume.sphere.illumination import as_illumination
 
+    # Turned back, it would have to be resampled, and the file would no longer be for that program.
+    attributes = {key: text for key, text in picture.attributes.items() if key not in ("orientation", "mirror")}
+    return as_illumination(replace(picture, attributes=attributes))
+
+
+def _light(picture: RadianceMap, read: Callable[[RadianceMap], IlluminationMap]) -> IlluminationMap:
+    """A picture that is to be blurred as light; raises ValueError with the option that helps."""
     dark = int((picture.radiance < 0).any(-1).sum())
     if dark:
         raise ValueError(f"{dark} pixels are negative, which no light is; --max 0 takes them for 0")
     try:
-        light = as_illumination(picture)
+        light = read(picture)
     except ValueError as error:
         told = "" if "mapping" in picture.attributes else "; tell it with --from"
         raise ValueError(f"{error}{told}") from None
-    result = blur(light)
     if picture.variance is not None:
         warnings.warn("a light map that is blurred loses its variance", stacklevel=2)
-    blurred = replace(picture, radiance=result.radiance, variance=None, clipped=result.clipped)
-    return with_mapping(blurred, result.mapping.name)
+    return light
 
 
 def _refuse_light_map(picture: RadianceMap, remedy: str) -> None:

@@ -30,14 +30,19 @@ def read_light(path: Path, mapping: Mapping | None = None, *, clamp: bool = Fals
     Raises UnreadableFile for what is missing or damaged, does not tell its mapping, or holds pixels that are no light,
     which it counts.
     """
-    from relume.image import files
     from relume.sphere.illumination import as_illumination
 
-    picture = _light_only(path, _without_surroundings(files.read_radiance(path), mapping), clamp)
     try:
-        return as_illumination(picture, mapping)
+        return as_illumination(read_picture(path, mapping, clamp=clamp), mapping)
     except ValueError as error:
         raise UnreadableFile(f"{path}: {error}") from None
+
+
+def read_picture(path: Path, mapping: Mapping | None = None, *, clamp: bool = False) -> RadianceMap:
+    """The radiance map in a file, with nothing in it that is no light; arguments and errors as `read_light`."""
+    from relume.image import files
+
+    return _light_only(path, _without_surroundings(files.read_radiance(path), mapping), clamp)
 
 
 def _without_surroundings(picture: RadianceMap, mapping: Mapping | None) -> RadianceMap:

@@ -1,7 +1,9 @@
 """Arithmetic between radiance maps, and between maps and constants, in linear light with honest units and marks.
 
 Errors of two maps are taken for independent. A pixel keeps a mark where either map has one: of two bounds that go the
-same way the result is a bound, of two that oppose each other nothing is known (OUTSIDE).
+same way the result is a bound, of two that oppose each other nothing is known (OUTSIDE). A negative factor turns a
+bound round; one that is negative in some channels only leaves OUTSIDE, since marks are of whole pixels; times 0 every
+pixel is known.
 """
 
 from __future__ import annotations
@@ -18,6 +20,8 @@ Operand = RadianceMap | float | tuple[float, float, float]
 """A map of the same size, or a constant for all channels, or one a channel."""
 Pair = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
+_LAYOUT = {"orientation": "for", "mirror": "mirrored in"}
+"""Attributes besides the mapping that tell where a file's pixels look, and how they are said."""
 _OPPOSITE = np.array([0, BLACK, SATURATED, OUTSIDE], np.uint8)
 
 
@@ -37,7 +41,12 @@ def multiplied(first: RadianceMap, second: Operand) -> RadianceMap:
     A factor that is a power of two changes no digit.
     """
     return _combined(
-        first, second, np.multiply, lambda a, b, va, vb: a * a * vb + b * b * va + va * vb, _unit_of_product
+        first,
+        second,
+        np.multiply,
+        lambda a, b, va, vb: a * a * vb + b * b * va + va * vb,
+        _unit_of_product,
+        factors=True,
     )
 
 
@@ -59,7 +68,7 @@ def divided(first: RadianceMap, second: Operand) -> RadianceMap:
     def variance(a: np.ndarray, b: np.ndarray, va: np.ndarray, vb: np.ndarray) -> np.ndarray:
         return np.where(b != 0, (va + quotient(a, b) ** 2 * vb) / np.where(b != 0, b * b, 1), np.inf)
 
-    result = _combined(first, second, quotient, variance, _unit_of_quotient, opposing=True)
+    result = _combined(first, second, quotient, variance, _unit_of_quotient, opposing=True, factors=True)
     lost = none.any(-1)
     if constant is None and lost.any():
         warnings.warn(f"the divisor is 0 in {int(lost.sum())} pixels; they are 0 and marked as not seen", stacklevel=2)
@@ -111,11 +120,13 @@ def _combined(
     unit: Callable[[RadianceMap, RadianceMap], str],
     *,
     opposing: bool = False,
+    factors: bool = False,
 ) -> RadianceMap:
     """One operation on all planes.
 
     variance : of the result from both values and both variances
     opposing : whether a bound of the second works the other way, as in a difference
+    factors : whether the sign of each turns the other's bounds round, as in a product
     """
     if isinstance(second, RadianceMap):
         _require_alike(first, second)
@@ -138,12 +149,26 @@ def _combined(
             noise = variance(light, other, first.variance.astype(np.float64), spread.astype(np.float64))
         # An unknown error times nothing is no error.
         noise = np.nan_to_num(np.broadcast_to(noise, light.shape), nan=0.0, posinf=np.inf).astype(np.float32)
-    marks = [first.clipped] + ([second.clipped] if isinstance(second, RadianceMap) else [])
+    marks = [first.clipped, second.clipped if isinstance(second, RadianceMap) else None]
+    if factors:
+        marks = [_turned(marks[0], other, marks[1]), _turned(marks[1], light, marks[0])]
     return replace(first, radiance=radiance, variance=noise, clipped=_marks(marks, opposing), unit=named)
 
 
+def _turned(marks: np.ndarray | None, factor: np.ndarray, of_factor: np.ndarray | None) -> np.ndarray | None:
+    """What marks (H, W) say once their pixels are multiplied by a factor (H, W, 3) or (3,) with marks of its own."""
+    if marks is None or np.all(factor > 0):
+        return marks
+    falls, rises = (factor < 0).any(-1), (factor > 0).any(-1)
+    result = np.where(falls, _OPPOSITE[marks], marks)
+    result[falls & rises & (marks != 0)] = OUTSIDE
+    nothing = (factor == 0).all(-1) & (True if of_factor is None else of_factor == 0)
+    result[np.broadcast_to(nothing, marks.shape)] = 0
+    return result
+
+
 def _marks(marks: list[np.ndarray | None], opposing: bool) -> np.ndarray | None:
-    first, second = [*marks, None][:2]
+    first, second = marks
     if second is not None and opposing:
         second = _OPPOSITE[second]
     if first is None or second is None:
@@ -165,9 +190,14 @@ def _require_alike(first: RadianceMap, second: RadianceMap) -> None:
     if first.size != second.size:
         sizes = " and ".join(f"{width}×{height}" for width, height in (first.size, second.size))
         raise ValueError(f"the maps are {sizes} pixels; resize one of them first")
-    mappings = [picture.attributes.get("mapping") for picture in (first, second)]
-    if None not in mappings and mappings[0] != mappings[1]:
-        raise ValueError(f"the maps are laid out as {mappings[0]} and {mappings[1]}; convert one of them first")
+    if not all("mapping" in picture.attributes for picture in (first, second)):
+        return
+    layouts = [
+        " ".join([a["mapping"], *(f"{word} {a[key]}" for key, word in _LAYOUT.items() if key in a)])
+        for a in (first.attributes, second.attributes)
+    ]
+    if layouts[0] != layouts[1]:
+        raise ValueError(f"the maps are laid out as {layouts[0]} and {layouts[1]}; convert one of them first")
 
 
 def _same_unit(first: RadianceMap, second: RadianceMap) -> str:

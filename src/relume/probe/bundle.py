@@ -19,6 +19,7 @@ from scipy.optimize import least_squares
 from relume.image.colour import luminance
 from relume.image.resample import bilinear
 from relume.probe.ball import BallView
+from relume.probe.silhouette import RAYS
 from relume.sphere.directions import rotation_from_vector
 
 NEAREST = 0.2
@@ -27,8 +28,8 @@ EVEN_LIGHT = 0.05
 """Standard deviation of ln luminance below which there is nothing to correlate."""
 RIM_LIMIT = 0.008
 """The most that a silhouette is moved or grown, in radii: beyond that it was not the rim that was found."""
-RIM_HOLD = 0.15
-"""How hard the silhouettes are held, in misfit per pixel: enough for light that tells nothing of them."""
+RIM_HOLD = 0.25
+"""How hard a silhouette is held of which half was seen, in misfit per pixel: enough for light that tells nothing of it."""
 BLUR = 0.5
 """Pixels by which ln luminance is blurred before views are compared, so that both are smooth where they are probed."""
 PARTS = 100
@@ -178,7 +179,12 @@ class Bundle:
         mean = (self.shares * level).sum(0)
         return np.concatenate([(np.sqrt(self.shares * believed) * (level - mean)).ravel(), self._held(found)])
 
+    def _rim_holds(self) -> np.ndarray:
+        """(N,) how hard each silhouette is held: the harder, the more of it was seen where one ellipse has it."""
+        seen = np.array([min(len(view.outline.points) / RAYS, 1.0) for view in self.views])
+        return RIM_HOLD * seen / (1.05 - seen)
+
     def _held(self, found: Adjustment) -> np.ndarray:
         """What silhouettes and turns cost by themselves, in parts so small that the robust loss leaves them squares."""
-        cost = np.concatenate([(RIM_HOLD * found.rims).ravel(), (self.hold * found.vectors).ravel()])
+        cost = np.concatenate([(self._rim_holds()[:, None] * found.rims).ravel(), (self.hold * found.vectors).ravel()])
         return np.repeat(cost / PARTS**0.5, PARTS)

@@ -9,6 +9,7 @@ outer corner of the first pixel.
 from __future__ import annotations
 
 import numpy as np
+from scipy import fft
 from scipy.ndimage import gaussian_filter, gaussian_filter1d, map_coordinates, maximum_filter, zoom
 from scipy.optimize import minimize
 
@@ -60,27 +61,25 @@ def _circles(picture: np.ndarray, count: int = 12) -> list[tuple[float, float, f
     small = np.asarray(zoom(gaussian_filter(picture, 0.4 / scale), scale, order=1)) if scale < 1 else picture
     side = min(small.shape)
     margin = side // 8
-    padded = np.pad(small, margin, mode="edge")
+    padded = np.pad(small, margin, mode="edge").astype(np.float32)  # twice as fast as doubles, and fine enough
     gx, gy = _gradient(padded, 1.0)
     strength = gx**2 + gy**2
     # Each direction of change counts alike once it stands out of the noise.
     level = strength + np.percentile(strength, 50) + 1e-8
-    across, along = np.fft.rfft2((gx**2 - gy**2) / level), np.fft.rfft2(2 * gx * gy / level)
+    across, along = _spectrum((gx**2 - gy**2) / level), _spectrum(2 * gx * gy / level)
 
     height, width = padded.shape
     y, x = np.indices((height, width))
     x, y = (x + width // 2) % width - width // 2, (y + height // 2) % height - height // 2
-    distance, angle = np.hypot(x, y), np.arctan2(y, x)
+    distance, angle = np.hypot(x, y).astype(np.float32), np.arctan2(y, x)
+    double, other = np.cos(2 * angle).astype(np.float32), np.sin(2 * angle).astype(np.float32)
     found: list[tuple[float, float, float, float]] = []
     for radius in np.arange(max(4.0, 0.06 * side), 0.6 * side, 0.75):
-        ring = np.exp(-0.5 * ((distance - radius) / 0.8) ** 2)
+        ring = np.exp(-0.5 * ((distance - np.float32(radius)) / np.float32(0.8)) ** 2)
         ring /= ring.sum()
         # Change across the circle minus change along it: (g·n)² − (g·t)², with n at angle ψ.
-        share = np.fft.irfft2(
-            across * np.conj(np.fft.rfft2(ring * np.cos(2 * angle)))
-            + along * np.conj(np.fft.rfft2(ring * np.sin(2 * angle))),
-            s=(height, width),
-        )
+        spectrum = across * np.conj(_spectrum(ring * double)) + along * np.conj(_spectrum(ring * other))
+        share = np.asarray(fft.irfft2(spectrum, s=(height, width)))
         share = share[margin : height - margin, margin : width - margin]
         peak = np.where(share == maximum_filter(share, 7), share, 0)
         for index in np.argpartition(peak, -3, axis=None)[-3:]:
@@ -95,6 +94,10 @@ def _circles(picture: np.ndarray, count: int = 12) -> list[tuple[float, float, f
         if len(chosen) == count:
             break
     return [(cx / scale, cy / scale, radius / scale) for cx, cy, radius in chosen]
+
+
+def _spectrum(image: np.ndarray) -> np.ndarray:
+    return np.asarray(fft.rfft2(image))
 
 
 def _slopes(picture: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:

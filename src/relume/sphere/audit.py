@@ -24,7 +24,9 @@ LOSS = 0.01
 """Share of irradiance whose loss is told: a third of what an eye sees as a step in brightness (1/30 of a stop)."""
 
 GRAZING = 0.003
-"""Share of the greatest irradiance that may change besides: a sun that moves by a sixth of a degree."""
+"""Share of the greatest irradiance that may change besides, at least: a sun that moves by a sixth of a degree."""
+_MOVED = 0.5
+"""Pixels by which a sun may move in a coarse map, for it stands in the middle of one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,7 @@ class Audit:
     clipped : steradians whose radiance is only a lower bound
     unseen : steradians that no view saw, filled in
     unit : "relative" or "cd/m²"
+    pixel : radians, the side of a pixel of mean solid angle
     """
 
     total: np.ndarray
@@ -47,6 +50,7 @@ class Audit:
     clipped: float
     unseen: float
     unit: str
+    pixel: float
 
     def facts(self) -> dict[str, object]:
         """The audit for a person or a machine, six digits."""
@@ -89,6 +93,7 @@ def audit(light: IlluminationMap, turn: np.ndarray | None = None) -> Audit:
         clipped=marked(SATURATED),
         unseen=marked(OUTSIDE),
         unit=light.unit,
+        pixel=float(np.sqrt(areas.sum() / max(np.count_nonzero(areas), 1))),
     )
 
 
@@ -103,8 +108,9 @@ def losses(before: Audit, after: Audit) -> tuple[str, ...]:
         told.append(f"the light's total changed by {_percent(change)} (R, G, B)")
     was, fall = luminance(before.irradiance), luminance(after.irradiance - before.irradiance)
     # A lamp that moves by a share of a pixel is no loss, but counts where it shines along a surface.
-    worst = int(np.argmax(np.abs(fall) / np.maximum(was + GRAZING / LOSS * was.max(), 1e-30)))
-    if abs(fall[worst]) > LOSS * was[worst] + GRAZING * was.max():
+    grazing = max(GRAZING, _MOVED * max(before.pixel, after.pixel))
+    worst = int(np.argmax(np.abs(fall) / np.maximum(was + grazing / LOSS * was.max(), 1e-30)))
+    if abs(fall[worst]) > LOSS * was[worst] + grazing * was.max():
         towards = ", ".join(f"{value:.2g}" for value in _NORMALS[worst])
         share = 100 * fall[worst] / max(was[worst], 1e-30)
         told.append(f"irradiance on a surface facing ({towards}) changed by {share:+.2g} %")

@@ -19,22 +19,15 @@ x (three.js, PlayCanvas) or z (Bevy, Stride), as the KTX 2.0 specification advis
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from relume.image.resample import bilinear
-from relume.sphere.cubes import FACES, OPENGL, face_solid_angles
+from relume.sphere.cubes import FACES, OPENGL, Strip, face_solid_angles
 from relume.sphere.illumination import IlluminationMap
 
-__all__ = ["FACES", "Cube", "cube_of", "directions", "mips", "solid_angles"]
-
-_LEAST_CELLS = 4
-"""Look-ups a texel and side: a texel at a corner of its face is slanted, and 4 × 4 cells follow that."""
-_CELLS_A_PIXEL = 3
-"""Look-ups a pixel of the map and side: fewer count a sun of one pixel too much or too little, by 5 % at two."""
-_WIDEST = 512
-"""Look-ups at a time along a face, at most, unless the cube itself is larger."""
+__all__ = ["FACES", "Cube", "cube_of", "directions", "mips", "mirrored_strip", "solid_angles"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,10 +71,7 @@ class Cube:
 
         Raises ValueError for another axis.
         """
-        if axis not in ("x", "z"):
-            raise ValueError(f'axis is "{axis}"; engines negate "x" (three.js, PlayCanvas) or "z" (Bevy, Stride)')
-        face, s, t = OPENGL.points(directions(self.size) * np.where(np.array(["x", "y", "z"]) == axis, -1, 1))
-        return Cube(self.faces[face, (t * self.size).astype(int), (s * self.size).astype(int)], self.unit)
+        return Cube(self.faces[_mirrored_places(self.size, axis)], self.unit)
 
 
 def directions(size: int) -> np.ndarray:
@@ -96,31 +86,38 @@ def solid_angles(size: int) -> np.ndarray:
 
 
 def cube_of(light: IlluminationMap, size: int) -> Cube:
-    """The light on a cube of `size` texels an edge, its total kept in each channel.
+    """The light on a cube of `size` texels an edge, its total kept in each channel (`IlluminationMap.remapped`).
 
-    A texel is the mean, by solid angle, of look-ups in its cells: 4 × 4, more where the map is finer. Then each channel
-    is scaled to the map's own total, by less than 1 % unless a few pixels near a pole give most of it. Constant light
-    stays constant. Raises ValueError for a size below 1.
+    Raises ValueError for a size below 1.
     """
     if size < 1:
         raise ValueError(f"size is {size}; a cube has at least 1 texel along an edge")
-    # A texel in the middle of a face spans 2/size radians, a pixel of a lat-long map π/rows.
-    cells = max(_LEAST_CELLS, int(np.ceil(_CELLS_A_PIXEL * 2 * light.size / (np.pi * size))))
-    # Blocks of cells are summed at the end, so that a small cube of a fine map is no long row of short look-ups.
-    block = max(1, min(cells // _LEAST_CELLS, _WIDEST // size))
-    grid, cells = size * block, -(-cells // block)
-    weights = solid_angles(grid * cells)[0, :, :, None]
-    places = (np.arange(grid * cells) + 0.5) / (grid * cells)
-    faces = np.zeros((6, grid, grid, 3))
-    for face in range(6):
-        for row, column in np.ndindex(cells, cells):
-            towards = OPENGL.directions(face, places[None, column::cells], places[row::cells, None])
-            faces[face] += light.look_up(towards) * weights[row::cells, column::cells]
-    faces = faces.reshape(6, size, block, size, block, 3).sum((2, 4))
-    texels = solid_angles(size)[..., None]
-    wanted, present = light.total(), faces.sum((0, 1, 2))
-    scale = np.divide(wanted, present, out=np.ones(3), where=present > 0)
-    return Cube((faces / texels * scale).astype(np.float32), light.unit)
+    return Cube(np.stack(np.split(light.remapped(Strip(), size).radiance, 6, axis=1)), light.unit)
+
+
+def mirrored_strip(light: IlluminationMap, axis: str) -> IlluminationMap:
+    """A strip of faces for an engine that negates `axis`, or such a strip made ours: the same exchange.
+
+    Raises ValueError for another mapping or axis.
+    """
+    if not isinstance(light.mapping, Strip):
+        raise ValueError(f"a {light.mapping.name} map; only strips of cube faces are mirrored")
+    places = _mirrored_places(light.size, axis)
+    clipped = None if light.clipped is None else _exchanged(light.clipped, places)
+    return replace(light, radiance=_exchanged(light.radiance, places), clipped=clipped)
+
+
+def _exchanged(strip: np.ndarray, places: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
+    faces = np.stack(np.split(strip, 6, axis=1))
+    return np.concatenate(list(faces[places]), axis=1)
+
+
+def _mirrored_places(size: int, axis: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Face, row and column of the texels that an engine negating `axis` is to find at each place: (6, S, S) each."""
+    if axis not in ("x", "z"):
+        raise ValueError(f'axis is "{axis}"; engines negate "x" (three.js, PlayCanvas) or "z" (Bevy, Stride)')
+    face, s, t = OPENGL.points(directions(size) * np.where(np.array(["x", "y", "z"]) == axis, -1, 1))
+    return face, (t * size).astype(int), (s * size).astype(int)
 
 
 def mips(cube: Cube) -> tuple[Cube, ...]:

@@ -25,6 +25,16 @@ def rotation_about(axis: ArrayLike, angle: float) -> np.ndarray:
     return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
 
 
+def required_rotation(matrix: ArrayLike) -> np.ndarray:
+    """The matrix (3, 3) itself, float64; raises ValueError where it is not orthonormal or mirrors."""
+    rotation = np.asarray(matrix, np.float64)
+    if rotation.shape != (3, 3) or not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6):
+        raise ValueError(f"a rotation of {np.round(rotation, 3).tolist()}; expected an orthonormal (3, 3) matrix")
+    if np.linalg.det(rotation) < 0:
+        raise ValueError("the matrix mirrors; expected a rotation, whose determinant is 1")
+    return rotation
+
+
 def rotation_from_vector(vector: np.ndarray) -> np.ndarray:
     """The rotation whose axis is `vector` and whose angle, in radians, is its length."""
     angle = float(np.linalg.norm(vector))

@@ -133,7 +133,12 @@ class Fisheye(_Disc):
 
     @property
     def name(self) -> str:
-        return f"fisheye:{'equisolid' if self.equisolid else 'equidistant'}:{np.degrees(self.field):.10g}"
+        # The shortest number that is read as this very field again.
+        degrees = (f"{np.degrees(self.field):.{digits}g}" for digits in range(3, 18))
+        told = next(
+            (text for text in degrees if np.radians(float(text)) == self.field), f"{np.degrees(self.field):.17g}"
+        )
+        return f"fisheye:{'equisolid' if self.equisolid else 'equidistant'}:{told}"
 
     @classmethod
     def named(cls, text: str) -> Fisheye:
@@ -185,6 +190,7 @@ class Hemispheres:
     """
 
     name = "hemispheres"
+    grid = (1, 2)
 
     def shape(self, size: int) -> tuple[int, int]:
         refuse_size(size, self.name)

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.special import gammaln
 
-from relume.sphere.directions import rotation_about
+from relume.sphere.directions import required_rotation, rotation_about
 
 
 def turned(coefficients: np.ndarray, rotation: np.ndarray) -> np.ndarray:
@@ -44,12 +44,7 @@ def euler_angles(rotation: np.ndarray) -> tuple[float, float, float]:
 
     Raises ValueError for what is not a rotation matrix.
     """
-    matrix = np.asarray(rotation, np.float64)
-    if matrix.shape != (3, 3) or not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6) or np.linalg.det(matrix) < 0:
-        raise ValueError(
-            f"rotation is {np.array2string(matrix, precision=4, separator=', ')}; expected a rotation matrix (3, 3), "
-            "orthonormal and right-handed"
-        )
+    matrix = required_rotation(rotation)
     alpha = float(np.arctan2(matrix[1, 2], matrix[0, 2]))
     beta = float(np.arctan2(np.hypot(matrix[0, 2], matrix[1, 2]), matrix[2, 2]))
     # What is left turns about Z alone, also where β is 0 or π and α could be anything.

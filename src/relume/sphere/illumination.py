@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from relume.image.radiance import RadianceMap
 from relume.image.resample import bilinear
+from relume.sphere.directions import required_rotation
 from relume.sphere.mappings import LatLong, Mapping, mapping_named, pixel_directions
 
 
@@ -21,12 +22,14 @@ class IlluminationMap:
     clipped : (rows, columns) uint8, what no photograph could measure, in the codes of `RadianceMap`: where it is
         SATURATED radiance is a lower bound, where it is OUTSIDE no view saw and radiance is filled in; None where
         nothing is known of that
+    attributes : what else the map's file told (text), as where its sun was recovered from; conversions carry them
     """
 
     radiance: np.ndarray
     mapping: Mapping = LatLong()
     unit: str = "relative"
     clipped: np.ndarray | None = None
+    attributes: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         shape = self.radiance.shape
@@ -46,12 +49,25 @@ class IlluminationMap:
         return self.radiance.shape[0]
 
     def look_up(self, directions: np.ndarray) -> np.ndarray:
-        """Radiance (…, 3) from unit directions (…, 3), bilinear, continuous over a lat-long's seam and poles."""
+        """Radiance (…, 3) from unit directions (…, 3), bilinear; 0 where the map does not show them.
+
+        Over a lat-long's seam and poles it is continuous; at the rims of discs and cube faces the outermost pixel goes
+        on.
+        """
         points = self.mapping.image_points(directions)
+        rows, columns = self.radiance.shape[:2]
         if isinstance(self.mapping, LatLong):
-            image = _wrapped(self.radiance)
-            return bilinear(image, points[..., 0] * 2 * self.size + 1, points[..., 1] * self.size + 1)
-        return bilinear(self.radiance, points[..., 0] * self.size, points[..., 1] * self.size)
+            return bilinear(_wrapped(self.radiance), points[..., 0] * columns + 1, points[..., 1] * rows + 1)
+        outside = np.isnan(points[..., 0])
+        points = np.where(outside[..., None], 0.5, points)
+        # Each face or disc has a cell of its own: what lies in the next one is no neighbour.
+        grid = np.array(getattr(self.mapping, "grid", (1, 1)))[::-1]
+        cell = np.minimum(np.floor(points * grid), grid - 1)
+        half = 0.5 / np.array([columns, rows])
+        x, y = np.moveaxis(np.clip(points, cell / grid + half, (cell + 1) / grid - half) * [columns, rows], -1, 0)
+        lit = (self.mapping.solid_angles(self.size) > 0)[..., None].astype(np.float32)
+        found = bilinear(self.radiance * lit, x, y) / np.maximum(bilinear(lit, x, y), 1e-6)
+        return np.where(outside[..., None], 0.0, found)
 
     def total(self) -> np.ndarray:
         """∫ L dω over the whole sphere, (3,): the sum of radiance × solid angle."""
@@ -65,18 +81,23 @@ class IlluminationMap:
         result = np.stack([np.maximum(directions @ n, 0) @ flux for n in flat])
         return result.reshape(np.shape(normals))
 
-    def remapped(self, mapping: Mapping, size: int | None = None) -> IlluminationMap:
-        """The same light in another mapping or size (rows; the present number unless given), energy kept."""
-        return self._resampled(mapping, size or self.size, np.eye(3))
+    def remapped(
+        self, mapping: Mapping, size: int | None = None, rotation: np.ndarray | None = None
+    ) -> IlluminationMap:
+        """The same light in another mapping or size (rows; as fine as now unless given), energy kept.
+
+        rotation : turned by it as well, in one step, which blurs less than two
+        """
+        from relume.sphere.matching import matching_size
+        from relume.sphere.resampling import resampled
+
+        turn = np.eye(3) if rotation is None else required_rotation(rotation)
+        rows = matching_size(self, mapping) if size is None else size
+        return replace(resampled(self, mapping, rows, turn), attributes=self.attributes)
 
     def rotated(self, rotation: np.ndarray) -> IlluminationMap:
         """The light turned by an active rotation: what came from ω comes from `rotation` @ ω; energy kept."""
-        return self._resampled(self.mapping, self.size, np.asarray(rotation, np.float64))
-
-    def _resampled(self, mapping: Mapping, size: int, rotation: np.ndarray) -> IlluminationMap:
-        from relume.sphere.resampling import resampled
-
-        return resampled(self, mapping, size, rotation)
+        return self.remapped(self.mapping, self.size, rotation)
 
 
 def as_illumination(picture: RadianceMap, mapping: Mapping | None = None) -> IlluminationMap:
@@ -91,7 +112,12 @@ def as_illumination(picture: RadianceMap, mapping: Mapping | None = None) -> Ill
     if mapping is None:
         told = picture.attributes.get("mapping")
         mapping = mapping_named(told) if told else _mapping_of_shape(picture)
-    light = IlluminationMap(picture.radiance, mapping, picture.unit, picture.clipped)
+    kept = {key: text for key, text in picture.attributes.items() if key not in _LAYOUT}
+    light = IlluminationMap(picture.radiance, mapping, picture.unit, picture.clipped, kept)
+    if "mirror" in picture.attributes:
+        from relume.sphere.cube import mirrored_strip
+
+        light = mirrored_strip(light, picture.attributes["mirror"])
     if "orientation" in picture.attributes:
         from relume.sphere.orientation import orientation_named, restored
 
@@ -99,9 +125,13 @@ def as_illumination(picture: RadianceMap, mapping: Mapping | None = None) -> Ill
     return light
 
 
+_LAYOUT = ("mapping", "orientation", "mirror", "face")
+"""Attributes that tell where a file's pixels look."""
+
+
 def as_radiance_map(light: IlluminationMap) -> RadianceMap:
     """The light as a picture that remembers its mapping, ready to be written to a file."""
-    attributes = {"mapping": light.mapping.name}
+    attributes = {**light.attributes, "mapping": light.mapping.name}
     return RadianceMap(light.radiance.astype(np.float32), None, light.clipped, light.unit, attributes)
 
 

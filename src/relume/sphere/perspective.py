@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from relume.image.radiance import RadianceMap
+from relume.sphere.directions import required_rotation
 from relume.sphere.illumination import IlluminationMap
 from relume.sphere.layouts import FLAT, Layout, laid_out, layout
 
@@ -75,13 +76,11 @@ def with_view(
 
 def _camera(rotation: np.ndarray, field: float, size: tuple[int, int]) -> Layout:
     """The one plane of a pinhole camera's picture."""
-    rotation, (width, height) = np.asarray(rotation, np.float64), size
+    rotation, (width, height) = required_rotation(rotation), size
     if not 0 < field < np.pi:
         raise ValueError(f"the field of view is {np.degrees(field):g}°; expected more than 0 and less than 180")
     if width < 1 or height < 1:
         raise ValueError(f"the picture is {width}×{height} pixels; expected at least 1×1")
-    if rotation.shape != (3, 3) or not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6):
-        raise ValueError("rotation is no rotation; expected an orthonormal (3, 3) matrix, world from camera")
     right, up, backward = rotation.T
     tangent = float(np.tan(field / 2))
     frame = np.stack([right, -up, -backward])[None]

@@ -31,7 +31,7 @@ from relume.sphere.resampling_kernels import (
     sums,
 )
 
-STANDS_OUT = 16.0
+STANDS_OUT = 4.0
 """Times a channel's mean radiance above which light is pushed: few pixels do that, and below it errors average out."""
 SMALL = 1e-5
 """Share of the whole flux below which a pixel need not be pushed: 10,000 such with errors of 5 % add up to 5e-5."""

@@ -1,0 +1,169 @@
+"""`relume probe`: every form of input, what it writes, and one line for whatever cannot be."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from command_line import refused
+from relume.cli import main
+from relume.image.colour import encode_srgb
+from relume.image.files import read_layers, read_radiance, write
+from relume.image.photograph import Photograph
+from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
+from synthetic import lobes, photograph_ball
+
+FRONT, SIDE = np.array([0.0, 0.17, 1.0]), np.array([1.0, 0.17, 0.0])
+PLACE = ["--camera", "0,0.12,1", "--radius", "0.05", "--size", "48"]
+
+
+def ball(camera: np.ndarray, light=lobes, **more: Any) -> RadianceMap:
+    size: dict[str, Any] = {"width": 140, "height": 140, "focal_length": 1260.0} | more
+    return photograph_ball(light, camera, **size)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Radiance maps front.exr and side.exr, each in a folder as well, a photograph, and pictures that cannot be."""
+    made = tmp_path_factory.mktemp("balls")
+    for name, camera in (("front", FRONT), ("side", SIDE)):
+        picture = ball(camera)
+        write(made / f"{name}.exr", picture)
+        (made / name).mkdir()
+        write(made / name / "map.exr", picture)
+    front = ball(FRONT).radiance
+    write(made / "front.png", Photograph(np.rint(255 * encode_srgb(np.clip(front, 0, 1))).astype(np.uint8)))
+    write(made / "empty.exr", RadianceMap(np.full((120, 120, 3), 0.3, np.float32)))
+    write(made / "cut.exr", RadianceMap(np.ascontiguousarray(front[:, 32:])))
+    write(made / "two.exr", RadianceMap(np.concatenate([front, front], axis=1)))
+    (made / "nothing").mkdir()
+    return made
+
+
+def told(words: list[str], capsys: pytest.CaptureFixture[str], code: int = 0) -> dict[str, Any]:
+    assert main([*words, "--json", "-q"]) == code
+    return json.loads(capsys.readouterr().out)
+
+
+def test_a_lone_view_writes_its_confidence_and_marks_what_it_did_not_see(folder, tmp_path, capsys) -> None:
+    out = tmp_path / "lone.exr"
+    facts = told(["probe", str(folder / "front.exr"), "-o", str(out), *PLACE], capsys)
+    layers = read_layers(out)
+    assert set(layers) == {"radiance", "clipped", "confidence"}
+    found = read_radiance(out)
+    assert found.attributes["mapping"] == "latlong" and found.clipped is not None
+    unseen = found.clipped == OUTSIDE
+    assert unseen.any() and np.all(layers["confidence"][unseen] == 0) and layers["confidence"].max() <= 1
+    assert facts["unseen, sr"] > 0.1
+    assert facts["balls"][0]["radius"] == pytest.approx(62.63, abs=0.15)
+
+
+def test_folders_are_views_whose_turns_are_found(folder, tmp_path, capsys) -> None:
+    out = tmp_path / "both.exr"
+    facts = told(["probe", str(folder / "front"), str(folder / "side"), "-o", str(out), *PLACE], capsys)
+    assert facts["cameras told"] is False
+    # A quarter of a pixel of this ball of 63 turns what it mirrors by 0.5°; finer ones are in the probe's own tests.
+    assert [float(turn.rstrip("°")) for turn in facts["turns found"]] == pytest.approx([0, 90], abs=0.6)
+    assert facts["unseen, sr"] == 0
+
+
+@pytest.mark.slow
+def test_turns_are_told_in_degrees_and_views_by_pattern(folder, tmp_path, capsys) -> None:
+    views = ["--view", str(folder / "fron?.exr"), "--view", str(folder / "side.exr")]
+    out = tmp_path / "told.hdr"
+    facts = told(["probe", *views, "--turn", "0,90", "-o", str(out), *PLACE], capsys)
+    assert facts["cameras told"] is True
+    assert float(facts["turned by registration"][1].rstrip("°")) < 0.6  # as above
+    second = ["probe", str(folder / "front.exr"), "--second", str(folder / "side.exr"), "--second-camera", "1,0.12,0"]
+    again = told([*second, "-o", str(out), *PLACE], capsys)
+    assert again["total"] == pytest.approx(facts["total"], rel=1e-3)
+
+
+@pytest.mark.slow
+def test_a_turn_told_wrong_is_doubtful_and_written(folder, tmp_path, capsys) -> None:
+    words = ["probe", str(folder / "front.exr"), str(folder / "side.exr"), "--turn", "0,140", *PLACE]
+    out = tmp_path / "doubtful.exr"
+    assert main([*words, "-o", str(out), "-q"]) == 4
+    assert "view 2 of the ball does not fit the first one" in capsys.readouterr().err and out.is_file()
+    assert main([*words, "-o", str(out), "-q", "--accept"]) == 0
+
+
+def test_one_photograph_is_light_as_far_as_it_is_not_clipped(folder, tmp_path, capsys) -> None:
+    out = tmp_path / "single.exr"
+    assert main(["probe", str(folder / "front.png"), "-o", str(out), *PLACE]) == 0
+    said = capsys.readouterr().err
+    assert "one photograph, taken for sRGB" in said and "saturated in every photograph" in said
+    found, whole = read_radiance(out), tmp_path / "whole.exr"
+    assert main(["probe", str(folder / "front.exr"), "-o", str(whole), *PLACE, "-q"]) == 0
+    true = read_radiance(whole)
+    assert found.clipped is not None and np.any(found.clipped == SATURATED)
+    measured = (found.clipped == 0) & (true.radiance.max(-1) < 0.8) & (true.radiance.min(-1) > 0.1)
+    assert measured.mean() > 0.2
+    np.testing.assert_allclose(found.radiance[measured], true.radiance[measured], rtol=0.05)
+
+
+def test_the_reflectance_is_divided_out(folder, tmp_path, capsys) -> None:
+    words = ["probe", str(folder / "front.exr"), "-o", str(tmp_path / "out.exr"), *PLACE]
+    plain = told(words, capsys)
+    half = told([*words, "--reflectance", "0.5", "--no-fresnel"], capsys)
+    rising = told([*words, "--reflectance", "0.5"], capsys)
+    assert half["total"] == pytest.approx([2 * t for t in plain["total"]], rel=1e-3)
+    assert plain["total"][0] < rising["total"][0] < half["total"][0]
+
+
+def test_a_ball_may_be_picked(folder, tmp_path, capsys) -> None:
+    words = ["probe", str(folder / "cut.exr"), "-o", str(tmp_path / "out.exr"), *PLACE]
+    assert "cuts off" in refused(words, capsys)
+    exact = told([*words, "--pick", "38,70,63", "--pick-exactly"], capsys)
+    assert exact["balls"][0] | {"radii away": 0} == {"x": 38.0, "y": 70.0, "radius": 63.0, "radii away": 0}
+    points = told([*words, "--pick", "100.6,70,38,7.4,38,132.6"], capsys)
+    assert points["balls"][0]["x"] == pytest.approx(38, abs=0.3)
+    assert points["balls"][0]["radius"] == pytest.approx(62.63, abs=0.3)
+
+
+def test_an_unknown_distance_is_told(folder, tmp_path, capsys) -> None:
+    words = ["probe", str(folder / "front.exr"), "-o", str(tmp_path / "out.exr"), "--size", "16"]
+    assert main(words) == 0
+    assert "nothing tells how far the camera was in ball radii; 20 are taken" in capsys.readouterr().err
+    assert main([*words, "--radius", "0.05", "--distance", "0.5"]) == 0
+    said = capsys.readouterr()
+    assert "nothing tells" not in said.err and "radii away 10" in said.out
+
+
+@pytest.mark.parametrize(
+    "words, line",
+    [
+        pytest.param(["empty.exr"], "empty.exr: no mirrored ball found", id="no ball"),
+        pytest.param(["two.exr"], "two.exr: two balls, at x,y,radius", id="two balls"),
+        pytest.param(["cut.exr"], "cut.exr: the picture's edge cuts off", id="a cut ball"),
+        pytest.param(["missing.exr"], "missing.exr: no such file", id="no file"),
+        pytest.param(["nothing"], "no photograph is in this folder", id="an empty folder"),
+        pytest.param(["front.exr", "--turn", "0,90"], "--turn: 2 angles for 1 views", id="too many turns"),
+        pytest.param(["front.exr", "--turn", "east"], '--turn: "east" are no angles', id="no angle"),
+        pytest.param(["front.exr", "--reflectance", "1.4"], '--reflectance: "1.4" is none', id="too bright a ball"),
+        pytest.param(["front.exr", "--pick", "1,2"], '--pick: "1,2" is no rim', id="half a pick"),
+        pytest.param(["front.exr", "--pick", "auto", "--pick", "auto"], "--pick: 2 are given for 1 view", id="picks"),
+        pytest.param(["front.exr", "--distance", "0"], "--distance is 0", id="no distance"),
+        pytest.param(["front.exr", "--camera", "0,0,0"], "is the ball's centre", id="a camera in the ball"),
+        pytest.param(["front.exr", "--size", "1"], "--size is 1", id="no size"),
+        pytest.param(["front.exr", "side.exr", "--second", "side.exr"], "--second is the other of two", id="second"),
+        pytest.param(["--view", "no*.exr"], "no file fits it as a pattern", id="an empty pattern"),
+        pytest.param([], "no photographs were given", id="nothing"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(words, line, folder, tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.chdir(folder)
+    out = tmp_path / "out.exr"
+    assert line in refused(["probe", *words, "-o", str(out), "-q"], capsys)
+    assert not out.exists()
+
+
+def test_a_dry_run_names_the_views(folder, tmp_path, capsys) -> None:
+    words = ["probe", str(folder / "front"), str(folder / "side"), "-o", str(tmp_path / "out.exr"), "--dry-run"]
+    facts = told(words, capsys)
+    assert facts["views"] == ["map.exr", "map.exr"] and "registration" in str(facts["their cameras"])
+    assert list(tmp_path.iterdir()) == []
