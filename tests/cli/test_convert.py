@@ -177,6 +177,10 @@ def test_a_painting_needs_its_gamma_and_gets_its_suns(tmp_path: Path, capsys: py
         (["--to", "cross", "--size", "100"], "a cross map of 100 rows; expected a multiple of 3"),
         (["--hot", "a.png=3"], "give --gamma too"),
         (["--view", "0", "--to", "ball"], "leave --to"),
+        (["--view", "0", "--rotate", "90"], "leave --to, --for, --rotate"),
+        (["--field", "60"], "--field and --pixels are for --view"),
+        (["--from", "angular"], "24×12 pixels, but a picture in angular of 12 rows is 12 wide"),
+        (["--gamma", "2.2", "--hot", "sun.png"], "write MASK=STOPS"),
     ],
 )
 def test_wrong_words_are_refused_in_one_line(
@@ -218,3 +222,9 @@ def test_info_draws_a_map_with_its_axes(tmp_path: Path, capsys: pytest.CaptureFi
     dark, middle, light = (part.mean() for part in reversed(np.array_split(read_photograph(out).pixels[50:], 3)))
     assert dark < middle < light
     assert "one map" in refused(["info", str(out), str(out), "--draw", str(out)], capsys)
+
+
+def test_the_labelled_probe_is_written_for_any_program(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made(["--labelled", "-o", str(tmp_path / "axes.exr"), "--for", "blender", "--size", "64"], capsys)
+    assert read_radiance(tmp_path / "axes.exr").attributes["orientation"] == "blender"
+    assert "--labelled" in refused(["convert", "-o", str(tmp_path / "no.exr")], capsys)

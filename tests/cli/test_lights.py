@@ -139,11 +139,19 @@ def test_a_clipped_sun_is_written_and_doubted(tmp_path, capsys):
     light = lights.lone(64, 20, 77, 1e4, dark=1.0)
     clipped = np.zeros((64, 128), np.uint8)
     clipped[20, 77] = SATURATED
-    words = [stored(tmp_path, IlluminationMap(light.radiance, clipped=clipped)), "-o", str(tmp_path / "made.json")]
-    assert main(["lights", *words, "--sun"]) == 4
-    captured = capsys.readouterr()
-    assert "1 pixels are clipped" in captured.err and "the sun is clipped, its light a lower bound" in captured.err
-    assert "suns" in captured.out and len(read(tmp_path / "made.json")[0]) == 64
+    source, out = stored(tmp_path, IlluminationMap(light.radiance, clipped=clipped)), tmp_path / "made.json"
+    for words, doubt in (
+        ([source, "--sun"], "the sun is clipped, its light a lower bound"),
+        ([source], "lights there are weaker"),
+        ([source, "--residual", str(tmp_path / "rest.exr")], "lights there are weaker"),
+    ):
+        out.unlink(missing_ok=True)
+        assert main(["lights", *words, "-o", str(out)]) == 4
+        captured = capsys.readouterr()
+        assert captured.err.count("1 pixels are clipped") == 1 and doubt in captured.err
+        assert "total of the lights" in captured.out and len(read(out)[0]) == (1 if "--residual" in words else 64)
+        assert main(["lights", *words, "-o", str(out), "--accept"]) == 0
+        assert doubt in capsys.readouterr().err
 
 
 def test_a_probe_is_read_in_the_mapping_told_and_its_residual_is_lat_long(tmp_path, capsys):
@@ -156,6 +164,15 @@ def test_a_probe_is_read_in_the_mapping_told_and_its_residual_is_lat_long(tmp_pa
     assert main(["lights", *words, "--from", "angular", "--residual", str(tmp_path / "rest.exr")]) == 0
     assert "resampled to lat-long" in capsys.readouterr().err
     assert read_radiance(tmp_path / "rest.exr").attributes["mapping"] == "latlong"
+
+
+def test_the_residual_of_a_cube_is_as_fine_as_it(tmp_path, capsys):
+    strip = lights.sunny(64, 400).remapped(mapping_named("strip"), 32)
+    words = [stored(tmp_path, strip), "-o", str(tmp_path / "made.json"), "--residual", str(tmp_path / "rest.exr")]
+    assert main(["lights", *words]) == 0
+    rest = as_illumination(read_radiance(tmp_path / "rest.exr"))
+    # 6·32² pixels on the sphere are 2·55.4².
+    assert rest.radiance.shape == (56, 112, 3)
 
 
 def test_the_picture_shows_map_borders_and_lights(tmp_path, capsys):

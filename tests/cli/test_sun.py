@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from command_line import refused
 from lights import sunny
 from relume.cli import main
 from relume.image.files import read_radiance, write
-from relume.image.radiance import RadianceMap
+from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 from relume.sphere.directions import normalised
 from relume.sphere.illumination import IlluminationMap, as_illumination, as_radiance_map
 
@@ -63,6 +64,50 @@ def test_a_chart_that_is_brighter_everywhere_is_doubtful(tmp_path: Path, capsys:
     assert main(words) == 4
     assert "is the reflectance right" in capsys.readouterr().err and out.is_file()
     assert main([*words, "--accept"]) == 0
+
+
+def test_a_patch_that_was_not_measured_is_not_believed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source, options = scene(tmp_path)
+    picture, chart, out = read_radiance(tmp_path / "chart.exr"), tmp_path / "chart.exr", tmp_path / "out.exr"
+    words = ["sun", source, "-o", str(out), *options, "--level", "19.9"]
+    assert main([*words, "--json"]) == 0
+    unclipped = json.loads(capsys.readouterr().out)["sources"]
+    for code in (SATURATED, BLACK, OUTSIDE):
+        clipped = np.zeros((100, 100), np.uint8)
+        clipped[20:30, 20:40] = code
+        write(chart, replace(picture, clipped=clipped))
+        line = refused(words, capsys)
+        assert '"30,30,8=0.9@' in line and "104 of its 208 pixels are saturated, black or not seen" in line
+    # One pixel of dust is left out.
+    clipped = np.zeros((100, 100), np.uint8)
+    clipped[30, 30] = SATURATED
+    dusty = picture.radiance.copy()
+    dusty[30, 30] = 1e6
+    write(chart, replace(picture, radiance=dusty, clipped=clipped))
+    assert main([*words, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["sources"] == unclipped
+
+
+def test_black_patches_and_normals_that_are_none_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, options = scene(tmp_path)
+    words = ["sun", source, "-o", str(tmp_path / "out.exr"), *options[:2], "--level", "19.9", "--patch"]
+    assert '"50,50,6=0.9@0,1,0": black all over' in refused([*words, "50,50,6=0.9@0,1,0"], capsys)
+    assert "0,0,0 is no direction" in refused([*words, "30,30,8=0.9@0,0,0"], capsys)
+    assert "nan,1,0 is no direction" in refused([*words, "30,30,8=0.9@nan,1,0"], capsys)
+    assert "reaches out of" in refused([*words, "5,30,8=0.9@0,1,0"], capsys)
+    assert "reaches out of" in refused([*words, "70,95,8=0.9@0,1,0"], capsys)
+
+
+def test_a_camera_may_stand_at_negative_places(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source, _ = scene(tmp_path)
+    write(tmp_path / "flat.exr", RadianceMap(np.ones((60, 80, 3), np.float32)))
+    words = ["sun", source, "-o", str(tmp_path / "out.exr"), "--grey-ball", str(tmp_path / "flat.exr")]
+    words += ["--albedo", "0.18", "--camera", "-1,0.2,0"]
+    assert main([*words, "--pick", "-5,30,20", "--dry-run"]) == 0
+    capsys.readouterr()
+    assert "ball found" in refused(words, capsys)
 
 
 def test_wrong_words_are_refused_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -318,9 +318,13 @@ def test_a_wrong_call_is_told():
         read_chart([])
     with pytest.raises(ValueError, match="light is finite"):
         read_chart([Patch((-1, 1, 1), 0.5, (0, 1, 0))])
+    with pytest.raises(ValueError, match=r"faces \[\[0\.0, 0\.0, 0\.0\]\]; a normal is a direction"):
+        read_chart([Patch((1, 1, 1), 0.5, (0, 0, 0))])
     with pytest.raises(ValueError, match=r"expected \(N, 3\)"):
         MatteReadings(np.zeros((2, 3)), np.zeros((1, 3)), np.zeros((2, 3)), "a ball")
     light, lights = made(size=16)
+    with pytest.raises(SunNotRecovered, match="2 patches of a chart: black all over"):
+        recover_sun(light, read_chart([Patch((0, 0, 0), 0.5, (0, 1, 0)), Patch((0, 0, 0), 0.5, (1, 0, 0))]))
     with pytest.raises(ValueError, match='readings are "cd/m²" and the map "relative"'):
         recover_sun(light, read_chart([Patch((1, 1, 1), 0.5, (0, 1, 0))], "cd/m²"))
     view = photographed(lights, side=40)

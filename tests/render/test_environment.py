@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 import pytest
 
@@ -17,10 +19,11 @@ from relume.scene.materials import Diffuse, Material
 from relume.scene.scene import Scene
 from relume.scene.shapes import Plane, Sphere
 from relume.scene.whitted import WhittedMaterial
-from relume.sphere.cubes import Cross
+from relume.sphere.cubes import Cross, Strip, VerticalCross
 from relume.sphere.directions import normalised
-from relume.sphere.discs import Angular
+from relume.sphere.discs import Angular, MirrorBall
 from relume.sphere.mappings import LatLong, pixel_directions
+from relume.sphere.squares import EqualArea
 
 BLACK = lights.constant(4, 0.0)
 DARK = Constant((0.0, 0.0, 0.0))
@@ -39,6 +42,34 @@ def test_the_faces_look_where_the_cross_has_them():
         row, column = Cross.cells[face] * 4
         expected = pixel_directions(Cross(), 12)[row : row + 4, column : column + 4]
         np.testing.assert_allclose(rays, expected, atol=1e-12)
+
+
+@dataclass(frozen=True)
+class Recorder:
+    """Renders black, and remembers how wide the pictures are."""
+
+    sides: list[int] = field(default_factory=list)
+
+    def render(self, scene, camera, *, seed=0, progress=None):
+        self.sides.append(camera.width)
+        return DARK.render(scene, camera, seed=seed, progress=progress)
+
+
+@pytest.mark.parametrize(
+    ("mapping", "size", "side"),
+    [
+        (LatLong(), 96, 62),  # a horizon of 192 pixels: 96/π a radian
+        (Strip(), 48, 48),
+        (Cross(), 96, 32),
+        (VerticalCross(), 96, 24),
+        (MirrorBall(), 96, 49),  # π/4·96² pixels on 4π, and those that the rim cuts
+        (EqualArea(), 96, 55),  # 96² on 4π
+    ],
+)
+def test_the_faces_are_as_fine_as_the_map(mapping, size, side):
+    recorder = Recorder()
+    light = environment(Scene(BLACK), HERE, recorder, size=size, mapping=mapping)
+    assert recorder.sides == 6 * [side] and light.radiance.shape[:2] == mapping.shape(size)
 
 
 def test_a_point_of_light_gives_its_intensity_over_the_square_of_the_distance():

@@ -118,5 +118,5 @@ def test_wrong_calls_are_told():
         perspective_view(light, AHEAD, np.pi, (4, 4))
     with pytest.raises(ValueError, match="0×4"):
         perspective_view(light, AHEAD, 1.0, (0, 4))
-    with pytest.raises(ValueError, match="no rotation"):
+    with pytest.raises(ValueError, match="orthonormal"):
         perspective_view(light, rotation_about([0, 1, 0], 1) * 2, 1.0, (4, 4))

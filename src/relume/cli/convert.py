@@ -10,8 +10,9 @@ from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, require_files, require_suffix
 from relume.cli.console import Manner, note, speaking, tell
-from relume.cli.light_input import Clamp, read_light, read_picture
-from relume.errors import DoubtfulResult, UnreadableFile
+from relume.cli.convert_input import read_faces, read_input, read_mapping
+from relume.cli.light_input import Clamp, read_light
+from relume.errors import DoubtfulResult
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,14 +34,14 @@ LARGEST = 16384
 
 def convert(
     files_in: Annotated[
-        list[Path],
+        list[Path] | None,
         Parameter(
             name="IN",
             negative="",
             help="The light: a map, .exr or .hdr; six cube faces, +X −X +Y −Y +Z −Z as OpenGL has them; or, with "
             "--gamma, a painting.",
         ),
-    ],
+    ] = None,
     /,
     *,
     out: Annotated[
@@ -99,6 +100,10 @@ def convert(
         list[str] | None,
         Parameter(negative="", help="MASK=STOPS: brighten a painting where a picture is white; again for each mask."),
     ] = None,
+    labelled: Annotated[
+        bool,
+        Parameter(negative="", help="Instead of a file: a test map with its axes written on it, to check a program."),
+    ] = False,
     clamp: Clamp = False,
     dry_run: DryRun = False,
     manner: Manner = Manner(),
@@ -108,20 +113,27 @@ def convert(
     from relume.sphere.audit import audit, losses
     from relume.sphere.cube import mirrored_strip
     from relume.sphere.illumination import as_radiance_map
+    from relume.sphere.labelled_probe import labelled_probe
 
     with speaking(manner):
         require_suffix(out, ".exr", ".hdr")
-        require_files([*files_in, *([put] if put else [])])
+        paths_in = files_in or []
+        require_files([*paths_in, *([put] if put else [])])
+        if bool(paths_in) == labelled:
+            raise ValueError("name a map to convert, or ask for --labelled")
         _refuse_mixtures(to, for_, view, put, size, rotate, field, pixels, gamma, hot, exposure)
-        target = None if to is None else _mapping(to, "--to")
+        target = None if to is None else read_mapping(to, "--to")
         turn = None if rotate is None else _turn(rotate)
         seen_from = None if view is None else _camera(view)
         if size is not None and not 1 <= size <= LARGEST:
             raise ValueError(f"--size is {size}; give 1 to {LARGEST} rows, like 512")
-        cubes = len(files_in) == 6, to in ("faces", "strip")
+        cubes = len(paths_in) == 6, to in ("faces", "strip")
         if mirror is not None and any(cubes) == all(cubes):
             raise ValueError("--mirror is for six faces that are read, or for --to faces and --to strip; not for both")
-        light = _input(files_in, from_, gamma, exposure, hot or [], clamp, mirror if cubes[0] else None)
+        if labelled:
+            light = labelled_probe(512)
+        else:
+            light = read_input(paths_in, from_, gamma, exposure, hot or [], clamp, mirror if cubes[0] else None)
         if dry_run:
             tell(manner, {"would write": [str(path) for path in _outputs(out, to)], "from": light.mapping.name})
             return
@@ -197,15 +209,6 @@ def _refuse_mixtures(
         raise ValueError("--hot and --exposure are for paintings; give --gamma too, like 2.2 or srgb")
 
 
-def _mapping(text: str, option: str) -> Mapping:
-    from relume.sphere.mappings import mapping_named
-
-    try:
-        return mapping_named("strip" if text == "faces" else text)
-    except ValueError as error:
-        raise ValueError(f"{option}: {error}") from None
-
-
 def _angles(text: str, option: str) -> np.ndarray:
     """Three angles of "YAW[,PITCH[,ROLL]]" in degrees, as radians."""
     import numpy as np
@@ -235,82 +238,6 @@ def _camera(text: str) -> np.ndarray:
     from relume.probe.panorama_views import orientation
 
     return orientation(*_angles(text, "--view"))
-
-
-def _input(
-    paths: list[Path],
-    from_: str | None,
-    gamma: str | None,
-    exposure: float,
-    hot: list[str],
-    clamp: bool,
-    mirror: str | None,
-) -> IlluminationMap:
-    """The light that the files hold."""
-    from relume.image.files.signatures import kind_of
-
-    told = None if from_ is None else _mapping(from_, "--from")
-    if gamma is not None:
-        if len(paths) != 1:
-            raise ValueError(f"{len(paths)} paintings; give one")
-        return _painted(paths[0], gamma, exposure, hot, told)
-    if len(paths) == 6:
-        if from_ not in (None, "faces"):
-            raise ValueError(f"--from {from_}: six files are the faces of a cube; leave it out, or give one map")
-        return _of_faces(paths, clamp, mirror)
-    if len(paths) != 1:
-        raise ValueError(f"{len(paths)} files; give one map, or the six faces +X −X +Y −Y +Z −Z")
-    if from_ == "faces":
-        raise ValueError("--from faces: give the six files +X −X +Y −Y +Z −Z; one file with all of them is a strip")
-    if kind_of(paths[0]) in ("JPEG", "PNG", "TIFF"):
-        raise UnreadableFile(
-            f"{paths[0]}: a photograph or painting, whose values are no light yet; merge a bracket, or say for which "
-            "display it was painted, like --gamma 2.2 or --gamma srgb"
-        )
-    return read_light(paths[0], told, clamp=clamp)
-
-
-def _painted(path: Path, gamma: str, exposure: float, hot: list[str], mapping: Mapping | None) -> IlluminationMap:
-    from relume.image import files
-    from relume.probe.painting import HotSpot, paint, read_gamma
-    from relume.sphere.mappings import LatLong
-
-    spots = []
-    for text in hot:
-        name, _, stops = text.rpartition("=")
-        try:
-            spots.append(HotSpot.of_picture(files.read_photograph(name), stops=float(stops)))
-        except ValueError as error:
-            raise ValueError(f'--hot "{text}": {error}; write MASK=STOPS, like sun.png=10') from None
-    painting = files.read_photograph(path)
-    return paint(painting, read_gamma(gamma, str(path)), 2.0**exposure, spots, mapping=mapping or LatLong())
-
-
-def _of_faces(paths: list[Path], clamp: bool, mirror: str | None) -> IlluminationMap:
-    """Six files as one strip; `mirror` where they do not remember for which engine they are."""
-    import numpy as np
-
-    from relume.image.radiance import RadianceMap
-    from relume.sphere.illumination import as_illumination
-
-    pictures = [read_picture(path, clamp=clamp) for path in paths]
-    first, side = pictures[0], pictures[0].size[1]
-    for path, picture in zip(paths, pictures, strict=True):
-        if picture.size != (side, side) or picture.unit != first.unit:
-            width, height = picture.size
-            raise UnreadableFile(
-                f"{path}: {width}×{height} pixels, {picture.unit}; the faces of a cube are six squares of one size and "
-                f"unit, here {side}×{side}, {first.unit}"
-            )
-        if picture.attributes.get("mirror") != first.attributes.get("mirror"):
-            raise UnreadableFile(f"{path}: mirrored for another engine than {paths[0]}; give six faces of one cube")
-    clipped = None
-    if any(picture.clipped is not None for picture in pictures):
-        empty = np.zeros((side, side), np.uint8)
-        clipped = np.concatenate([empty if p.clipped is None else p.clipped for p in pictures], axis=1)
-    radiance = np.concatenate([picture.radiance for picture in pictures], axis=1)
-    attributes = {**({"mirror": mirror} if mirror else {}), **first.attributes, "mapping": "strip"}
-    return as_illumination(RadianceMap(radiance, None, clipped, first.unit, attributes))
 
 
 def _fine_enough(light: IlluminationMap, mapping: Mapping) -> int:
@@ -393,4 +320,4 @@ def _write(out: Path, to: str | None, picture: RadianceMap) -> list[Path]:
 
 def _read_back(paths: list[Path], to: str | None) -> IlluminationMap:
     """What was written, as any reader will find it, but in our frame."""
-    return _of_faces(paths, False, None) if to == "faces" else read_light(paths[0])
+    return read_faces(paths, False, None) if to == "faces" else read_light(paths[0])

@@ -32,8 +32,15 @@ def read_light(path: Path, mapping: Mapping | None = None, *, clamp: bool = Fals
     """
     from relume.sphere.illumination import as_illumination
 
+    picture = read_picture(path, mapping, clamp=clamp)
+    width, height = picture.size
     try:
-        return as_illumination(read_picture(path, mapping, clamp=clamp), mapping)
+        if mapping is not None and (height, width) != mapping.shape(height):
+            raise ValueError(
+                f"{width}×{height} pixels, but a picture in {mapping.name} of {height} rows is "
+                f"{mapping.shape(height)[1]} wide; tell another mapping, or crop it"
+            )
+        return as_illumination(picture, mapping)
     except ValueError as error:
         raise UnreadableFile(f"{path}: {error}") from None
 

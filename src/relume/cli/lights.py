@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -80,6 +80,7 @@ def lights(
         str | None, Parameter(name="--from", help="Mapping of the map where the file does not remember it, as convert.")
     ] = None,
     clamp: Clamp = False,
+    accept: Annotated[bool, Parameter(negative="", help="Exit with 0 although light of the map is clipped.")] = False,
     places: Places = Places(),
     dry_run: DryRun = False,
     manner: Manner = Manner(),
@@ -90,6 +91,7 @@ def lights(
     from relume.light.constellation import irradiance_error
     from relume.sphere.illumination import as_radiance_map
     from relume.sphere.mappings import LatLong, mapping_named
+    from relume.sphere.matching import matching_size
 
     with speaking(manner):
         require_files([light_map])
@@ -109,14 +111,12 @@ def lights(
         if dry_run:
             tell(manner, {"would write": [str(path) for path in written], "from": light.mapping.name})
             return
+        photographed = light
         if residual is not None and not isinstance(light.mapping, LatLong):
             note(
                 manner, f"{light_map}: a {light.mapping.name} map, resampled to lat-long, which the residual has to be"
             )
-            light = light.remapped(LatLong())
-        _warn_of_clipped(light_map, light)
-        if places.second is not None and second is not None:
-            _warn_of_clipped(places.second, second)
+            light = light.remapped(LatLong(), matching_size(light, LatLong()))
         try:
             found, rest, made = _divided(light, count, suns, residual is not None, contrast, _method(method))
         except SunNotFound as error:
@@ -164,11 +164,13 @@ def lights(
             if each.flat and not each.clipped:
                 note(manner, f"{light_map}: the sun is of one value all over; if it is photographed it clipped there")
         tell(manner, facts)
-        if any(each.clipped for each in (*found, *(() if located is None else located.suns))):
-            raise DoubtfulResult(
-                f"{light_map}: the sun is clipped, its light a lower bound; photograph it in shorter exposures, or "
-                "recover it from a grey ball"
-            )
+        doubts = _clipped(light_map, photographed, found)
+        if places.second is not None and second is not None and located is not None:
+            doubts += _clipped(places.second, second, located.suns)
+        if doubts and not accept:
+            raise DoubtfulResult("; ".join(doubts))
+        for doubt in doubts:
+            note(manner, doubt)
 
 
 def _forms(out: list[Path], named: str | None, residual: Path | None) -> list[Format]:
@@ -252,18 +254,22 @@ def _angles(made: Constellation, suns: int, soft: bool) -> np.ndarray | None:
     return angles if soft else np.where(np.arange(len(angles)) < suns, angles, 0)
 
 
-def _warn_of_clipped(path: Path, light: IlluminationMap) -> None:
+def _clipped(path: Path, light: IlluminationMap, suns: Sequence[Sun]) -> list[str]:
+    """What a map's clipped pixels make doubtful: a line, or none."""
     import numpy as np
 
     from relume.image.radiance import SATURATED
 
     number = 0 if light.clipped is None else int(np.count_nonzero(light.clipped == SATURATED))
-    if number:
-        warnings.warn(
-            f"{path}: {number} pixels are clipped, so lights are weaker there than they were; photograph them in "
-            "shorter exposures",
-            stacklevel=2,
-        )
+    if not number:
+        return []
+    where = (
+        "the sun is clipped, its light a lower bound" if any(sun.clipped for sun in suns) else "lights there are weaker"
+    )
+    return [
+        f"{path}: {number} pixels are clipped, so {where}; photograph them in shorter exposures, or recover a sun with "
+        "`relume sun`"
+    ]
 
 
 def _relative(background: Path, file: Path) -> str:

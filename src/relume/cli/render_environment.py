@@ -9,6 +9,8 @@ from relume.cli.arguments import read_point
 from relume.cli.console import Manner, progress, tell
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from relume.render.renderer import Renderer
     from relume.shot.scene_file import SceneFile
 
@@ -39,6 +41,9 @@ def write_environment(
             read.scene, point, renderer, size=rows, seed=seed, progress=lambda share: report("rendering", share)
         )
     files.write(out, as_radiance_map(light))
-    told |= {"total": light.total().round(4).tolist()}
-    told |= {"irradiance from above": light.irradiance(UP).round(4).tolist()}
+    told |= {"total": _six_digits(light.total()), "irradiance from above": _six_digits(light.irradiance(UP))}
     tell(manner, {"written": str(out), **told})
+
+
+def _six_digits(values: np.ndarray) -> list[float]:
+    return [float(f"{value:.6g}") for value in values]

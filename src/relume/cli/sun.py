@@ -12,14 +12,17 @@ from cyclopts import Parameter
 from relume.cli.arguments import DryRun, read_point, require_files, require_suffix
 from relume.cli.console import Manner, note, speaking, tell
 from relume.cli.light_input import Clamp, read_light
-from relume.errors import DoubtfulResult
+from relume.errors import DoubtfulResult, UnreadableFile
 
 if TYPE_CHECKING:
     import numpy as np
 
+    from relume.image.radiance import RadianceMap
     from relume.light.clipped_sun import RecoveredSun
     from relume.light.matte_readings import MatteReadings, Patch
 
+UNMEASURED = 0.01
+"""Share of a patch's pixels that may be clipped: dust on the sensor is left out, a saturated patch is none."""
 RESIDUAL, AGREEMENT = 0.1, 0.05
 """A fit that misses its readings by more, or a map that differs by more where nothing clipped, is doubtful."""
 
@@ -35,11 +38,16 @@ def sun(
     ] = None,
     albedo: Annotated[str | None, Parameter(help="Of the grey ball: a number or R,G,B, linear, like 0.18.")] = None,
     camera: Annotated[
-        str, Parameter(help="Where the camera of --grey-ball stood, as X,Y,Z in metres from the ball's centre.")
+        str,
+        Parameter(
+            allow_leading_hyphen=True,
+            help="Where the camera of --grey-ball stood, as X,Y,Z in metres from the ball's centre.",
+        ),
     ] = "0,0,1",
     radius: Annotated[float, Parameter(help="Of the grey ball, metres.")] = 0.05,
     pick: Annotated[
-        str | None, Parameter(help="The grey ball's rim as X,Y,RADIUS in pixels; sought unless given.")
+        str | None,
+        Parameter(allow_leading_hyphen=True, help="The grey ball's rim as X,Y,RADIUS in pixels; sought unless given."),
     ] = None,
     chart: Annotated[
         Path | None, Parameter(help="Radiance map that shows a chart instead, exposed like the light map.")
@@ -154,10 +162,10 @@ def _of_chart(path: Path, words: Sequence[str]) -> MatteReadings:
     if not words:
         raise ValueError("--chart needs a --patch, like 640,360,20=0.9@0,1,0")
     picture = files.read_radiance(path)
-    return read_chart([_patch(word, picture.radiance, path) for word in words], picture.unit)
+    return read_chart([_patch(word, picture, path) for word in words], picture.unit)
 
 
-def _patch(word: str, radiance: np.ndarray, path: Path) -> Patch:
+def _patch(word: str, picture: RadianceMap, path: Path) -> Patch:
     import numpy as np
 
     from relume.light.matte_readings import Patch
@@ -168,18 +176,43 @@ def _patch(word: str, radiance: np.ndarray, path: Path) -> Patch:
     if not equals or not at:
         raise ValueError(f'--patch "{word}": write X,Y,RADIUS=REFLECTANCE@NX,NY,NZ, like 640,360,20=0.9@0,1,0')
     x, y, radius = read_point(place, "--patch")
-    rows, columns = np.indices(radiance.shape[:2]) + 0.5
+    normal = np.array(read_point(facing, "--patch"))
+    if not np.all(np.isfinite(normal)) or not normal.any():
+        raise ValueError(f'--patch "{word}": {facing} is no direction; tell which way the patch faces, like 0,1,0')
+    rows, columns = np.indices(picture.radiance.shape[:2]) + 0.5
     inside = np.hypot(columns - x, rows - y) <= radius
     if inside.sum() < 4:
         raise ValueError(f'--patch "{word}": fewer than four pixels of {path} lie there; mind that x, y are pixels')
-    values = radiance[inside].astype(np.float64)
+    width, height = picture.size
+    if min(x, y, width - x, height - y) < radius:
+        raise ValueError(f'--patch "{word}": reaches out of {path}, which is {width}×{height} pixels; give a smaller')
+    values = _measured(word, picture, inside, path)
     deviation = values.std(0) / np.sqrt(len(values))
     return Patch(
         _three(values.mean(0)),
         _reflectance(reflectance, "--patch"),
-        _three(normalised(read_point(facing, "--patch"))),
+        _three(normalised(normal)),
         _three(deviation),
     )
+
+
+def _measured(word: str, picture: RadianceMap, inside: np.ndarray, path: Path) -> np.ndarray:
+    """Radiance (N, 3) of a patch's pixels, without the few that were not measured."""
+    import numpy as np
+
+    values = picture.radiance[inside].astype(np.float64)
+    odd = ~np.isfinite(values).all(-1) | (values < 0).any(-1)
+    # Every code but 0 is of a bound, or of nothing: their mean would be one too.
+    odd |= False if picture.clipped is None else picture.clipped[inside] != 0
+    number = int(np.count_nonzero(odd))
+    if number >= UNMEASURED * len(values):
+        raise UnreadableFile(
+            f'{path}: --patch "{word}": {number} of its {len(values)} pixels are saturated, black or not seen; expose '
+            "the chart so that none is, or give a smaller patch"
+        )
+    if not values[~odd].any():
+        raise UnreadableFile(f'{path}: --patch "{word}": black all over, so it tells nothing; photograph it lit')
+    return values[~odd]
 
 
 def _three(values: np.ndarray) -> tuple[float, float, float]:

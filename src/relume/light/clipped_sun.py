@@ -126,12 +126,14 @@ def recover_sun(
     apart : radians; clipped pixels nearer than this are one source
 
     Raises ValueError for readings in another unit, SunNotRecovered when nothing clipped, no reading sees the clipped
-    light, the readings are too few or darker than the map without more light already makes them. Warns of readings
-    that fit badly, or that disagree with the map by a factor in light that did not clip: then the albedo or the
-    exposure is wrong, and so is the sun.
+    light, the readings are black, too few or darker than the map without more light already makes them. Warns of
+    readings that fit badly, or that disagree with the map by a factor in light that did not clip: then the albedo or
+    the exposure is wrong, and so is the sun.
     """
     if readings.unit != light.unit:
         raise ValueError(f'readings are "{readings.unit}" and the map "{light.unit}"; bring both to one unit first')
+    if not readings.irradiance.any():
+        raise SunNotRecovered(f"{readings.source}: black all over, so nothing tells of the light; photograph it lit")
     directions = pixel_directions(light.mapping, light.size)
     mask = clipped_pixels(light, level)
     gathered = sources(light, directions, mask, apart)

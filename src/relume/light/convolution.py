@@ -15,6 +15,7 @@ from relume.light.lobes import Lambert, Lobe, SelfLuminous, quadrature
 from relume.sphere.harmonics import analysed, synthesised, wigner
 from relume.sphere.illumination import IlluminationMap
 from relume.sphere.mappings import LatLong
+from relume.sphere.matching import matching_size
 
 TOLERANCE = 1e-4
 """Zonal harmonics are used where their error is surely below this share of every table entry."""
@@ -127,5 +128,7 @@ def cut_up(light: IlluminationMap, width: float) -> IlluminationMap:
 
 
 def as_latlong(light: IlluminationMap) -> IlluminationMap:
-    """The light as a lat-long map, energy kept; itself where it is one."""
-    return light if isinstance(light.mapping, LatLong) else light.remapped(LatLong())
+    """The light as a lat-long map, energy kept; itself where it is one, else of as many rows, or more to be as fine."""
+    if isinstance(light.mapping, LatLong):
+        return light
+    return light.remapped(LatLong(), max(light.size, matching_size(light, LatLong())))

@@ -63,7 +63,8 @@ def read_chart(patches: Sequence[Patch], unit: str = "relative") -> MatteReading
 
     unit : of the patches' radiance
 
-    Raises ValueError for no patch, a reflectance that is not above 0 and at most 1, or radiance that is not light.
+    Raises ValueError for no patch, a reflectance that is not above 0 and at most 1, radiance that is not light, or a
+    normal that is no direction.
     """
     if not patches:
         raise ValueError("no patch of the chart is given; one is enough, a white one is best")
@@ -71,10 +72,13 @@ def read_chart(patches: Sequence[Patch], unit: str = "relative") -> MatteReading
     radiance = np.array([patch.radiance for patch in patches], np.float64)
     if not np.all(np.isfinite(radiance)) or radiance.min() < 0:
         raise ValueError(f"a patch has the radiance {radiance.tolist()}; light is finite and not below 0")
+    normals = np.array([patch.normal for patch in patches], np.float64)
+    if not np.all(np.isfinite(normals)) or not np.all(normals.any(-1)):
+        raise ValueError(f"a patch faces {normals.tolist()}; a normal is a direction, like (0, 1, 0)")
     scale = np.pi / reflectance
     several = f"{len(patches)} patches" if len(patches) > 1 else "one patch"
     return MatteReadings(
-        normalised([patch.normal for patch in patches]),
+        normalised(normals),
         radiance * scale,
         np.array([patch.deviation for patch in patches]) * scale,
         f"{several} of a chart",

@@ -19,7 +19,7 @@ from relume.scene.materials import Material
 from relume.scene.scene import Scene
 from relume.scene.shapes import Shape
 from relume.scene.whitted import WhittedMaterial
-from relume.sphere.cubes import OUTWARD, Cross
+from relume.sphere.cubes import OUTWARD, Cross, Strip, VerticalCross
 from relume.sphere.directions import normalised
 from relume.sphere.illumination import IlluminationMap
 from relume.sphere.mappings import LatLong, Mapping
@@ -54,7 +54,8 @@ def environment(
 
     point : metres, world; the object that the map is to light should not be in the scene, nor the point in a shape
     renderer : of the six faces; what it shows is what the map holds
-    size : rows of the map. The middles of the faces, where a cube is coarsest, are as fine as that
+    size : rows of the map. The six faces that are rendered are, in their middles, where they are coarsest, as fine as
+        that: as a lat-long's horizon, as the middles of a cube's own faces, as any other mapping's mean
     mapping : of the map
     seed : the faces' are different ones made from it
 
@@ -72,7 +73,7 @@ def environment(
         raise ValueError(f"size is {size}; expected at least 2 rows")
     # Refused before six pictures are rendered.
     lamps = arrivals(scene, place)
-    side = max(1, int(np.ceil(2 * mapping.shape(size)[0] / np.pi)))
+    side = _side(mapping, size)
     unfolded = np.zeros((*Cross().shape(3 * side), 3), np.float32)
     for face in range(6):
         report = None if progress is None else (lambda share, done=face: progress((done + share) / 6))
@@ -84,6 +85,18 @@ def environment(
         raise ValueError(f"the renderer saw values that are not finite from {place.tolist()}; is the point in a shape?")
     seen = IlluminationMap(np.maximum(unfolded, 0), Cross(), scene.light.unit).remapped(mapping, size)
     return seen if not lamps else replace(seen, radiance=seen.radiance + splatted(lamps, mapping, size).radiance)
+
+
+def _side(mapping: Mapping, size: int) -> int:
+    """Pixels across a cube's face that are in its middle, where they are 2/side radians wide, as fine as a map's."""
+    rows = mapping.shape(size)[0]
+    if isinstance(mapping, Cross | VerticalCross | Strip):
+        return rows // mapping.grid[0]
+    if isinstance(mapping, LatLong):
+        # Its mean would count the crowded pixels at the poles.
+        return int(np.ceil(2 * rows / np.pi))
+    areas = mapping.solid_angles(size)
+    return int(np.ceil(2 * np.sqrt(np.count_nonzero(areas) / areas.sum())))
 
 
 def face_camera(face: int, point: np.ndarray, side: int) -> Camera:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from relume.errors import UnsupportedScene
+from relume.light.convolution import as_latlong
 from relume.scene.camera import Camera
 from relume.scene.lights import AmbientLight, Light, PointLight, SquareLaw
 from relume.scene.materials import Colour, Diffuse, Material
@@ -21,7 +22,6 @@ from relume.scene.shapes import AnyMaterial, Mesh, Plane, Polygon, Shape, Sphere
 from relume.scene.tessellation import tessellated, triangulated
 from relume.scene.whitted import WhittedMaterial
 from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong
 
 
 def scene_dictionary(mi: Any, scene: Scene, camera: Camera) -> dict[str, Any]:
@@ -107,7 +107,7 @@ def envmap_pixels(light: IlluminationMap) -> np.ndarray:
     Twice the rows: the odd ones stand at our pixel centres, the even ones half-way, at the means of their
     neighbours, where bilinear interpolation would be anyway; the first and last are the poles.
     """
-    latlong = light if isinstance(light.mapping, LatLong) else light.remapped(LatLong())
+    latlong = as_latlong(light)
     pixels = latlong.radiance.astype(np.float32)
     half = pixels.shape[1] // 2
     over_top, over_bottom = np.roll(pixels[:1], half, axis=1), np.roll(pixels[-1:], half, axis=1)

@@ -37,7 +37,9 @@ class IlluminationMap:
             raise ValueError(f"radiance has shape {shape}; a map has at least one row, and three channels")
         expected = (*self.mapping.shape(shape[0]), 3)
         if shape != expected:
-            raise ValueError(f"radiance has shape {shape}; a {self.mapping.name} map of {shape[0]} rows has {expected}")
+            raise ValueError(
+                f"radiance has shape {shape}; {_article(self.mapping.name)} map of {shape[0]} rows has {expected}"
+            )
         if self.clipped is not None and self.clipped.shape != shape[:2]:
             raise ValueError(f"clipped has shape {self.clipped.shape}; expected the radiance's {shape[:2]}")
         if not np.all(np.isfinite(self.radiance)) or self.radiance.min() < 0:
@@ -149,6 +151,10 @@ def _mapping_of_shape(picture: RadianceMap) -> Mapping:
     raise ValueError(
         f"a map of {width}×{height} pixels does not tell its mapping; a lat-long map is twice as wide as high"
     )
+
+
+def _article(name: str) -> str:
+    return f"an {name}" if name[0] in "aeiou" else f"a {name}"
 
 
 def _wrapped(radiance: np.ndarray) -> np.ndarray:
