@@ -148,6 +148,11 @@ def test_an_environment_of_a_scene_file_is_written(tmp_path, capsys):
     assert code == 0, captured.err
     assert json.loads(captured.out)["total"] == pytest.approx([1, 1, 1], rel=1e-3)
     assert files.read_radiance(out).size == (64, 32)
+    scene.write_text(SCENE.replace("intensity = 4.0", "intensity = 4.0e-5"))
+    assert main(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["total"] == pytest.approx([1e-5] * 3, rel=1e-3)
+    assert told["irradiance from above"] == pytest.approx([1e-5] * 3, rel=1e-2)
     line = refused([*words[:4], "--environment", "0,1,0", "--size", "64x48"], capsys)
     assert "twice as wide as high" in line
     line = refused([*words[:4], "--environment", "0,1,0", "--frames", "3"], capsys)

@@ -36,6 +36,15 @@ def test_a_factor_keeps_the_detail_and_spots_follow_each_other():
     np.testing.assert_allclose(light.radiance[1, 3], np.sqrt(32) * 128 / 255, rtol=1e-6)
 
 
+def test_black_that_a_factor_is_to_raise_is_counted():
+    picture = GREY.pixels.copy()
+    picture[1, 2] = 0
+    picture[0, 0] = 0  # beside the mask
+    with pytest.warns(UserWarning, match=r"sun\.png: 1 pixels of sky\.png are black there, and stay so times 1024;"):
+        light = paint(Photograph(picture, "sky.png"), 1.0, hot=[HotSpot(MASK, factor=1024.0, name="sun.png")])
+    assert light.radiance[1, 2].max() == 0
+
+
 def test_a_mask_is_read_from_a_picture_and_stops_are_powers_of_two():
     picture = np.zeros((4, 8, 3), np.uint8)
     picture[1, 2] = 255

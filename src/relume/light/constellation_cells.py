@@ -12,6 +12,7 @@ import numpy as np
 
 from relume._kernel import in_threads, kernel
 from relume.image.colour import LUMINANCE_WEIGHTS
+from relume.light.sun_fill import shown
 from relume.sphere.illumination import IlluminationMap
 from relume.sphere.mappings import LatLong, pixel_directions
 
@@ -87,19 +88,18 @@ def cells_of(light: IlluminationMap, most: int = MOST_ROWS) -> Cells:
 def _gathered(light: IlluminationMap, most: int) -> Cells:
     """The cells of a map in another mapping: as many as it has pixels, so that most have one."""
     directions, areas = pixel_directions(light.mapping, light.size), light.mapping.solid_angles(light.size)
-    # Beside a disc solid angles are 0, but for rounding.
-    shown = areas > 1e-12 * areas.max()
-    rows = int(np.clip(np.sqrt(np.count_nonzero(shown) / 2), 1, most))
+    seen = shown(areas)
+    rows = int(np.clip(np.sqrt(np.count_nonzero(seen) / 2), 1, most))
     points = LatLong().image_points(directions) * (2 * rows, rows)
     column, row = np.moveaxis(np.clip(points, 0, (2 * rows - 1, rows - 1)).astype(np.int64), -1, 0)
-    number = np.where(shown, row * 2 * rows + column, -1)
-    flat, solid = number[shown], areas[shown]
+    number = np.where(seen, row * 2 * rows + column, -1)
+    flat, solid = number[seen], areas[seen]
 
     def summed(values: np.ndarray) -> np.ndarray:
         return np.bincount(flat, values, 2 * rows * rows).reshape(rows, 2 * rows)
 
-    flux = light.radiance[shown].astype(np.float64) * solid[:, None]
-    moment = directions[shown] * (flux @ LUMINANCE_WEIGHTS)[:, None]
+    flux = light.radiance[seen].astype(np.float64) * solid[:, None]
+    moment = directions[seen] * (flux @ LUMINANCE_WEIGHTS)[:, None]
     return Cells(
         np.stack([summed(flux[:, k]) for k in range(3)], axis=-1),
         np.stack([summed(moment[:, k]) for k in range(3)], axis=-1),

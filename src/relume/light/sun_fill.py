@@ -54,7 +54,10 @@ def extents_of(light: IlluminationMap, pixels: tuple[np.ndarray, np.ndarray]) ->
 
 
 def shown(areas: np.ndarray) -> np.ndarray:
-    """Where an image shows something: its solid angles are not 0, nor what rounding makes of 0 beside a disc."""
+    """Where an image shows something: its solid angles are not 0, nor what rounding leaves of a disc's rim.
+
+    A pixel whose corner the rim meets in one point, as by 3² + 4² = 5², may have 1e-15 of another's.
+    """
     return areas > 1e-12 * areas.max()
 
 

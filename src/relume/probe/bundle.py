@@ -29,15 +29,16 @@ EVEN_LIGHT = 0.05
 RIM_LIMIT = 0.008
 """The most that a silhouette is moved or grown, in radii: beyond that it was not the rim that was found."""
 RIM_HOLD = 0.25
-"""How hard a silhouette is held of which half was seen, in misfit per pixel: enough for light that tells nothing of it."""
+"""How hard a silhouette is held of which half was seen, in misfit per pixel; light may tell nothing of it."""
 BLUR = 0.5
 """Pixels by which ln luminance is blurred before views are compared, so that both are smooth where they are probed."""
 PARTS = 100
 ROBUST = 0.1
 """Difference in ln luminance from which on a direction counts less: lamps a little out of place, people who moved."""
-DOUBTED, LEAST_DOUBTED = 4.0, 0.1
-"""Difference from the mean, in medians of it and at least in ln luminance, beyond which a direction is not believed."""
-ROUNDS = 2
+DOUBTED = 4.0
+GATES = (0.8, 0.4, 0.2, 0.1)
+"""Difference from the mean, in medians of it and at least in ln luminance, beyond which a direction is not believed: wide
+at first, or where the search began would decide what is believed, and then narrower round by round."""
 STEP = 1e-3
 """Radians by which views are turned to see how the misfit changes: a third of a pixel of a ball of 600 pixels."""
 
@@ -147,9 +148,9 @@ class Bundle:
         start[-1] = 0.01
         slope: Any = slopes  # the stubs know three words for it and no function
         # Whoever walked between two views is in one of them: what departs far more than most is not believed.
-        for _ in range(ROUNDS if self.adjusting else 1):
+        for gate in GATES if self.adjusting else GATES[:1]:
             off = self._disagreement(self.logarithms(self._parts(start, count)))
-            believed = 1 / (1 + (off / max(DOUBTED * float(np.median(off)), LEAST_DOUBTED)) ** 4)
+            believed = 1 / (1 + (off / max(DOUBTED * float(np.median(off)), gate)) ** 4)
             solution = least_squares(
                 misfit, start, jac=slope, bounds=(lower, upper), loss="soft_l1", f_scale=ROBUST, x_scale=scale,
                 xtol=1e-4, ftol=1e-4, max_nfev=20,

@@ -86,7 +86,8 @@ def paint(
     hot : parts that are brighter, each raising what those before have left
     unit : of `white`
     Raises ValueError for a gamma that is none, a painting of another shape than the mapping's, a mask of another size.
-    Warns where a painting without hot spots has nothing but paint to light with.
+    Warns of a painting that is black all over, and of black that a factor was to raise. Without hot spots nothing is
+    brighter than white: that is a choice, and not warned of.
     """
     levels = np.iinfo(painting.pixels.dtype).max
     scale = np.broadcast_to(np.asarray(white, np.float64), 3)
@@ -149,6 +150,13 @@ def _raised(radiance: np.ndarray, spot: HotSpot, white: np.ndarray, name: str) -
         )
     share = mask[..., None]
     if spot.factor is not None:
+        black = int(np.count_nonzero((mask >= 0.5) & ~radiance.any(axis=-1)))
+        if black:
+            warnings.warn(
+                f"{spot.name}: {black} pixels of {name} are black there, and stay so times {spot.factor:.6g}; paint "
+                "them, or tell the spot's radiance",
+                stacklevel=3,
+            )
         return radiance * spot.factor**share
     goal = np.broadcast_to(np.asarray(spot.radiance, np.float64), 3)
     start = np.maximum(radiance, FAINTEST * white)

@@ -12,8 +12,8 @@ import numpy as np
 
 from relume.capture.vignetting import Vignetting
 from relume.image.radiance import OUTSIDE, SATURATED
-from relume.probe.panorama_adjustment import orient
-from relume.probe.panorama_balance import RIM, TOUCHING, Balanced, Balancing, balance
+from relume.probe.panorama_adjustment import Adjusted, orient
+from relume.probe.panorama_balance import RIM, Balancing, balance, compare
 from relume.probe.panorama_blending import blend
 from relume.probe.panorama_matching import Matching
 from relume.probe.panorama_seams import ROWS as SEAM_ROWS
@@ -39,7 +39,7 @@ class Panorama:
     """An illumination map with what it was put together from.
 
     light : lat-long; `clipped` tells what no view saw, or none measured
-    views : as given, with rotation, focal length and distortion as found
+    views : as given, with rotation, focal length and distortion as found, without those that are left out
     gains : (views, 3), that each picture was multiplied by
     vignetting : that was taken out of all
     unseen : steradians that no view sees, filled in
@@ -47,6 +47,7 @@ class Panorama:
     error : root mean square of what matches differ by, radians; None where orientations were told
     disagreement : median difference of ln luminance where views overlap, balanced
     notes : doubts about the result, a line each
+    remarks : what was done that nobody asked for, a line each
     """
 
     light: IlluminationMap
@@ -58,6 +59,7 @@ class Panorama:
     error: float | None
     disagreement: float
     notes: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 def mosaic(
@@ -73,25 +75,26 @@ def mosaic(
     size : rows of the map; as fine as the middle of the finest view unless given
     matching : how orientations are found, where they are not told
     balancing : of exposure and vignetting; None takes the pictures as they are
-    Raises NotAPanorama for a lone view, for pixels that are no light, and for views without enough in common, by name.
+    A few views without enough in common with the others are left out, with a note.
+    Raises NotAPanorama for a lone view, for pixels that are no light, and, by name, for too many views that have too
+    little in common.
     """
     views = list(views)
     refuse_unusable(views)
     if size is not None and size < STEP:
         raise ValueError(f"size is {size}; expected at least {STEP} rows")
-    error, notes = None, []
+    error, notes, remarks = None, [], []
     if any(view.rotation is None for view in views):
         adjusted = orient(views, matching)
-        notes += _doubts_of_matching(views, adjusted.views, adjusted.error)
+        notes += _doubts_of_matching(adjusted)
+        remarks += _remarks_of_matching(views, adjusted)
         views, error = list(adjusted.views), adjusted.error
     rows = _rows(views) if size is None else size
     taken = tuple(views)
-    if balancing is not None:
-        balanced = balance(views, balancing)
-        margin = RIM if balanced.overlap < TOUCHING else 0.0
-        views = list(even(balanced.views, margin))
-    else:
-        balanced = Balanced(taken, np.ones((len(views), 3)), Vignetting(), 1.0, 0.0)
+    balanced = compare(views) if balancing is None else balance(views, balancing)
+    # Views that only touch and need no gain are right as they are: what their rims differ by is what they show.
+    if balancing is not None and not (balanced.touching and balanced.unchanged):
+        views = list(even(balanced.views, RIM if balanced.touching else 0.0))
     seen = sight(views, SEAM_ROWS)
     seams = lay_seams(views, seen)
     light = blend(views, seams, rows)
@@ -101,7 +104,7 @@ def mosaic(
     if balanced.disagreement > UNLIKE:
         notes.append(
             f"views differ by {100 * np.expm1(balanced.disagreement):.0f} % where they overlap; check their "
-            "orientation, and whether the light changed"
+            "orientation (yaw to the right, pitch up, roll clockwise), and whether the light changed"
         )
     elif seams.disputed > SHARE_DISPUTED * 4 * np.pi:
         notes.append(
@@ -109,8 +112,9 @@ def mosaic(
             "taken from one place"
         )
     return Panorama(
-        light, taken, balanced.gains, balanced.vignetting, unseen, saturated, error, balanced.disagreement, tuple(notes)
-    )
+        light, taken, balanced.gains, balanced.vignetting, unseen, saturated, error, balanced.disagreement,
+        tuple(notes), (*remarks, *balanced.remarks),
+    )  # fmt: skip
 
 
 def _rows(views: Sequence[PanoramaView]) -> int:
@@ -118,17 +122,33 @@ def _rows(views: Sequence[PanoramaView]) -> int:
     return int(min(max(STEP * round(finest / STEP), STEP), LARGEST))
 
 
-def _doubts_of_matching(given: Sequence[PanoramaView], found: Sequence[PanoramaView], error: float) -> list[str]:
-    notes = []
-    pixels = error * found[0].focal_length
+def _doubts_of_matching(adjusted: Adjusted) -> list[str]:
+    notes, found = [], adjusted.views[0]
+    if adjusted.left_out:
+        names = ", ".join(view.name for view in adjusted.left_out)
+        notes.append(
+            f"{names}: left out, too little in common with the others to tell the orientation; tell it with "
+            "--orientations, a table of these alone is enough"
+        )
+    pixels = adjusted.error * found.focal_length
     if pixels > LOOSE:
         notes.append(
             f"matches differ by {pixels:.1f} pixels; were the views taken from one place, the lens turned about itself?"
         )
-    ratio = found[0].focal_length / given[0].focal_length
-    if abs(np.log(ratio)) > 0.1:
+    if abs(np.log(adjusted.scale)) > 0.1:
         notes.append(
-            f"the focal length comes out {ratio:.3g} times as long as told; check the field of view, and that the "
-            "pictures are not cropped"
+            f"the focal length comes out {adjusted.scale:.3g} times as long as told; check the field of view, and "
+            "that the pictures are not cropped"
         )
     return notes
+
+
+def _remarks_of_matching(given: Sequence[PanoramaView], adjusted: Adjusted) -> list[str]:
+    if not adjusted.apart:
+        return []
+    told = {view.name for view in given if view.rotation is not None}
+    first = next(view.name for view in adjusted.views if view.name not in told)
+    return [
+        f"{', '.join(sorted(told))}: as told, for they have too little in common with the others to be matched; their "
+        f"yaw counts from {first}, which looks towards −Z, and their pitch from the horizon that was found"
+    ]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
 from relume.errors import NotAPanorama
 from relume.probe.panorama_matching import Matching, Pair, find_pairs
@@ -27,20 +28,29 @@ LOSS = 2.0
 """Deviations at which a match counts half."""
 ALONE = 0.05
 """Share of the views' right axes that has to be out of one line for them to tell the horizon."""
+ALIKE = 0.5
+"""Of the views that belong together, from which another group is of similar size: it may be the panorama as well."""
 
 
 @dataclass(frozen=True, eq=False)
 class Adjusted:
     """Views with their rotations, and how well they fit.
 
-    views : as given, with rotation, focal length and distortion found
-    pairs : that were matched, with the matches that agree in the end
+    views : as given, with rotation, focal length and distortion found, without those that are left out
+    pairs : that were matched, with the matches that agree in the end; their indices are those of `views`
     error : root mean square of what agreeing matches differ by, radians; 0 where nothing was matched
+    scale : of all focal lengths
+    left_out : views that have too little in common with the others
+    apart : whether the told orientations and the matched ones share nothing, so that the told ones count from the first
+        matched view, held level
     """
 
     views: tuple[PanoramaView, ...]
     pairs: tuple[Pair, ...]
     error: float
+    scale: float
+    left_out: tuple[PanoramaView, ...] = ()
+    apart: bool = False
 
 
 def orient(views: Sequence[PanoramaView], method: Matching = Matching()) -> Adjusted:
@@ -48,13 +58,23 @@ def orient(views: Sequence[PanoramaView], method: Matching = Matching()) -> Adju
 
     Views whose rotation is known keep it, and with it the world; where there are none the horizon is found from the
     views (the camera is held level on the average, Brown & Lowe 2007, §5) and the first looks towards −Z. All focal
-    lengths are scaled by one factor, for one lens took all.
-    Raises NotAPanorama naming the views that have nothing in common with the others.
+    lengths are scaled by one factor, for one lens took all. Views that have nothing in common with the others, as of a
+    clear sky, are left out while most belong together.
+    Raises NotAPanorama naming the views that have nothing in common with the others, where they are too many.
     """
-    pairs = find_pairs(views, method)
-    linked = _linked(views, pairs)
-    start = _from_neighbours(views, pairs, linked)
-    problem = _Bundle(views, pairs, start, method)
+    given, pairs = views, find_pairs(views, method)
+    kept, anchor = _belonging(views, pairs)
+    left_out = tuple(view for i, view in enumerate(given) if i not in kept)
+    views = [given[i] for i in kept]
+    place = {i: new for new, i in enumerate(kept)}
+    pairs = [
+        replace(pair, first=place[pair.first], second=place[pair.second])
+        for pair in pairs
+        if pair.first in place and pair.second in place
+    ]
+    anchor = None if anchor is None else place[anchor]
+    start = _from_neighbours(views, _linked(views, pairs, anchor), anchor)
+    problem = _Bundle(views, pairs, start, method, anchor)
     # A focal length that is off by 3 % leaves a ring of views open by 11°, which no robust loss would close: at first
     # every pair is believed.
     rotations, scale, distortion = problem.solved(start, 1.0, 0.0, loss=np.inf)
@@ -63,14 +83,16 @@ def orient(views: Sequence[PanoramaView], method: Matching = Matching()) -> Adju
         rotations, scale, distortion = problem.solved(rotations, scale, distortion)
     problem = problem.with_agreeing(rotations, scale, distortion, ROUNDS[-1])
     error = problem.error(rotations, scale, distortion)
-    if method.level and all(view.rotation is None for view in views):
-        level = levelling(rotations)
-        rotations = [level @ rotation for rotation in rotations]
+    unknown = [i for i, view in enumerate(views) if view.rotation is None]
+    apart = anchor is not None and len(unknown) < len(views)
+    if anchor is not None and (method.level or apart):
+        level = levelling([rotations[i] for i in unknown])
+        rotations = [level @ turn if i in unknown else turn for i, turn in enumerate(rotations)]
     found = tuple(
         replace(view, rotation=rotation, focal_length=view.focal_length * scale, distortion=distortion)
         for view, rotation in zip(views, rotations, strict=True)
     )
-    return Adjusted(found, tuple(problem.pairs), error)
+    return Adjusted(found, tuple(problem.pairs), error, scale, left_out, apart)
 
 
 def levelling(rotations: Sequence[np.ndarray]) -> np.ndarray:
@@ -95,19 +117,52 @@ def levelling(rotations: Sequence[np.ndarray]) -> np.ndarray:
     return rotation_from_vector(yaw * UP) @ level
 
 
-def _linked(views: Sequence[PanoramaView], pairs: Sequence[Pair]) -> list[tuple[int, int, Pair]]:
+def _belonging(views: Sequence[PanoramaView], pairs: Sequence[Pair]) -> tuple[list[int], int | None]:
+    """Indices of the views that belong together, and the one that the others are turned to where none of them is told.
+
+    Told views belong; so do views linked to them. Where none is, or none is told, it is the largest group that is
+    linked; told views are then beside it, as of a sky that nothing can be matched in.
+    """
+    groups = _groups(len(views), pairs)
+    strength = np.zeros(len(views))
+    for pair in pairs:
+        strength[[pair.first, pair.second]] += pair.agreeing.sum()
+    told = {i for i, view in enumerate(views) if view.rotation is not None}
+    with_told = set().union(*(group for group in groups if group & told))
+    without = sorted((g for g in groups if not g & told), key=lambda g: (len(g), strength[list(g)].sum()), reverse=True)
+    anchor, kept = None, with_told
+    if without and with_told == told and len(without[0]) > max(1, len(told) / ALIKE):
+        main = without.pop(0)
+        anchor, kept = max(main, key=lambda i: strength[i]), told | main
+    elif without and not told:
+        kept = without.pop(0)
+        anchor = max(kept, key=lambda i: strength[i])
+    lost = sum(len(group) for group in without)
+    if len(kept) < 2 or lost >= len(kept) or (without and len(without[0]) >= ALIKE * len(kept)):
+        names = ", ".join(view.name for i, view in enumerate(views) if i not in kept)
+        found = [view.name for i, view in enumerate(views) if i in kept]
+        raise NotAPanorama(
+            f"{names}: too little in common with {', '.join(found) if len(found) < 3 else 'the others'} "
+            "to tell the orientation; let views overlap by a third, or tell how each was turned: with "
+            "--orientations a table of these alone is enough"
+        )
+    return sorted(kept), anchor
+
+
+def _groups(count: int, pairs: Sequence[Pair]) -> list[set[int]]:
+    """Views that pairs link, directly or through others."""
+    ends = np.array([(pair.first, pair.second) for pair in pairs], int).reshape(-1, 2)
+    links = sparse.csr_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), (count, count))
+    labels = connected_components(links, directed=False)[1]
+    return [set(np.flatnonzero(labels == label).tolist()) for label in range(labels.max() + 1)]
+
+
+def _linked(views: Sequence[PanoramaView], pairs: Sequence[Pair], anchor: int | None) -> list[tuple[int, int, Pair]]:
     """The strongest pairs that join all views, from those whose rotation is known outwards: (known, new, pair)."""
-    known = {i for i, view in enumerate(views) if view.rotation is not None} or {_most_linked(views, pairs)}
+    known = {i for i, view in enumerate(views) if view.rotation is not None or i == anchor}
     order: list[tuple[int, int, Pair]] = []
     while len(known) < len(views):
         ways = [(int(pair.agreeing.sum()), pair) for pair in pairs if (pair.first in known) != (pair.second in known)]
-        if not ways:
-            lost = [view.name for i, view in enumerate(views) if i not in known]
-            found = [view.name for i, view in enumerate(views) if i in known]
-            raise NotAPanorama(
-                f"{', '.join(lost)}: too little in common with {', '.join(found) if len(found) < 3 else 'the others'} "
-                "to tell the orientation; let views overlap by a third, or tell how each was turned"
-            )
         pair = max(ways, key=lambda way: way[0])[1]
         old, new = (pair.first, pair.second) if pair.first in known else (pair.second, pair.first)
         order.append((old, new, pair))
@@ -115,20 +170,12 @@ def _linked(views: Sequence[PanoramaView], pairs: Sequence[Pair]) -> list[tuple[
     return order
 
 
-def _most_linked(views: Sequence[PanoramaView], pairs: Sequence[Pair]) -> int:
-    """A view of the largest group: those that are left out are then named, not those that belong together."""
-    strength = np.zeros(len(views))
-    for pair in pairs:
-        strength[[pair.first, pair.second]] += pair.agreeing.sum()
-    return int(strength.argmax())
-
-
 def _from_neighbours(
-    views: Sequence[PanoramaView], pairs: Sequence[Pair], order: Sequence[tuple[int, int, Pair]]
+    views: Sequence[PanoramaView], order: Sequence[tuple[int, int, Pair]], anchor: int | None
 ) -> list[np.ndarray]:
     rotations: list[np.ndarray | None] = [view.rotation for view in views]
-    if all(rotation is None for rotation in rotations):
-        rotations[order[0][0]] = np.eye(3)
+    if anchor is not None:
+        rotations[anchor] = np.eye(3)
     for old, new, pair in order:
         first_from_second = pair.rotation if old == pair.first else pair.rotation.T
         before = rotations[old]
@@ -145,12 +192,12 @@ class _Bundle:
     pairs: Sequence[Pair]
     start: Sequence[np.ndarray]
     method: Matching
+    anchor: int | None
 
     @property
     def free(self) -> list[int]:
         """The views that may turn; one is held where none is known, or all could turn together."""
-        unknown = [i for i, view in enumerate(self.views) if view.rotation is None]
-        return unknown if len(unknown) < len(self.views) else unknown[1:]
+        return [i for i, view in enumerate(self.views) if view.rotation is None and i != self.anchor]
 
     def with_agreeing(
         self, rotations: Sequence[np.ndarray], scale: float, distortion: float, tolerance: float

@@ -20,6 +20,8 @@ TOUCHING = 1e-3
 a cube do, and their rims are compared."""
 RIM = 0.02
 """Share of its shorter side that a picture is continued by then."""
+SURE = 3.0
+"""Standard errors by which a gain between rims has to differ to be believed."""
 PRIOR_COEFFICIENT = 0.5
 """Standard deviation of the vignetting's coefficients about none."""
 CORRELATED = 4.0
@@ -46,10 +48,12 @@ class Balanced:
     """Views on one scale.
 
     views : the pictures times their gains, without their vignetting
-    gains : (views, 3), that the pictures were multiplied by; their geometric mean is 1
+    gains : (views, 3), that the pictures were multiplied by; their geometric mean is 1, but where views only touch the
+        views that agree keep 1
     vignetting : of all views
     overlap : share of the sphere that two views or more measure
     disagreement : median of the absolute difference of ln luminance where views overlap, after balancing
+    remarks : what was done that the caller should know, a line each
     """
 
     views: tuple[PanoramaView, ...]
@@ -57,31 +61,48 @@ class Balanced:
     vignetting: Vignetting
     overlap: float
     disagreement: float
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def touching(self) -> bool:
+        """Whether views only touch, so that no more than their rims could be compared."""
+        return self.overlap < TOUCHING
+
+    @property
+    def unchanged(self) -> bool:
+        """Whether the pictures are as they were."""
+        return bool(np.all(self.gains == 1)) and not self.vignetting.coefficients
 
 
 def balance(views: Sequence[PanoramaView], method: Balancing = Balancing()) -> Balanced:
     """Find the gains and the vignetting that make views alike where they overlap, and apply them.
 
     ln L differs between two views of one direction by their gains and by the falloff at the two places in the pictures;
-    least squares with Cauchy's weights, for what moved between the views is no falloff.
+    least squares with Cauchy's weights, for what moved between the views is no falloff. Where views only touch, their
+    rims show neighbouring things, not the same: all gains stay 1 unless one is sure, by SURE standard errors.
     """
-    seen = sight(views, ROWS)
-    angles = LatLong().solid_angles(ROWS)
-    overlap = float(angles[seen.measured.sum(0) > 1].sum() / (4 * np.pi))
-    touching = overlap < TOUCHING
-    if touching:
-        seen = sight(views, ROWS, RIM)
-    differences = _differences(views, seen, angles)
+    overlap, differences = _compared(views)
     if differences is None:
         return Balanced(tuple(views), np.ones((len(views), 3)), Vignetting(), overlap, 0.0)
+    touching = overlap < TOUCHING
     terms = 0 if touching else method.terms
-    grey, coefficients, left = _solved(differences, differences.logarithm.mean(1), len(views), terms)
+    grey, coefficients, left, errors = _solved(differences, differences.logarithm.mean(1), len(views), terms)
     logarithms = np.repeat(grey[:, None], 3, axis=1)
     if method.colours:
         falloff = differences.falloff(coefficients)
         for channel in range(3):
             alone = differences.logarithm[:, channel] - falloff
             logarithms[:, channel] = _solved(differences, alone, len(views), 0)[0]
+    remarks: tuple[str, ...] = ()
+    if touching:
+        errors = np.maximum(errors, _closure_errors(differences, grey))
+        logarithms = np.stack([_sure(channel, errors) for channel in logarithms.T], axis=-1)
+        moved = [view.name for view, row in zip(views, logarithms, strict=True) if np.any(row != 0)]
+        if moved:
+            remarks = (
+                f"views only touch; their rims tell other gains for {', '.join(moved)}, known to "
+                f"{100 * np.median(errors):.1f} %",
+            )
     gains = np.exp(-logarithms)
     vignetting = Vignetting(tuple(float(a) for a in coefficients))
     applied = []
@@ -89,7 +110,56 @@ def balance(views: Sequence[PanoramaView], method: Balancing = Balancing()) -> B
         picture = without_vignetting(view.picture, vignetting) if len(coefficients) else view.picture
         picture = replace(picture, radiance=(picture.radiance * gain).astype(np.float32), variance=None)
         applied.append(replace(view, picture=picture))
-    return Balanced(tuple(applied), gains, vignetting, overlap, left)
+    return Balanced(tuple(applied), gains, vignetting, overlap, left, remarks)
+
+
+def compare(views: Sequence[PanoramaView]) -> Balanced:
+    """The views as they are, with what they overlap and differ by: for pictures that are on one scale already."""
+    overlap, differences = _compared(views)
+    left = 0.0 if differences is None else float(np.median(np.abs(differences.logarithm.mean(1))))
+    return Balanced(tuple(views), np.ones((len(views), 3)), Vignetting(), overlap, left)
+
+
+def _compared(views: Sequence[PanoramaView]) -> tuple[float, _Differences | None]:
+    """Share of the sphere that two views or more measure, and what they differ by there, or else at their rims."""
+    seen = sight(views, ROWS)
+    angles = LatLong().solid_angles(ROWS)
+    overlap = float(angles[seen.measured.sum(0) > 1].sum() / (4 * np.pi))
+    if overlap < TOUCHING:
+        seen = sight(views, ROWS, RIM)
+    return overlap, _differences(views, seen, angles)
+
+
+def _closure_errors(differences: _Differences, grey: np.ndarray) -> np.ndarray:
+    """Standard errors (views,) of ln gains by what rims contradict each other: no gains explain that, but scenery does.
+
+    Six faces have twelve edges for five ratios. 0 where there are no more edges than ratios.
+    """
+    pairs = differences.first * len(grey) + differences.second
+    misfit = differences.logarithm.mean(1) - (grey[differences.first] - grey[differences.second])
+    edges = np.unique(pairs)
+    design = np.zeros((len(edges), len(grey)))
+    design[np.arange(len(edges)), edges // len(grey)] = 1
+    design[np.arange(len(edges)), edges % len(grey)] = -1
+    more = len(edges) - int(np.linalg.matrix_rank(design))
+    if more < 1:
+        return np.zeros(len(grey))
+    square = sum(float(np.median(misfit[pairs == edge])) ** 2 for edge in edges) / more
+    return np.sqrt(square * np.diag(np.linalg.pinv(design.T @ design)))
+
+
+def _sure(logarithms: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """ln gains (views,) that are believed, 0 for the others.
+
+    Only ratios of gains are known, so they count from the views that agree. Where none is sure the exposure was held,
+    and all stay; where one is, it was not, and what lies beyond its own error is the best guess of each.
+    """
+    bound = SURE * errors
+    agreeing = np.abs(logarithms[:, None] - logarithms) <= np.maximum(bound[:, None], bound)
+    about = logarithms - logarithms[agreeing[agreeing.sum(1).argmax()]].mean()
+    if np.all(np.abs(about) <= bound):
+        return np.zeros(len(logarithms))
+    return np.where(np.abs(about) <= errors, 0.0, about)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,14 +208,16 @@ def _differences(views: Sequence[PanoramaView], seen: Sight, angles: np.ndarray)
 
 def _solved(
     differences: _Differences, logarithm: np.ndarray, count: int, terms: int
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """ln gain of each view's picture, their mean 0, the vignetting's coefficients, and the median misfit left."""
+) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
+    """ln gain of each view's picture, their mean 0, the vignetting's coefficients, the median misfit left, and the
+    standard errors of the gains."""
     rows = np.arange(len(logarithm))
     design = np.zeros((len(logarithm), count + terms))
     design[rows, differences.first] += 1
     design[rows, differences.second] -= 1
     unknown = np.zeros(count + terms)
     unknown[:count] = _of_medians(differences, logarithm, count)
+    normal = np.eye(count + terms)
     powers = differences.squares[..., None] ** np.arange(1, terms + 1)
     for _ in range(ITERATIONS):
         coefficients = unknown[count:]
@@ -175,7 +247,10 @@ def _solved(
         falloff = np.maximum(1 + powers @ unknown[count:], 0.05)
         misfit = misfit - np.log(falloff[:, 0] / falloff[:, 1])
     gains = unknown[:count] - unknown[:count].mean()
-    return gains, unknown[count:], float(np.median(np.abs(misfit)))
+    variance = np.diag(np.linalg.pinv(normal, rcond=1e-12, hermitian=True))[:count]
+    # The mean is fixed, not measured: what its row holds is no uncertainty of the differences.
+    errors = np.sqrt(np.maximum(variance - 1 / count**2, 0))
+    return gains, unknown[count:], float(np.median(np.abs(misfit))), errors
 
 
 def _of_medians(differences: _Differences, logarithm: np.ndarray, count: int) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -40,7 +41,7 @@ class Sight:
 def sight(views: Sequence[PanoramaView], rows: int, margin: float = 0.0) -> Sight:
     """Look through all views.
 
-    margin : share of a picture's shorter side that it goes on beyond its rim, for views that only touch
+    margin : share of a picture's shorter side that it is continued by beyond its rim, for views that only touch
     """
     shape = (len(views), rows, 2 * rows)
     logarithm, inwards = np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32)
@@ -48,15 +49,38 @@ def sight(views: Sequence[PanoramaView], rows: int, margin: float = 0.0) -> Sigh
     for index, view in enumerate(views):
         small = shrunk(view, rows / np.pi)
         side = min(small.picture.size)
-        shown = view_in_map(small, rows, 0, rows, CELLS, max(margin * side, 1.0) if margin else 0.0)
+        beyond = max(math.ceil(margin * side), 1) if margin else 0
+        shown = view_in_map(continued(small, beyond), rows, 0, rows, CELLS)
         radiance, share = shown[..., :3], shown[..., 4]
         lit = view.picture.radiance[view.picture.radiance > 0]
         least = DARKEST * float(np.median(lit[:: max(1, lit.size // 100_000)])) if lit.size else np.inf
         covered[index] = share > 0
         measured[index] = (share > (0.3 if margin else 0.99)) & (shown[..., 3] <= 0) & (radiance.min(-1) > least)
         logarithm[index] = np.log(np.where(measured[index][..., None], radiance, 1))
-        inwards[index] = np.clip(2 * shown[..., 5] / side, 0, 1)
+        inwards[index] = np.clip(2 * (shown[..., 5] - beyond) / side, 0, 1)
     return Sight(logarithm, measured, covered, inwards)
+
+
+def continued(view: PanoramaView, pixels: int) -> PanoramaView:
+    """The view with so many pixels more on every side, in which ln radiance goes on as steeply as inside.
+
+    Were the rim only repeated, light that grows from one view to its neighbour would look like a gain between them.
+    """
+    if pixels < 1:
+        return view
+    radiance = view.picture.radiance
+    lit = radiance[radiance > 0]
+    least = DARKEST * float(np.median(lit)) if lit.size else 1.0
+    around = ((pixels, pixels), (pixels, pixels))
+    logarithm = np.log(np.maximum(radiance, least))
+    with np.errstate(over="ignore"):
+        wide = np.exp(np.pad(logarithm, (*around, (0, 0)), mode="reflect", reflect_type="odd"))
+    # Two lamps in a corner multiply: what is beyond all light there is tells nothing.
+    wide = np.minimum(wide, max(float(radiance.max()), least)).astype(np.float32)
+    wide[pixels:-pixels, pixels:-pixels] = radiance
+    marks = view.picture.clipped
+    clipped = None if marks is None else np.pad(marks, around, mode="reflect")
+    return replace(view, picture=RadianceMap(wide, None, clipped, view.picture.unit))
 
 
 def shrunk(view: PanoramaView, focal_length: float) -> PanoramaView:

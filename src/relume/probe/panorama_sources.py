@@ -6,21 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from relume.capture.bracket import read_bracket, require_told
 from relume.capture.folder import pictures_in
 from relume.capture.measurement import measure
 from relume.errors import UnreadableFile
 from relume.image import files
-from relume.image.colour import decode_srgb
 from relume.image.files.signatures import kind_of
-from relume.image.photograph import Photograph
-from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
+from relume.image.radiance import RadianceMap
 from relume.image.response import Response
-
-WHITE = 0.98
-"""Share of the highest code from which a channel is taken for saturated: JPEG rings about white."""
+from relume.probe.lone_photograph import linear
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,32 +67,5 @@ def read_sources(paths: Sequence[Path], *, response: Response | None = None) -> 
         if isinstance(image, RadianceMap):
             sources.append(Source(image, None, path.name))
         else:
-            sources.append(Source(radiance_of(image, response), image.focal_length, path.name, response is None))
+            sources.append(Source(linear(image, response), image.focal_length, path.name, response is None))
     return sources
-
-
-def radiance_of(photograph: Photograph, response: Response | None = None) -> RadianceMap:
-    """The radiance that a single photograph shows, divided by its exposure where that is told.
-
-    response : of the camera; sRGB unless given, which cameras only come near to
-    White is a lower bound, black an upper one.
-    """
-    levels = np.iinfo(photograph.pixels.dtype).max
-    if response is None:
-        linear = decode_srgb(np.arange(levels + 1) / levels)
-        table = np.stack([linear] * 3)
-    elif response.levels == levels + 1:
-        table = np.exp(response.log_exposure)
-    else:
-        raise ValueError(
-            f"{photograph.name}: {photograph.pixels.dtype} pixels and a response of {response.levels} values; expected "
-            f"one of {levels + 1}"
-        )
-    exposure = photograph.exposure.factor if photograph.exposure else 1.0
-    radiance = np.stack([table[c][photograph.pixels[..., c]] for c in range(3)], axis=-1) / exposure
-    clipped = np.where(photograph.pixels.max(2) >= WHITE * levels, SATURATED, 0).astype(np.uint8)
-    clipped[photograph.pixels.max(2) == 0] = BLACK
-    if photograph.outside is not None:
-        clipped[photograph.outside] = OUTSIDE
-        radiance[photograph.outside] = 0
-    return RadianceMap(radiance.astype(np.float32), None, clipped)

@@ -4,6 +4,10 @@ The kernel is von Mises and Fisher's, exp((cos γ − 1)/σ²), the sphere's Gau
 the angle γ alone. Between pixel centres of a lat-long map it is a circular convolution along the longitude for every
 pair of rows. Its sums over pixels are not quite 1; they are balanced row by row (Sinkhorn & Knopp 1967, the symmetric
 case), so that constant light stays constant and the total is kept, both to rounding.
+
+A map in another mapping is blurred in a lat-long map with as many pixels, there and back, which blurs by about a pixel
+besides: only the light that is blurred takes that way. Where it shows a part of the sphere only, what comes back is
+divided by the share of it that came from what is shown, since of what lies beyond the rim nothing is known.
 """
 
 from __future__ import annotations
@@ -19,20 +23,26 @@ from relume.image.blurring import streak_kernel
 from relume.image.filtering import Spread, spread_clipped
 from relume.sphere.illumination import IlluminationMap
 from relume.sphere.mappings import LatLong
+from relume.sphere.matching import matching_size
 
 _FAINT = 37.0
 """−ln of the share of the peak beyond which the kernel is left out: double precision's own."""
 _ROUNDS = 200
+_WHOLE = 0.999
+"""Share of the sphere from which on a map shows all of it."""
 
 
 def blurred(light: IlluminationMap, sigma: float, *, share: float = 1.0) -> IlluminationMap:
     """The light out of focus by `sigma` in all directions; with a share below 1 sharp light with a glow.
 
-    light : in any mapping; one that is no lat-long map is blurred as such and laid out again, energy kept
+    light : in any mapping
     sigma : radians, of the Gaussian that the kernel is for small angles; 0 to π
-    share : of the light that is blurred; 1 is all of it
+    share : of the light that is blurred; 1 is all of it. What stays sharp stays in its pixel, in any mapping
 
-    The total is kept to rounding, per channel. Raises ValueError for another sigma or share.
+    Constant light stays constant, and the total of each channel is kept: both to rounding in a lat-long map, in any
+    other of the whole sphere as resampling keeps them. A map of a part of the sphere, a fisheye's, keeps constant
+    light, but not its total: light near the rim goes out of it and what would come in is not known.
+    Raises ValueError for another sigma or share.
     """
     if not 0 <= sigma <= np.pi:
         raise ValueError(f"sigma is {np.degrees(sigma):g}°; expected 0 to 180°")
@@ -41,34 +51,56 @@ def blurred(light: IlluminationMap, sigma: float, *, share: float = 1.0) -> Illu
     if sigma == 0 or share == 0:
         return light
 
-    def glow(rows: int) -> Spread:
-        blur = _spherical(rows, sigma)
-        return lambda field: (1 - share) * field + share * blur(field)
-
-    return _spread_as_latlong(light, glow)
+    blur = _on(light, lambda rows: _spherical(rows, sigma))
+    return _spread(light, lambda field: (1 - share) * field + share * blur(field))
 
 
 def spun(light: IlluminationMap, angle: float) -> IlluminationMap:
     """The light as a shutter sees it while it turns about the vertical at an even speed: motion blur of a light map.
 
-    light : in any mapping; one that is no lat-long map is blurred as such and laid out again, energy kept
+    light : in any mapping
     angle : radians, of the whole turn, half of it before the light's own place and half after; 0 to 2π
 
-    The light of every row is kept to rounding. Raises ValueError for another angle.
+    The light of every row of a lat-long map is kept to rounding; other mappings as by `blurred`. Raises
+    ValueError for another angle.
     """
     if not 0 <= angle <= 2 * np.pi:
         raise ValueError(f"the angle is {np.degrees(angle):g}°; expected 0 to 360°")
-    return light if angle == 0 else _spread_as_latlong(light, lambda rows: _turning(rows, angle))
+    return light if angle == 0 else _spread(light, _on(light, lambda rows: _turning(rows, angle)))
 
 
-def _spread_as_latlong(light: IlluminationMap, spread_of: Callable[[int], Spread]) -> IlluminationMap:
-    source = light if isinstance(light.mapping, LatLong) else light.remapped(LatLong())
-    spread = spread_of(source.size)
+def _spread(light: IlluminationMap, spread: Spread) -> IlluminationMap:
     # Transforms round; weights that are not negative make no negative light.
-    radiance = np.maximum(spread(source.radiance.astype(np.float64)), 0).astype(np.float32)
-    clipped = None if source.clipped is None else spread_clipped(source.radiance, source.clipped, spread)
-    result = replace(source, radiance=radiance, clipped=clipped)
-    return result if source is light else result.remapped(light.mapping, light.size)
+    radiance = np.maximum(spread(light.radiance.astype(np.float64)), 0).astype(np.float32)
+    clipped = None if light.clipped is None else spread_clipped(light.radiance, light.clipped, spread)
+    return replace(light, radiance=radiance, clipped=clipped)
+
+
+def _on(light: IlluminationMap, of_latlong: Callable[[int], Spread]) -> Spread:
+    """A spread of lat-long fields by their rows, as one of fields in the light's own mapping."""
+    if isinstance(light.mapping, LatLong):
+        return of_latlong(light.size)
+    rows = matching_size(light, LatLong())
+    blur = of_latlong(rows)
+
+    def there_and_back(field: np.ndarray) -> np.ndarray:
+        """Of three channels."""
+        source = IlluminationMap(field.astype(np.float32), light.mapping).remapped(LatLong(), rows)
+        radiance = np.maximum(blur(source.radiance.astype(np.float64)), 0).astype(np.float32)
+        return IlluminationMap(radiance).remapped(light.mapping, light.size).radiance.astype(np.float64)
+
+    areas = light.mapping.solid_angles(light.size)
+    shown = np.repeat((areas > 0)[..., None], 3, axis=-1).astype(np.float64)
+    part = areas.sum() < _WHOLE * 4 * np.pi
+    known = np.maximum(there_and_back(shown)[..., :1], 1e-6) if part else np.ones(())
+
+    def spread(field: np.ndarray) -> np.ndarray:
+        channels = field.shape[-1]
+        padded = np.concatenate([field, np.zeros((*field.shape[:2], -channels % 3))], axis=-1)
+        parts = [there_and_back(padded[..., k : k + 3]) for k in range(0, channels, 3)]
+        return np.concatenate(parts, axis=-1)[..., :channels] / known * (areas > 0)[..., None]
+
+    return spread
 
 
 def _turning(rows: int, angle: float) -> Spread:

@@ -11,6 +11,7 @@ as high.
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from relume._kernel import in_threads
 from relume.sphere.illumination import IlluminationMap
@@ -39,6 +40,8 @@ APART = 1.3
 """Pixels of the source between look-ups, at most: bilinear look-ups are two wide, so they overlap well."""
 _ROUNDED = 0.75
 """sin of the angle from a pole below which a lat-long's rows are averaged: pixels there are narrower than that."""
+_UNEVEN = 3
+"""Width of a row's averages, in pixels, from which on pushed light would show: 19° from a pole."""
 _EXACT = 3e-7
 """How near to 1 the ratio of totals may stay: float32 rounds to a fifth of that."""
 _LINES, _PIXELS, _CELLS = 32, 1 << 20, 1 << 17
@@ -98,7 +101,10 @@ def moved(
         if np.abs(scale - 1).max() > _EXACT:
             factors = scale.astype(np.float32)
             in_threads(lambda a, b: scaled(result, factors, a, b), pixels, chunk=_PIXELS)
-    push(source, target, source.turns(target, rotation), places, flux, result)
+    if len(places):
+        push(source, target, source.turns(target, rotation), places, flux, result)
+        if target.planes.kind == LAT_LONG:
+            _even_poles(result.reshape(*target.shape, 3))
     known = marks.reshape(target.shape) if clipped is not None or marks.any() else None
     return result.reshape(*target.shape, 3), known, covered.reshape(target.shape if covered.size else 0)
 
@@ -153,6 +159,17 @@ def _gathered(
         total += finish(target, begin, last, values, inside, every, parts, least, saturated, result, covered, marks)
         begin = last
     return total
+
+
+def _even_poles(radiance: np.ndarray) -> None:
+    """Average a lat-long's rows near the poles along themselves, over pixels as wide as high, in place.
+
+    Pushed light lands in some of the narrow pixels there and not in their neighbours; a row keeps its total.
+    """
+    rows = len(radiance)
+    widths = np.minimum(1 / np.sin(np.pi * (np.arange(rows) + 0.5) / rows), 2 * rows - 1)
+    for row in np.flatnonzero(widths >= _UNEVEN):
+        uniform_filter1d(radiance[row], int(widths[row]) | 1, axis=0, mode="wrap", output=radiance[row])
 
 
 def _most(total: np.ndarray, shown: float, pixels: int) -> np.ndarray:
