@@ -14,7 +14,7 @@ from command_line import refused
 from relume.cli import main
 from relume.image.files import read_photograph, read_radiance, write
 from relume.image.photograph import Photograph
-from relume.image.radiance import SATURATED, RadianceMap
+from relume.image.radiance import BLACK, SATURATED, RadianceMap
 from relume.sphere.directions import normalised
 from relume.sphere.illumination import as_illumination
 
@@ -98,6 +98,16 @@ def test_arithmetic_with_maps_and_constants(flat: Path, capsys: pytest.CaptureFi
     assert edited(capsys, flat, "--divide", str(flat))[0].unit == "relative"
 
 
+def test_constants_may_be_negative(flat: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = read_radiance(flat)
+    made, _ = edited(capsys, flat, "--multiply", "-2", "--signed")
+    assert np.array_equal(made.radiance, -2 * before.radiance)
+    assert made.clipped is not None and made.clipped[4, 4] == BLACK and made.clipped.sum() == BLACK
+    assert np.array_equal(edited(capsys, flat, "--divide", "-0.5", "--signed")[0].radiance, -2 * before.radiance)
+    assert edited(capsys, flat, "--min", "-1", "--signed")[0].radiance.max() == -1
+    assert np.array_equal(edited(capsys, flat, "--max", "-1,-1,-1")[0].radiance, before.radiance)
+
+
 def test_negative_results_are_told_or_kept(flat: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = flat.with_name("out.exr")
     assert main(["edit", str(flat), "-o", str(out), "--subtract", "0.5"]) == 0
@@ -170,6 +180,25 @@ def test_a_map_for_another_program_stays_for_it_or_says_it_no_longer_is(
     # The vertical it was spun about is ours: pixels of 11° apart, what grazes a surface moves by 2 % of the sun.
     normals = np.concatenate([np.eye(3), -np.eye(3)])
     assert sized.irradiance(normals) == pytest.approx(expected.irradiance(normals), abs=0.02 * ours.irradiance(sun)[0])
+
+
+def test_mirrored_faces_stay_so_or_say_they_no_longer_are(
+    light: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    there, out = tmp_path / "there.exr", tmp_path / "out.exr"
+    # The sun, on the seam at +Z, is brought to +X: mirroring in x would move it.
+    words = ["--to", "strip", "--mirror", "x", "--rotate", "90", "--size", "32"]
+    assert main(["convert", str(light), *words, "-o", str(there)]) == 0
+    ours = as_illumination(read_radiance(there)).irradiance(np.array([[1.0, 0, 0], [-1.0, 0, 0]]))
+    assert ours[0, 0] > 10 * ours[1, 0]
+    for words, mirror in ((["--resize", "50%"], "x"), (["--spherical-blur", "4"], "x"), (["--spin", "20"], None)):
+        capsys.readouterr()
+        assert main(["edit", str(there), "-o", str(out), *words]) == 0
+        assert ("mirrored in x; written in our frame" in notes(capsys)) == (mirror is None), words
+        made = read_radiance(out)
+        assert made.attributes.get("mirror") == mirror and made.attributes["mapping"] == "strip"
+        after = as_illumination(made).irradiance(np.array([[1.0, 0, 0], [-1.0, 0, 0]]))
+        assert after[0] == pytest.approx(ours[0], rel=3e-2) and after[0, 0] > 10 * after[1, 0], words
 
 
 def test_a_part_of_a_map_tells_nothing_that_is_no_longer_true(

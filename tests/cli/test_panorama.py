@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,10 @@ from relume.cli import main
 from relume.image import files
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
+from relume.probe.panorama_crops import remembered_crop
 from relume.probe.panorama_views import FACES, orientation
+from relume.sphere.labelled_probe import LABELS, labelled_probe
+from relume.sphere.perspective import perspective_view
 
 WORLD = patchwork(128, 800)
 
@@ -58,10 +62,138 @@ def test_a_table_tells_orientation_and_field_and_a_hole_is_doubted(
     assert clipped is not None and clipped[-1].min() == 3
 
 
+def test_each_view_is_a_line_without_negative_zeros(
+    faces: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    out = tmp_path / "light.exr"
+    assert main(["panorama", *faces, "-o", str(out), "--faces", ORDER, "--size", "32", "--no-balance"]) == 0
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert "view front.exr yaw 0, pitch 0, roll 0, field 90, gain 1.0000" in lines
+    assert "view left.exr yaw -90, pitch 0, roll 0, field 90, gain 1.0000" in lines
+    assert not [line for line in lines if "-0," in line]
+
+
+def test_a_dim_map_is_told_with_all_digits(faces: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    paths = []
+    for face in faces:
+        picture = files.read_radiance(face)
+        path = tmp_path / Path(face).name
+        files.write(path, RadianceMap(picture.radiance * np.float32(1e-5)))
+        paths.append(str(path))
+    out = tmp_path / "light.exr"
+    assert main(["panorama", *paths, "-o", str(out), "--faces", ORDER, "--size", "64", "--no-balance", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    np.testing.assert_allclose(told["total"], 1e-5 * WORLD.total(), rtol=0.01)
+    assert len(told["peak"]) == 3 and set(told["irradiance"]) == {"+X", "-X", "+Y", "-Y", "+Z", "-Z"}
+
+
+def test_views_in_an_absolute_unit_are_balanced_only_when_asked(
+    faces: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    paths = []
+    for gain, yaw in ((1.0, 0), (1.2, 40)):
+        picture = photograph(WORLD, orientation(np.radians(yaw)), focal_length=64, size=(128, 96), gain=gain)
+        path = tmp_path / f"{yaw}.exr"
+        files.write(path, RadianceMap(picture.radiance, unit="cd/m²"))
+        paths.append(str(path))
+    words = ["panorama", *paths, "-o", str(tmp_path / "a.exr"), "--turn", "40", "--field", "90", "--size", "32"]
+    for more, ratio in (([], 1.0), (["--balance"], 1.2)):
+        assert main([*words, *more, "--json"]) == 4  # most of the sphere is unseen
+        captured = capsys.readouterr()
+        first, second = (view["gain"][0] for view in json.loads(captured.out)["views"])
+        assert first / second == pytest.approx(ratio, rel=0.01)
+        assert ("not balanced: radiance in cd/m²" in captured.err) == (ratio == 1)
+
+
+ANGLES = [(0, 0, 0), (72, 0, 10), (144, 0, -10), (216, 0, 0), (288, 0, 0), (30, 88, 20), (-50, -88, 0)]
+PROBE = labelled_probe(128)
+
+
+@pytest.fixture(scope="module")
+def crops(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Views of the labelled probe, 110° across, that remember it."""
+    folder = tmp_path_factory.mktemp("crops")
+    for number, angles in enumerate(ANGLES):
+        picture = perspective_view(PROBE, orientation(*np.radians(angles)), np.radians(110), (180, 180))
+        files.write(folder / f"{number}.exr", picture)
+    return [folder / f"{number}.exr" for number in range(len(ANGLES))]
+
+
+def is_the_probe(path: Path) -> bool:
+    """But for edges, which are half a pixel soft."""
+    found = files.read_radiance(path).radiance
+    return found.shape == PROBE.radiance.shape and float(np.abs(found - PROBE.radiance).mean()) < 0.01
+
+
+def test_crops_and_a_table_with_the_same_angles_give_the_map_back(crops: list[Path], tmp_path: Path):
+    table, out = tmp_path / "head.csv", tmp_path / "light.exr"
+    words = ["panorama", *map(str, crops), "-o", str(out), "--orientations", str(table), "--size", "128"]
+    for sign in (1, -1):
+        rows = [
+            f"{p.name},{sign * yaw},{pitch},{roll},110" for p, (yaw, pitch, roll) in zip(crops, ANGLES, strict=True)
+        ]
+        table.write_text("name,yaw,pitch,roll,field\n" + "\n".join(rows))
+        assert main([*words, "--no-balance", "-q"]) == (0 if sign == 1 else 4)
+        assert is_the_probe(out) == (sign == 1)
+
+
+def test_crops_remember_field_and_orientation(crops: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    out = tmp_path / "light.exr"
+    words = ["panorama", *map(str, crops), "-o", str(out), "--size", "128", "--json"]
+    assert main(words) == 0
+    captured = capsys.readouterr()
+    told = json.loads(captured.out)
+    assert "7 of 7 views remember how they were cropped" in captured.err and "--match" in captured.err
+    assert "not balanced: crops of a light map share its exposure" in captured.err
+    assert is_the_probe(out)
+    assert [view["yaw"] for view in told["views"]][:5] == pytest.approx([0, 72, 144, -144, -72], abs=1e-3)
+    assert {view["field"] for view in told["views"]} == {110.0} and told["matches agree within"] is None
+    # Whatever is told overrules what is remembered.
+    main([*words, "--turn", "10"])
+    captured = capsys.readouterr()
+    assert [view["yaw"] for view in json.loads(captured.out)["views"]][:3] == pytest.approx([0, 10, 20], abs=1e-3)
+    assert "remember" not in captured.err
+    main([*words, "--field", "100"])
+    assert {view["field"] for view in json.loads(capsys.readouterr().out)["views"]} == {100.0}
+    assert "give one" in refused([*words, "--match", "--turn", "10"], capsys)
+
+
+def test_faces_cropped_wider_keep_their_field(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    paths = []
+    for name, angles in FACES.items():
+        picture = perspective_view(PROBE, orientation(*np.radians(angles)), np.radians(96), (60, 60))
+        # The yaw to the right: the first three look along −Z, +X and +Z.
+        label = LABELS[{"front": "-Z", "right": "+X", "back": "+Z", "left": "-X", "up": "+Y", "down": "-Y"}[name]]
+        np.testing.assert_allclose(picture.radiance[30, 30], label.colour, atol=0.01)
+        files.write(tmp_path / f"{name}.exr", picture)
+        paths.append(str(tmp_path / f"{name}.exr"))
+    words = ["panorama", *paths, "-o", str(tmp_path / "a.exr"), "--faces", ORDER, "--size", "64", "--json"]
+    assert main(words) == 0
+    assert {view["field"] for view in json.loads(capsys.readouterr().out)["views"]} == {96.0}
+
+
+def test_match_does_not_use_what_crops_remember(crops: list[Path], tmp_path: Path, capsys):
+    # Up and down have nothing in common.
+    line = refused(["panorama", *map(str, crops[5:]), "-o", str(tmp_path / "a.exr"), "--match"], capsys)
+    assert "too little in common" in line
+
+
+def test_a_view_that_cannot_be_is_not_used(tmp_path: Path):
+    picture = perspective_view(PROBE, np.eye(3), np.radians(90), (40, 30))
+    crop = remembered_crop(picture)
+    assert crop is not None and crop.focal_length == pytest.approx(20)
+    np.testing.assert_array_equal(crop.rotation, np.eye(3))
+    assert remembered_crop(replace(picture, attributes={})) is None
+    for wrong in ({"view-field": "190"}, {"view-rotation": "1 0 0"}, {"view-rotation": "2 0 0 0 1 0 0 0 1"}):
+        broken = replace(picture, attributes={**picture.attributes, **wrong})
+        with pytest.warns(UserWarning, match="front: remembers a view that cannot be"):
+            assert remembered_crop(broken, "front") is None
+
+
 def test_a_dry_run_writes_nothing(faces: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     out = tmp_path / "light.exr"
     assert main(["panorama", *faces, "-o", str(out), "--dry-run", "--field", "90", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["orientation"] == "matched"
+    assert json.loads(capsys.readouterr().out)["orientation"] == "matched, where the views do not remember it"
     assert not out.exists()
 
 

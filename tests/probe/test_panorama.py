@@ -141,6 +141,46 @@ def test_six_faces_of_a_cube_are_evened_at_their_edges():
     assert irradiance_error(result, np.eye(3)) < 0.03
 
 
+def textured_faces(gains: dict[str, float] | None = None) -> list[PanoramaView]:
+    """Faces of a world that grows brighter to one side, with clutter that is finer than what rims compare."""
+
+    def radiance(directions: np.ndarray) -> np.ndarray:
+        fine = 0.05 * np.sin(40 * directions).sum(-1)
+        return np.exp(directions @ np.array([1.2, 0.9, -0.7]) + fine)
+
+    world = lights.of_directions(radiance, 256)
+    turns = {name: orientation(*np.radians(angles)) for name, angles in FACES.items()}
+    return [
+        PanoramaView(
+            photograph(world, turn, focal_length=75, size=(150, 150), gain=(gains or {}).get(name, 1.0)), 75, turn, name
+        )
+        for name, turn in turns.items()
+    ]
+
+
+def test_exact_faces_that_only_touch_are_not_balanced():
+    views = textured_faces()
+    result = mosaic(views, size=128)
+    assert np.all(result.gains == 1) and result.remarks == ()
+    np.testing.assert_array_equal(result.light.radiance, mosaic(views, size=128, balancing=None).light.radiance)
+
+
+def test_rims_tell_the_gain_of_one_face_and_leave_the_others():
+    found = balance(textured_faces({"back": 1.1}))
+    gains = dict(zip(FACES, found.gains[:, 0], strict=True))
+    assert gains.pop("back") == pytest.approx(1 / 1.1, rel=0.01)
+    np.testing.assert_allclose(list(gains.values()), 1, atol=0.005)
+    assert len(found.remarks) == 1 and "views only touch" in found.remarks[0] and "back" in found.remarks[0]
+
+
+def test_unbalanced_views_are_still_compared():
+    turns = [orientation(*np.radians((yaw, 0, 0))) for yaw in (0, 40)]
+    views = [PanoramaView(photograph(WORLD, turn), 160, turn, str(i)) for i, turn in enumerate(turns)]
+    assert mosaic(views, size=64, balancing=None).notes == ()
+    wrong = mosaic([views[0], replace(views[1], rotation=orientation(np.radians(25)))], size=64, balancing=None)
+    assert "yaw to the right, pitch up, roll clockwise" in wrong.notes[0]
+
+
 def test_faces_that_agree_are_taken_as_they_are():
     result = mosaic(face_views(), size=256, balancing=None)
     truth = WORLD.irradiance(NORMALS)
@@ -270,6 +310,42 @@ def test_views_that_do_not_overlap_are_named():
     with pytest.raises(NotAPanorama, match=r"^c: too little in common with a, b to tell") as caught:
         mosaic(views)
     assert "\n" not in str(caught.value)
+
+
+def ring_and_sky(told: bool) -> tuple[list[PanoramaView], list[np.ndarray]]:
+    """Six matched views about the horizon, and one of a sky without features."""
+    turns = [orientation(np.radians(40 * i)) for i in range(5)] + [orientation(np.radians(100), np.radians(80))]
+    views = [
+        PanoramaView(photograph(WORLD, turn, focal_length=128, size=(224, 160)), 128, None, f"{i}")
+        for i, turn in enumerate(turns)
+    ]
+    blank = RadianceMap(np.ones((160, 224, 3), np.float32))
+    views[5] = PanoramaView(blank, 128, turns[5] if told else None, "sky")
+    return views, turns
+
+
+def test_a_sky_without_features_is_left_out_and_told():
+    views, turns = ring_and_sky(False)
+    result = mosaic([views[5], *views[:5]], size=64, balancing=None)
+    assert [view.name for view in result.views] == ["0", "1", "2", "3", "4"]
+    assert result.notes[0].startswith("sky: left out, too little in common") and "--orientations" in result.notes[0]
+    between = turn_between(result.views[0].placed.T @ result.views[4].placed, turns[0].T @ turns[4])
+    assert between < 0.5 and result.gains.shape == (5, 3)
+
+
+def test_a_table_of_the_sky_alone_is_enough():
+    views, turns = ring_and_sky(True)
+    result = mosaic(views, size=64, balancing=None)
+    assert len(result.views) == 6 and "left out" not in "".join(result.notes)
+    assert max(turn_between(v.placed, turn) for v, turn in zip(result.views, turns, strict=True)) < 0.5
+    assert len(result.remarks) == 1 and "their yaw counts from 0" in result.remarks[0]
+
+
+def test_two_groups_of_similar_size_are_refused():
+    turns = [orientation(*np.radians((yaw, pitch, 0))) for yaw, pitch in ((0, 0), (35, 0), (70, 0), (200, 0), (235, 0))]
+    views = [PanoramaView(photograph(WORLD, turn), 160, None, name) for turn, name in zip(turns, "abcde", strict=True)]
+    with pytest.raises(NotAPanorama, match=r"^d, e: too little in common with the others"):
+        mosaic(views)
 
 
 def test_what_is_no_panorama_is_refused_in_a_line():

@@ -11,7 +11,7 @@ from relume.probe.panorama_adjustment import levelling
 from relume.probe.panorama_matching import features_of, fitted_rotation, match
 from relume.probe.panorama_matching import turn_between as found_turn
 from relume.probe.panorama_seams import sphere_graph
-from relume.probe.panorama_sight import shrunk, view_in_map
+from relume.probe.panorama_sight import continued, shrunk, view_in_map
 from relume.probe.panorama_views import PanoramaView, angles_of, focal_length_of, orientation
 from relume.sphere.directions import normalised, rotation_from_vector
 from relume.sphere.mappings import LatLong, pixel_points
@@ -88,6 +88,25 @@ def test_a_shrunk_view_looks_the_same_way():
     assert small.picture.size == (20, 15) and small.focal_length == 12.5
     np.testing.assert_allclose(small.picture.radiance[0, 0], view.picture.radiance[:4, :4].mean((0, 1)), rtol=1e-5)
     assert shrunk(view, 40.0) is view
+
+
+def test_a_view_is_continued_as_steeply_as_it_ends():
+    x, y = np.meshgrid(np.arange(80.0), np.arange(60.0))
+
+    def picture(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.repeat(np.exp(0.02 * x - 0.01 * y)[..., None], 3, axis=-1).astype(np.float32)
+
+    clipped = np.zeros((60, 80), np.uint8)
+    clipped[:, 79] = 1
+    view = PanoramaView(RadianceMap(picture(x, y), None, clipped), 50.0, np.eye(3))
+    wide = continued(view, 2)
+    assert wide.picture.size == (84, 64) and wide.focal_length == 50 and continued(view, 0) is view
+    np.testing.assert_array_equal(wide.picture.radiance[2:-2, 2:-2], view.picture.radiance)
+    x, y = np.meshgrid(np.arange(-2.0, 80), np.arange(0.0, 62))
+    np.testing.assert_allclose(wide.picture.radiance[2:, :-2], picture(x, y), rtol=1e-5)
+    # Never brighter than what was seen.
+    assert wide.picture.radiance.max() == view.picture.radiance.max()
+    assert wide.picture.clipped is not None and wide.picture.clipped[2:-2, 81].all()
 
 
 def test_features_lie_where_the_world_has_them():

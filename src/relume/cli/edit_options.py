@@ -68,14 +68,33 @@ class Arithmetic:
         ),
     ] = None
     multiply: Annotated[
-        list[str] | None, Parameter(group=ARITHMETIC, negative="", help="By a relative map is by a plain factor.")
+        list[str] | None,
+        Parameter(
+            group=ARITHMETIC,
+            negative="",
+            allow_leading_hyphen=True,
+            help="By a relative map is by a plain factor.",
+        ),
     ] = None
-    divide: Annotated[list[str] | None, Parameter(group=ARITHMETIC, negative="", help="By 0 gives 0, marked.")] = None
+    divide: Annotated[
+        list[str] | None,
+        Parameter(group=ARITHMETIC, negative="", allow_leading_hyphen=True, help="By 0 gives 0, marked."),
+    ] = None
     minimum: Annotated[
-        list[str] | None, Parameter(name="--min", group=ARITHMETIC, negative="", help="The lesser of both, by channel.")
+        list[str] | None,
+        Parameter(
+            name="--min",
+            group=ARITHMETIC,
+            negative="",
+            allow_leading_hyphen=True,
+            help="The lesser of both, by channel.",
+        ),
     ] = None
     maximum: Annotated[
-        list[str] | None, Parameter(name="--max", group=ARITHMETIC, negative="", help="The greater, by channel.")
+        list[str] | None,
+        Parameter(
+            name="--max", group=ARITHMETIC, negative="", allow_leading_hyphen=True, help="The greater, by channel."
+        ),
     ] = None
     average: Annotated[
         list[str] | None, Parameter(group=ARITHMETIC, negative="", help="Another map; again for each: the mean of all.")

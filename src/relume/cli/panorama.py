@@ -15,7 +15,10 @@ from relume.cli.console import Manner, note, speaking, tell
 from relume.errors import DoubtfulResult, UnreadableFile
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from relume.probe.panorama import Panorama
+    from relume.probe.panorama_crops import Crop
     from relume.probe.panorama_sources import Source
     from relume.probe.panorama_views import PanoramaView
 
@@ -54,9 +57,13 @@ def panorama(
         Path | None,
         Parameter(
             help="A table .csv with the columns name, yaw (to the right), pitch (up), roll (clockwise) and, where it "
-            "is known, field, in degrees; views it does not name are matched."
+            "is known, field, in degrees; views it does not name are matched. Where the two have nothing in common, as "
+            "with a clear sky, yaw counts from the first view that is matched, and pitch from the horizon found."
         ),
     ] = None,
+    match: Annotated[
+        bool, Parameter(negative="", help="Match views even where they remember how they were cropped out of a map.")
+    ] = False,
     field: Annotated[
         float | None,
         Parameter(help="Field of view across, degrees; where the files tell none, or instead of what they tell."),
@@ -69,7 +76,13 @@ def panorama(
     ] = None,
     distortion: Annotated[bool, Parameter(help="Find one radial term of the lens where views are matched.")] = True,
     level: Annotated[bool, Parameter(help="Find the horizon where no orientation is told.")] = True,
-    balance: Annotated[bool, Parameter(help="Balance exposure and vignetting where views overlap.")] = True,
+    balance: Annotated[
+        bool | None,
+        Parameter(
+            help="Balance exposure and vignetting where views overlap, exposure where they only touch. Not done unless "
+            "asked for with views in cd/m², whose scale was measured, and with crops of a light map, which share one."
+        ),
+    ] = None,
     colours: Annotated[
         bool, Parameter(negative="", help="Balance each channel: the camera chose its white anew for each view.")
     ] = False,
@@ -78,13 +91,15 @@ def panorama(
 ) -> None:
     """Put photographs taken from one place together into one light map.
 
-    Where neither --faces, --turn nor --orientations tells how the camera was turned it is found from what the views
-    have in common. A doubtful result is written all the same and told with exit code 4.
+    Where neither --faces, --turn nor --orientations tells how the camera was turned, nor the views themselves do, as
+    crops of a light map, it is found from what the views have in common. A doubtful result is written all the same and
+    told with exit code 4.
     """
     from relume.errors import NotAPanorama
     from relume.image import files
     from relume.probe.panorama import mosaic
     from relume.probe.panorama_balance import Balancing
+    from relume.probe.panorama_crops import remembered_crop
     from relume.probe.panorama_matching import Matching
     from relume.probe.panorama_sources import read_sources
     from relume.sphere.illumination import as_radiance_map
@@ -102,10 +117,12 @@ def panorama(
             from relume.capture.profile import read_profile
 
             response = read_profile(profile).response
-        across = 90.0 if faces is not None and field is None else field
+        if match and told:
+            raise ValueError("--match finds the orientation that --faces, --turn or --orientations tells; give one")
+        found = "matched" if match else "matched, where the views do not remember it"
         plan = {
             "views": [path.name for path in photographs],
-            "orientation": "matched" if not told else f"told of {len(told)} of {len(photographs)}",
+            "orientation": found if not told else f"told of {len(told)} of {len(photographs)}",
         }
         if dry_run:
             tell(manner, {"would write": str(out), **plan})
@@ -117,15 +134,34 @@ def panorama(
                 f"{len(assumed)} single photographs are taken to be sRGB, and show no more than their own exposure; "
                 "--profile tells their camera's response, folders give whole brackets",
             )
-        views = [_view(s, path, told, across) for s, path in zip(sources, photographs, strict=True)]
+        crops = [remembered_crop(source.picture, source.name) for source in sources]
+        use = not (match or told)
+        views = [
+            _view(source, told.get(path, (None, None)), field, 90.0 if faces else None, crop, use)
+            for source, path, crop in zip(sources, photographs, crops, strict=True)
+        ]
+        cropped = [c is not None and c.rotation is not None for c in crops]
+        remarks = []
+        if use and any(cropped):
+            remarks.append(
+                f"{sum(cropped)} of {len(views)} views remember how they were cropped out of a light map, and are put "
+                "back there; --match finds their orientation anyway"
+            )
+        calibrated = sources[0].picture.unit != "relative"
+        if balance is None and not colours and (calibrated or all(cropped)):
+            balance = False
+            why = "radiance in cd/m² was measured" if calibrated else "crops of a light map share its exposure"
+            remarks.append(f"the views are not balanced: {why}; --balance does it")
         result = mosaic(
             views,
             size=size,
             matching=Matching(distortion=distortion, level=level),
-            balancing=Balancing(colours=colours) if balance else None,
+            balancing=None if balance is False else Balancing(colours=colours),
         )
         files.write(out, as_radiance_map(result.light))
-        tell(manner, {"written": str(out), **_facts(result)})
+        tell(manner, {"written": str(out), **_facts(result, manner.json)})
+        for remark in (*remarks, *result.remarks):
+            note(manner, remark)
         if result.saturated > 0:
             note(manner, f"{result.saturated:.2g} sr are saturated in every view; add shorter exposures")
         if result.unseen > 0:
@@ -191,43 +227,84 @@ def _of_table(paths: Sequence[Path], table: Path) -> dict[Path, tuple[Angles, fl
 
 
 def _view(
-    source: Source, path: Path, told: dict[Path, tuple[Angles, float | None]], field: float | None
+    source: Source,
+    told: tuple[Angles | None, float | None],
+    field: float | None,
+    supposed: float | None,
+    crop: Crop | None,
+    use: bool,
 ) -> PanoramaView:
+    """The view with its lens and, where it is known, its rotation.
+
+    told : yaw, pitch, roll and field, degrees
+    field, supposed : across, degrees, that overrules what the file tells, and that only a crop's own overrules
+    use : whether the rotation that a crop remembers is used
+    """
     from relume.errors import NotAPanorama
     from relume.probe.panorama_views import PanoramaView, focal_length_of, orientation
 
-    angles, own_field = told.get(path, (None, None))
+    angles, own_field = told
     across = field if own_field is None else own_field
+    if across is None and crop is None:
+        across = supposed
     if across is not None:
         focal_length = focal_length_of(math.radians(across), source.picture.size[0])
+    elif crop is not None:
+        focal_length = crop.focal_length
     elif source.focal_length is not None:
         focal_length = source.focal_length
     else:
         raise NotAPanorama(f"{source.name}: no focal length in the file; tell the field of view across with --field")
-    rotation = None if angles is None else orientation(*(math.radians(angle) for angle in angles))
+    rotation = crop.rotation if use and crop is not None else None
+    if angles is not None:
+        rotation = orientation(*(math.radians(angle) for angle in angles))
     return PanoramaView(source.picture, focal_length, rotation, source.name)
 
 
-def _facts(result: Panorama) -> dict[str, object]:
-    from relume.probe.panorama_views import angles_of
+def _facts(result: Panorama, listed: bool) -> dict[str, object]:
+    """What was found; the views as a list for machines, else a line each."""
+    from relume.sphere.audit import audit
 
-    views = []
-    for view, gain in zip(result.views, result.gains, strict=True):
-        yaw, pitch, roll = (round(math.degrees(angle), 3) for angle in angles_of(view.placed))
-        across = math.degrees(2 * math.atan(view.picture.size[0] / 2 / view.focal_length))
-        views.append(
-            {
-                "name": view.name, "yaw": yaw, "pitch": pitch, "roll": roll, "field": round(across, 3),
-                "gain": [round(float(g), 4) for g in gain],
+    views = [_view_facts(*each) for each in zip(result.views, result.gains, strict=True)]
+    if listed:
+        shown: dict[str, object] = {"views": views}
+    else:
+        names = [str(view["name"]) for view in views]
+        shown = {
+            f"view {name}" if names.count(name) == 1 else f"view {number} {name}": {
+                key: _gain(value) if isinstance(value, list) else value for key, value in view.items() if key != "name"
             }
-        )  # fmt: skip
+            for number, (name, view) in enumerate(zip(names, views, strict=True), start=1)
+        }
+    light = audit(result.light).facts()
     return {
         "size": f"{2 * result.light.size}×{result.light.size}",
-        "views": views,
-        "distortion": round(result.views[0].distortion, 5),
-        "vignetting": [round(a, 4) for a in result.vignetting.coefficients],
+        **shown,
+        "distortion": _short(result.views[0].distortion, 5),
+        "vignetting": [_short(a, 4) for a in result.vignetting.coefficients],
         "matches agree within": None if result.error is None else f"{math.degrees(result.error):.3f}°",
         "unseen sr": round(result.unseen, 4),
         "saturated sr": round(result.saturated, 6),
-        "total": result.light.total().round(4).tolist(),
+        **{key: light[key] for key in ("total", "irradiance", "peak", "peak direction")},
     }
+
+
+def _view_facts(view: PanoramaView, gain: np.ndarray) -> dict[str, object]:
+    from relume.probe.panorama_views import angles_of
+
+    yaw, pitch, roll = (_short(math.degrees(angle), 3) for angle in angles_of(view.placed))
+    across = math.degrees(2 * math.atan(view.picture.size[0] / 2 / view.focal_length))
+    return {
+        "name": view.name, "yaw": yaw, "pitch": pitch, "roll": roll, "field": _short(across, 3),
+        "gain": [_short(float(g), 4) for g in gain],
+    }  # fmt: skip
+
+
+def _gain(channels: list[float]) -> str:
+    """One number where all channels have the same."""
+    return " ".join(f"{gain:.4f}" for gain in (channels[:1] if len(set(channels)) == 1 else channels))
+
+
+def _short(value: float, digits: int) -> float:
+    """Rounded, and never −0."""
+    return round(value, digits) + 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -49,9 +49,14 @@ def probe(
         ),
     ] = None,
     camera: Annotated[
-        str, Parameter(help="Where the camera stood, as X,Y,Z in metres from the ball's centre.")
+        str,
+        Parameter(
+            allow_leading_hyphen=True, help="Where the camera stood, as X,Y,Z in metres from the ball's centre, Y up."
+        ),
     ] = "0,0,1",
-    second_camera: Annotated[str, Parameter(help="Where the camera of --second stood.")] = "1,0,0",
+    second_camera: Annotated[
+        str, Parameter(allow_leading_hyphen=True, help="Where the camera of --second stood.")
+    ] = "1,0,0",
     turn: Annotated[
         str | None,
         Parameter(
@@ -77,6 +82,7 @@ def probe(
         list[str] | None,
         Parameter(
             negative="",
+            allow_leading_hyphen=True,
             help="The ball's rim in pixels, once for each view: X,Y,RADIUS, or three points or more as X,Y,X,Y,X,Y; "
             '"auto" to have it sought.',
         ),
@@ -84,6 +90,9 @@ def probe(
     pick_exactly: Annotated[
         bool, Parameter(negative="", help="Take what is picked as it is, without following the rim near it.")
     ] = False,
+    picture: Annotated[
+        Path | None, Parameter(help="Draw every view's ball with the rim that was taken, as this .png.")
+    ] = None,
     balance: Annotated[
         bool, Parameter(negative="", help="Bring all views to the brightness of the first before they are blended.")
     ] = False,
@@ -104,12 +113,15 @@ def probe(
     """
     from relume.capture.profile import read_profile
     from relume.cli import probe_views
+    from relume.cli.probe_facts import facts_of, remark
     from relume.probe.blending import assemble
     from relume.probe.registration import ToldPlaces, UnknownTurns
 
     doubts: list[str] = []
     with speaking(manner):
         require_suffix(out, ".exr", ".hdr")
+        if picture is not None:
+            require_suffix(picture, ".png", option="--picture")
         if size < 2:
             raise ValueError(f"--size is {size}; a map has at least 2 rows, best 512")
         require_files([*(second or []), *([profile] if profile else [])])
@@ -146,10 +158,14 @@ def probe(
             lambda line: note(manner, line),
         )
         views = [
-            _view(picture, group, chosen, pick_exactly, radius, distance, mirror, manner)
-            for picture, group, chosen in zip(pictures, groups, picks, strict=True)
+            _view(each, group, chosen, pick_exactly, radius, distance, mirror, manner)
+            for each, group, chosen in zip(pictures, groups, picks, strict=True)
         ]
-        unscaled = len(views) > 1 and not all(picture.exposed for picture in pictures)
+        names = [each.name for each in pictures]
+        if picture is not None:
+            _draw(picture, views, names)
+        doubts += [_rival(view, name) for view, name in zip(views, names, strict=True) if view.outline.rivals]
+        unscaled = len(views) > 1 and not all(each.exposed for each in pictures)
         if unscaled and not balance:
             note(manner, "not every view tells its exposure, so all are brought to the brightness of the first")
         balanced = balance or unscaled
@@ -157,9 +173,10 @@ def probe(
         _write(out, result)
         for line in result.notes:
             if not (balanced and "times as bright" in line):
-                doubts.append(line)
-        _remark(result, manner, len(views))
-        tell(manner, _facts(out, views, result, told))
+                doubts.append(_explained(line, result, told))
+        remark(result, manner, len(views))
+        written = {"written": str(out)} | ({} if picture is None else {"picture": str(picture)})
+        tell(manner, written | facts_of(views, result, told, manner))
         for line in doubts if accept or len(doubts) > 1 else ():
             note(manner, line)
         if doubts and not accept:
@@ -252,13 +269,13 @@ def _view(
     import numpy as np
 
     from relume.probe.ball import view_ball
-    from relume.probe.following import refined
+    from relume.probe.rims import picked_rim
 
     assert group.camera is not None
     camera, centre = np.array(group.camera), np.zeros(3)
     length, focal_length = float(np.linalg.norm(camera)), picture.focal_length
     if picked is not None and not exactly:
-        picked = refined(picture.picture.radiance, picked, focal_length)
+        picked = picked_rim(picture.picture.radiance, picked, picture.name, focal_length)
 
     def found(focal_length: float | None, size: float) -> BallView:
         return view_ball(
@@ -300,46 +317,32 @@ def _write(out: Path, result: Probe) -> None:
     files.write_layers(out, layers, unit=picture.unit, attributes=picture.attributes)
 
 
-def _remark(result: Probe, manner: Manner, count: int) -> None:
-    if result.unseen_solid_angle > 0:
-        again = "photograph from a second side" if count == 1 else "photograph from one more side"
-        note(manner, f"{result.unseen_solid_angle:.2g} sr are seen by no view and were filled from beside; {again}")
-    if result.clipped_solid_angle > 0:
-        note(manner, f"{result.clipped_solid_angle:.2g} sr are saturated in every photograph; add shorter exposures")
+def _draw(out: Path, views: Sequence[BallView], names: Sequence[str]) -> None:
+    from relume.image import files
+    from relume.shot.probe_plot import rim_plot
+
+    drawn = rim_plot(views, names)
+    with files.replacing(out) as temporary:
+        temporary.write_bytes(drawn)
 
 
-def _facts(out: Path, views: Sequence[BallView], result: Probe, told: bool) -> dict[str, Any]:
-    import numpy as np
-
-    facts: dict[str, Any] = {"written": str(out), "balls": [_ball(view) for view in views]}
-    if len(views) > 1:
-        facts["cameras told"] = told
-        facts["turned by registration"] = [f"{math.degrees(c):.2f}°" for c in result.corrections]
-        facts["brightness against the first"] = [round(gain, 3) for gain in result.gains]
-        facts["surroundings, ball radii away"] = round(1 / result.nearness, 1) if result.nearness > 1e-3 else "far"
-        if not told and result.turns is not None:
-            towards = [turn @ view.towards_camera for turn, view in zip(result.turns, views, strict=True)]
-            start = math.atan2(towards[0][0], towards[0][2])
-            facts["turns found"] = [
-                f"{math.degrees(math.atan2(x, z) - start) % 360:.1f}°" for x, _, z in (t.tolist() for t in towards)
-            ]
-    else:
-        facts["turned by registration"] = ["0.00°"]
-    facts["unseen, sr"] = round(result.unseen_solid_angle, 4)
-    facts["saturated, sr"] = round(result.clipped_solid_angle, 4)
-    facts["total"] = result.light.total().round(4).tolist()
-    facts["irradiance from above"] = result.light.irradiance(np.array([0.0, 1.0, 0.0])).round(4).tolist()
-    return facts
-
-
-def _ball(view: BallView) -> dict[str, Any]:
+def _rival(view: BallView, name: str) -> str:
+    """The doubt about a rim beside which others are seen as well."""
     outline = view.outline
-    found: dict[str, Any] = {
-        "x": round(outline.centre[0], 2),
-        "y": round(outline.centre[1], 2),
-        "radius": round(outline.radius, 2),
-        "radii away": round(view.distance, 2),
-    }
-    if outline.semi_axes is not None and outline.semi_axes[0] > 1.001 * outline.semi_axes[1]:
-        found["semi-axes"] = [round(axis, 2) for axis in outline.semi_axes]
-    return found
+    (x, y), (other_x, other_y, other) = outline.centre, outline.rivals[0]
+    return (
+        f"{name}: the rim was taken at x,y,radius {x:.1f},{y:.1f},{outline.radius:.1f}, and {other_x:.1f},"
+        f"{other_y:.1f},{other:.1f} is seen about as well; look at it with --picture and tell it with --pick"
+    )
+
+
+def _explained(line: str, result: Probe, told: bool) -> str:
+    """A doubt of registration, with what most often is behind it."""
+    words = line.split()
+    if not told or "does not fit" not in line or words[:1] != ["view"]:
+        return line
+    turned = math.degrees(result.corrections[int(words[1]) - 1])
+    return (
+        f"{line}; registration turned it by {turned:.1f}°, and is its height told (--camera X,Y,Z with Y up)? Folders "
+        "or --view without --turn have the turn found"
+    )

@@ -22,6 +22,7 @@ from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.probe.crops import on_one_frame
 from relume.probe.lone_photograph import linear
+from relume.probe.saturation import in_the_colour_beside
 
 MAPS = ("EXR", "HDR")
 Point = tuple[float, float, float]
@@ -135,7 +136,13 @@ def read_pictures(
             doubted(line)
         for index, measured in zip(indices, measurement.measured, strict=True):
             bracket = brackets[index]
-            found[index] = ViewPicture(measured.picture, bracket.focal_length, bracket.name)
+            picture, count = in_the_colour_beside(measured.picture)
+            if count:
+                told(
+                    f"{bracket.name}: {count} pixels are saturated in some channels only; those were lowered to the "
+                    "colour of what is beside them, and are lower bounds still"
+                )
+            found[index] = ViewPicture(picture, bracket.focal_length, bracket.name)
     return [found[index] for index in range(len(groups))]
 
 

@@ -222,7 +222,7 @@ def view_ball(
             raise ValueError(f"{name}: the camera is told to stand inside the ball; radius and places are in metres")
         focal_length = found.radius * float(np.sqrt(1 - sine**2)) / sine
     if outline is None:
-        found = refined(shown, found, focal_length)
+        found = refined(shown, found, focal_length, ())
         cut = found.cut(picture.size)
         if cut > MOST_CUT:
             raise BallNotFound(

@@ -37,8 +37,8 @@ ROBUST = 0.1
 """Difference in ln luminance from which on a direction counts less: lamps a little out of place, people who moved."""
 DOUBTED = 4.0
 GATES = (0.8, 0.4, 0.2, 0.1)
-"""Difference from the mean, in medians of it and at least in ln luminance, beyond which a direction is not believed: wide
-at first, or where the search began would decide what is believed, and then narrower round by round."""
+"""Difference from the mean, in medians of it and at least in ln luminance, beyond which a direction is not believed:
+wide at first, or where the search began would decide what is believed, then narrower round by round."""
 STEP = 1e-3
 """Radians by which views are turned to see how the misfit changes: a third of a pixel of a ball of 600 pixels."""
 

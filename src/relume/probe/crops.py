@@ -49,7 +49,7 @@ def _outlines(photographs: Sequence[Photograph]) -> list[Outline]:
     found: list[Outline | None] = []
     for photograph, light in zip(photographs, lights, strict=True):
         try:
-            found.append(refined(light, find_outline(light, photograph.name)))
+            found.append(refined(light, find_outline(light, photograph.name), None, ()))
         except BallNotFound:
             found.append(None)
     seen = [outline for outline in found if outline is not None]

@@ -7,7 +7,7 @@ inside; where the ball reflects nearly all, there is no step at all, only this r
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, gaussian_filter1d, map_coordinates
@@ -21,6 +21,8 @@ OUTLIER = 1.0
 PRECISE = 0.3
 """The same for the places that were found in linear light: what the ball mirrors near its rim draws whole stretches of
 it inward by a pixel or two, and only a narrow gate tells them from the rim itself."""
+HELD, LEAST_HELD = 0.006, 1.0
+"""The most, in radii and at least in pixels, by which placing in linear light moves any part of the rim."""
 REACH = (0.02, 0.012, 0.008)
 """How far the rim is sought on either side of the guess, in radii, pass by pass."""
 STEP, INSIDE, OUTSIDE, MOVE = 0.5, 6.0, 4.0, 2.0
@@ -58,12 +60,18 @@ def follow(picture: np.ndarray, cone: Cone, focal_length: float, reaches: tuple[
     return found
 
 
-def refined(radiance: np.ndarray, outline: Outline, focal_length: float | None = None) -> Outline:
+def refined(
+    radiance: np.ndarray,
+    outline: Outline,
+    focal_length: float | None = None,
+    reaches: tuple[float, ...] = REACH[1:],
+) -> Outline:
     """The rim near an outline, placed in linear light, where a pixel that the rim cuts mixes both sides by their areas.
 
     radiance : (H, W, 3)
     outline : within about 1 % of its radius of the rim
     focal_length : pixels; a circle is followed where it is unknown
+    reaches : how far to look for edges first, in radii, for each pass; none for an outline that follows them already
 
     The outline is given back as it was where too little of the rim is seen.
     """
@@ -71,19 +79,23 @@ def refined(radiance: np.ndarray, outline: Outline, focal_length: float | None =
     size = (bright.shape[1], bright.shape[0])
     focal = float(TELEPHOTO * size[0]) if focal_length is None else focal_length
     cone = cone_through(outline.points, size, focal)
-    coarse = follow(evened(bright), cone, focal, (0.012, 0.008))
-    if coarse is None:
+    found = follow(evened(bright), cone, focal, reaches) if reaches else outline
+    if found is None:
         return outline
-    cone = cone_through(coarse.points, size, focal)
+    cone = cone_through(found.points, size, focal)
+    start, _ = cone.silhouette(size, focal)
     for _ in range(2):
         rim, normals = cone.silhouette(size, focal)
         places, sure = _placed(bright, rim, normals)
         points = (rim + normals * places[:, None])[sure]
         if len(points) < RAYS // 10:
-            return coarse
+            break
         cone, near = robust_cone(points, size, focal, PRECISE)
-        coarse = outline_of(cone, size, focal, points[near], coarse.coverage)
-    return coarse
+        # Few points that happen to lie on one ellipse must not carry the whole rim away.
+        if np.abs(_off(start, cone, size, focal)).max() > max(HELD * found.radius, LEAST_HELD):
+            break
+        found = outline_of(cone, size, focal, points[near], found.coverage)
+    return replace(found, rivals=outline.rivals)
 
 
 def robust_cone(
@@ -120,7 +132,7 @@ def _edges(picture: np.ndarray, rim: np.ndarray, normals: np.ndarray, half: floa
     """Where along its normal each rim point has its edge, pixels outward; NaN where none is clear."""
     blurred = gaussian_filter(picture, blur)
     steps = np.arange(-2 * half, 2 * half + 0.25, 0.5)
-    slope = np.abs(np.gradient(_profiles(blurred, rim, normals, steps), axis=1))
+    slope = np.abs(np.gradient(profiles(blurred, rim, normals, steps), axis=1))
     # The guess draws the choice towards itself, so that a stronger edge inside the ball does not win.
     drawn = slope * np.exp(-0.5 * (steps / half) ** 2)
     best, rows = np.argmax(drawn[:, 1:-1], axis=1) + 1, np.arange(len(rim))
@@ -140,15 +152,15 @@ def _placed(bright: np.ndarray, rim: np.ndarray, normals: np.ndarray) -> tuple[n
     a fixed quadratic form of the profile, so all points are done at once.
     """
     steps = np.arange(-INSIDE, OUTSIDE + STEP / 2, STEP)
-    profiles = _profiles(bright, rim, normals, steps)
-    around = _profiles(np.ones_like(bright), rim, normals, steps, mode="constant").min(1) > 0.99
-    varied = profiles - profiles.mean(1, keepdims=True)
+    seen = profiles(bright, rim, normals, steps)
+    around = profiles(np.ones_like(bright), rim, normals, steps, mode="constant").min(1) > 0.99
+    varied = seen - seen.mean(1, keepdims=True)
     total = np.maximum((varied**2).sum(1), 1e-300)
     moves = np.arange(-MOVE, MOVE + 0.05, 0.1)
     best: tuple[float, np.ndarray] | None = None
     for blur in BLURS:
         model = _Model.of(blur)
-        residuals = np.stack([model.unexplained(steps - move) @ profiles.T for move in moves])
+        residuals = np.stack([model.unexplained(steps - move) @ seen.T for move in moves])
         left = (residuals**2).sum(1).T / total[:, None]
         misfit = float(np.median(left.min(1)[around])) if around.any() else 0.0
         if best is None or misfit < best[0]:
@@ -186,8 +198,9 @@ class _Model:
         return np.eye(len(steps)) - basis @ basis.T
 
 
-def _profiles(
+def profiles(
     picture: np.ndarray, rim: np.ndarray, normals: np.ndarray, steps: np.ndarray, mode: str = "nearest"
 ) -> np.ndarray:
+    """The picture (H, W) at `steps` pixels outward along the normals of rim points (N, 2): (N, len(steps))."""
     at = rim[:, None, :] + normals[:, None, :] * steps[None, :, None]
     return np.asarray(map_coordinates(picture, [at[..., 1] - 0.5, at[..., 0] - 0.5], order=1, mode=mode))

@@ -16,6 +16,7 @@ from scipy.optimize import minimize
 from relume.errors import BallNotFound
 from relume.image.colour import luminance
 from relume.probe.following import evened, follow
+from relume.probe.rims import outermost
 from relume.probe.silhouette import RAYS, TELEPHOTO, Cone, Outline
 from relume.sphere.directions import normalised
 
@@ -32,7 +33,7 @@ def find_outline(radiance: np.ndarray, name: str = "picture", focal_length: floa
 
     focal_length : pixels; where it is unknown the silhouette is taken for a circle
     Raises BallNotFound when no outline shows an edge along a third of its length, and when two that lie apart are seen
-    about equally well.
+    about equally well. The outline's `rivals` are curves round the same place that might be the rim instead.
     """
     picture = evened(luminance(radiance))
     focal = float(TELEPHOTO * picture.shape[1]) if focal_length is None else focal_length
@@ -47,7 +48,7 @@ def find_outline(radiance: np.ndarray, name: str = "picture", focal_length: floa
         if apart > 0.9 * (other.radius + best.radius) and _worth(other) > RIVAL * _worth(best):
             places = " and ".join(f"{o.centre[0]:.0f},{o.centre[1]:.0f},{o.radius:.0f}" for o in (best, other))
             raise BallNotFound(f"{name}: two balls, at x,y,radius {places} pixels; pick the one that is meant")
-    return best
+    return outermost(picture, best, focal)
 
 
 def _worth(outline: Outline) -> float:

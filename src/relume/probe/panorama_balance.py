@@ -22,6 +22,9 @@ RIM = 0.02
 """Share of its shorter side that a picture is continued by then."""
 SURE = 3.0
 """Standard errors by which a gain between rims has to differ to be believed."""
+SCENERY = 0.003
+"""Least standard error of ln of such a gain, for scenery finer than a cell bends at the rim; three of them, 1 %, are a
+third of what an eye sees as a step."""
 PRIOR_COEFFICIENT = 0.5
 """Standard deviation of the vignetting's coefficients about none."""
 CORRELATED = 4.0
@@ -95,7 +98,7 @@ def balance(views: Sequence[PanoramaView], method: Balancing = Balancing()) -> B
             logarithms[:, channel] = _solved(differences, alone, len(views), 0)[0]
     remarks: tuple[str, ...] = ()
     if touching:
-        errors = np.maximum(errors, _closure_errors(differences, grey))
+        errors = np.maximum(np.maximum(errors, _closure_errors(differences, grey)), SCENERY)
         logarithms = np.stack([_sure(channel, errors) for channel in logarithms.T], axis=-1)
         moved = [view.name for view, row in zip(views, logarithms, strict=True) if np.any(row != 0)]
         if moved:

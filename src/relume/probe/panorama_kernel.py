@@ -11,26 +11,34 @@ SATURATED = 1
 
 
 @kernel
-def view_in_rows(picture, codes, lens, rotation, longitudes, begin, end, rows, cells, margin, shown):
+def view_in_rows(picture, codes, lens, rotation, latitudes, longitudes, begin, end, rows, cells, margin, shown):
     """Mean radiance and more of rows begin … end of a map of `rows` rows, from cells² look-ups in each pixel.
 
     picture : (H, W, 3) float32
     codes : (H, W) uint8, as of `RadianceMap.clipped`
-    lens : focal length, distortion, square of the tangent at which the picture ends
+    lens : focal length, distortion, square of the tangent at which the picture ends, and the cosine of the angle from
+        the axis beyond which no middle of a pixel sees any of it
     rotation : (3, 3) world-from-camera
+    latitudes : (rows·cells, 2) sine and cosine of the cells' angles from +Y
     longitudes : (2·rows·cells, 2) sine and cosine of the cells' longitudes
     margin : pixels that the picture goes on beyond its rim, as its rim shows
     shown : (end − begin, 2·rows, 6) float32, filled with radiance, the share of it that is saturated, the share of the
         pixel that the view covers, and the mean distance from the rim, pixels; 0 where nothing is seen
     """
     height, width = picture.shape[0], picture.shape[1]
-    focal_length, distortion, widest = lens[0], lens[1], lens[2]
+    focal_length, distortion, widest, far = lens[0], lens[1], lens[2], lens[3]
+    middle = cells // 2
     for row in range(begin, end):
         for column in range(2 * rows):
+            # Most pixels of the map are far from the view: one look tells.
+            ring, up = latitudes[row * cells + middle, 0], latitudes[row * cells + middle, 1]
+            place = column * cells + middle
+            x, z = ring * longitudes[place, 0], -ring * longitudes[place, 1]
+            if -(x * rotation[0, 2] + up * rotation[1, 2] + z * rotation[2, 2]) < far:
+                continue
             red = green = blue = saturated = covered = whole = rim = 0.0
             for down in range(cells):
-                polar = np.pi * (row + (down + 0.5) / cells) / rows
-                ring, up = np.sin(polar), np.cos(polar)
+                ring, up = latitudes[row * cells + down, 0], latitudes[row * cells + down, 1]
                 for across in range(cells):
                     whole += ring
                     place = column * cells + across

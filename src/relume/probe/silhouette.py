@@ -29,6 +29,7 @@ class Outline:
     coverage : the share of it where an edge was seen, 0 to 1
     semi_axes : pixels, the greater first; None for a circle
     tilt : of the greater one against x, towards y, radians
+    rivals : (x, y, radius) of other curves round the same place that are seen about as well; a doubt
     """
 
     points: np.ndarray
@@ -37,6 +38,7 @@ class Outline:
     coverage: float
     semi_axes: tuple[float, float] | None = None
     tilt: float = 0.0
+    rivals: tuple[tuple[float, float, float], ...] = ()
 
     def cut(self, size: tuple[int, int]) -> float:
         """The share of the disc that lies outside a picture of `size` (width, height)."""

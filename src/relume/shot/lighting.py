@@ -134,6 +134,10 @@ def probe_arrays(probe: Probe) -> Arrays:
         "corrections": np.array(probe.corrections),
         "nearness": np.array(probe.nearness),
         "clipped": np.array(probe.clipped_solid_angle),
+        "marks": np.zeros(0, np.uint8) if probe.light.clipped is None else probe.light.clipped,
+        "turns": np.zeros((0, 3, 3)) if probe.turns is None else probe.turns,
+        "gains": np.array(probe.gains),
+        "unseen": np.array(probe.unseen_solid_angle),
         "confidence": probe.confidence,
         "notes": np.array(probe.notes, dtype=np.str_),
     }
@@ -142,12 +146,15 @@ def probe_arrays(probe: Probe) -> Arrays:
 def probe_from(arrays: Arrays) -> Probe:
     """The inverse of `probe_arrays`."""
     return Probe(
-        IlluminationMap(arrays["radiance"]),
+        IlluminationMap(arrays["radiance"], clipped=arrays["marks"] if arrays["marks"].size else None),
         tuple(map(float, arrays["corrections"])),
         float(arrays["nearness"]),
         float(arrays["clipped"]),
         arrays["confidence"],
         tuple(map(str, arrays["notes"])),
+        arrays["turns"] if arrays["turns"].size else None,
+        tuple(map(float, arrays["gains"])),
+        float(arrays["unseen"]),
     )
 
 

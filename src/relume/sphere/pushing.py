@@ -7,12 +7,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume.sphere.layouts import EQUIDISTANT, EQUISOLID, ORTHOGRAPHIC, Layout, Planes
+from relume.sphere.layouts import EQUIDISTANT, EQUISOLID, LAT_LONG, ORTHOGRAPHIC, Layout, Planes
 from relume.sphere.mapping_kernels import found, spreads, toward, turned
 from relume.sphere.pushing_kernels import bright, deposit, tents
 
 _PIXELS, _CELLS = 1 << 12, 1 << 17
 """Pixels and cells pushed at a time."""
+AROUND = ((5, 0), (4, 4), (0, 5), (-4, 4), (-5, 0), (-4, -4), (0, -5), (4, -4))
+"""Columns and rows from a pixel to those round it: what is narrower than ten pixels stands out of them."""
+KEPT = 2.0
+"""Times their mean that a pixel keeps: a half is what the edge of a window has round it, and a window is no lamp."""
 _MOST_CELLS = 64
 """Cells a side, at most, of a pixel that is pushed."""
 
@@ -24,6 +28,42 @@ def stands_out(source: Layout, light: np.ndarray, most: np.ndarray, peaks: np.nd
     places, flux = np.empty((count, 3), np.int64), np.empty((count, 3))
     bright(source.planes, light, most, peaks, places, flux)
     return places, flux
+
+
+def taken_out(
+    source: Layout, light: np.ndarray, most: np.ndarray, places: np.ndarray, flux: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The source without what is compact and bright in it, and the places and flux (K, 3) of that.
+
+    light : (N, 3), returned as it is where nothing is taken out
+    most, places, flux : of `stands_out`
+
+    A pixel keeps `most`, or `KEPT` times the mean of those `AROUND` it where that is more: bright skies and windows are
+    smooth, and looking them up does them no harm, while pushing them pixel by pixel would leave a moiré.
+    """
+    if not len(places):
+        return light, places, flux
+    planes = source.planes
+    level = np.zeros((len(places), 3), np.float32)
+    start = planes.origins[places[:, 0]]
+    for right, down in AROUND:
+        column, row = places[:, 2] + right, np.clip(places[:, 1] + down, 0, planes.rows - 1)
+        column = column % planes.columns if planes.kind == LAT_LONG else np.clip(column, 0, planes.columns - 1)
+        level += light[start + row * planes.stride + column]
+    index = start + places[:, 1] * planes.stride + places[:, 2]
+    kept = np.minimum(light[index], np.maximum(most, level * (KEPT / len(AROUND))))
+    excess = light[index] - kept
+    chosen = np.flatnonzero(excess.max(1) > 0)
+    if not len(chosen):
+        return light, places[:0], flux[:0]
+    # What `stands_out` found is solid angle times light above `most`.
+    above = np.maximum(light[index] - most, 0).astype(np.float64)
+    channel = above.argmax(1)
+    each = np.arange(len(places))
+    areas = flux[each, channel] / above[each, channel]
+    rest = light.copy()
+    rest[index[chosen]] = kept[chosen]
+    return rest, places[chosen], excess[chosen] * areas[chosen, None]
 
 
 def push(

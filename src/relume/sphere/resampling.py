@@ -18,7 +18,7 @@ from relume.sphere.illumination import IlluminationMap
 from relume.sphere.layouts import LAT_LONG, Layout, Planes, layout
 from relume.sphere.mapping_kernels import found, grain, toward, turned
 from relume.sphere.mappings import LatLong, Mapping
-from relume.sphere.pushing import push, stands_out
+from relume.sphere.pushing import push, stands_out, taken_out
 from relume.sphere.resampling_kernels import (
     RUN,
     cells,
@@ -90,11 +90,11 @@ def moved(
     parts = in_threads(lambda a, b: sums(source.planes, light, a, b, peaks), source.lines, chunk=_LINES)
     *total, shown = np.sum(parts, axis=0)
     most = _most(np.array(total), shown, len(light))
-    caps = _caps(light, source, most)
+    light, places, flux = taken_out(source, light, most, *stands_out(source, light, most, peaks))
+    caps = _caps(light, source)
     turns = target.turns(source, rotation.T)
-    work = target.planes, source.planes, turns, light.reshape(-1), caps.reshape(-1), most, codes, result, covered, marks
+    work = target.planes, source.planes, turns, light.reshape(-1), caps.reshape(-1), codes, result, covered, marks
     parts = in_threads(lambda a, b: _gathered(a, b, *work), target.lines, chunk=_LINES)
-    places, flux = stands_out(source, light, most, peaks)
     if whole and target.planes.whole:
         gathered, wanted = np.sum(parts, axis=0), np.array(total) - flux.sum(axis=0)
         scale = np.divide(wanted, gathered, out=np.ones(3), where=(gathered > 0) & (wanted > 0))
@@ -117,7 +117,6 @@ def _gathered(
     turns: np.ndarray,
     light: np.ndarray,
     caps: np.ndarray,
-    most: np.ndarray,
     codes: np.ndarray,
     result: np.ndarray,
     covered: np.ndarray,
@@ -155,7 +154,7 @@ def _gathered(
             mark(source, plane, xs, ys, owner, codes, least, saturated)
         place = np.empty(count[0], np.int64)
         locate(source, len(caps) // (6 * source.columns), plane, xs, ys, place)
-        settle(source, plane, place, xs, ys, owner, weight, light, caps, most, values, inside, every)
+        settle(source, plane, place, xs, ys, owner, weight, light, caps, values, inside, every)
         total += finish(target, begin, last, values, inside, every, parts, least, saturated, result, covered, marks)
         begin = last
     return total
@@ -169,21 +168,23 @@ def _even_poles(radiance: np.ndarray) -> None:
     rows = len(radiance)
     widths = np.minimum(1 / np.sin(np.pi * (np.arange(rows) + 0.5) / rows), 2 * rows - 1)
     for row in np.flatnonzero(widths >= _UNEVEN):
-        uniform_filter1d(radiance[row], int(widths[row]) | 1, axis=0, mode="wrap", output=radiance[row])
+        evened = uniform_filter1d(radiance[row], int(widths[row]) | 1, axis=0, mode="wrap")
+        # Running sums leave a trace of a sun behind it, which may lie below 0.
+        radiance[row] = np.maximum(evened, 0)
 
 
 def _most(total: np.ndarray, shown: float, pixels: int) -> np.ndarray:
-    """The radiance of each channel above which light is pushed, (3,) float32."""
+    """The radiance of each channel above which light may be pushed, (3,) float32."""
     mean = total / shown
     return np.maximum(STANDS_OUT * mean, SMALL * pixels * mean).astype(np.float32)
 
 
-def _caps(light: np.ndarray, source: Layout, most: np.ndarray) -> np.ndarray:
+def _caps(light: np.ndarray, source: Layout) -> np.ndarray:
     """A lat-long's rows near the poles, averaged along themselves: (2·K·columns, 3) float32; else empty."""
     kind, rows, columns = source.planes.kind, source.planes.rows, source.planes.columns
     deep = int(np.sum(np.sin(np.pi * (np.arange(rows) + 0.5) / rows) < _ROUNDED)) // 2 if kind == LAT_LONG else 0
     caps = np.empty((2 * deep * columns, 3), np.float32)
-    in_threads(lambda a, b: round_caps(light, rows, columns, most, caps, a, b), 2 * deep, chunk=_LINES)
+    in_threads(lambda a, b: round_caps(light, rows, columns, caps, a, b), 2 * deep, chunk=_LINES)
     return caps
 
 

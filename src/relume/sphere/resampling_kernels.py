@@ -51,7 +51,7 @@ def sums(planes, light, begin, end, peaks):
 
 
 @kernel
-def round_caps(light, rows, columns, most, caps, begin, end):
+def round_caps(light, rows, columns, caps, begin, end):
     """Rows of a lat-long near its poles, averaged along themselves over what is a pixel's height there.
 
     caps : (2·K·columns, 3) of the first and last K rows; begin…end of 2·K
@@ -65,12 +65,11 @@ def round_caps(light, rows, columns, most, caps, begin, end):
         share = width / 2 - reach + 0.5
         start, out, length = row * columns, line * columns, columns + 2 * reach
         for channel in range(3):
-            top = most[channel]
             for i in range(reach):
-                band[i] = min(light[start + columns - reach + i, channel], top)
-                band[reach + columns + i] = min(light[start + i, channel], top)
+                band[i] = light[start + columns - reach + i, channel]
+                band[reach + columns + i] = light[start + i, channel]
             for i in range(columns):
-                band[reach + i] = min(light[start + i, channel], top)
+                band[reach + i] = light[start + i, channel]
             running = 0.0
             for i in range(1, 2 * reach):
                 running += band[i]
@@ -81,10 +80,10 @@ def round_caps(light, rows, columns, most, caps, begin, end):
 
 
 @inlined
-def _mixed(entries, upper, lower, across, down, top):
+def _mixed(entries, upper, lower, across, down):
     """One channel, bilinear between four neighbours, in a form that gives back constants to the bit."""
-    a, b = min(entries[upper], top), min(entries[upper + np.uint64(3)], top)
-    c, d = min(entries[lower], top), min(entries[lower + np.uint64(3)], top)
+    a, b = entries[upper], entries[upper + np.uint64(3)]
+    c, d = entries[lower], entries[lower + np.uint64(3)]
     above, below = a + across * (b - a), c + across * (d - c)
     return above + down * (below - above)
 
@@ -190,11 +189,11 @@ def locate(source, deep, plane, xs, ys, place):
 
 
 @kernel
-def settle(source, plane, place, xs, ys, owner, weight, light, caps, most, values, inside, every):
+def settle(source, plane, place, xs, ys, owner, weight, light, caps, values, inside, every):
     """Looks cells up in a source; their weighted means and the sums of their weights go to the pixels that own them.
 
     owner : of one pixel's cells, one behind the other
-    light : (3·N,) float32, the source's pixels, of which no more than `most` (3,) is seen
+    light : (3·N,) float32, the source's pixels
     caps : see `round_caps`, flat; empty where the source is no lat-long
     values : (K, 3) float32, the mean of what the source shows
     inside, every : (K,) float32, the weights of the cells that the source shows, and of all
@@ -204,7 +203,6 @@ def settle(source, plane, place, xs, ys, owner, weight, light, caps, most, value
     deep = len(caps) // columns // 6
     low, high = deep * columns, (rows - deep) * columns
     channels = len(light)
-    red, green, blue = most[0], most[1], most[2]
     step = np.uint64(3 * stride)
     one_on, two_on = np.uint64(1), np.uint64(2)
     corners = np.empty(12, np.float32)
@@ -232,14 +230,14 @@ def settle(source, plane, place, xs, ys, owner, weight, light, caps, most, value
         right, below = xs[i], ys[i]
         if 0 <= where < channels:
             begin = np.uint64(where)
-            one = _mixed(light, begin, begin + step, right, below, red)
-            two = _mixed(light, begin + one_on, begin + step + one_on, right, below, green)
-            three = _mixed(light, begin + two_on, begin + step + two_on, right, below, blue)
+            one = _mixed(light, begin, begin + step, right, below)
+            two = _mixed(light, begin + one_on, begin + step + one_on, right, below)
+            three = _mixed(light, begin + two_on, begin + step + two_on, right, below)
         elif where >= channels:
             begin = np.uint64(where - channels)
-            one = _mixed(caps, begin, begin + step, right, below, red)
-            two = _mixed(caps, begin + one_on, begin + step + one_on, right, below, green)
-            three = _mixed(caps, begin + two_on, begin + step + two_on, right, below, blue)
+            one = _mixed(caps, begin, begin + step, right, below)
+            two = _mixed(caps, begin + one_on, begin + step + one_on, right, below)
+            three = _mixed(caps, begin + two_on, begin + step + two_on, right, below)
         else:
             row, column = (-2 - where) // (columns + 2) - 1, (-2 - where) % (columns + 2) - 1
             for k in range(4):
@@ -264,9 +262,9 @@ def settle(source, plane, place, xs, ys, owner, weight, light, caps, most, value
                         corners[3 * k + channel] = caps[3 * (index - high + low) + channel]
                     else:
                         corners[3 * k + channel] = light[3 * index + channel]
-            one = _mixed(corners, np.uint64(0), np.uint64(6), right, below, red)
-            two = _mixed(corners, np.uint64(1), np.uint64(7), right, below, green)
-            three = _mixed(corners, np.uint64(2), np.uint64(8), right, below, blue)
+            one = _mixed(corners, np.uint64(0), np.uint64(6), right, below)
+            two = _mixed(corners, np.uint64(1), np.uint64(7), right, below)
+            three = _mixed(corners, np.uint64(2), np.uint64(8), right, below)
         if shown == 0:
             first_one, first_two, first_three = one, two, three
         shown += share
