@@ -9,8 +9,10 @@ from relume.capture.merging import merge
 from relume.errors import BallNotFound
 from relume.image.colour import decode_srgb
 from relume.image.files import read_photograph
+from relume.probe.lone_photograph import linear
 from relume.probe.outline import find_outline
-from relume.probe.silhouette import Outline
+from relume.probe.rims import picked_rim
+from relume.probe.silhouette import Outline, outline_of_circle
 
 
 def texture(x: np.ndarray, y: np.ndarray, period: float, seed: int) -> np.ndarray:
@@ -183,3 +185,65 @@ def test_a_small_round_thing_beside_the_ball_is_no_second_one():
     lamp = drawing(520, 260, (420.0, 130.0), 25.0)
     picture[:, 300:] = lamp[:, 300:]
     assert find_outline(picture).radius == pytest.approx(100.0, abs=0.5)
+
+
+BANDED = ((151.4, 148.6), 100.0)
+
+
+def banded() -> np.ndarray:
+    """A ball whose rim hardly differs from its ground, and in it a bright ceiling whose edge touches the rim below."""
+    (cx, cy), radius = BANDED
+    finer, width = 4, 300
+    x = (np.arange(width * finer) + 0.5) / finer
+    y = x[:, None]
+    ball = np.hypot(x - cx, y - cy) < radius
+    ceiling = np.hypot(x - cx + 1.2, y - cy - 2.6) < radius - 3.0
+    light = np.where(ceiling, 0.8 + 0.2 * texture(x - cx, y - cy, 40.0, 5), np.where(ball, 0.2, 0.1))
+    light = light.reshape(width, finer, width, finer).mean((1, 3))
+    # The rim is in the shade along the lower left, where nothing tells it from the ground.
+    middle = (np.arange(width) + 0.5)[None], (np.arange(width) + 0.5)[:, None]
+    far = np.hypot(middle[0] - cx, middle[1] - cy) > radius - 6
+    light = np.where(far & (np.arctan2(middle[1] - cy, middle[0] - cx) % (2 * np.pi) < 1.2), 0.1, light)
+    light = light * np.exp(np.random.default_rng(3).normal(0, 0.01, light.shape))
+    return np.repeat(light[..., None], 3, axis=2).astype(np.float32)
+
+
+def test_a_bright_band_inside_the_rim_is_not_taken_for_it_and_is_told():
+    outline = find_outline(banded())
+    assert outline.radius == pytest.approx(BANDED[1], abs=0.4)
+    assert outline.centre == pytest.approx(BANDED[0], abs=0.5)
+    assert any(radius == pytest.approx(97.0, abs=1.0) for _, _, radius in outline.rivals)
+
+
+def test_a_rim_without_a_rival_is_told_without_a_doubt():
+    assert find_outline(drawing(240, 200, (118.3, 101.7), 60.0)).rivals == ()
+
+
+def test_what_is_picked_roughly_is_brought_to_the_rim_and_not_to_a_band():
+    (x, y), radius = BANDED
+    for rough in ((x + 1.5, y - 1, radius - 2), (x - 1, y + 1.5, radius + 1.5)):
+        rim = picked_rim(banded(), outline_of_circle(*rough))
+        assert (*rim.centre, rim.radius) == pytest.approx((x, y, radius), abs=0.4)
+
+
+def test_a_pick_with_no_rim_near_it_is_refused():
+    with pytest.raises(BallNotFound, match=r"^desk\.jpg: no rim near what was picked, x,y,radius 420,130,50; "):
+        picked_rim(drawing(520, 260, (150.0, 130.0), 100.0), outline_of_circle(420.0, 130.0, 50.0), "desk.jpg")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name, left, top", [("raw1.jpg", 681.5, 476.3), ("raw2.jpg", 682.0, 476.0)])
+def test_the_rim_under_a_bright_ceiling_is_the_same_in_the_whole_picture_and_its_crop(shared, name, left, top):
+    folder = shared / "data/ball/pietka_room"
+    whole = read_photograph(folder / name)
+    outline = find_outline(linear(whole).radiance, name, whole.focal_length)
+    # By correlation of the crop with the picture: where it was cut out of it, to half a pixel.
+    crop = find_outline(linear(read_photograph(folder / name.replace("raw", "rec"))).radiance)
+    assert outline.centre == pytest.approx((crop.centre[0] + left, crop.centre[1] + top), abs=0.7)
+    assert outline.radius == pytest.approx(crop.radius, abs=0.3)
+    # By eye in the unrolled pictures: 72.7 pixels to either end, the bright ceiling ending 74 from (755.8, 550.3) at
+    # the upper left; the edge of what is mirrored in it has 71.6.
+    assert outline.radius == pytest.approx(72.7, abs=0.5)
+    assert outline.rivals
+    by_hand = picked_rim(linear(whole).radiance, outline_of_circle(755.4, 549.8, 72.2), name, whole.focal_length)
+    assert by_hand.radius == pytest.approx(72.7, abs=0.5)

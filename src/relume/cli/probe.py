@@ -161,7 +161,7 @@ def probe(
             _view(each, group, chosen, pick_exactly, radius, distance, mirror, manner)
             for each, group, chosen in zip(pictures, groups, picks, strict=True)
         ]
-        names = [each.name for each in pictures]
+        names = [_named(group.paths) for group in groups]
         if picture is not None:
             _draw(picture, views, names)
         doubts += [_rival(view, name) for view, name in zip(views, names, strict=True) if view.outline.rivals]

@@ -29,9 +29,11 @@ LEAST_SEEN = 0.25
 least on balls."""
 SEEN = 0.7
 """Support, against the best, below which a curve is not one that competes."""
-NEARLY = 0.78
-"""Support, against the best, from which on an ellipse farther out is the rim. Measured 0.81 to 1 on six photographs of
-one ball, whose rims then agree to half a pixel; beside balls whose rim is the best seen, at most 0.6."""
+NEARLY = 0.72
+"""Support, against the best, from which on an ellipse farther out is the rim: 0.78 to 1 in photographs of a ball under
+a bright ceiling, whose rims then agree to half a pixel; round other balls nothing farther out reaches 0.65."""
+FARTHER = 0.4
+"""Support that an ellipse farther out has at least: in a noisy dark picture curves reach 0.37 by chance."""
 RIVALLING = 0.9
 """Support, against the chosen one, from which on another ellipse makes the choice a doubt."""
 APART = 0.02
@@ -159,6 +161,7 @@ def _outer(curves: _Curves) -> int:
     enough = curves.support >= NEARLY * curves.support[0]
     own = (_distance(curves.offsets, np.zeros(3)) < curves.apart) & enough
     first = int(np.argmax(np.where(own, curves.support, 0))) if own.any() else 0
+    enough &= curves.support >= FARTHER
     farther = [c for c in np.flatnonzero(enough) if _encloses(curves.offsets[c], curves.offsets[first])]
     return int(max(farther, key=lambda c: curves.offsets[c][2], default=first))
 

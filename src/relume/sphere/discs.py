@@ -74,7 +74,7 @@ class _Disc(ABC):
         walked = integral[1:] - integral[:-1]
         inner_edge = np.maximum(edges[:-1], 0)
         nearest = inner_edge[:, None] ** 2 + inner_edge[None, :] ** 2
-        quarter = np.where(nearest < 1, np.maximum(walked + walked.T, 0.0), 0.0)
+        quarter = np.where(nearest < 1 - 1e-12, np.maximum(walked + walked.T, 0.0), 0.0)
         inner = slice(rows % 2, None)  # the middle row and column of an odd number are no pair
         half = np.concatenate([quarter[inner][::-1], quarter])
         return np.concatenate([half[:, inner][:, ::-1], half], axis=1)
