@@ -109,7 +109,9 @@ def test_the_report_is_one_page_that_needs_nothing_else(room: Room) -> None:
     page = (room[1] / "report.html").read_text()
     sources = re.findall(r'src="([^"]*)"', page)
     assert len(sources) == 8 and all(s.startswith("data:image/png;base64,") for s in sources)
-    assert "http" not in page and "Energy audit" in page and "Virtual curve_a" in page
+    # Among megabytes of base64 any four letters come up by chance.
+    words = re.sub(r"base64,[^\"]*", "", page)
+    assert "http" not in words and "Energy audit" in page and "Virtual curve_a" in page
 
 
 def test_a_photograph_that_is_missing_stops_the_job_before_anything_is_written(
