@@ -16,6 +16,9 @@ from cyclopts import Parameter
 
 from relume.errors import DoubtfulResult, OutputNotWritten, RelumeError
 
+_LONG = 96
+"""Characters of a fact that a terminal shows on one line, beside its name."""
+
 
 @Parameter(name="*")
 @dataclass(frozen=True)
@@ -78,9 +81,19 @@ def tell(manner: Manner, lines: Mapping[str, object], *, title: str = "") -> Non
     elif not manner.quiet:
         if title:
             print(title)
-        width = max((len(k) for k in lines), default=0)
-        for key, value in lines.items():
-            print(f"  {key.ljust(width)}  {_shown(value)}")
+        _print_facts(lines, "  ")
+
+
+def _print_facts(lines: Mapping[str, object], indent: str) -> None:
+    """A line a fact; facts of a fact have lines of their own where one would be too long."""
+    width = max((len(k) for k in lines), default=0)
+    for key, value in lines.items():
+        text = _shown(value)
+        if isinstance(value, Mapping) and len(text) > _LONG:
+            print(f"{indent}{key}")
+            _print_facts(value, indent + "  ")
+        else:
+            print(f"{indent}{key.ljust(width)}  {text}")
 
 
 @contextmanager
