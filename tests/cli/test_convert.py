@@ -228,3 +228,10 @@ def test_the_labelled_probe_is_written_for_any_program(tmp_path: Path, capsys: p
     made(["--labelled", "-o", str(tmp_path / "axes.exr"), "--for", "blender", "--size", "64"], capsys)
     assert read_radiance(tmp_path / "axes.exr").attributes["orientation"] == "blender"
     assert "--labelled" in refused(["convert", "-o", str(tmp_path / "no.exr")], capsys)
+
+
+def test_an_audit_is_read_line_by_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["convert", stored(tmp_path, sunny(32)), "-o", str(tmp_path / "out.exr")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) < 120 + len(str(tmp_path))
+    assert [line.split()[0] for line in lines if line.startswith("      ")] == ["+X", "-X", "+Y", "-Y", "+Z", "-Z"] * 2

@@ -85,11 +85,12 @@ def tell(manner: Manner, lines: Mapping[str, object], *, title: str = "") -> Non
 
 
 def _print_facts(lines: Mapping[str, object], indent: str) -> None:
-    """A line a fact; facts of a fact have lines of their own where one would be too long."""
+    """A line a fact; numbers of several kinds under one name have lines of their own where one would be too long."""
     width = max((len(k) for k in lines), default=0)
     for key, value in lines.items():
         text = _shown(value)
-        if isinstance(value, Mapping) and len(text) > _LONG:
+        several = isinstance(value, Mapping) and any(isinstance(v, Mapping | list | tuple) for v in value.values())
+        if isinstance(value, Mapping) and several and len(text) > _LONG:
             print(f"{indent}{key}")
             _print_facts(value, indent + "  ")
         else:
