@@ -13,8 +13,8 @@ from relume.sphere.pushing_kernels import bright, deposit, tents
 
 _PIXELS, _CELLS = 1 << 12, 1 << 17
 """Pixels and cells pushed at a time."""
-AROUND = ((5, 0), (4, 4), (0, 5), (-4, 4), (-5, 0), (-4, -4), (0, -5), (4, -4))
-"""Columns and rows from a pixel to those round it: what is narrower than ten pixels stands out of them."""
+AROUND = ((8, 0), (6, 6), (0, 8), (-6, 6), (-8, 0), (-6, -6), (0, -8), (6, -6))
+"""Columns and rows from a pixel to those round it: what is narrower than sixteen pixels stands out of them."""
 KEPT = 2.0
 """Times their mean that a pixel keeps: a half is what the edge of a window has round it, and a window is no lamp."""
 _MOST_CELLS = 64
