@@ -1,4 +1,4 @@
-"""Light from a single photograph of a ball: linear, as far as it is not clipped."""
+"""Light from a single photograph, of a ball or one view of a panorama: linear, as far as it is not clipped."""
 
 from __future__ import annotations
 
