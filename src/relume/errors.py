@@ -2,6 +2,7 @@
 
     RelumeError
     ├── UnreadableFile      a photograph, map or mesh is missing, damaged or of a kind relume does not read
+    │   └── FormatError     its format is broken: tells where, what was expected there and what was found
     ├── NotABracket         photographs that cannot be merged: no exposure, different sizes, nothing well exposed
     ├── BallNotFound        no mirrored ball is seen in the photograph
     ├── NotAPanorama        views that make no panorama: too few, or without overlap
@@ -25,6 +26,32 @@ class RelumeError(Exception):
 
 class UnreadableFile(RelumeError):
     """A photograph, map or mesh is missing, damaged or of a kind relume does not read."""
+
+
+class FormatError(UnreadableFile):
+    """A picture file breaks its format: it is damaged, cut short, or claims what cannot be.
+
+    path, format : the file, and what it is ("Radiance", "EXR", …)
+    where : the byte, line, field or part
+    expected, found : there
+    remedy : what to do about it
+    """
+
+    def __init__(
+        self,
+        path: object,
+        format: str,
+        where: str,
+        expected: str,
+        found: str,
+        remedy: str = "copy it again from where it came",
+    ) -> None:
+        super().__init__(f"{path}: damaged {format}, {where}: expected {expected}, found {found}; {remedy}")
+        self.path, self.format, self.where, self.expected, self.found = str(path), format, where, expected, found
+        self.remedy = remedy
+
+    def __reduce__(self) -> tuple[type, tuple[str, ...]]:
+        return FormatError, (self.path, self.format, self.where, self.expected, self.found, self.remedy)
 
 
 class NotABracket(RelumeError):

@@ -17,14 +17,13 @@ from relume.capture.measurement import Treatment, measure
 from relume.capture.profile import CameraProfile
 from relume.errors import UnreadableFile
 from relume.image import files
-from relume.image.files.signatures import kind_of
+from relume.image.files.signatures import MAPS, kind_of
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.probe.crops import on_one_frame
 from relume.probe.lone_photograph import linear
 from relume.probe.saturation import in_the_colour_beside
 
-MAPS = ("EXR", "HDR")
 Point = tuple[float, float, float]
 
 

@@ -1,29 +1,38 @@
 """The only place where relume opens image files: one module a format behind `read` and `write`.
 
-Files are told by their content, never by their suffix. A JPEG, PNG or TIFF of 8 or 16 bits is a `Photograph` (encoded
-values), an OpenEXR or Radiance .hdr file a `RadianceMap` (scene-linear): what a file is decides what it becomes, and
-nothing converts between the two unseen. A camera raw is neither until it is merged: `read_raw` gives its sensor's own
-values. Format libraries are imported at first use.
+Files are told by their content, never by their suffix (but raw .float, which has no content but pixels). A JPEG, PNG or
+TIFF of 8 or 16 bits is a `Photograph` (encoded values); an OpenEXR, Radiance picture, LogLuv or float TIFF, PFM or raw
+float file a `RadianceMap` (scene-linear): what a file is decides what it becomes, and nothing converts between the two
+unseen. A JPEG with a gain map is both, and each is had by asking for it. A camera raw is neither until it is merged:
+`read_raw` gives its sensor's own values. Format libraries are imported at first use.
 """
 
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from relume.errors import UnreadableFile
+from relume.image.files import encodings
 from relume.image.files.atomic import replacing, write_text
+from relume.image.files.encodings import Encoding, suffix_of
 from relume.image.files.facts import Facts
-from relume.image.files.signatures import kind_of
+from relume.image.files.reading import Reading
+from relume.image.files.signatures import MAPS, kind_of
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.raw import RawPhotograph
 
 __all__ = [
+    "Encoding",
     "Facts",
+    "Reading",
     "describe",
     "read",
     "read_facts",
@@ -37,44 +46,84 @@ __all__ = [
     "write_text",
 ]
 
+_READERS = {
+    "EXR": "exr",
+    "HDR": "radiance_hdr",
+    "PFM": "pfm",
+    "raw float": "raw_float",
+    "float TIFF": "float_tiff",
+    "LogLuv TIFF": "logluv_tiff",
+    "JPEG": "photographs",
+    "PNG": "photographs",
+    "TIFF": "photographs",
+}
+_WRITERS = {
+    encodings.OpenEXR: "exr",
+    encodings.Radiance: "radiance_hdr",
+    encodings.PFM: "pfm",
+    encodings.RawFloat: "raw_float",
+    encodings.FloatTIFF: "float_tiff",
+    encodings.LogLuv: "logluv_tiff",
+    encodings.GainMap: "gain_map",
+}
 
-def read(path: str | os.PathLike[str]) -> Photograph | RadianceMap:
-    """The photograph or radiance map in a file; raises UnreadableFile, in one line, for anything missing or damaged."""
-    kind = kind_of(path)
-    if kind == "RAW":
-        raise UnreadableFile(f"{path}: a camera raw file, not a photograph yet; give raw files to `relume merge`")
-    try:
-        if kind == "EXR":
-            from relume.image.files import exr
 
-            return exr.read(path)
-        if kind == "HDR":
-            from relume.image.files import radiance_hdr
+def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Photograph | RadianceMap:
+    """The photograph or radiance map in a file; of a JPEG with a gain map the photograph, and a warning that says so.
 
-            return radiance_hdr.read(path)
-        from relume.image.files import photographs
-
-        return photographs.read(path)
-    except MemoryError:
-        raise UnreadableFile(f"{path}: larger than the memory there is; scale it down first") from None
-
-
-def read_photograph(path: str | os.PathLike[str]) -> Photograph:
-    """The photograph in a file; raises UnreadableFile where the file holds a radiance map."""
-    image = read(path)
-    if isinstance(image, RadianceMap):
-        raise UnreadableFile(f"{path}: a radiance map where a photograph is needed; give a JPEG, PNG or TIFF")
+    reading : limits, and how what a file leaves open is understood
+    Raises UnreadableFile, in one line, for anything missing, damaged or beyond the limits.
+    """
+    image = _read(path, kind_of(path), reading)
+    if isinstance(image, Photograph) and _has_gain_map(path):
+        warnings.warn(
+            f"{path}: only its base picture is read, though it has a gain map too; read_radiance gives its light",
+            stacklevel=2,
+        )
     return image
 
 
-def read_radiance(path: str | os.PathLike[str]) -> RadianceMap:
-    """The radiance map in a file; raises UnreadableFile where the file holds a photograph."""
-    image = read(path)
-    if isinstance(image, Photograph):
+def read_photograph(path: str | os.PathLike[str], reading: Reading = Reading()) -> Photograph:
+    """The photograph in a file; raises UnreadableFile where the file holds a radiance map."""
+    kind = kind_of(path)
+    if kind in MAPS:
+        raise UnreadableFile(f"{path}: a radiance map where a photograph is needed; give a JPEG, PNG or TIFF")
+    image = _read(path, kind, reading)
+    assert isinstance(image, Photograph)
+    return image
+
+
+def read_radiance(path: str | os.PathLike[str], reading: Reading = Reading()) -> RadianceMap:
+    """The radiance map in a file, also that of a JPEG with a gain map; raises UnreadableFile for a photograph."""
+    kind = kind_of(path)
+    if kind == "JPEG" and _has_gain_map(path):
+        return _decoded(path, "gain_map", reading)
+    if kind not in MAPS and kind != "RAW":
         raise UnreadableFile(
             f"{path}: a photograph where a radiance map is needed; give an EXR or .hdr, or merge a bracket"
         )
+    image = _read(path, kind, reading)
+    assert isinstance(image, RadianceMap)
     return image
+
+
+def _has_gain_map(path: str | os.PathLike[str]) -> bool:
+    from relume.image.files import gain_map
+
+    return kind_of(path) == "JPEG" and gain_map.is_present(path)
+
+
+def _read(path: str | os.PathLike[str], kind: str, reading: Reading) -> Photograph | RadianceMap:
+    if kind == "RAW":
+        raise UnreadableFile(f"{path}: a camera raw file, not a photograph yet; give raw files to `relume merge`")
+    return _decoded(path, _READERS[kind], reading)
+
+
+def _decoded(path: str | os.PathLike[str], module: str, reading: Reading) -> Any:
+    try:
+        return import_module(f"relume.image.files.{module}").read(path, reading)
+    except MemoryError:
+        raise UnreadableFile(f"{path}: larger than the memory there is; scale it down first") from None
 
 
 def read_facts(path: str | os.PathLike[str]) -> Facts:
@@ -99,37 +148,51 @@ def read_raw(path: str | os.PathLike[str]) -> RawPhotograph:
         raise UnreadableFile(f"{path}: larger than the memory there is") from None
 
 
-def write(path: str | os.PathLike[str], image: RadianceMap | Photograph) -> None:
-    """Write an image, whole or not at all, in the format its suffix names.
+def write(path: str | os.PathLike[str], image: RadianceMap | Photograph, encoding: Encoding | None = None) -> None:
+    """Write an image, whole or not at all, in the format that `encoding` or else its suffix names.
 
-    A radiance map goes to .exr (float32, everything kept) or .hdr (RGBE, an error of up to 1/256 of a pixel's largest
-    channel); a photograph to .png (8 or 16 bits) or .jpg (8 bits, quality 95, full colour resolution), with its EXIF.
+    A radiance map goes to .exr (float32, everything kept), .hdr or .pic (RGBE, an error of up to 1/512 of a pixel's
+    largest channel), .tif (float32), .pfm, .float and .float.gz, or .jpg (with a gain map); see
+    `relume.image.files.encodings` for what else there is, such as LogLuv. A photograph goes to .png or .tif (8 or 16
+    bits) or .jpg (8 bits, quality 95, full colour resolution), with its EXIF. What the format does not keep is said in
+    a warning.
 
     Raises ValueError for another suffix or pixels the format cannot hold, OutputNotWritten.
     """
-    suffix = Path(path).suffix.lower()
-    if isinstance(image, RadianceMap) and suffix == ".exr":
-        from relume.image.files import exr
+    suffix = suffix_of(Path(path))
+    if isinstance(image, RadianceMap):
+        chosen = encoding or encodings.SUFFIXES.get(suffix)
+        if chosen is None:
+            raise ValueError(
+                f'{path} ends in "{suffix}"; a radiance map goes to .exr, .hdr, .tif, .pfm or .float: develop it for a '
+                "photograph"
+            )
+        wanted = [ending for ending, known in encodings.SUFFIXES.items() if _home(known) == _home(chosen)]
+        if suffix not in wanted:
+            raise ValueError(f'{path} ends in "{suffix}"; {type(chosen).__name__} is written to {" or ".join(wanted)}')
+        import_module(f"relume.image.files.{_WRITERS[type(chosen)]}").write(path, image, chosen)
+        return
+    if encoding is not None:
+        raise ValueError(f"{type(encoding).__name__} holds radiance; a photograph goes to .png, .tif or .jpg as it is")
+    from relume.image.files import photographs
 
-        exr.write(path, image)
-    elif isinstance(image, RadianceMap) and suffix == ".hdr":
-        from relume.image.files import radiance_hdr
-
-        radiance_hdr.write(path, image)
-    elif isinstance(image, Photograph) and suffix == ".png":
-        from relume.image.files import photographs
-
-        photographs.write_png(path, image)
-    elif isinstance(image, Photograph) and suffix in (".jpg", ".jpeg"):
-        from relume.image.files import photographs
-
-        photographs.write_jpeg(path, image)
-    elif isinstance(image, RadianceMap):
-        raise ValueError(f'{path} ends in "{suffix}"; a radiance map goes to .exr or .hdr: develop it for a photograph')
-    else:
+    writers = {
+        ".png": photographs.write_png,
+        ".tif": photographs.write_tiff,
+        ".tiff": photographs.write_tiff,
+        ".jpg": photographs.write_jpeg,
+        ".jpeg": photographs.write_jpeg,
+    }
+    if suffix not in writers:
         raise ValueError(
-            f'{path} ends in "{suffix}"; a photograph goes to .png or .jpg: merge a bracket for .exr or .hdr'
+            f'{path} ends in "{suffix}"; a photograph goes to .png, .tif or .jpg: merge a bracket for .exr or .hdr'
         )
+    writers[suffix](path, image)
+
+
+def _home(encoding: Encoding) -> str:
+    """What an encoding's files are called after: the two of TIFF share their endings."""
+    return "tiff" if isinstance(encoding, encodings.LogLuv | encodings.FloatTIFF) else _WRITERS[type(encoding)]
 
 
 def write_layers(
@@ -154,13 +217,13 @@ def write_layers(
     exr.write_layers(path, layers, unit=unit, attributes=attributes)
 
 
-def read_layers(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
+def read_layers(path: str | os.PathLike[str], reading: Reading = Reading()) -> dict[str, np.ndarray]:
     """The parts of an EXR by name, (H, W, 3) or (H, W) float32; raises UnreadableFile."""
     if (kind := kind_of(path)) != "EXR":
         raise UnreadableFile(f"{path}: a {kind} file where layers are needed; give an EXR")
     from relume.image.files import exr
 
-    return exr.read_layers(path)
+    return exr.read_layers(path, reading)
 
 
 def describe(path: str | os.PathLike[str]) -> dict[str, object]:

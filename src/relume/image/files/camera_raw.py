@@ -18,7 +18,8 @@ from PIL import Image
 from relume.errors import UnreadableFile
 from relume.image.files import exif
 from relume.image.files.exr_parts import gathered_messages as gathered_messages
-from relume.image.files.signatures import one_line, refuse_absurd_size
+from relume.image.files.reading import refuse_absurd_size
+from relume.image.files.signatures import one_line
 from relume.image.photograph import Exposure, Settings
 from relume.image.raw import RawPhotograph, is_bayer
 

@@ -23,7 +23,8 @@ import OpenEXR
 
 from relume.errors import OutputNotWritten, UnreadableFile
 from relume.image.files.atomic import replacing
-from relume.image.files.signatures import MAXIMUM_SAMPLES, one_line, refuse_absurd_size
+from relume.image.files.reading import refuse_absurd_size
+from relume.image.files.signatures import one_line
 
 _decoding = threading.Lock()
 
@@ -140,8 +141,8 @@ def _refuse_unusable(path: str | os.PathLike[str], headers: list[dict]) -> None:
             raise UnreadableFile(
                 f"{path}: channels {', '.join(map(repr, sparse))} are subsampled (luminance/chroma); save it as RGB"
             )
-    if samples > MAXIMUM_SAMPLES:
-        raise UnreadableFile(f"{path}: its header claims {samples} values; relume reads {MAXIMUM_SAMPLES}: split it")
+    if samples > 2**31:
+        raise UnreadableFile(f"{path}: its header claims {samples} values; relume reads {2**31}: split it")
 
 
 def _extent(window: tuple[np.ndarray, np.ndarray]) -> tuple[int, int]:

@@ -6,7 +6,8 @@ import os
 from dataclasses import dataclass
 
 from relume.errors import UnreadableFile
-from relume.image.files.signatures import kind_of, one_line, refuse_absurd_size
+from relume.image.files.reading import refuse_absurd_size
+from relume.image.files.signatures import kind_of, one_line
 from relume.image.photograph import Exposure, Settings
 
 

@@ -18,7 +18,8 @@ import numpy as np
 from relume.errors import UnreadableFile
 from relume.image.files import radiance_hdr
 from relume.image.files.atomic import replacing
-from relume.image.files.signatures import one_line, refuse_absurd_size
+from relume.image.files.reading import refuse_absurd_size
+from relume.image.files.signatures import one_line
 from relume.image.radiance import RadianceMap
 
 _IDENTIFIER = b"\xabKTX 20\xbb\r\n\x1a\n"

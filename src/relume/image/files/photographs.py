@@ -20,7 +20,8 @@ from PIL import Image
 from relume.errors import UnreadableFile
 from relume.image.files import exif, png
 from relume.image.files.atomic import replacing
-from relume.image.files.signatures import kind_of, one_line, refuse_absurd_size
+from relume.image.files.reading import refuse_absurd_size
+from relume.image.files.signatures import kind_of, one_line
 from relume.image.photograph import Photograph
 
 # Only before markers that come ahead of the pixels: APP, COM, DQT, DRI, SOF. Elsewhere such bytes are lost pixels.

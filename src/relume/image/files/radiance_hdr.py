@@ -18,7 +18,7 @@ import numpy as np
 from relume.errors import UnreadableFile
 from relume.image.files.atomic import replacing
 from relume.image.files.radiance_scanlines import scanlines
-from relume.image.files.signatures import refuse_absurd_size
+from relume.image.files.reading import refuse_absurd_size
 from relume.image.radiance import RadianceMap
 
 _RESOLUTION = re.compile(rb"([-+])([XY]) *(\d+) ([-+])([XY]) *(\d+)")

@@ -1,7 +1,4 @@
-"""What a file is, told by its content and never by its suffix, and how large a picture relume will decode.
-
-The size limits stand between a header and the allocation it asks for: a file of fifty bytes may claim any size.
-"""
+"""What a file is, told by its content and never by its suffix; but for raw floats, which have no content but pixels."""
 
 from __future__ import annotations
 
@@ -12,10 +9,11 @@ from pathlib import Path
 from typing import BinaryIO
 
 from relume.errors import UnreadableFile
+from relume.image.files.encodings import suffix_of
+from relume.image.files.tiff_folders import folders_in
 
-MAXIMUM_SIDE = 2**16
-MAXIMUM_PIXELS = 2**28
-MAXIMUM_SAMPLES = 2**31  # all channels of all parts of a file: 8 GiB of float32
+MAPS = ("EXR", "HDR", "PFM", "raw float", "float TIFF", "LogLuv TIFF")
+"""The kinds that hold radiance maps."""
 
 _MAGIC = {
     b"\xff\xd8\xff": "JPEG",
@@ -35,21 +33,45 @@ _MAGIC = {
 }
 _CANON_CR3 = b"ftypcrx "
 # Most raw files are TIFFs; these of their tags and values no developed picture has (TIFF/EP, DNG 1.7).
-_PHOTOMETRIC, _SUB_FOLDERS, _DNG_VERSION = 262, 330, 50706
+_PHOTOMETRIC, _SUB_FOLDERS, _SAMPLE_FORMAT, _DNG_VERSION = 262, 330, 339, 50706
 _RAW_PHOTOMETRICS = (32803, 34892)  # colour filter array, linear raw
+_LOGLUV_PHOTOMETRICS = (32844, 32845)  # log luminance, with u′v′
 # Files from before 1991, and Radiance's own tools, leave out "#?RADIANCE" or FORMAT, but none the resolution line.
 _RADIANCE_HEADER = re.compile(rb"(FORMAT=32-bit_rle_|\n\r?\n[-+][XY] *\d+ [-+][XY] *\d+\r?\n)")
 
+_PFM_HEADER = re.compile(rb"P[Ff]\s")
+_STRANGERS = (
+    (4, b"ftypavif", "an AVIF picture"),
+    (4, b"ftypheic", "an HEIF picture"),
+    (4, b"ftypmif1", "an HEIF picture"),
+    (0, b"\0\0\0\x0cJXL ", "a JPEG XL picture"),
+    (0, b"\xff\x0a", "a JPEG XL picture"),
+    (0, b"\0\0\0\x0cjP  ", "a JPEG 2000 picture"),
+    (8, b"WEBP", "a WebP picture"),
+    (0, b"GIF8", "a GIF picture"),
+    (0, b"BM", "a BMP picture"),
+    (0, b"DDS ", "a DDS texture"),
+    (0, b"\xabKTX ", "a KTX texture"),
+    (0, b"FORM", "an IFF picture (NewTek's Flexible Format is one)"),
+    (0, b"P5", "a PGM picture"),
+    (0, b"P6", "a PPM picture"),
+    (0, b"%PDF", "a PDF document"),
+)
+_CONVERT = "convert it to JPEG, PNG or TIFF, or to EXR or Radiance .hdr"
+
 
 def kind_of(path: str | os.PathLike[str]) -> str:
-    """ "JPEG", "PNG", "TIFF", "EXR", "HDR" (Radiance) or "RAW" by content; raises UnreadableFile for anything else."""
+    """What a file is: one of `MAPS`, "JPEG", "PNG", "TIFF" or "RAW"; raises UnreadableFile for anything else."""
     path = Path(path)
     if path.is_dir():
         raise UnreadableFile(f"{path}: a folder, not a file; name one picture in it")
     try:
         with open(path, "rb") as file:
             head = file.read(16384)
-            raw = head[4:12] == _CANON_CR3 or (_MAGIC.get(head[:4]) == "TIFF" and _is_raw_tiff(file))
+            is_tiff = _MAGIC.get(head[:4]) == "TIFF"
+            raw = head[4:12] == _CANON_CR3 or (is_tiff and _is_raw_tiff(file))
+            if is_tiff and not raw:
+                return _kind_of_tiff(path, file)
     except FileNotFoundError:
         raise UnreadableFile(f"{path}: no such file; check the path") from None
     except (OSError, ValueError) as error:
@@ -61,11 +83,26 @@ def kind_of(path: str | os.PathLike[str]) -> str:
     for magic, kind in _MAGIC.items():
         if head.startswith(magic):
             return kind
+    if _PFM_HEADER.match(head):
+        return "PFM"
     if _RADIANCE_HEADER.search(head):
         return "HDR"
-    raise UnreadableFile(
-        f"{path}: no picture relume reads; convert it to JPEG, PNG or TIFF, or to EXR or Radiance .hdr"
-    )
+    for place, magic, name in _STRANGERS:
+        if head[place : place + len(magic)] == magic:
+            raise UnreadableFile(f"{path}: {name}, which relume does not read; {_CONVERT}")
+    if suffix_of(path) in (".float", ".float.gz"):
+        return "raw float"
+    raise UnreadableFile(f"{path}: no picture relume reads; {_CONVERT}")
+
+
+def _kind_of_tiff(path: Path, file: BinaryIO) -> str:
+    try:
+        folder = folders_in(path, file)[0]
+    except UnreadableFile:
+        return "TIFF"  # its decoder will tell
+    if folder.number(_PHOTOMETRIC) in _LOGLUV_PHOTOMETRICS:
+        return "LogLuv TIFF"
+    return "float TIFF" if folder.number(_SAMPLE_FORMAT) == 3 else "TIFF"
 
 
 def _is_raw_tiff(file: BinaryIO) -> bool:
@@ -99,17 +136,6 @@ def _is_raw_tiff(file: BinaryIO) -> bool:
         if len(folder) == 12 * count + 4 and (following := struct.unpack_from(order + "I", folder, 12 * count)[0]):
             waiting.append(following)
     return False
-
-
-def refuse_absurd_size(path: str | os.PathLike[str], width: int, height: int) -> None:
-    """Raise UnreadableFile when a header claims no pixels, a side over 65,536 or more than 2²⁸ pixels."""
-    if width < 1 or height < 1:
-        raise UnreadableFile(f"{path}: its header claims {width} x {height} pixels; the file is damaged")
-    if max(width, height) > MAXIMUM_SIDE or width * height > MAXIMUM_PIXELS:
-        raise UnreadableFile(
-            f"{path}: its header claims {width} x {height} pixels; relume reads sides up to {MAXIMUM_SIDE}"
-            f" and {MAXIMUM_PIXELS} pixels in all: scale it down, or copy it again if that is not its size"
-        )
 
 
 def one_line(error: object) -> str:

@@ -1,0 +1,122 @@
+"""The formats that radiance is written in, as values that are passed in: `write(path, image, LogLuv(bits=24))`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class OpenEXR:
+    """An .exr; the one format that keeps everything.
+
+    half : store 16 bits a value, an error of at most 1/2048 of it, in half the space; a layer with a value that halves
+        cannot hold (beyond 65504, or of a picture so dim that they lose it) is stored as float, with a warning.
+        Off because nobody who did not ask should lose digits
+    """
+
+    half: bool = False
+
+
+@dataclass(frozen=True)
+class Radiance:
+    """A .hdr or .pic of four bytes a pixel: three mantissas and their exponent, rounded to nearest.
+
+    xyz : XYZE, which holds every visible colour, in place of RGBE, which every program reads
+    compressed : by runs; flat files are read by old programs too
+    """
+
+    xyz: bool = False
+    compressed: bool = True
+
+
+@dataclass(frozen=True)
+class FloatTIFF:
+    """A TIFF of 32-bit floats, bit for bit.
+
+    compressed : ZIP with the floating-point predictor, which is lossless
+    """
+
+    compressed: bool = True
+
+
+@dataclass(frozen=True)
+class LogLuv:
+    """A TIFF of log luminance and CIE u′v′ (Larson 1998).
+
+    bits : 32, an error of 0.14 % over 38 orders of magnitude, run-length coded; 24, 0.54 % over 4.8; 16, luminance
+        alone as in 32
+    """
+
+    bits: Literal[16, 24, 32] = 32
+
+    def __post_init__(self) -> None:
+        if self.bits not in (16, 24, 32):
+            raise ValueError(f"bits is {self.bits}; LogLuv has 16 (luminance alone), 24 or 32")
+
+
+@dataclass(frozen=True)
+class PFM:
+    """A portable float map, bit for bit, without any metadata.
+
+    grey : one channel, "Pf"; refused for a picture whose channels differ
+    big_endian : the byte order of old workstations
+    """
+
+    grey: bool = False
+    big_endian: bool = False
+
+
+@dataclass(frozen=True)
+class RawFloat:
+    """Debevec's .float: 32-bit floats and nothing else, not even the size; gzipped where the name ends in .gz.
+
+    big_endian : the byte order of old workstations
+    """
+
+    big_endian: bool = False
+
+
+@dataclass(frozen=True)
+class GainMap:
+    """A JPEG that every program shows, with a gain map that makes it radiance again (Ultra HDR, ISO 21496-1).
+
+    quality : of the base picture and of the gain map, 1 to 100; 95 shows no blocks
+    exposure : stops that the base is brightened by; None sets the mean of the logarithms to middle grey
+    tolerance : the largest error accepted, as a share of the luminance, in 99 of 100 pixels; more is refused
+    """
+
+    quality: int = 95
+    exposure: float | None = None
+    tolerance: float = 0.05
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.quality <= 100:
+            raise ValueError(f"quality is {self.quality}; give 1 to 100")
+        if not self.tolerance > 0:
+            raise ValueError(f"tolerance is {self.tolerance}; give a share above 0, like 0.05")
+
+
+Encoding = OpenEXR | Radiance | FloatTIFF | LogLuv | PFM | RawFloat | GainMap
+
+SUFFIXES: dict[str, Encoding] = {
+    ".exr": OpenEXR(),
+    ".hdr": Radiance(),
+    ".pic": Radiance(),
+    ".rgbe": Radiance(),
+    ".xyze": Radiance(xyz=True),
+    ".tif": FloatTIFF(),
+    ".tiff": FloatTIFF(),
+    ".pfm": PFM(),
+    ".float": RawFloat(),
+    ".float.gz": RawFloat(),
+    ".jpg": GainMap(),
+    ".jpeg": GainMap(),
+}
+
+
+def suffix_of(path: PurePath) -> str:
+    """The ending that names a format, in small letters; ".float.gz" is one."""
+    name = path.name.lower()
+    return ".float.gz" if name.endswith(".float.gz") else path.suffix.lower()

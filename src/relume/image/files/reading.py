@@ -1,0 +1,95 @@
+"""How files are read: what relume will decode, and what it does where a file leaves a choice.
+
+The limits stand between a header and the allocation it asks for: a file of fifty bytes may claim any size. Bounds on
+sides alone are not enough (nothings/stb#1996), so areas, decoded bytes and their ratio to the file are bounded too.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Literal
+
+from relume.errors import UnreadableFile
+
+_SMALL = 2**26  # bytes decoded; below, no ratio is absurd
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What is accepted of a file, and how it is understood; every default is right for pictures of photographs.
+
+    side, pixels : of a picture, at most
+    channels : of a picture, at most
+    decoded : bytes in memory, at most; half of what the machine has free where that is less
+    ratio : of decoded bytes to those of the file, at most, above 64 MiB: no photograph packs tighter
+    metadata : bytes of one header or block of metadata, at most
+    parts : of an EXR, or folders of a TIFF, at most
+    salvage : read a file that ends early as far as it goes; what is missing is 0, marked OUTSIDE and told in a warning
+    mantissa_middle : read Radiance mantissas as the middle of their step, c + ½, as programs do that write by
+        truncation (old Radiance, Mitsuba, OpenImageIO); off because rounding writers, as ours, mean c itself
+    float_size : (width, height) of a raw .float file, which tells none; a square one is inferred
+    float_order : byte order of a raw .float file; None tells it by which of the two makes sense
+    """
+
+    side: int = 2**16
+    pixels: int = 2**28
+    channels: int = 64
+    decoded: int = 2**33
+    ratio: int = 10_000
+    metadata: int = 2**24
+    parts: int = 64
+    salvage: bool = False
+    mantissa_middle: bool = False
+    float_size: tuple[int, int] | None = None
+    float_order: Literal["little", "big"] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("side", "pixels", "channels", "decoded", "ratio", "metadata", "parts"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} is {getattr(self, name)}; a limit is at least 1")
+
+
+def refuse_absurd_size(
+    path: str | os.PathLike[str], width: int, height: int, reading: Reading = Reading(), *, where: str = "its header"
+) -> None:
+    """Raise UnreadableFile when `where` claims no pixels, or more than `reading` allows."""
+    if width < 1 or height < 1:
+        raise UnreadableFile(f"{path}: {where} claims {width} x {height} pixels; the file is damaged")
+    if max(width, height) > reading.side or width * height > reading.pixels:
+        raise UnreadableFile(
+            f"{path}: {where} claims {width} x {height} pixels; relume reads sides up to {reading.side}"
+            f" and {reading.pixels} pixels in all: scale it down, or copy it again if that is not its size"
+        )
+
+
+def refuse_absurd_amount(
+    path: str | os.PathLike[str], decoded: int, stored: int, reading: Reading = Reading(), *, flat: bool = False
+) -> None:
+    """Raise UnreadableFile when decoding takes more memory than `reading` and the machine allow, or too little file.
+
+    decoded, stored : bytes in memory and in the file
+    flat : the format stores an even picture in next to nothing (ZIP, PIZ), so that no ratio is absurd
+    """
+    allowed = min(reading.decoded, _half_of_free_memory())
+    if decoded > allowed:
+        raise UnreadableFile(
+            f"{path}: its header claims {decoded} bytes of pixels; relume decodes {allowed} here: scale it down"
+        )
+    if not flat and decoded > max(_SMALL, reading.ratio * stored):
+        raise UnreadableFile(
+            f"{path}: its header claims {decoded} bytes of pixels, which {stored} bytes of file cannot hold; copy it "
+            "again from where it came"
+        )
+
+
+def _half_of_free_memory() -> int:
+    """Half the memory that the machine can give now; where it does not tell, no bound."""
+    try:
+        with open("/proc/meminfo", encoding="ascii") as file:
+            for line in file:
+                if line.startswith("MemAvailable:"):
+                    return int(line.split()[1]) * 512
+    except (OSError, ValueError):
+        pass
+    return 2**62

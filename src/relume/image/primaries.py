@@ -1,0 +1,101 @@
+"""The primaries that linear R, G and B stand for, and the way between two sets of them.
+
+A file's own primaries are converted to Rec. 709 when it is read; where the whites differ too, colours are adapted (Lam
+1985, "Bradford"), so that what was neutral stays neutral. Nothing is clipped: a colour outside Rec. 709 has a negative
+channel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from relume.image.radiance import RadianceMap
+
+_BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
+_SAME = 2e-3  # chromaticities are written with three digits, and D65 as .3127 or .313
+
+
+@dataclass(frozen=True)
+class Primaries:
+    """CIE 1931 x, y of the red, green and blue primary and of white, R = G = B."""
+
+    red: tuple[float, float]
+    green: tuple[float, float]
+    blue: tuple[float, float]
+    white: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        values = np.array(self.values)
+        with np.errstate(all="ignore"):
+            usable = bool(np.all(np.isfinite(values))) and self.white[1] > 0 and np.linalg.cond(_columns(self)) < 1e6
+        if not usable or not np.all(np.linalg.solve(_columns(self), _white(self.white)) > 0):
+            raise ValueError(f"the primaries are {self.text}; white must lie within the triangle of red, green, blue")
+
+    @staticmethod
+    def of(values: object) -> Primaries:
+        """From eight numbers: x, y of red, green, blue and white; ValueError for others."""
+        numbers = [float(value) for value in np.ravel(np.asarray(values, np.float64))]
+        if len(numbers) != 8:
+            raise ValueError(f"{len(numbers)} numbers; primaries are eight: x, y of red, green, blue and white")
+        red, green, blue, white = zip(numbers[::2], numbers[1::2], strict=True)
+        return Primaries(red, green, blue, white)
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The eight numbers, x, y of red, green, blue and white."""
+        return (*self.red, *self.green, *self.blue, *self.white)
+
+    @property
+    def text(self) -> str:
+        """The eight numbers as a Radiance PRIMARIES line has them."""
+        return " ".join(f"{value:.6g}" for value in self.values)
+
+    def to_xyz(self) -> np.ndarray:
+        """(3, 3) from linear R, G, B to CIE XYZ, in which R = G = B = 1 has Y = 1 (SMPTE RP 177)."""
+        columns = _columns(self)
+        return columns * np.linalg.solve(columns, _white(self.white))
+
+    def is_close(self, other: Primaries) -> bool:
+        """Whether the two are the same but for rounding, 0.002 in each coordinate."""
+        return bool(np.allclose(self.values, other.values, rtol=0, atol=_SAME))
+
+
+def adaptation(seen: tuple[float, float], wanted: tuple[float, float]) -> np.ndarray:
+    """(3, 3) on XYZ that takes the white x, y of `seen` to that of `wanted`; the identity where they are the same."""
+    if np.allclose(seen, wanted, rtol=0, atol=_SAME / 10):
+        return np.eye(3)
+    gains = (_BRADFORD @ _white(wanted)) / (_BRADFORD @ _white(seen))
+    return np.linalg.inv(_BRADFORD) @ (gains[:, None] * _BRADFORD)
+
+
+def between(given: Primaries, wanted: Primaries) -> np.ndarray:
+    """(3, 3) from linear R, G, B of `given` to those of `wanted`; white stays (1, 1, 1)."""
+    return np.linalg.inv(wanted.to_xyz()) @ adaptation(given.white, wanted.white) @ given.to_xyz()
+
+
+def converted(image: RadianceMap, given: Primaries, wanted: Primaries) -> RadianceMap:
+    """The map with its colours of primaries `given` told in `wanted`; variances as of independent channels."""
+    matrix = between(given, wanted)
+    variance = None if image.variance is None else mixed(image.variance, matrix**2)
+    return replace(image, radiance=mixed(image.radiance, matrix), variance=variance)
+
+
+def mixed(pixels: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """(..., 3) float32 of which each new channel is a row of `matrix` times the old ones."""
+    return np.asarray(pixels, np.float32) @ matrix.T.astype(np.float32)
+
+
+def _columns(primaries: Primaries) -> np.ndarray:
+    corners = np.array([primaries.red, primaries.green, primaries.blue])
+    return np.column_stack([corners, 1 - corners.sum(1)]).T
+
+
+def _white(white: tuple[float, float]) -> np.ndarray:
+    x, y = white
+    return np.array([x / y, 1.0, (1 - x - y) / y])
+
+
+REC709 = Primaries((0.64, 0.33), (0.30, 0.60), (0.15, 0.06), (0.3127, 0.3290))
+EQUAL_ENERGY = (1 / 3, 1 / 3)
