@@ -197,13 +197,13 @@ def test_maps_that_are_no_light_are_refused_with_what_is_wrong(
     odd, out = np.ones((12, 30, 3), np.float32), str(tmp_path / "out.exr")
     write(tmp_path / "odd.exr", RadianceMap(odd))
     assert "30×12 pixels does not tell its mapping" in refused(
-        ["convert", str(tmp_path / "odd.exr"), "-o", out], capsys
+        ["convert", str(tmp_path / "odd.exr"), "-o", out, "--to", "angular"], capsys
     )
     dark = sunny(12).radiance.copy()
     dark[2, 3, 1], dark[4, 5] = -0.5, np.nan
     write(tmp_path / "dark.exr", RadianceMap(dark))
     assert "1 pixels are NaN or infinite and 1 negative" in refused(
-        ["convert", str(tmp_path / "dark.exr"), "-o", out], capsys
+        ["convert", str(tmp_path / "dark.exr"), "-o", out, "--to", "angular"], capsys
     )
     faces = [stored(tmp_path, sunny(12), f"{index}.exr") for index in range(6)]
     assert "six squares of one size" in refused(["convert", *faces, "-o", out], capsys)

@@ -26,6 +26,7 @@ from relume.capture.extent import Extent, extent
 from relume.capture.glare import Glare, diminish_glare
 from relume.capture.luminaire import Balance, balanced
 from relume.capture.merging import merge
+from relume.capture.provenance import provenance
 from relume.capture.ratios import Ratios
 from relume.capture.sensor import Sensor
 from relume.capture.steps import Steps
@@ -271,6 +272,7 @@ def _measured(
     if treatment.scale is not None:
         scale = treatment.scale(picture, bracket, response)
         picture = calibrated(picture, scale)
+    picture = replace(picture, attributes={**picture.attributes, **provenance(bracket.photographs)})
     focal_length = treatment.focal_length or bracket.focal_length
     found = extent(picture, focal_length=focal_length)
     return Measured(picture, bracket.name, bracket.exposure_table, doubts, aligned, deghosted, found, scale, balance)

@@ -16,6 +16,7 @@ from relume.capture.consistency import Doubt, check
 from relume.capture.deghosting import deghost
 from relume.capture.extent import extent
 from relume.capture.measurement import Measured, Measurement, Treatment, without_lens
+from relume.capture.provenance import provenance
 from relume.capture.raw_merging import RawCalibration, RawSource, calibrate_raw, merge_raw, opened
 from relume.capture.sensor import Sensor
 from relume.capture.steps import Steps
@@ -89,6 +90,7 @@ def measure_raw(
             with steps.step("merge"):
                 picture = merge_raw(sources, calibration=known, balance=balance)
             picture, balanced = without_lens(picture, known.exposures, treatment, steps)
+            picture = replace(picture, attributes={**picture.attributes, **provenance(bracket.photographs)})
             if scale is not None:
                 found = found or scale(picture, bracket, known)
                 picture = calibrated(picture, found)

@@ -1,8 +1,9 @@
-"""`relume convert`: light in one mapping in, the same light in another out, and what the step did to its energy."""
+"""`relume convert`: a file in one format in, in another out; light in one mapping in, in another out, and audited."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -10,13 +11,16 @@ from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, require_files, require_suffix
 from relume.cli.console import Manner, note, speaking, tell
+from relume.cli.convert_format import FormatOptions, change_format, exposed
 from relume.cli.convert_input import read_faces, read_input, read_mapping
 from relume.cli.light_input import Clamp, read_light
+from relume.cli.reading_options import ReadingOptions
 from relume.errors import DoubtfulResult
 
 if TYPE_CHECKING:
     import numpy as np
 
+    from relume.image.files import Encoding
     from relume.image.radiance import RadianceMap
     from relume.sphere.illumination import IlluminationMap
     from relume.sphere.mappings import Mapping
@@ -38,14 +42,19 @@ def convert(
         Parameter(
             name="IN",
             negative="",
-            help="The light: a map, .exr or .hdr; six cube faces, +X −X +Y −Y +Z −Z as OpenGL has them; or, with "
-            "--gamma, a painting.",
+            help="A picture in any format; a light map; six cube faces, +X −X +Y −Y +Z −Z as OpenGL has them; or, "
+            "with --gamma, a painting.",
         ),
     ] = None,
     /,
     *,
     out: Annotated[
-        Path, Parameter(alias="-o", help="The map to write, .exr or .hdr; faces become OUT_px, OUT_nx, and so on.")
+        Path,
+        Parameter(
+            alias="-o",
+            help="The file to write; its ending tells the format: .exr, .hdr, .tif, .pfm, .float, .float.gz or .jpg "
+            "(with a gain map) for radiance, .png, .tif or .jpg for a photograph. Faces become OUT_px, OUT_nx, ….",
+        ),
     ],
     from_: Annotated[
         str | None,
@@ -94,7 +103,7 @@ def convert(
         str | None, Parameter(help="The input is a painting for a display of this gamma: a number like 2.2, or srgb.")
     ] = None,
     exposure: Annotated[
-        float, Parameter(help="Stops to brighten a painting by; at 0 its white is 1.", allow_leading_hyphen=True)
+        float, Parameter(help="Stops to brighten by; a painting's white is 1 at 0.", allow_leading_hyphen=True)
     ] = 0.0,
     hot: Annotated[
         list[str] | None,
@@ -105,10 +114,15 @@ def convert(
         Parameter(negative="", help="Instead of a file: a test map with its axes written on it, to check a program."),
     ] = False,
     clamp: Clamp = False,
+    form: FormatOptions = FormatOptions(),
+    accepted: ReadingOptions = ReadingOptions(),
     dry_run: DryRun = False,
     manner: Manner = Manner(),
 ) -> None:
-    """Convert light between mappings, turn it, or lay it out for another program; its energy is kept, and audited."""
+    """Convert pictures between formats and light between mappings; what a file loses by it is told, and light audited.
+
+    With none of the options about light, only the format changes, and pixels that are no light are kept too.
+    """
     from relume.image import files
     from relume.sphere.audit import audit, losses
     from relume.sphere.cube import mirrored_strip
@@ -116,12 +130,22 @@ def convert(
     from relume.sphere.labelled_probe import labelled_probe
 
     with speaking(manner):
-        require_suffix(out, ".exr", ".hdr")
         paths_in = files_in or []
+        flat = (to, for_, from_, view, put, gamma, hot, size, rotate, mirror, field, pixels) == (None,) * 12
+        if flat and not labelled and len(paths_in) == 1:
+            facts = change_format(
+                paths_in[0], out, form, accepted.reading(), stops=exposure, clamp=clamp, dry_run=dry_run
+            )
+            tell(manner, facts)
+            return
+        require_suffix(out, ".exr", ".hdr", ".pic", ".tif", ".tiff")
+        if form.roi is not None:
+            raise ValueError("--roi is for a change of format alone; crop the picture in a step of its own")
+        encoding, reading = form.encoding(out), accepted.reading()
         require_files([*paths_in, *([put] if put else [])])
         if bool(paths_in) == labelled:
             raise ValueError("name a map to convert, or ask for --labelled")
-        _refuse_mixtures(to, for_, view, put, size, rotate, field, pixels, gamma, hot, exposure)
+        _refuse_mixtures(to, for_, view, put, size, rotate, field, pixels, gamma, hot)
         target = None if to is None else read_mapping(to, "--to")
         turn = None if rotate is None else _turn(rotate)
         seen_from = None if view is None else _camera(view)
@@ -133,13 +157,18 @@ def convert(
         if labelled:
             light = labelled_probe(512)
         else:
-            light = read_input(paths_in, from_, gamma, exposure, hot or [], clamp, mirror if cubes[0] else None)
+            light = read_input(
+                paths_in, from_, gamma, exposure, hot or [], clamp, mirror if cubes[0] else None, reading
+            )
+        if gamma is None:
+            brighter = exposed(as_radiance_map(light), exposure)
+            light = replace(light, radiance=brighter.radiance, unit=brighter.unit)
         if dry_run:
             tell(manner, {"would write": [str(path) for path in _outputs(out, to)], "from": light.mapping.name})
             return
         if view is not None and put is None:
             picture = _cropped(light, seen_from, field or 90.0, pixels or "1024x1024")
-            files.write(out, picture)
+            files.write(out, picture, encoding)
             tell(manner, {"written": str(out), "size": list(picture.size), "unit": picture.unit})
             return
         if put is not None:
@@ -157,7 +186,7 @@ def convert(
             written.attributes["mirror"] = str(mirror)
         if orientation is not None:
             written.attributes["orientation"] = orientation
-        paths = _write(out, to, written)
+        paths = _write(out, to, written, encoding)
         after = audit(_read_back(paths, to))
         told = losses(before, after)
         shown = float(result.mapping.solid_angles(result.size).sum())
@@ -192,7 +221,6 @@ def _refuse_mixtures(
     pixels: str | None,
     gamma: str | None,
     hot: list[str] | None,
-    exposure: float,
 ) -> None:
     """Refuse options that contradict each other or would do nothing."""
     if for_ is not None and to is not None:
@@ -205,8 +233,8 @@ def _refuse_mixtures(
         raise ValueError("--field and --pixels are for --view; give it too")
     if put is not None and pixels is not None:
         raise ValueError("--pixels is for a --view that is cropped; with --put leave it out")
-    if gamma is None and (hot or exposure):
-        raise ValueError("--hot and --exposure are for paintings; give --gamma too, like 2.2 or srgb")
+    if gamma is None and hot:
+        raise ValueError("--hot is for paintings; give --gamma too, like 2.2 or srgb")
 
 
 def _angles(text: str, option: str) -> np.ndarray:
@@ -300,7 +328,7 @@ def _outputs(out: Path, to: str | None) -> list[Path]:
     return [out.with_stem(f"{out.stem}_{word}") for word in FACE_WORDS] if to == "faces" else [out]
 
 
-def _write(out: Path, to: str | None, picture: RadianceMap) -> list[Path]:
+def _write(out: Path, to: str | None, picture: RadianceMap, encoding: Encoding | None) -> list[Path]:
     import numpy as np
 
     from relume.image import files
@@ -308,13 +336,13 @@ def _write(out: Path, to: str | None, picture: RadianceMap) -> list[Path]:
 
     paths = _outputs(out, to)
     if len(paths) == 1:
-        files.write(out, picture)
+        files.write(out, picture, encoding)
         return paths
     clipped = [None] * 6 if picture.clipped is None else np.split(picture.clipped, 6, axis=1)
     for path, radiance, marks in zip(paths, np.split(picture.radiance, 6, axis=1), clipped, strict=True):
         face = {**picture.attributes, "face": path.stem.rpartition("_")[2]}
         del face["mapping"]
-        files.write(path, RadianceMap(np.ascontiguousarray(radiance), None, marks, picture.unit, face))
+        files.write(path, RadianceMap(np.ascontiguousarray(radiance), None, marks, picture.unit, face), encoding)
     return paths
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from relume.cli.light_input import read_light, read_picture
 from relume.errors import UnreadableFile
+from relume.image.files.reading import Reading
 
 if TYPE_CHECKING:
     from relume.sphere.illumination import IlluminationMap
@@ -30,10 +31,9 @@ def read_input(
     hot: list[str],
     clamp: bool,
     mirror: str | None,
+    reading: Reading,
 ) -> IlluminationMap:
     """The light that the files hold."""
-    from relume.image.files.signatures import kind_of
-
     told = None if from_ is None else read_mapping(from_, "--from")
     if gamma is not None:
         if len(paths) != 1:
@@ -42,17 +42,24 @@ def read_input(
     if len(paths) == 6:
         if from_ not in (None, "faces"):
             raise ValueError(f"--from {from_}: six files are the faces of a cube; leave it out, or give one map")
-        return read_faces(paths, clamp, mirror)
+        return read_faces(paths, clamp, mirror, reading)
     if len(paths) != 1:
         raise ValueError(f"{len(paths)} files; give one map, or the six faces +X −X +Y −Y +Z −Z")
     if from_ == "faces":
         raise ValueError("--from faces: give the six files +X −X +Y −Y +Z −Z; one file with all of them is a strip")
-    if kind_of(paths[0]) in ("JPEG", "PNG", "TIFF"):
+    refuse_paintings(paths[0])
+    return read_light(paths[0], told, clamp=clamp, reading=reading)
+
+
+def refuse_paintings(path: Path) -> None:
+    """Refuse a photograph where radiance is needed, with what can be done about it."""
+    from relume.image.files import has_radiance
+
+    if not has_radiance(path):
         raise UnreadableFile(
-            f"{paths[0]}: a photograph or painting, whose values are no light yet; merge a bracket, or say for which "
+            f"{path}: a photograph or painting, whose values are no light yet; merge a bracket, or say for which "
             "display it was painted, like --gamma 2.2 or --gamma srgb"
         )
-    return read_light(paths[0], told, clamp=clamp)
 
 
 def _painted(path: Path, gamma: str, exposure: float, hot: list[str], mapping: Mapping | None) -> IlluminationMap:
@@ -73,14 +80,14 @@ def _painted(path: Path, gamma: str, exposure: float, hot: list[str], mapping: M
     return paint(painting, read_gamma(gamma, str(path)), 2.0**exposure, spots, mapping=mapping or LatLong())
 
 
-def read_faces(paths: list[Path], clamp: bool, mirror: str | None) -> IlluminationMap:
+def read_faces(paths: list[Path], clamp: bool, mirror: str | None, reading: Reading = Reading()) -> IlluminationMap:
     """Six files as one strip; `mirror` where they do not remember for which engine they are."""
     import numpy as np
 
     from relume.image.radiance import RadianceMap
     from relume.sphere.illumination import as_illumination
 
-    pictures = [read_picture(path, clamp=clamp) for path in paths]
+    pictures = [read_picture(path, clamp=clamp, reading=reading) for path in paths]
     first, side = pictures[0], pictures[0].size[1]
     for path, picture in zip(paths, pictures, strict=True):
         if picture.size != (side, side) or picture.unit != first.unit:

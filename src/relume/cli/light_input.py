@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from relume.errors import UnreadableFile
+from relume.image.files.reading import Reading
 
 if TYPE_CHECKING:
     from relume.image.radiance import RadianceMap
@@ -22,17 +23,20 @@ Clamp = Annotated[
 ]
 
 
-def read_light(path: Path, mapping: Mapping | None = None, *, clamp: bool = False) -> IlluminationMap:
+def read_light(
+    path: Path, mapping: Mapping | None = None, *, clamp: bool = False, reading: Reading = Reading()
+) -> IlluminationMap:
     """The light in a file.
 
     mapping : what the file's own memory and its shape are overruled by, where given
     clamp : take negative pixels for 0, and say how many they were
+    reading : limits, and how what the file leaves open is understood
     Raises UnreadableFile for what is missing or damaged, does not tell its mapping, or holds pixels that are no light,
     which it counts.
     """
     from relume.sphere.illumination import as_illumination
 
-    picture = read_picture(path, mapping, clamp=clamp)
+    picture = read_picture(path, mapping, clamp=clamp, reading=reading)
     width, height = picture.size
     try:
         if mapping is not None and (height, width) != mapping.shape(height):
@@ -45,11 +49,13 @@ def read_light(path: Path, mapping: Mapping | None = None, *, clamp: bool = Fals
         raise UnreadableFile(f"{path}: {error}") from None
 
 
-def read_picture(path: Path, mapping: Mapping | None = None, *, clamp: bool = False) -> RadianceMap:
+def read_picture(
+    path: Path, mapping: Mapping | None = None, *, clamp: bool = False, reading: Reading = Reading()
+) -> RadianceMap:
     """The radiance map in a file, with nothing in it that is no light; arguments and errors as `read_light`."""
     from relume.image import files
 
-    return _light_only(path, _without_surroundings(files.read_radiance(path), mapping), clamp)
+    return light_only(path, _without_surroundings(files.read_radiance(path, reading), mapping), clamp)
 
 
 def _without_surroundings(picture: RadianceMap, mapping: Mapping | None) -> RadianceMap:
@@ -68,7 +74,8 @@ def _without_surroundings(picture: RadianceMap, mapping: Mapping | None) -> Radi
     return replace(picture, radiance=np.where(areas[..., None] > 0, picture.radiance, np.float32(0)))
 
 
-def _light_only(path: Path, picture: RadianceMap, clamp: bool) -> RadianceMap:
+def light_only(path: Path, picture: RadianceMap, clamp: bool) -> RadianceMap:
+    """The picture if all of it can be light; `clamp` and errors as `read_light`."""
     import numpy as np
 
     odd = int(np.count_nonzero(~np.isfinite(picture.radiance).all(-1)))

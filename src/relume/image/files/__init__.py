@@ -34,6 +34,8 @@ __all__ = [
     "Facts",
     "Reading",
     "describe",
+    "has_radiance",
+    "kind_of",
     "read",
     "read_facts",
     "read_layers",
@@ -41,6 +43,7 @@ __all__ = [
     "read_radiance",
     "read_raw",
     "replacing",
+    "subtype",
     "write",
     "write_layers",
     "write_text",
@@ -98,13 +101,18 @@ def read_radiance(path: str | os.PathLike[str], reading: Reading = Reading()) ->
     kind = kind_of(path)
     if kind == "JPEG" and _has_gain_map(path):
         return _decoded(path, "gain_map", reading)
-    if kind not in MAPS and kind != "RAW":
+    if kind in ("JPEG", "PNG", "TIFF"):
         raise UnreadableFile(
             f"{path}: a photograph where a radiance map is needed; give an EXR or .hdr, or merge a bracket"
         )
     image = _read(path, kind, reading)
     assert isinstance(image, RadianceMap)
     return image
+
+
+def has_radiance(path: str | os.PathLike[str]) -> bool:
+    """Whether `read_radiance` would find any: not in a photograph without a gain map; raises UnreadableFile."""
+    return kind_of(path) not in ("JPEG", "PNG", "TIFF") or _has_gain_map(path)
 
 
 def _has_gain_map(path: str | os.PathLike[str]) -> bool:
@@ -116,6 +124,8 @@ def _has_gain_map(path: str | os.PathLike[str]) -> bool:
 def _read(path: str | os.PathLike[str], kind: str, reading: Reading) -> Photograph | RadianceMap:
     if kind == "RAW":
         raise UnreadableFile(f"{path}: a camera raw file, not a photograph yet; give raw files to `relume merge`")
+    if kind == "KTX2":
+        raise UnreadableFile(f"{path}: a cube of an engine's texture levels, not one picture; give what it was made of")
     return _decoded(path, _READERS[kind], reading)
 
 
@@ -133,7 +143,7 @@ def read_facts(path: str | os.PathLike[str]) -> Facts:
     return facts.read(path)
 
 
-def read_raw(path: str | os.PathLike[str]) -> RawPhotograph:
+def read_raw(path: str | os.PathLike[str], reading: Reading = Reading()) -> RawPhotograph:
     """What the sensor read, from a camera raw file (DNG, NEF, CR2, CR3, ARW, …); see `RawPhotograph`.
 
     Raises UnreadableFile for another kind of file, a damaged one, and a sensor without a Bayer pattern.
@@ -143,7 +153,7 @@ def read_raw(path: str | os.PathLike[str]) -> RawPhotograph:
     from relume.image.files import camera_raw
 
     try:
-        return camera_raw.read(path)
+        return camera_raw.read(path, reading)
     except MemoryError:
         raise UnreadableFile(f"{path}: larger than the memory there is") from None
 
@@ -224,6 +234,13 @@ def read_layers(path: str | os.PathLike[str], reading: Reading = Reading()) -> d
     from relume.image.files import exr
 
     return exr.read_layers(path, reading)
+
+
+def subtype(path: str | os.PathLike[str]) -> str:
+    """The variety of a file's format in a few words, from its header: "half, PIZ, tiled"; raises UnreadableFile."""
+    kind = kind_of(path)
+    module = "gain_map" if kind == "JPEG" and _has_gain_map(path) else _READERS.get(kind)
+    return "" if module is None else import_module(f"relume.image.files.{module}").subtype(path)
 
 
 def describe(path: str | os.PathLike[str]) -> dict[str, object]:

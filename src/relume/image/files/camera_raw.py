@@ -17,25 +17,22 @@ from PIL import Image
 
 from relume.errors import UnreadableFile
 from relume.image.files import exif
-from relume.image.files.exr_parts import gathered_messages as gathered_messages
-from relume.image.files.reading import refuse_absurd_size
+from relume.image.files.exr_parts import gathered_messages
+from relume.image.files.reading import Reading, refuse_absurd_amount, refuse_absurd_size
 from relume.image.files.signatures import one_line
 from relume.image.photograph import Exposure, Settings
+from relume.image.primaries import REC709
 from relume.image.raw import RawPhotograph, is_bayer
 
 _EXIF_FOLDER = 0x8769
-# IEC 61966-2-1: linear Rec. 709 → XYZ, white D65.
-_XYZ_FROM_REC709 = np.array(
-    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
-)
 
 
-def read(path: str | os.PathLike[str]) -> RawPhotograph:
+def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> RawPhotograph:
     """The sensor's values in a camera raw file with a Bayer pattern; raises UnreadableFile for any other."""
     tags = tags_of(path)
     try:
         with gathered_messages() as messages, rawpy.imread(os.fspath(path)) as raw:
-            photograph = _photograph(path, raw, tags)
+            photograph = _photograph(path, raw, tags, reading)
     # Where damage is only met on the way, LibRaw's errors are followed by AttributeError and ValueError of the wrapper.
     except (rawpy.LibRawError, OSError, ValueError, AttributeError, TypeError) as error:
         raise UnreadableFile(
@@ -47,9 +44,12 @@ def read(path: str | os.PathLike[str]) -> RawPhotograph:
     return photograph
 
 
-def _photograph(path: str | os.PathLike[str], raw: rawpy.RawPy, tags: dict[int, object] | None) -> RawPhotograph:
+def _photograph(
+    path: str | os.PathLike[str], raw: rawpy.RawPy, tags: dict[int, object] | None, reading: Reading
+) -> RawPhotograph:
     sizes = raw.sizes
-    refuse_absurd_size(path, sizes.raw_width, sizes.raw_height)
+    refuse_absurd_size(path, sizes.raw_width, sizes.raw_height, reading)
+    refuse_absurd_amount(path, 2 * sizes.raw_width * sizes.raw_height, os.path.getsize(path), reading)
     if raw.raw_type != rawpy.RawType.Flat or raw.num_colors != 3:
         raise UnreadableFile(
             f"{path}: three values a pixel, no sensor's mosaic (linear raw); develop it to 16-bit TIFF"
@@ -111,7 +111,7 @@ def _colour(path: str | os.PathLike[str], raw: rawpy.RawPy) -> tuple[np.ndarray,
     """
     camera_from_xyz = np.asarray(raw.rgb_xyz_matrix, np.float64)[:3]
     if camera_from_xyz.any():
-        camera = camera_from_xyz @ _XYZ_FROM_REC709
+        camera = camera_from_xyz @ REC709.to_xyz()
         seen = camera.sum(1)
         if np.all(seen > 0) and np.linalg.cond(camera) < 1e4:
             daylight = 1 / seen

@@ -5,52 +5,221 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import asdict
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 
 from relume.image import files
-from relume.image.files import exr
-from relume.image.files.exr_parts import read_parts
-from relume.image.files.signatures import kind_of
-from relume.image.radiance import RadianceMap
+from relume.image.code_values import code_percentiles, code_values
+from relume.image.files.reading import Reading
+from relume.image.files.signatures import MAPS, kind_of
+from relume.image.photograph import Exposure, Photograph, Settings
+from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
+from relume.image.raw import RawPhotograph
+from relume.image.statistics import Spot, Statistics, statistics, statistics_of
+
+_NUMBERS_OF_KTX2 = {97: "half", 109: "float"}  # Vulkan's names for R16G16B16A16_SFLOAT and R32G32B32A32_SFLOAT
 
 
-def describe(path: str | os.PathLike[str]) -> dict[str, object]:
-    """What a file holds, in plain values that JSON can hold: kind, size, unit, exposure, range, attributes, parts.
+def describe(path: str | os.PathLike[str], reading: Reading = Reading()) -> dict[str, object]:
+    """What a file holds, in plain values that JSON can hold; None where there is nothing to tell.
 
-    minimum, maximum, mean : of the finite values; None where none is
-    focal_length : in pixels
-    channels, dtype : as stored in the first part, while `read` always gives three channels
+    Of every file: file, format, subtype (as told by the header), size [width, height], megapixels and kind.
 
+    kind "radiance map" : unit; primaries of the pixels and primaries_of_file; attributes; channels and dtype as stored
+        in the first part, while `read` always gives three channels; parts of an EXR; minimum, maximum, mean of finite
+        values; luminance of lit pixels; dynamic_range in stops and as a ratio, of all of them and robust; brightest
+        spot and a lone brighter pixel; how many values are nan, infinite, negative, how many pixels at_maximum, and
+        clipped as the planes of the map say (see `relume.image.statistics`)
+    kind "photograph" : exposure, camera, settings; focal_length in pixels; minimum, maximum, mean and percentiles of
+        codes, and the share of pixels at_black and at_white in each channel; gain_map as its header tells it
+    kind "camera raw" : the same, with pattern, black, white, as_shot and daylight balance
+    kind "cube" : levels, their sides in pixels; values, luminance and range of the largest
+
+    reading : limits, and how what a file leaves open is understood
     Raises UnreadableFile.
     """
     kind = kind_of(path)
-    parts: list[dict[str, object]] = []
-    if kind == "EXR":
-        stored = read_parts(path)
-        image = exr.radiance_map(path, stored)
-        parts = [_part(part.name, part.channels) for part in stored]
-    else:
-        image = files.read(path)
-    pixels = image.radiance if isinstance(image, RadianceMap) else image.pixels
-    finite = pixels[np.isfinite(pixels)]
-    facts: dict[str, object] = {"file": str(path), "format": kind, "size": list(image.size)}
-    if isinstance(image, RadianceMap):
-        facts |= {"kind": "radiance map", "unit": image.unit, "attributes": dict(image.attributes)}
-    else:
-        exposure = asdict(image.exposure) if image.exposure else None
-        facts |= {"kind": "photograph", "unit": "encoded", "exposure": exposure, "camera": image.camera}
-        facts |= {"focal_length": image.focal_length, "attributes": {}}
-    return facts | {
+    if kind == "RAW":
+        return _of_raw(path, files.read_raw(path, reading))
+    if kind == "KTX2":
+        return _of_cube(path)
+    image = (files.read_radiance if kind in MAPS else files.read_photograph)(path, reading)
+    subtype = import_module(f"relume.image.files.{files._READERS[kind]}").subtype(path, reading)
+    if isinstance(image, Photograph):
+        return _of_photograph(path, kind, subtype, image, reading)
+    return _of_map(path, kind, subtype, image, reading)
+
+
+def _of_map(
+    path: str | os.PathLike[str], kind: str, subtype: str, image: RadianceMap, reading: Reading
+) -> dict[str, object]:
+    parts = _parts(path, reading) if kind == "EXR" else []
+    told = statistics(image)
+    marks = {"saturated": SATURATED, "black": BLACK, "outside": OUTSIDE}
+    clipped = image.clipped
+    return {
+        **_file(path, kind, subtype, image.size),
+        "kind": "radiance map",
+        "unit": image.unit,
+        "primaries": "Rec. 709",
+        "primaries_of_file": image.attributes.get("primaries"),
+        "attributes": dict(image.attributes),
         "channels": parts[0]["channels"] if parts else ["R", "G", "B"],
-        "dtype": parts[0]["dtype"] if parts else str(pixels.dtype),
-        "minimum": float(finite.min()) if finite.size else None,
-        "maximum": float(finite.max()) if finite.size else None,
-        "mean": float(finite.mean(dtype=np.float64)) if finite.size else None,
-        "nan": int(np.count_nonzero(np.isnan(pixels))),
-        "infinite": int(np.count_nonzero(np.isinf(pixels))),
+        "dtype": parts[0]["dtype"] if parts else str(image.radiance.dtype),
+        **_values(told),
+        "brightest": _place(told.spot),
+        "lone": _place(told.lone),
+        "clipped": None
+        if clipped is None
+        else {name: int(np.count_nonzero(clipped == mark)) for name, mark in marks.items()},
+        "has_variance": image.variance is not None,
         "parts": parts,
     }
+
+
+def _of_photograph(
+    path: str | os.PathLike[str], kind: str, subtype: str, image: Photograph, reading: Reading
+) -> dict[str, object]:
+    told = code_values(image)
+    gain_map = None
+    if kind == "JPEG":
+        from relume.image.files import gain_map as gain_maps
+
+        gain_map = gain_maps.subtype(path, reading) if gain_maps.is_present(path) else None
+    return {
+        **_file(path, kind, subtype, image.size),
+        "kind": "photograph",
+        "unit": "encoded",
+        **_capture(image.exposure, image.camera, image.focal_length, image.settings),
+        "attributes": {},
+        "channels": ["R", "G", "B"],
+        "dtype": str(image.pixels.dtype),
+        "minimum": told.minimum,
+        "maximum": told.maximum,
+        "mean": told.mean,
+        "percentiles": {f"{percent:g}": code for percent, code in told.percentiles.items()},
+        "at_black": list(told.black),
+        "at_white": list(told.white),
+        "transparent": 0 if image.outside is None else int(np.count_nonzero(image.outside)),
+        "nan": 0,
+        "infinite": 0,
+        "gain_map": gain_map,
+        "parts": [],
+    }
+
+
+def _of_raw(path: str | os.PathLike[str], image: RawPhotograph) -> dict[str, object]:
+    counts = np.bincount(image.mosaic.ravel(), minlength=1)
+    used = np.flatnonzero(counts)
+    channels = [image.pattern == channel for channel in range(3)]
+    planes = [[image.mosaic[y::2, x::2] for y in (0, 1) for x in (0, 1) if here[y, x]] for here in channels]
+    white = [
+        sum(np.count_nonzero(plane >= image.white) for plane in group) / sum(p.size for p in group) for group in planes
+    ]
+    return {
+        **_file(path, "RAW", f"Bayer {_letters(image)}, {_bits(image.white)} bits", image.size),
+        "kind": "camera raw",
+        "unit": "linear",
+        **_capture(image.exposure, image.camera, image.focal_length, image.settings),
+        "attributes": {},
+        "channels": ["R", "G", "B"],
+        "dtype": str(image.mosaic.dtype),
+        "pattern": _letters(image),
+        "black": [float(level) for level in image.black.ravel()],
+        "white": image.white,
+        "as_shot": None if image.as_shot is None else [float(gain) for gain in image.as_shot],
+        "daylight": [float(gain) for gain in image.daylight],
+        "minimum": int(used[0]),
+        "maximum": int(used[-1]),
+        "mean": float(image.mosaic.mean(dtype=np.float64)),
+        "percentiles": {f"{percent:g}": code for percent, code in code_percentiles(counts).items()},
+        "at_white": white,
+        "parts": [],
+    }
+
+
+def _of_cube(path: str | os.PathLike[str]) -> dict[str, object]:
+    from relume.image.files import ktx2
+
+    levels = ktx2.read_cube(path)
+    with open(path, "rb") as file:
+        number = _NUMBERS_OF_KTX2[int.from_bytes(file.read(16)[12:], "little")]
+    side = levels[0].shape[1]
+    return {
+        **_file(path, "KTX2", f"cube of {number}s, {len(levels)} levels", (side, side)),
+        "kind": "cube",
+        "unit": "relative",
+        "attributes": {},
+        "channels": ["R", "G", "B", "A"],
+        "dtype": "float16" if number == "half" else "float32",
+        "levels": [level.shape[1] for level in levels],
+        **_values(statistics_of(levels[0].reshape(6 * side, side, 3))),
+        "parts": [],
+    }
+
+
+def _file(path: str | os.PathLike[str], kind: str, subtype: str, size: tuple[int, int]) -> dict[str, object]:
+    width, height = size
+    megapixels = round(width * height / 1e6, 3)
+    return {"file": str(path), "format": kind, "subtype": subtype, "size": [width, height], "megapixels": megapixels}
+
+
+def _values(told: Statistics) -> dict[str, object]:
+    low, high = told.robust or (None, None)
+    return {
+        "minimum": told.minimum,
+        "maximum": told.maximum,
+        "mean": told.mean,
+        "luminance": {
+            "lit": told.lit,
+            "minimum": told.darkest,
+            "maximum": told.brightest,
+            "mean": told.mean_luminance,
+            "robust_minimum": low,
+            "robust_maximum": high,
+            "percentiles": {f"{percent:g}": value for percent, value in told.percentiles.items()},
+        },
+        "dynamic_range": {
+            "stops": told.stops,
+            "ratio": None if told.stops is None else 2.0**told.stops,
+            "robust_stops": told.robust_stops,
+            "robust_ratio": None if told.robust_stops is None else 2.0**told.robust_stops,
+        },
+        "nan": told.nan,
+        "infinite": told.infinite,
+        "negative": told.negative,
+        "at_maximum": told.at_maximum,
+    }
+
+
+def _place(spot: Spot | None) -> dict[str, Any] | None:
+    return None if spot is None else {**asdict(spot), "radiance": list(spot.radiance)}
+
+
+def _capture(exposure: Exposure | None, camera: str, focal_length: float | None, settings: Settings) -> dict[str, Any]:
+    taken = settings.taken
+    return {
+        "exposure": None if exposure is None else asdict(exposure),
+        "camera": camera,
+        "focal_length": focal_length,
+        "settings": asdict(settings) | {"taken": None if taken is None else taken.isoformat(sep=" ")},
+    }
+
+
+def _letters(image: RawPhotograph) -> str:
+    return "".join("RGB"[channel] for channel in image.pattern.ravel())
+
+
+def _bits(white: float) -> int:
+    return int(white).bit_length()
+
+
+def _parts(path: str | os.PathLike[str], reading: Reading) -> list[dict[str, object]]:
+    from relume.image.files.exr_parts import read_parts
+
+    return [_part(part.name, part.channels) for part in read_parts(path)]
 
 
 def _part(name: str, channels: Mapping[str, np.ndarray]) -> dict[str, object]:

@@ -24,6 +24,7 @@ _MAGIC = {
     b"MM\x00+": "TIFF",
     b"\x76\x2f\x31\x01": "EXR",
     b"#?": "HDR",
+    b"\xabKTX 20\xbb\r\n\x1a\n": "KTX2",
     b"FUJIFILMCCD-RAW": "RAW",
     b"IIU\x00": "RAW",  # Panasonic
     b"IIRO": "RAW",  # Olympus, three ways
@@ -61,7 +62,7 @@ _CONVERT = "convert it to JPEG, PNG or TIFF, or to EXR or Radiance .hdr"
 
 
 def kind_of(path: str | os.PathLike[str]) -> str:
-    """What a file is: one of `MAPS`, "JPEG", "PNG", "TIFF" or "RAW"; raises UnreadableFile for anything else."""
+    """What a file is: one of `MAPS`, "JPEG", "PNG", "TIFF", "RAW" or "KTX2"; raises UnreadableFile for anything else."""
     path = Path(path)
     if path.is_dir():
         raise UnreadableFile(f"{path}: a folder, not a file; name one picture in it")

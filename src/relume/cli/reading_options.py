@@ -1,0 +1,77 @@
+"""How much of a file a command accepts, and how it is read where the file leaves a choice: options of every reader."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from relume.image.files.reading import Reading
+
+_MEGAPIXEL = 1e6
+_BYTES = 32  # a pixel being read: its floats, those of the file, and a mask or two
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class ReadingOptions:
+    """What a user may say of the files a command reads; the same for every command that reads any picture."""
+
+    largest: Annotated[
+        float | None,
+        Parameter(help="Megapixels of a picture, at most; 268 unless given, so that no damaged file fills the memory."),
+    ] = None
+    salvage: Annotated[
+        bool,
+        Parameter(negative="", help="Read a file that ends early as far as it goes; the rest is black and marked."),
+    ] = False
+    mantissa_middle: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="Read Radiance .hdr values half a step higher, as Radiance does: right for files of programs that "
+            "round down.",
+        ),
+    ] = False
+    float_size: Annotated[
+        str | None,
+        Parameter(help="Size of a raw .float file, as WIDTHxHEIGHT; a square one tells it by its length."),
+    ] = None
+    float_order: Annotated[
+        Literal["little", "big"] | None,
+        Parameter(help="Byte order of a raw .float file; the one that makes sense unless given."),
+    ] = None
+
+    def reading(self) -> Reading:
+        """The same for `relume.image.files.read`; raises ValueError naming the option."""
+        from relume.image.files.reading import Reading
+
+        limits = Reading()
+        pixels = limits.pixels
+        if self.largest is not None:
+            if not (math.isfinite(self.largest) and self.largest * _MEGAPIXEL >= 1):
+                raise ValueError(f"--largest is {self.largest:g} megapixels; give a number like 500")
+            pixels = int(self.largest * _MEGAPIXEL)
+        return Reading(
+            # Who raises the area means long strips too; memory is still held against what the machine has free.
+            side=limits.side if pixels <= limits.pixels else pixels,
+            pixels=pixels,
+            decoded=max(limits.decoded, _BYTES * pixels),
+            salvage=self.salvage,
+            mantissa_middle=self.mantissa_middle,
+            float_size=None if self.float_size is None else _size(self.float_size),
+            float_order=self.float_order,
+        )
+
+
+def _size(text: str) -> tuple[int, int]:
+    try:
+        width, height = (int(word) for word in text.lower().replace("×", "x").split("x"))
+    except ValueError:
+        width = height = 0
+    if width < 1 or height < 1:
+        raise ValueError(f'--float-size: "{text}" is no size; write WIDTHxHEIGHT, like 640x480')
+    return width, height

@@ -1,0 +1,95 @@
+"""ICC profiles of pictures as cameras and screens have them: three primaries and three curves (ICC.1:2022).
+
+Other profiles (tables in place of primaries, grey, CMYK) are not understood here, and said to be not.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+
+from relume.image.colour import decode_srgb
+from relume.image.primaries import REC709, Primaries, adaptation
+
+_D50 = (0.3457, 0.3585)  # the white of profiles' connection space, ICC.1:2022, 7.2.16
+_MOST_TAGS = 256
+_CODES = np.linspace(0, 1, 256)
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """What 8-bit codes stand for.
+
+    primaries : of the linear values
+    curves : (256, 3) float32, linear R, G and B of each code, nominally in [0, 1]
+    """
+
+    primaries: Primaries
+    curves: np.ndarray
+
+
+def srgb() -> Profile:
+    """sRGB, which is meant where a picture has no profile."""
+    return Profile(REC709, np.repeat(decode_srgb(_CODES)[:, None], 3, axis=1).astype(np.float32))
+
+
+def parsed(profile: bytes) -> Profile | None:
+    """A profile of primaries and curves; None for a damaged one and for every other kind."""
+    try:
+        return _parsed(profile)
+    except (struct.error, ValueError, ArithmeticError, np.linalg.LinAlgError):
+        return None
+
+
+def _parsed(profile: bytes) -> Profile | None:
+    if profile[16:24] != b"RGB XYZ " or profile[36:40] != b"acsp":
+        return None
+    tags: dict[bytes, bytes] = {}
+    (count,) = struct.unpack_from(">I", profile, 128)
+    for place in range(132, 132 + 12 * min(count, _MOST_TAGS), 12):
+        name, offset, size = struct.unpack_from(">4sII", profile, place)
+        tags[name] = profile[offset : offset + size]
+    if not {b"rXYZ", b"gXYZ", b"bXYZ", b"rTRC", b"gTRC", b"bTRC"} <= tags.keys() or b"A2B0" in tags:
+        return None
+    colorants = np.column_stack([_numbers(tags[name], 3, 8) for name in (b"rXYZ", b"gXYZ", b"bXYZ")])
+    with np.errstate(all="ignore"):
+        curves = np.column_stack([_curve(tags[name]) for name in (b"rTRC", b"gTRC", b"bTRC")])
+    if not np.all(np.isfinite(curves)) or curves.min() < -1 or curves.max() > 2:
+        return None
+    return Profile(_primaries(colorants, tags.get(b"chad")), curves.astype(np.float32))
+
+
+def _primaries(colorants: np.ndarray, chad: bytes | None) -> Primaries:
+    """The primaries before they were adapted to D50, by the profile's own matrix or else from D65 by Bradford's."""
+    matrix = _numbers(chad, 9, 8).reshape(3, 3) if chad else adaptation(REC709.white, _D50)
+    native = np.linalg.solve(matrix, np.column_stack([colorants, colorants.sum(1)]))
+    return Primaries.of((native[:2] / native.sum(0)).T)
+
+
+def _curve(tag: bytes) -> np.ndarray:
+    """(256,) of a curveType or a parametricCurveType (10.6, 10.18)."""
+    if tag[:4] == b"curv":
+        (count,) = struct.unpack_from(">I", tag, 8)
+        if count == 0:
+            return _CODES
+        if count == 1:
+            return _CODES ** (struct.unpack_from(">H", tag, 12)[0] / 256)
+        samples = np.frombuffer(tag, ">u2", count, 12) / 65535
+        return np.interp(_CODES, np.linspace(0, 1, count), samples)
+    if tag[:4] != b"para":
+        raise ValueError("a curve of an unknown kind")
+    (kind,) = struct.unpack_from(">H", tag, 8)
+    g, a, b, c, d, e, f = np.append(_numbers(tag, (1, 3, 4, 5, 7)[kind] if kind < 5 else 99, 12), np.zeros(7))[:7]
+    if kind == 0:
+        return _CODES**g
+    if kind in (1, 2):
+        # Type 1 ends at 0 below −b/a, type 2 at c.
+        return np.where(_CODES >= -b / a, np.maximum(a * _CODES + b, 0) ** g + c, c)
+    return np.where(_CODES >= d, np.maximum(a * _CODES + b, 0) ** g + e, c * _CODES + f)
+
+
+def _numbers(tag: bytes, count: int, offset: int) -> np.ndarray:
+    """(count,) of signed numbers of 16 bits before the point and 16 behind it."""
+    return np.array(struct.unpack_from(f">{count}i", tag, offset)) / 65536
