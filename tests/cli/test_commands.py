@@ -48,7 +48,7 @@ def test_probe_finds_the_ball_and_writes_a_map_that_remembers_its_mapping(
 
 def test_info_tells_a_photograph_a_map_and_the_system(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["info", PLATE[0]]) == 0
-    assert "768, 512" in capsys.readouterr().out
+    assert "768 × 512" in capsys.readouterr().out
     write(tmp_path / "grey.exr", RadianceMap(np.full((8, 8, 3), 0.18, np.float32)))
     assert main(["info", str(tmp_path / "grey.exr"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["kind"] == "radiance map"

@@ -61,7 +61,7 @@ def test_halves_are_written_where_they_hold_the_picture(stored: Path, capsys: py
     assert told["kept"]["error %"]["largest"] <= 100 * 2**-11
     assert main(["convert", str(stored), "-o", str(out), "--half"]) == 0
     assert "65504" in capsys.readouterr().err
-    assert read_radiance(out).radiance.max() == 1e6
+    assert np.nanmax(read_radiance(out).radiance) == 1e6
 
 
 def test_a_rectangle_is_cut_and_brightened(stored: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -89,7 +89,8 @@ def test_varieties_of_a_format_are_asked_for(
     write(tmp_path / "in.exr", RadianceMap(grey))
     told = made([tmp_path / "in.exr", "-o", tmp_path / words[0], *words[1:]], capsys)
     assert subtype in told["format"]
-    np.testing.assert_allclose(read_radiance(tmp_path / words[0]).radiance, grey, rtol=0.02)
+    # A cell of u′v′ is 0.0035 wide: up to 3 % of a neutral's blue.
+    np.testing.assert_allclose(read_radiance(tmp_path / words[0]).radiance, grey, rtol=0.03)
 
 
 @pytest.mark.parametrize(

@@ -97,4 +97,3 @@ def exact(path: str) -> object:
 def silent(path: str) -> object:
     """Hand back nothing."""
     return None
-

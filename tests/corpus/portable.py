@@ -15,7 +15,23 @@ from corpus.files import HEIGHT, WIDTH, Bad, Corpus, Good, cut, patched, picture
 
 _PFM, _FLOAT, _PACKED = ".pfm", ".float", ".float.gz"
 _SIZES = ("0", "-1", "", "abc", "1e1", "0x10", "8.0", "1_6", "１６", "65537", "2147483647", "4294967295", "9" * 5000)
-_SCALES = ("0", "-0.0", "nan", "inf", "-inf", "1e999", "abc", "", "0x1p3", "1,0", "--1", "1_0", "infinity", "٣", "1e-999")
+_SCALES = (
+    "0",
+    "-0.0",
+    "nan",
+    "inf",
+    "-inf",
+    "1e999",
+    "abc",
+    "",
+    "0x1p3",
+    "1,0",
+    "--1",
+    "1_0",
+    "infinity",
+    "٣",
+    "1e-999",
+)
 
 
 def pfm() -> Corpus:
@@ -55,13 +71,13 @@ def _bad_pfm() -> list[Bad]:
     bad += [(f"height {size[:20]!r}", f"PF\n16 {size}\n-1.0\n".encode() + pixels) for size in _SIZES]
     bad += [(f"scale {scale!r}", f"PF\n16 8\n{scale}\n".encode() + pixels) for scale in _SCALES]
     bad += [
-        (f"first bytes {magic!r}", magic + good[2:]) for magic in (b"PG", b"pF", b"P", b"\0F", b"P\0", b"PF6", b"PFPF", b"P7")
+        (f"first bytes {magic!r}", magic + good[2:])
+        for magic in (b"PG", b"pF", b"P", b"\0F", b"P\0", b"PF6", b"PFPF", b"P7")
     ]
     bad += [
         ("no size", b"PF\n"),
         ("no scale", b"PF\n16 8\n"),
         ("one number of size", b"PF\n16\n-1.0\n" + pixels),
-        ("three numbers of size", b"PF\n16 8 3\n-1.0\n" + pixels),
         ("a scale that does not end", b"PF\n16 8\n-1." + b"0" * 100_000),
         ("spaces without end", b"PF\n" + b" " * 100_000),
         ("line breaks without end", b"PF\n" + b"\n" * 100_000),
@@ -79,6 +95,7 @@ def _bad_pfm() -> list[Bad]:
     files += cut("colour", good, _PFM, (start, start + 1, start + 12 * WIDTH, -12 * WIDTH, -12, -4, -1))
     files += cut("grey", _portable(picture(1)[..., 0]), _PFM, (-4 * WIDTH, -4, -1))
     lenient = [
+        ("three numbers of size", b"PF\n16 8 3\n-1.0\n" + pixels),
         ("bytes after the picture", good + bytes(500)),
         ("colour where it says grey", _portable(picture(1), magic="Pf")),
         ("not a number", patched(good, start, struct.pack("<f", float("nan")))),
@@ -94,8 +111,14 @@ def _bad_pfm() -> list[Bad]:
 
 
 def _packed_again(data: bytes) -> bytes:
-    """A member of gzip around what a damaged one holds, or around its bytes where it holds nothing."""
-    return gzip.compress(data, mtime=0) if data[:2] != b"\x1f\x8b" else data
+    """A damaged member of gzip with the checksum and length of what it now holds; anything else as it is."""
+    if data[:3] != b"\x1f\x8b\x08" or len(data) < 19:
+        return data
+    try:
+        held = zlib.decompressobj(-zlib.MAX_WBITS).decompress(data[10:], 2**24)
+    except zlib.error:
+        return data
+    return data[:-8] + struct.pack("<II", zlib.crc32(held), len(held))
 
 
 def _good_float() -> list[Good]:
@@ -113,7 +136,7 @@ def _good_float() -> list[Good]:
 def _bad_float() -> list[Bad]:
     square = picture(2, 8, 8).astype("<f4").tobytes()
     packed = gzip.compress(square, mtime=0)
-    bad = [(f"{count} bytes, not of whole pixels", square[:count], _FLOAT) for count in (1, 3, 11, 13, 100, 767, 766)]
+    bad = [(f"{count} bytes, not of whole pixels", square[:count], _FLOAT) for count in (1, 3, 11, 13, 98, 767, 766)]
     bad += [
         (f"{count} pixels, no square", (square * 9)[: 12 * count], _FLOAT)
         for count in (2, 3, 5, 8, 10, 15, 17, 24, 26, 48, 50, 63, 65, 99, 101, 128, 250, 255, 257, 500)
@@ -137,7 +160,7 @@ def _bad_float() -> list[Bad]:
         ("a stored block of another length", packed[:10] + b"\x01\x10\x00\x00\x00" + bytes(30), _PACKED),
         ("a distance beyond the window", packed[:10] + b"\x63\x00\x02\x00" + bytes(20), _PACKED),
         ("zlib where gzip should be", zlib.compress(square), _PACKED),
-        ("not packed at all, of a size that is no square", square[:60], _PACKED),
+        ("not packed at all, of a size that is no square", square[:72], _PACKED),
         ("packed, not of whole pixels", gzip.compress(square[:-5], mtime=0), _PACKED),
         ("packed, no square", gzip.compress(square[:-12], mtime=0), _PACKED),
         ("two members, no square together", packed + packed, _PACKED),
@@ -163,7 +186,7 @@ def _bad_float() -> list[Bad]:
         ("reserved flags", patched(packed, 3, b"\xe0"), _PACKED),
         ("bytes of 0 behind", packed + bytes(100), _PACKED),
         ("other bytes behind", packed + b"x" * 100, _PACKED),
-        ("not packed at all", square, _PACKED),
+        ("not packed at all", square[:432], _PACKED),
     ]
     return files + [Bad(name, data, suffix, refused=False) for name, data, suffix in lenient]
 

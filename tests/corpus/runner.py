@@ -27,11 +27,11 @@ _REJECT_SECONDS = 2.0
 _REJECT_GROWTH, _READ_GROWTH = 96 * 2**20, 64 * 2**20
 _START = 120.0  # seconds: the package is imported, and kernels compiled, on a machine that may be busy
 # A refusal that tells where: a number (byte, line, row, tag, size) or a name in quotes. FormatError always does.
-_PLACE = re.compile(r"\d|[\"'“”][^\"'“”]+[\"'“”]|\b(IHDR|IDAT|IEND|SOI|EOI|SOF|SOS|DHT|DQT|APP)\b")
+_PLACE = re.compile(r"\d|[\"'“”][^\"'“”]+[\"'“”]|\bchannels?\b|\b(IHDR|IDAT|IEND|SOI|EOI|SOF|SOS|DHT|DQT|APP)\b")
 # What is no file of its format any more, since its first bytes are gone, has no place to tell.
 _ANOTHER_KIND = re.compile(
     r"no picture relume reads|an empty file|which relume does not read|is needed|not a photograph yet|not one picture|"
-    r"no KTX 2.0 file"
+    r"a deep EXR|no KTX 2.0 file"
 )
 
 
@@ -74,7 +74,8 @@ class Outcome:
         """What is wrong with the outcome; none for a clean one."""
         faults = []
         if self.kind in ("raised", "died", "hung"):
-            faults.append(f"{self.kind}: {self.error}")
+            places = [line.strip() for line in self.trace.splitlines() if line.startswith("  File ")]
+            faults.append(f"{self.kind}: {self.error}" + (f" ({places[-1]})" if places else ""))
         if self.is_refused and ("\n" in self.error or "\r" in self.error):
             faults.append(f"more than one line: {self.error!r}")
         if self.is_refused and not self.error.startswith(f"{self.path}: "):
@@ -84,12 +85,10 @@ class Outcome:
         allowed = _READ_GROWTH + 3 * self.decoded if self.kind == "read" else _REJECT_GROWTH
         if self.growth > allowed:
             faults.append(f"{self.growth / 2**20:.0f} MiB of memory where {allowed / 2**20:.0f} are allowed")
-        faults += [f"a bare warning: {text!r}" for ours, text in self.warnings if not ours]
-        faults += [
-            f"a warning that is not one line about the file: {text!r}"
-            for ours, text in self.warnings
-            if ours and (not text.startswith(f"{self.path}: ") or "\n" in text)
-        ]
+        bare = [text for ours, text in self.warnings if not ours]
+        loose = [t for ours, t in self.warnings if ours and (not t.startswith(f"{self.path}: ") or "\n" in t)]
+        faults += [f"a bare warning: {bare[0]!r} and {len(bare) - 1} more"] if bare else []
+        faults += [f"warns, but not in a line about the file: {loose[0]!r} and {len(loose) - 1} more"] if loose else []
         if self.printed:
             faults.append(f"printed {self.printed!r}")
         return [f"{self.file} through {self.door.split(':')[1]}: {fault}" for fault in faults]

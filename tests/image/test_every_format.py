@@ -6,7 +6,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -122,7 +122,7 @@ def test_what_no_light_is_is_kept_or_refused_and_never_changed(
         assert "1 of" in str(error) or "1 pixel" in str(error) or " 1 " in str(error), error
         assert list(tmp_path.iterdir()) == []
         return
-    np.testing.assert_allclose(files.read_radiance(path).radiance[5, 7], odd[5, 7], rtol=0.01, err_msg=str(told))
+    np.testing.assert_allclose(files.read_radiance(path).radiance[5, 7], odd[5, 7], rtol=form.error, err_msg=str(told))
 
 
 _FULL = """
@@ -218,7 +218,8 @@ FOREIGN: dict[str, tuple[Callable[[Path], np.ndarray | None], ...]] = {
 def test_other_programs_read_the_same_values(name: str, picture: RadianceMap, tmp_path: Path) -> None:
     form = FORMATS[name]
     path = tmp_path / form.name
-    written(path, picture, form.encoding)
+    # OpenCV leaves STONITS, the scale of calibrated LogLuv, to its caller.
+    written(path, replace(picture, unit="relative"), form.encoding)
     largest = picture.radiance.max(-1, keepdims=True)
     for reader in FOREIGN[name]:
         seen = reader(path)

@@ -131,8 +131,9 @@ def change_format(
         return {"written": [str(out)], "size": list(image.size), "bits": 8 * image.pixels.itemsize}
     image = exposed(light_only(path, image, True) if clamp else image, stops)
     files.write(out, image, encoding)
-    back = files.read_radiance(out, replace(reading, float_size=image.size, float_order=None))
-    told = {"written": [str(out)], "format": files.subtype(out), "size": list(image.size), "unit": image.unit}
+    again = replace(reading, float_size=image.size, float_order=None)
+    back = files.read_radiance(out, again)
+    told = {"written": [str(out)], "format": files.subtype(out, again), "size": list(image.size), "unit": image.unit}
     return {**told, **_audited(image, back), "kept": kept(image, back)}
 
 

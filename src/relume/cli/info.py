@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from relume.cli.console import Manner, speaking, tell, version
+from relume.cli.console import Manner, refuse, speaking, tell, version
+from relume.cli.reading_options import ReadingOptions
+from relume.errors import RelumeError
 
 
 def info(
-    paths: Annotated[list[Path] | None, Parameter(help="Pictures, radiance maps or light maps.", negative="")] = None,
+    paths: Annotated[
+        list[Path] | None, Parameter(help="Pictures, radiance maps, light maps, camera raws, cubes.", negative="")
+    ] = None,
     /,
     *,
     system: Annotated[
@@ -24,26 +29,76 @@ def info(
     from_: Annotated[
         str | None, Parameter(name="--from", help="Mapping of the map to draw, where the file does not remember it.")
     ] = None,
+    options: ReadingOptions = ReadingOptions(),
     manner: Manner = Manner(),
 ) -> None:
-    """Tell what picture files hold: size, exposure, unit, range, parts; or what this machine renders with."""
+    """Tell what picture files hold: size, exposure, unit, range, faults; or what this machine renders with.
+
+    Of several files those that can be read are told of, also where another cannot; the exit code is 2 then. With --json
+    each file is one line.
+    """
     with speaking(manner):
         if system:
             tell(manner, _system(), title="relume on this machine")
         elif not paths:
             raise ValueError("name a file, or ask about this machine with --system")
+        reading = options.reading()
         if draw is not None:
             _draw(paths or [], draw, from_)
         elif from_ is not None:
             raise ValueError("--from is for --draw; give that too")
+        unreadable: list[RelumeError] = []
         for path in paths or ():
-            from relume.image import files
+            from relume.cli.info_lines import lines_of
+            from relume.image.files.description import describe
 
-            facts = files.describe(path)
-            shown = (
-                facts if manner.json or manner.verbose else {k: v for k, v in facts.items() if v not in (None, [], {})}
-            )
-            tell(manner, {k: v for k, v in shown.items() if k != "file" or manner.json}, title=str(path))
+            try:
+                facts = with_directions(describe(path, reading))
+            except RelumeError as error:
+                unreadable.append(error)
+                continue
+            tell(manner, facts if manner.json else lines_of(facts, whole=manner.verbose), title=str(path))
+        if unreadable:
+            for error in unreadable[:-1]:
+                refuse(str(error), 2)
+            raise unreadable[-1]
+
+
+def with_directions(facts: dict[str, Any]) -> dict[str, Any]:
+    """The facts of a map, its brightest places with their direction: degrees to the right of −Z and up from level.
+
+    assumed : whether only the shape says that the map is a lat-long map
+    """
+    places = {name: facts[name] for name in ("brightest", "lone") if facts.get(name)}
+    return facts | {name: {**place, "direction": _direction(facts, place)} for name, place in places.items()}
+
+
+def _direction(facts: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, Any] | None:
+    import numpy as np
+
+    from relume.sphere.mappings import LatLong, mapping_named
+    from relume.sphere.orientation import orientation_named
+
+    told, (width, height) = facts["attributes"], facts["size"]
+    if "mirror" in told or "face" in told or ("mapping" not in told and width != 2 * height):
+        return None
+    try:
+        mapping = mapping_named(told["mapping"]) if "mapping" in told else LatLong()
+        if mapping.shape(height) != (height, width):
+            return None
+        view = orientation_named(told["orientation"]) if "orientation" in told else mapping
+    except ValueError:  # of another program, or of another time
+        return None
+    x, y, z = view.directions(np.array([(place["x"] + 0.5) / width, (place["y"] + 0.5) / height]))
+    if np.isnan(x):
+        return None
+    azimuth, elevation = np.degrees([np.arctan2(x, -z), np.arcsin(np.clip(y, -1, 1))])
+    return {
+        "azimuth": round(float(azimuth), 2),
+        "elevation": round(float(elevation), 2),
+        "mapping": mapping.name,
+        "assumed": "mapping" not in told and told.get("envmap") != "latlong",
+    }
 
 
 def _draw(paths: list[Path], out: Path, from_: str | None) -> None:

@@ -19,7 +19,7 @@ from relume.image.radiance import RadianceMap
 PERCENTS = (1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0, 99.9)
 ROBUST = (0.1, 99.9)
 """Percents between which the robust range lies: one pixel in a thousand may be dead or a firefly at either end."""
-_LONE = 16.0
+_LONE = np.float32(16)
 """Four stops: a lens spreads light so that next to a real lamp's pixel some neighbour is less far below."""
 _BAND = 2**18  # pixels worked on at a time, which stay in the cache
 
@@ -51,11 +51,11 @@ class Statistics:
     darkest, brightest : least and largest luminance of lit pixels
     robust : the same but for the pixels beyond `ROBUST`, one in a thousand at either end
     percentiles : percent → luminance, of lit pixels, for `PERCENTS`
-    spot : the brightest pixel that has a neighbour nearly as bright; the middle of those where several are equal
-    lone : the brightest pixel, where it is another and all its neighbours are more than four stops darker: a firefly,
-        a hot photosite, or a sun smaller than a pixel; None otherwise
+    spot : the brightest pixel that does not stand alone; where several are equal, one in their middle
+    lone : the brightest pixel, where it does stand alone, its neighbours all more than four stops darker: a firefly,
+        a hot photosite, or a sun smaller than a pixel; None otherwise, and where every lit pixel stands alone
     at_maximum : number of pixels of which a channel is at `maximum`; many mean that the map is clipped there
-    nan, infinite, negative : number of values (three a pixel)
+    nan, infinite, negative : number of values (three a pixel); negative are those that are finite
     """
 
     minimum: float | None
@@ -105,7 +105,6 @@ def statistics_of(radiance: np.ndarray) -> Statistics:
         band = radiance[rows]
         with np.errstate(invalid="ignore"):  # ∞ − ∞ in the luminance of a broken pixel
             seen[rows] = luminance(band)
-        negative += int(np.count_nonzero(band < 0))
         usable = np.isfinite(band)
         if not usable.all():
             missing = int(np.count_nonzero(np.isnan(band)))
@@ -115,6 +114,7 @@ def statistics_of(radiance: np.ndarray) -> Statistics:
             band = band[usable]
         finite_values, whole = finite_values + band.size, whole + seen[rows].size
         if band.size:
+            negative += int(np.count_nonzero(band < 0))
             low, high = min(low, float(band.min())), max(high, float(band.max()))
             total += float(band.sum(dtype=np.float64))
             total_luminance += float(seen[rows].sum(dtype=np.float64))
@@ -142,34 +142,38 @@ def statistics_of(radiance: np.ndarray) -> Statistics:
 
 
 def _spots(radiance: np.ndarray, seen: np.ndarray) -> tuple[Spot | None, Spot | None]:
-    """The brightest pixel with a neighbour nearly as bright, and the brightest of all where that stands alone.
+    """The brightest pixel that does not stand alone, and the brightest of all where that does.
 
     seen : (H, W) float32, luminance, 0 where it is not finite
     """
     height, width = seen.shape
-    best, peak, counts, lone = np.float32(0), np.float32(0), np.zeros(height, np.int64), (0, 0)
+    best, peak, counts, brightest = np.float32(0), np.float32(0), np.zeros(height, np.int64), (0, 0)
     for rows in _bands(height, width):
-        paired = np.minimum(seen[rows], _brightest_neighbours(seen, rows))
-        if (here := paired.max()) > best:
+        company = _in_company(seen, rows)
+        if (here := company.max()) > best:
             best = here
             counts[:] = 0
-        counts[rows] = np.count_nonzero(paired == best, axis=1)
+        counts[rows] = np.count_nonzero(company == best, axis=1)
         if (here := seen[rows].max()) > peak:
             peak = here
             row, column = divmod(int(seen[rows].argmax()), width)
-            lone = rows.start + row, column
+            brightest = rows.start + row, column
     if peak <= 0:
         return None, None
-    alone = _spot(radiance, seen, *lone)
-    if best <= 0:  # no lit pixel has a lit neighbour
+    alone = _spot(radiance, seen, *brightest)
+    if best <= 0:
         return alone, None
     # The median row of the equals, and the median of its equals: the middle of a clipped sun, and always one of them.
     y = int(np.searchsorted(np.cumsum(counts), (counts.sum() + 1) // 2))
-    row = slice(y, y + 1)
-    columns = np.flatnonzero(np.minimum(seen[row], _brightest_neighbours(seen, row))[0] == best)
-    spot = _spot(radiance, seen, y, int(columns[columns.size // 2]))
-    neighbour = float(_brightest_neighbours(seen, slice(lone[0], lone[0] + 1))[0, lone[1]])
-    return spot, alone if float(peak) > _LONE * neighbour else None
+    columns = np.flatnonzero(_in_company(seen, slice(y, y + 1))[0] == best)
+    return _spot(radiance, seen, y, int(columns[columns.size // 2])), alone if peak > best else None
+
+
+def _in_company(seen: np.ndarray, rows: slice) -> np.ndarray:
+    """The luminance of some rows; of a pixel that stands alone that of its brightest neighbour."""
+    neighbours = _brightest_neighbours(seen, rows)
+    with np.errstate(over="ignore"):
+        return np.where(seen[rows] > _LONE * neighbours, neighbours, seen[rows])
 
 
 def _brightest_neighbours(seen: np.ndarray, rows: slice) -> np.ndarray:

@@ -236,11 +236,11 @@ def read_layers(path: str | os.PathLike[str], reading: Reading = Reading()) -> d
     return exr.read_layers(path, reading)
 
 
-def subtype(path: str | os.PathLike[str]) -> str:
+def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
     """The variety of a file's format in a few words, from its header: "half, PIZ, tiled"; raises UnreadableFile."""
     kind = kind_of(path)
     module = "gain_map" if kind == "JPEG" and _has_gain_map(path) else _READERS.get(kind)
-    return "" if module is None else import_module(f"relume.image.files.{module}").subtype(path)
+    return "" if module is None else import_module(f"relume.image.files.{module}").subtype(path, reading)
 
 
 def describe(path: str | os.PathLike[str]) -> dict[str, object]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from dataclasses import asdict
 from importlib import import_module
 from typing import Any
@@ -19,6 +18,7 @@ from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 from relume.image.raw import RawPhotograph
 from relume.image.statistics import Spot, Statistics, statistics, statistics_of
 
+_NUMBERS_OF_EXR = {"half": "float16", "float": "float32", "uint": "uint32"}
 _NUMBERS_OF_KTX2 = {97: "half", 109: "float"}  # Vulkan's names for R16G16B16A16_SFLOAT and R32G32B32A32_SFLOAT
 
 
@@ -46,10 +46,14 @@ def describe(path: str | os.PathLike[str], reading: Reading = Reading()) -> dict
     if kind == "KTX2":
         return _of_cube(path)
     image = (files.read_radiance if kind in MAPS else files.read_photograph)(path, reading)
-    subtype = import_module(f"relume.image.files.{files._READERS[kind]}").subtype(path, reading)
+    subtype = _subtype(files._READERS[kind], path, reading)
     if isinstance(image, Photograph):
         return _of_photograph(path, kind, subtype, image, reading)
     return _of_map(path, kind, subtype, image, reading)
+
+
+def _subtype(module: str, path: str | os.PathLike[str], reading: Reading) -> str:
+    return import_module(f"relume.image.files.{module}").subtype(path, reading)
 
 
 def _of_map(
@@ -83,11 +87,7 @@ def _of_photograph(
     path: str | os.PathLike[str], kind: str, subtype: str, image: Photograph, reading: Reading
 ) -> dict[str, object]:
     told = code_values(image)
-    gain_map = None
-    if kind == "JPEG":
-        from relume.image.files import gain_map as gain_maps
-
-        gain_map = gain_maps.subtype(path, reading) if gain_maps.is_present(path) else None
+    has_gain_map = kind == "JPEG" and files.has_radiance(path)
     return {
         **_file(path, kind, subtype, image.size),
         "kind": "photograph",
@@ -105,7 +105,7 @@ def _of_photograph(
         "transparent": 0 if image.outside is None else int(np.count_nonzero(image.outside)),
         "nan": 0,
         "infinite": 0,
-        "gain_map": gain_map,
+        "gain_map": _subtype("gain_map", path, reading) if has_gain_map else None,
         "parts": [],
     }
 
@@ -119,7 +119,7 @@ def _of_raw(path: str | os.PathLike[str], image: RawPhotograph) -> dict[str, obj
         sum(np.count_nonzero(plane >= image.white) for plane in group) / sum(p.size for p in group) for group in planes
     ]
     return {
-        **_file(path, "RAW", f"Bayer {_letters(image)}, {_bits(image.white)} bits", image.size),
+        **_file(path, "RAW", f"Bayer {_letters(image)}", image.size),
         "kind": "camera raw",
         "unit": "linear",
         **_capture(image.exposure, image.camera, image.focal_length, image.settings),
@@ -204,7 +204,7 @@ def _capture(exposure: Exposure | None, camera: str, focal_length: float | None,
         "exposure": None if exposure is None else asdict(exposure),
         "camera": camera,
         "focal_length": focal_length,
-        "settings": asdict(settings) | {"taken": None if taken is None else taken.isoformat(sep=" ")},
+        "settings": asdict(settings) | {"taken": None if taken is None else taken.isoformat()},
     }
 
 
@@ -212,19 +212,16 @@ def _letters(image: RawPhotograph) -> str:
     return "".join("RGB"[channel] for channel in image.pattern.ravel())
 
 
-def _bits(white: float) -> int:
-    return int(white).bit_length()
-
-
 def _parts(path: str | os.PathLike[str], reading: Reading) -> list[dict[str, object]]:
-    from relume.image.files.exr_parts import read_parts
+    """The parts of an EXR by its headers: their names, channels, the numbers these are stored in, their windows."""
+    from relume.image.files.exr_header import read_headers
 
-    return [_part(part.name, part.channels) for part in read_parts(path)]
-
-
-def _part(name: str, channels: Mapping[str, np.ndarray]) -> dict[str, object]:
-    return {
-        "name": name,
-        "channels": list(channels),
-        "dtype": "/".join(sorted({str(plane.dtype) for plane in channels.values()})),
-    }
+    return [
+        {
+            "name": part.name,
+            "channels": [channel.name for channel in part.channels],
+            "dtype": "/".join(sorted({_NUMBERS_OF_EXR[channel.kind] for channel in part.channels})),
+            "size": list(part.size),
+        }
+        for part in read_headers(path, reading).parts
+    ]

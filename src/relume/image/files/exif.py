@@ -18,6 +18,7 @@ from PIL import Image, JpegImagePlugin, PngImagePlugin, TiffImagePlugin
 from PIL.TiffImagePlugin import IFDRational
 
 from relume.image.files.signatures import one_line
+from relume.image.files.tiff_writing import Tags
 from relume.image.photograph import Exposure, Photograph, Settings
 
 _MAKE, _MODEL, _ORIENTATION, _EXIF_IFD = 0x010F, 0x0110, 0x0112, 0x8769
@@ -122,9 +123,32 @@ def orientation_of(tags: dict[int, object]) -> int:
 def encoded(photograph: Photograph) -> bytes:
     """EXIF of a photograph's exposure, settings, camera and focal length, such that reading gives the same again.
 
+    Raises ValueError for an ISO that is no whole number: the tag holds none.
+    """
+    return _exif_of(photograph).tobytes()
+
+
+def folders(photograph: Photograph) -> tuple[Tags, Tags]:
+    """As `encoded`, the tags of a TIFF's own folder and those of its EXIF folder."""
+    exif = _exif_of(photograph)
+    main = {tag: _typed(tag, value) for tag, value in exif.items() if tag != _EXIF_IFD}
+    return main, {tag: _typed(tag, value) for tag, value in exif.get_ifd(_EXIF_IFD).items()}
+
+
+def _typed(tag: int, value: object) -> tuple[int, list[float] | bytes]:
+    """A value with its TIFF type: text, signed or unsigned rational, or whole number."""
+    if isinstance(value, IFDRational):
+        return 10 if tag == _BIAS else 5, [int(value.numerator), int(value.denominator)]
+    if isinstance(value, int):
+        return (3, [value]) if value < 2**16 else (4, [value])
+    return 2, str(value).encode() + b"\0"
+
+
+def _exif_of(photograph: Photograph) -> Image.Exif:
+    """The tags of a photograph.
+
     Where the focal length in pixels is known the file tells that of a full-frame camera of the same view, in place of
     `Settings.focal_length`: only so does it keep more than its two leading digits.
-    Raises ValueError for an ISO that is no whole number: the tag holds none.
     """
     exif = Image.Exif()
     make, _, model = photograph.camera.partition(" ")
@@ -145,7 +169,7 @@ def encoded(photograph: Photograph) -> bytes:
         millimetres = photograph.focal_length * _FULL_FRAME / max(photograph.size)
         folder[_FOCAL_LENGTH] = _rational(millimetres)
         folder[_FOCAL_LENGTH_35MM] = round(millimetres)
-    return exif.tobytes()
+    return exif
 
 
 @contextmanager

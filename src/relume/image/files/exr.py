@@ -1,8 +1,8 @@
-"""Radiance maps and layers as OpenEXR: always float32, ZIP, Rec. 709, with unit and attributes in the header.
+"""Radiance maps and layers as OpenEXR: ZIP, Rec. 709, float32 unless half is asked for, with unit and attributes.
 
 A radiance map is one part `radiance` (R, G, B), followed by `variance` (R, G, B) and `clipped` (Y) where it has them.
 The unit is the standard attribute `whiteLuminance`, the luminance of RGB (1, 1, 1) in cd/m²: a calibrated map is stored
-as it is, with whiteLuminance 1. Attributes are strings under the prefix "relume:".
+as it is, with whiteLuminance 1. Attributes: see `exr_attributes`.
 """
 
 from __future__ import annotations
@@ -10,52 +10,81 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from relume.errors import UnreadableFile
-from relume.image.files.exr_parts import Part, placed, read_parts, write_parts
-from relume.image.radiance import RadianceMap
+from relume.image.files import exr_picture
+from relume.image.files.encodings import OpenEXR
+from relume.image.files.exr_attributes import attributes_of, header_of
+from relume.image.files.exr_header import read_headers
+from relume.image.files.exr_parts import Part, read_parts, warn_of_overscan, write_parts
+from relume.image.files.reading import Reading
+from relume.image.primaries import EQUAL_ENERGY, REC709, Primaries, adaptation, mixed
+from relume.image.radiance import OUTSIDE, RadianceMap
 
-_REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # x, y of red, green, blue and white
-_PREFIX = "relume:"
+__all__ = ["attributes_of", "radiance_map", "read", "read_layers", "subtype", "write", "write_layers"]
+
+_XYZ = Primaries((1.0, 0.0), (0.0, 1.0), (0.0, 0.0), EQUAL_ENERGY)
+_LARGEST_HALF = 65504
+_SMALLEST_HALF = 2**-14  # below, halves have fewer than eleven digits
+_HALF_STEP = 2**-11  # the largest error of rounding to half, by the value
+_DIM = 0.01  # the share of values that halves may lose; a photograph's darkest noise is less
 
 
-def read(path: str | os.PathLike[str]) -> RadianceMap:
-    """The radiance map in an EXR file: its part `radiance`, else its first part with R, G, B, else a lone Y as grey.
+def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> RadianceMap:
+    """The radiance map in an EXR file: its first part with R, G, B, else with Y.
 
-    Half and float files are read alike, to float32. Warns when the primaries are not Rec. 709 (the numbers are kept)
-    and when alpha is left out that is not 1 (the pixels, premultiplied, are as over black). Raises UnreadableFile.
+    Half and float files are read alike, to float32; luminance and chroma (Y, RY, BY) become colours, a lone Y grey; of
+    several views the first is read. Other primaries than Rec. 709 are converted. Warns of that, of alpha that is left
+    out and not 1 (the pixels, premultiplied, are as over black), and of rows missing in a file read with
+    `reading.salvage`. Raises FormatError, UnreadableFile.
     """
-    return radiance_map(path, read_parts(path))
+    return _radiance_map(path, read_parts(path, reading))
 
 
 def radiance_map(path: str | os.PathLike[str], parts: list[Part]) -> RadianceMap:
     """The radiance map that parts of a file hold; `path` is for messages."""
-    part = _picture(path, parts)
-    others = {other.name: other for other in parts} if part.name == "radiance" else {}
-    radiance = _pixels(path, part)
-    variance = _pixels(path, others["variance"]) if "variance" in others else None
-    clipped = _pixels(path, others["clipped"])[..., 0].astype(np.uint8) if "clipped" in others else None
-    _warn_of_other_primaries(path, part.header)
-    _warn_of_alpha(path, part)
-    scale = part.header.get("whiteLuminance")
-    if scale is None:
-        unit = "relative"
-    elif isinstance(scale, float) and np.isfinite(scale) and scale > 0:
-        unit = "cd/m²"
-        radiance = radiance * np.float32(scale)
-        variance = None if variance is None else variance * np.float32(scale**2)
-    else:
-        raise UnreadableFile(f"{path}: whiteLuminance is {scale}; remove the attribute or give RGB 1 in cd/m²")
-    return RadianceMap(radiance, variance, clipped, unit, attributes_of(part.header))
+    return _radiance_map(path, [replace(part, channels=dict(part.channels)) for part in parts])
 
 
-def write(path: str | os.PathLike[str], image: RadianceMap) -> None:
-    """Write a radiance map with all that it knows; NaN and infinity are stored as they are. Raises OutputNotWritten."""
+def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
+    """What the header alone tells of how pixels are stored, such as "half, PIZ, tiled 64 × 64, 2 parts"."""
+    headers = read_headers(path, reading).parts
+    first = headers[0]
+    kinds = sorted({channel.kind for header in headers for channel in header.channels})
+    words = [" and ".join(kinds), " and ".join(dict.fromkeys(header.compression.name for header in headers))]
+    if any(header.deep for header in headers):
+        words.append("deep")
+    if {"Y", "RY", "BY"} <= {channel.name for channel in first.channels}:
+        words.append("luminance/chroma")
+    if first.tiling is not None:
+        words.append(f"tiled {first.tiling.width} × {first.tiling.height}")
+        words += [["", "MIP-mapped", "RIP-mapped"][first.tiling.mode]] if first.tiling.mode else []
+    if len(headers) > 1:
+        words.append(f"{len(headers)} parts")
+    return ", ".join(words)
+
+
+def write(path: str | os.PathLike[str], image: RadianceMap, encoding: OpenEXR = OpenEXR()) -> None:
+    """Write a radiance map with all that it knows; NaN and infinity are stored as they are.
+
+    encoding : where it asks for half, planes that halves hold to 1/2048 of each value are stored so, and those that
+        they do not are stored as float, with a warning that says why; the marks of clipped pixels are exact in both
+
+    Raises OutputNotWritten.
+    """
     layers = {"radiance": image.radiance, "variance": image.variance, "clipped": image.clipped}
     present = {name: layer for name, layer in layers.items() if layer is not None}
-    write_layers(path, present, unit=image.unit, attributes=image.attributes)
+    halves = set[str]()
+    for name, layer in present.items() if encoding.half else ():
+        if reason := _why_not_half(layer):
+            warnings.warn(f"{path}: {name} is stored as float, not half: {reason}", stacklevel=3)
+        else:
+            halves.add(name)
+    _write_layers(path, present, image.unit, image.attributes, halves)
 
 
 def write_layers(
@@ -69,93 +98,173 @@ def write_layers(
 
     layers : name → (H, W, 3), stored as R, G, B, or (H, W), stored as Y; float32 whatever they were
     unit : of the three-channel layers, "relative" or "cd/m²"
-    attributes : strings stored with every layer under "relume:"
+    attributes : strings stored with every layer
 
     Raises ValueError for no layer, another shape, sizes that differ, or values beyond float32; OutputNotWritten.
     """
+    _write_layers(path, layers, unit, attributes or {}, set())
+
+
+def _write_layers(
+    path: str | os.PathLike[str],
+    layers: Mapping[str, np.ndarray],
+    unit: str,
+    attributes: Mapping[str, str],
+    halves: set[str],
+) -> None:
     sizes = {np.shape(layer)[:2] for layer in layers.values()}
     if len(sizes) != 1:
         raise ValueError(f"layers have the sizes {sorted(sizes)}; a file holds layers of one size: write several files")
     if unit not in ("relative", "cd/m²"):
         raise ValueError(f'unit is "{unit}"; expected "relative" or "cd/m²"')
-    texts = {_PREFIX + key: str(value) for key, value in (attributes or {}).items()}
     # OpenEXR wants the same primaries in every part; they say nothing of a part without R, G, B.
-    header = {"chromaticities": _REC709, **texts}
+    header = {"chromaticities": REC709.values, **header_of(attributes)}
     lit = {"whiteLuminance": 1.0, **header} if unit == "cd/m²" else header
     parts = []
     for name, layer in layers.items():
-        planes = _planes(name, layer)
+        planes = _planes(name, layer, np.float16 if name in halves else np.float32)
         parts.append(Part(name, planes, dict(header if "Y" in planes else lit)))
     write_parts(path, parts)
 
 
-def read_layers(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
+def read_layers(path: str | os.PathLike[str], reading: Reading = Reading()) -> dict[str, np.ndarray]:
     """Every part of an EXR file by its name, as stored: (H, W, 3) float32 for R, G, B, (H, W) for one channel.
 
     A part without a name, as in a single-part file of another program, is called "part 0". Raises UnreadableFile.
     """
     layers = {}
-    for index, part in enumerate(read_parts(path)):
-        lone = len(part.channels) == 1
-        pixels = next(iter(placed(path, part).values())).astype(np.float32) if lone else _pixels(path, part)
+    for index, part in enumerate(read_parts(path, reading)):
+        lone = next(iter(part.channels)) if len(part.channels) == 1 else ""
+        if lone:
+            pixels = exr_picture.plane(path, part, lone).astype(np.float32)
+        else:
+            pixels = exr_picture.pixels(path, part, exr_picture.colours(part, ""), _primaries(path, part))
+        warn_of_overscan(path, part.header)
+        _warn_of_missing(path, exr_picture.missing(part))
         layers[part.name or f"part {index}"] = pixels
     return layers
 
 
-def attributes_of(header: Mapping[str, object]) -> dict[str, str]:
-    """The texts in a header, ours without their prefix, and the OpenEXR `envmap` kind where there is one."""
-    texts = {key: value for key, value in header.items() if isinstance(value, str) and key not in ("name", "type")}
-    if "envmap" in header:
-        texts["envmap"] = str(header["envmap"]).rpartition(".")[2].removeprefix("ENVMAP_").lower()
-    ours = {key.removeprefix(_PREFIX): value for key, value in texts.items() if key.startswith(_PREFIX)}
-    return {key: value for key, value in texts.items() if not key.startswith(_PREFIX)} | ours
+def _radiance_map(path: str | os.PathLike[str], parts: list[Part]) -> RadianceMap:
+    """The radiance map in `parts`, whose planes are given up one by one: a picture may fill half the memory."""
+    part, view = exr_picture.picture(path, parts)
+    others = {other.name: other for other in parts} if part.name == "radiance" else {}
+    parts.clear()
+    warn_of_overscan(path, part.header)
+    missing = exr_picture.missing(part)
+    primaries = _primaries(path, part)
+    exr_picture.warn_of_alpha(path, part, view)
+    radiance = exr_picture.pixels(path, part, exr_picture.colours(part, view), primaries)
+    variance = clipped = None
+    if "variance" in others and _whole(path, others["variance"]):
+        variance = exr_picture.pixels(path, others["variance"], exr_picture.colours(others["variance"], ""), primaries)
+    if "clipped" in others and _whole(path, others["clipped"]):
+        marks = exr_picture.plane(path, others["clipped"], "Y")
+        clipped = np.clip(np.nan_to_num(marks), 0, OUTSIDE).astype(np.uint8)
+    if missing is not None:
+        _warn_of_missing(path, missing)
+        clipped = np.zeros(missing.shape, np.uint8) if clipped is None else clipped
+        clipped[missing] = OUTSIDE
+    unit, scale = _unit(path, part)
+    if scale != 1:
+        radiance = radiance * np.float32(scale)  # not in place: it may be the planes of the caller's parts
+        variance = None if variance is None else variance * np.float32(scale**2)
+    image = RadianceMap(radiance, variance, clipped, unit, attributes_of(part.header))
+    if primaries.is_close(REC709):
+        return image
+    named = ", ".join(f"{value:.4g}" for value in primaries.values)
+    warnings.warn(f"{path}: its primaries are {named} (x, y of R, G, B, white); converted to Rec. 709", stacklevel=4)
+    return _in_rec709(image, primaries, part.header)
 
 
-def _picture(path: str | os.PathLike[str], parts: list[Part]) -> Part:
-    for wanted in ({"R", "G", "B"}, {"Y"}):
-        for part in parts:
-            if wanted <= part.channels.keys():
-                return part
-    held = ", ".join(sorted({name for part in parts for name in part.channels}))
-    raise UnreadableFile(f"{path}: holds the channels {held}; relume needs R, G, B or Y: save that layer on its own")
+def _in_rec709(image: RadianceMap, given: Primaries, header: Mapping[str, Any]) -> RadianceMap:
+    """The map told in Rec. 709; variances as of independent channels.
+
+    What is neutral in the file stays neutral: its `adoptedNeutral`, else its white. CIE XYZ itself has no white, and is
+    converted as it is (OpenEXR "Standard Attributes"; in its sample pair Rec709_YC and XYZ_YC the colours then agree
+    to 0.9 %, where taking R = G = B for neutral makes them differ by 18 %).
+    """
+    neutral = _neutral(header.get("adoptedNeutral"))
+    if neutral is None and given.is_close(_XYZ):
+        adapted = np.eye(3)
+    else:
+        adapted = adaptation(given.white if neutral is None else neutral, REC709.white)
+    matrix = np.linalg.inv(REC709.to_xyz()) @ adapted @ given.to_xyz()
+    variance = None if image.variance is None else mixed(image.variance, matrix**2)
+    attributes = {**image.attributes, "primaries": given.text}
+    return replace(image, radiance=mixed(image.radiance, matrix), variance=variance, attributes=attributes)
 
 
-def _pixels(path: str | os.PathLike[str], part: Part) -> np.ndarray:
-    """(H, W, 3) float32 of R, G, B, or of Y in all three."""
-    names = "RGB" if "R" in part.channels else "YYY"
-    missing = sorted(set(names) - part.channels.keys())
-    if missing:
-        lacking = f'its part "{part.name}" has no channel {", ".join(missing)}'
-        raise UnreadableFile(f"{path}: {lacking}; save it as R, G, B or Y")
-    channels = placed(path, part)
-    planes = [channels[name] for name in names]
-    if any(plane.dtype == np.uint32 for plane in planes):
-        raise UnreadableFile(f"{path}: its colours are integers (uint); save it as half or float")
-    return np.stack(planes, axis=-1, dtype=np.float32, casting="same_kind")
-
-
-def _planes(name: str, layer: np.ndarray) -> dict[str, np.ndarray]:
+def _planes(name: str, layer: np.ndarray, kind: type) -> dict[str, np.ndarray]:
     layer = np.asarray(layer)
     if layer.ndim != 2 and (layer.ndim != 3 or layer.shape[2] != 3):
         raise ValueError(f'layer "{name}" is {layer.shape}; expected (H, W, 3) or (H, W)')
-    with np.errstate(over="ignore"):
-        stored = layer.astype(np.float32, copy=False)  # a picture of 45 megapixels is half a gigabyte
-    beyond = 0 if stored is layer else np.count_nonzero(np.isinf(stored)) - np.count_nonzero(np.isinf(layer))
+    planes = {"Y": layer} if layer.ndim == 2 else {letter: layer[..., i] for i, letter in enumerate("RGB")}
+    stored, beyond = dict[str, np.ndarray](), 0
+    for letter, plane in planes.items():
+        with np.errstate(over="ignore"):
+            stored[letter] = np.ascontiguousarray(plane, kind)
+        if kind is np.float32 and plane.dtype != np.float32:
+            beyond += np.count_nonzero(np.isinf(stored[letter])) - np.count_nonzero(np.isinf(plane))
     if beyond:
         raise ValueError(f'layer "{name}" has {beyond} values beyond float32, 3.4e38; scale it down first')
-    return {"Y": stored} if layer.ndim == 2 else {"R": stored[..., 0], "G": stored[..., 1], "B": stored[..., 2]}
+    return stored
 
 
-def _warn_of_other_primaries(path: str | os.PathLike[str], header: Mapping[str, object]) -> None:
-    primaries = header.get("chromaticities")
-    if isinstance(primaries, tuple) and not np.allclose(primaries, _REC709, rtol=0, atol=2e-3):
-        named = ", ".join(f"{value:.4g}" for value in primaries)
+def _why_not_half(layer: np.ndarray) -> str:
+    """Why halves do not hold a layer, or nothing where they do."""
+    beyond = lit = lost = 0
+    for row in layer:
+        sizes = np.abs(row[np.isfinite(row)].astype(np.float32))
+        beyond += np.count_nonzero(sizes > _LARGEST_HALF)
+        lit += np.count_nonzero(sizes)
+        dim = sizes[(sizes < _SMALLEST_HALF) & (sizes > 0)]
+        lost += np.count_nonzero(np.abs(dim.astype(np.float16).astype(np.float32) - dim) > dim * _HALF_STEP)
+    if beyond:
+        return f"{beyond} values are beyond {_LARGEST_HALF}, the largest half"
+    if lost > _DIM * lit:
+        return f"{lost} of its {lit} values other than 0 are so small that halves lose more than 1/2048 of them"
+    return ""
+
+
+def _primaries(path: str | os.PathLike[str], part: Part) -> Primaries:
+    values = part.header.get("chromaticities")
+    if values is None:
+        return REC709
+    try:
+        return Primaries.of(values)
+    except (ValueError, TypeError) as error:
+        warnings.warn(f"{path}: its chromaticities are of no use and not applied: {error}", stacklevel=5)
+        return REC709
+
+
+def _unit(path: str | os.PathLike[str], part: Part) -> tuple[str, float]:
+    """The unit, and what the numbers are multiplied by to have it."""
+    scale = part.header.get("whiteLuminance")
+    if scale is None:
+        return "relative", 1.0
+    if isinstance(scale, float) and np.isfinite(scale) and scale > 0:
+        return "cd/m²", scale
+    raise UnreadableFile(f"{path}: whiteLuminance is {scale}; remove the attribute or give RGB 1 in cd/m²")
+
+
+def _neutral(value: object) -> tuple[float, float] | None:
+    """The x, y of an attribute; None where it is missing or no colour."""
+    if not isinstance(value, np.ndarray) or value.shape != (2,) or not np.all(np.isfinite(value)) or value[1] <= 0:
+        return None
+    return float(value[0]), float(value[1])
+
+
+def _whole(path: str | os.PathLike[str], part: Part) -> bool:
+    if part.missing is not None:
+        warnings.warn(f"{path}: its part {part.name} is incomplete and left out", stacklevel=5)
+    return part.missing is None
+
+
+def _warn_of_missing(path: str | os.PathLike[str], missing: np.ndarray | None) -> None:
+    if missing is not None:
+        rows = np.count_nonzero(missing.any(1))
         warnings.warn(
-            f"{path}: its primaries are {named} (x, y of R, G, B, white), not Rec. 709; not converted", stacklevel=5
+            f"{path}: ends early; pixels of {rows} of {len(missing)} rows are missing, and 0, marked as outside",
+            stacklevel=5,
         )
-
-
-def _warn_of_alpha(path: str | os.PathLike[str], part: Part) -> None:
-    seen_through = np.count_nonzero(part.channels["A"] != 1) if "A" in part.channels else 0
-    if seen_through:
-        warnings.warn(f"{path}: alpha is left out, though {seen_through} pixels are not opaque", stacklevel=5)

@@ -1,8 +1,8 @@
 """Where the pixels of an EXR file lie, and what of them is missing.
 
-Behind the headers each part has a table of the offsets of its chunks: some rows or one tile, each with a head that tells
-its place and its size. A file that was cut short, or that its writer left before its end (its table is then 0), lacks
-some; the others are found by the table or by going from chunk to chunk.
+Behind the headers each part has a table of the offsets of its chunks: some rows or one tile, each with a head that
+tells its place and its size. A file that was cut short, or that its writer left before its end (its table is then 0),
+lacks some; the others are found by the table or by going from chunk to chunk.
 """
 
 from __future__ import annotations
@@ -48,14 +48,12 @@ def find(path: str | os.PathLike[str], headers: Headers) -> tuple[list[Chunks], 
     """
     size, place = os.path.getsize(path), headers.end
     counts = [_count(header) for header in headers.parts]
-    # A chunk is at least its entry in the table and its head.
-    least = place + sum(count * (8 + 4 * _head_length(headers, part)) for count, part in zip(counts, headers.parts))
     if place + 8 * sum(counts) > size:
         raise FormatError(
             path, "EXR", f"byte {place}, table of offsets", f"{8 * sum(counts)} bytes", f"{size - place} to the end"
         )
-    parts, end = list[Chunks](), least - least + place + 8 * sum(counts)
-    with open(path, "rb") as file:
+    parts, end = list[Chunks](), place + 8 * sum(counts)
+    with open(path, "rb", buffering=0) as file:
         for index, (count, header) in enumerate(zip(counts, headers.parts, strict=True)):
             file.seek(place)
             table = np.frombuffer(file.read(8 * count), "<u8")
@@ -82,8 +80,10 @@ def first_missing(headers: Headers, parts: list[Chunks]) -> tuple[str, int, int]
     return None
 
 
-def missing_pixels(header: Header, chunks: Chunks) -> np.ndarray:
-    """(H, W) bool over the data window: True where the chunk is missing."""
+def missing_pixels(header: Header, chunks: Chunks) -> np.ndarray | None:
+    """(H, W) bool over the data window, True where level 0 has no chunk; None where it is whole."""
+    if not any(chunks.heads.shape[1] == 1 or not chunks.heads[i, 2:].any() for i in chunks.missing.tolist()):
+        return None
     width, height = header.size
     missing = np.zeros((height, width), bool)
     for i in chunks.missing.tolist():

@@ -67,7 +67,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class Tiling:
-    """Size of a tile, and how the levels go: 0 one, 1 halved together (MIP), 2 halved apart (RIP); halves rounded up."""
+    """Size of a tile, and its levels: mode 0 one, 1 halved together (MIP), 2 halved apart (RIP); `up`: rounded up."""
 
     width: int
     height: int
@@ -116,7 +116,9 @@ def read_headers(path: str | os.PathLike[str], reading: Reading = Reading()) -> 
         with open(path, "rb") as file:
             return _Cursor(path, file, reading).headers()
     except OSError as error:
-        raise UnreadableFile(f"{path}: cannot be opened: {error.strerror}; check the path and its permissions") from None
+        raise UnreadableFile(
+            f"{path}: cannot be opened: {error.strerror}; check the path and its permissions"
+        ) from None
 
 
 def refuse_beyond(path: str | os.PathLike[str], headers: Headers, reading: Reading) -> None:
@@ -179,7 +181,7 @@ class _Cursor:
                 raise self.broken(start, f"header of part {index}", f'the attribute "{wanted}"', "none")
         type_place, kind = self.text(values, "type")
         if many and kind not in ("scanlineimage", "tiledimage", "deepscanline", "deeptile"):
-            raise self.broken(type_place, '"type"', "scanlineimage or tiledimage", repr(kind))
+            raise self.broken(type_place, '"type"', "scanlineimage or tiledimage", ascii(kind[:40]))
         # The flags of a file of one part count, whatever its attribute "type" says.
         is_tiled = kind == "tiledimage" if many else tiled
         texts, foreign = dict[str, str](), list[tuple[int, int]]()
@@ -221,7 +223,9 @@ class _Cursor:
             at = end + 17
             if len(channels) > self.reading.channels:
                 limit = self.reading.channels
-                raise UnreadableFile(f"{self.path}: more than {limit} channels in a part; relume reads {limit}: split it")
+                raise UnreadableFile(
+                    f"{self.path}: more than {limit} channels in a part; relume reads {limit}: split it"
+                )
         if not channels:
             raise self.broken(place, '"channels"', "at least one channel", "none")
         return tuple(channels)
@@ -275,4 +279,5 @@ class _Cursor:
         return taken
 
     def broken(self, place: int, what: str, expected: str, found: str) -> FormatError:
+        what = what if what.isprintable() else ascii(what)  # names out of a damaged file may hold line breaks
         return FormatError(self.path, "EXR", f"byte {place}, {what}", expected, found)

@@ -1,9 +1,9 @@
 """The boundary to the OpenEXR library: parts in, parts out, with every way it can fail silently closed.
 
 The library's wheel prints decoding errors and *leaves out* the part they are in; a part missing after reading means a
-damaged file here. The header is read first, so that its claims are judged before anything is allocated. Pixels outside
-the data window are 0 and those outside the display window are left out with a warning: the display window is the
-picture (OpenEXR technical introduction, "Display window and data window").
+damaged file here. Headers and tables are read first (`exr_header`, `exr_chunks`), so that their claims are judged
+before anything is allocated. Pixels outside the data window are 0, and those outside the display window are left out
+with a warning: the display window is the picture (OpenEXR technical introduction, "Display window and data window").
 """
 
 from __future__ import annotations
@@ -13,18 +13,22 @@ import os
 import tempfile
 import threading
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import OpenEXR
 
-from relume.errors import OutputNotWritten, UnreadableFile
+from relume.errors import FormatError, OutputNotWritten
+from relume.image.files import exr_chunks
 from relume.image.files.atomic import replacing
-from relume.image.files.reading import refuse_absurd_size
+from relume.image.files.exr_header import Headers, read_headers, refuse_beyond
+from relume.image.files.reading import Reading
 from relume.image.files.signatures import one_line
+
+if TYPE_CHECKING:
+    import OpenEXR
 
 _decoding = threading.Lock()
 
@@ -33,36 +37,57 @@ _decoding = threading.Lock()
 class Part:
     """One part of an EXR file.
 
-    channels : name → (H, W) float16, float32 or uint32, covering the data window
+    channels : name → (H, W) float16, float32 or uint32, covering the data window; fewer samples where subsampled
     header : the file's attributes by their own names
+    missing : (H, W) bool, where a file that ends early has no pixels; None where it is whole
     """
 
     name: str
     channels: dict[str, np.ndarray]
     header: dict[str, Any]
+    missing: np.ndarray | None = None
 
 
-def read_parts(path: str | os.PathLike[str]) -> list[Part]:
-    """Every part of an EXR file; raises UnreadableFile when any is damaged, deep, subsampled or absurdly large."""
-    headers = [part.header for part in _open(path, header_only=True)]
-    _refuse_unusable(path, headers)
-    parts = _open(path, header_only=False)
-    if len(parts) != len(headers):
-        lost = f"{len(headers) - len(parts)} of {len(headers)} parts cannot be decoded"
-        raise UnreadableFile(f"{path}: damaged EXR: {lost}; copy it again from where it came")
-    return [
-        Part(str(part.header.get("name", "")), {n: c.pixels for n, c in part.channels.items()}, dict(part.header))
-        for part in parts
-    ]
+def read_parts(path: str | os.PathLike[str], reading: Reading = Reading()) -> list[Part]:
+    """Every part of an EXR file, level 0 where it has several.
+
+    Raises FormatError when any is damaged or, unless `reading.salvage`, cut short; UnreadableFile for deep pixels and
+    beyond the limits of `reading`.
+    """
+    headers = read_headers(path, reading)
+    refuse_beyond(path, headers, reading)
+    chunks, end = exr_chunks.find(path, headers)
+    lost = exr_chunks.first_missing(headers, chunks)
+    if lost and (not reading.salvage or lost[1] == lost[2]):
+        where, missing, number = lost
+        remedy = "copy it again from where it came"
+        if missing < number:
+            remedy += ", or salvage what is there"
+        raise FormatError(path, "EXR", where, f"{number} chunks of pixels", f"{number - missing}", remedy)
+    if lost or any(header.foreign for header in headers.parts):
+        with exr_chunks.mended(path, headers, chunks, end) as copy:
+            decoded = _decoded(path, copy, headers)
+    else:
+        decoded = _decoded(path, path, headers)
+    parts = []
+    for part, header, of_part in zip(decoded, headers.parts, chunks, strict=True):
+        planes = {name: channel.pixels for name, channel in part.channels.items()}
+        if "RGB" in planes and planes["RGB"].ndim == 3:
+            planes = {letter: planes["RGB"][..., i] for i, letter in enumerate("RGB")}
+        missing = exr_chunks.missing_pixels(header, of_part)
+        parts.append(Part(header.name, planes, {**part.header, **header.texts}, missing))
+    return parts
 
 
 def write_parts(path: str | os.PathLike[str], parts: Sequence[Part]) -> None:
-    """Write float32 parts of one size, ZIP compressed, whole or not at all; raises OutputNotWritten."""
+    """Write half or float parts of one size, ZIP compressed, whole or not at all; raises OutputNotWritten."""
+    import OpenEXR
+
     written = []
     for part in parts:
         header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **part.header}
         # The library ignores strides: a view into a larger array would be written as other pixels.
-        channels = {name: np.ascontiguousarray(plane, dtype=np.float32) for name, plane in part.channels.items()}
+        channels = {name: np.ascontiguousarray(plane) for name, plane in part.channels.items()}
         written.append(OpenEXR.Part(header, channels, part.name))
     with replacing(path) as temporary:
         try:
@@ -71,34 +96,75 @@ def write_parts(path: str | os.PathLike[str], parts: Sequence[Part]) -> None:
             raise OutputNotWritten(f"{path}: cannot be written: {one_line(error)}") from error
 
 
-def placed(path: str | os.PathLike[str], part: Part) -> dict[str, np.ndarray]:
-    """The channels of a part moved from its data window into its display window; warns where some pixels fall out."""
-    data, display = (part.header[name] for name in ("dataWindow", "displayWindow"))
+def placed(header: Mapping[str, Any], planes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Planes (H, W) moved from the data window of `header` into its display window; 0 where they have no pixels."""
+    data, display = (header[name] for name in ("dataWindow", "displayWindow"))
     (width, height), (data_width, data_height) = _extent(display), _extent(data)
-    low, high = np.maximum(data[0], display[0]), np.minimum(data[1], display[1]) + 1
-    inside = int(np.prod(np.maximum(high - low, 0)))
-    if outside := data_width * data_height - inside:
-        warnings.warn(f"{path}: {outside} pixels around the display window (overscan) are left out", stacklevel=6)
+    low, high, inside = _common(header)
     if inside == width * height == data_width * data_height:
-        return part.channels
-    canvases = {name: np.zeros((height, width), plane.dtype) for name, plane in part.channels.items()}
+        return dict(planes)
+    canvases = {name: np.zeros((height, width), plane.dtype) for name, plane in planes.items()}
     if inside:
         (x, y), (u, v), (w, h) = low - display[0], low - data[0], high - low
-        for name, plane in part.channels.items():
+        for name, plane in planes.items():
             canvases[name][y : y + h, x : x + w] = plane[v : v + h, u : u + w]
     return canvases
 
 
-def _open(path: str | os.PathLike[str], *, header_only: bool) -> list:
+def warn_of_overscan(path: str | os.PathLike[str], header: Mapping[str, Any]) -> None:
+    """Say how many pixels of the data window lie outside the display window."""
+    width, height = _extent(header["dataWindow"])
+    if outside := width * height - _common(header)[2]:
+        warnings.warn(f"{path}: {outside} pixels around the display window (overscan) are left out", stacklevel=6)
+
+
+def _common(header: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray, int]:
+    """The corner, the one after the end and the number of the pixels in both windows."""
+    data, display = (header[name] for name in ("dataWindow", "displayWindow"))
+    low, high = np.maximum(data[0], display[0]), np.minimum(data[1], display[1]) + 1
+    return low, high, int(np.prod(np.maximum(high - low, 0).astype(np.int64)))
+
+
+def _decoded(path: str | os.PathLike[str], copy: str | os.PathLike[str], headers: Headers) -> list[OpenEXR.Part]:
+    """What the library reads of `copy`; `path` is for messages."""
+    import OpenEXR
+
+    where = f"bytes {headers.end} to {os.path.getsize(path)}, pixels"
     try:
         with gathered_messages() as messages:
-            parts = OpenEXR.File(str(path), separate_channels=True, header_only=header_only).parts
+            parts = OpenEXR.File(str(copy), separate_channels=not _is_plain(headers)).parts
+    except MemoryError:
+        raise
     except Exception as error:  # the library raises RuntimeError, ValueError or UnicodeDecodeError for a damaged file
-        detail = messages[0] if messages else one_line(error).replace(f"'{path}' ", "")
-        raise UnreadableFile(f"{path}: damaged EXR: {detail}; copy it again from where it came") from error
-    if messages:
-        raise UnreadableFile(f"{path}: damaged EXR: {messages[0]}; copy it again from where it came")
+        raise _damaged(path, copy, messages or [one_line(error)], where) from error
+    if messages or len(parts) != len(headers.parts):
+        lost = f"{len(headers.parts) - len(parts)} of {len(headers.parts)} parts cannot be decoded"
+        raise _damaged(path, copy, messages or [lost], where)
+    for part, header in zip(parts, headers.parts, strict=True):
+        read = sorted(part.channels) if list(part.channels) != ["RGB"] else ["B", "G", "R"]
+        if read != sorted(channel.name for channel in header.channels):
+            raise _damaged(path, copy, [", ".join(read)], "its channels")
     return parts
+
+
+def _is_plain(headers: Headers) -> bool:
+    """Whether every part is R, G and B alike and nothing else, or one channel: the library then mixes R, G, B itself.
+
+    That takes half the memory of mixing planes.
+    """
+    for header in headers.parts:
+        names = {channel.name for channel in header.channels}
+        kinds = {(channel.kind, channel.x_sampling, channel.y_sampling) for channel in header.channels}
+        if len(header.channels) != 1 and (names != {"R", "G", "B"} or len(kinds) > 1 or max(kinds)[1:] != (1, 1)):
+            return False
+    return True
+
+
+def _damaged(
+    path: str | os.PathLike[str], copy: str | os.PathLike[str], messages: list[str], where: str
+) -> FormatError:
+    found = messages[0].replace(f"'{copy}' ", "").replace(str(copy), os.path.basename(path))
+    return FormatError(path, "EXR", where, "what its header says", f'"{found}"')
 
 
 @contextmanager
@@ -126,23 +192,6 @@ def _stderr_onto(handle: int) -> int | None:
         return None
     os.dup2(handle, 2)
     return before
-
-
-def _refuse_unusable(path: str | os.PathLike[str], headers: list[dict]) -> None:
-    samples = 0
-    for header in headers:
-        if header.get("type") in (OpenEXR.deepscanline, OpenEXR.deeptile):
-            raise UnreadableFile(f"{path}: a deep EXR, several samples a pixel; flatten it first")
-        for window in (header["displayWindow"], header["dataWindow"]):
-            refuse_absurd_size(path, *_extent(window))
-        samples += np.prod(_extent(header["dataWindow"])) * len(header["channels"])
-        sparse = [c.name for c in header["channels"] if (c.xSampling, c.ySampling) != (1, 1)]
-        if sparse:
-            raise UnreadableFile(
-                f"{path}: channels {', '.join(map(repr, sparse))} are subsampled (luminance/chroma); save it as RGB"
-            )
-    if samples > 2**31:
-        raise UnreadableFile(f"{path}: its header claims {samples} values; relume reads {2**31}: split it")
 
 
 def _extent(window: tuple[np.ndarray, np.ndarray]) -> tuple[int, int]:

@@ -6,8 +6,8 @@ import os
 from dataclasses import dataclass
 
 from relume.errors import UnreadableFile
-from relume.image.files.reading import refuse_absurd_size
-from relume.image.files.signatures import kind_of, one_line
+from relume.image.files.reading import Reading, refuse_absurd_size
+from relume.image.files.signatures import MAPS, kind_of, one_line
 from relume.image.photograph import Exposure, Settings
 
 
@@ -31,7 +31,7 @@ class Facts:
     shutter_speed: float | None = None
 
 
-def read(path: str | os.PathLike[str]) -> Facts:
+def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Facts:
     """The facts of a JPEG, PNG, TIFF or camera raw; raises UnreadableFile for anything else.
 
     The size of a camera raw is that of its sensor's lit part, as it lies in the camera.
@@ -40,15 +40,17 @@ def read(path: str | os.PathLike[str]) -> Facts:
     from relume.image.files import exif
 
     kind = kind_of(path)
-    if kind in ("EXR", "HDR"):
+    if kind in MAPS:
         raise UnreadableFile(f"{path}: a radiance map where a photograph is needed; give a JPEG, PNG or TIFF")
     if kind == "RAW":
         return _of_raw(path)
+    if kind not in ("JPEG", "PNG", "TIFF"):
+        raise UnreadableFile(f"{path}: a {kind} file where a photograph is needed; give a JPEG, PNG or TIFF")
     try:
         width, height = exif.size(path, kind)
     except Exception as error:  # Pillow raises SyntaxError, struct.error, KeyError and others for damaged headers
         raise UnreadableFile(f"{path}: damaged {kind}: {one_line(error)}; copy it again from where it came") from error
-    refuse_absurd_size(path, width, height)
+    refuse_absurd_size(path, width, height, reading)
     tags = exif.tags(path, kind)
     return Facts(
         name=str(path),

@@ -135,6 +135,11 @@ def length_of(jpeg: bytes, scan: int) -> int | None:
     return None
 
 
+def most_bytes(header: Header) -> int:
+    """The most bytes that a JPEG of such a frame can take: 27 bits a value (T.81, annex F), stuffed, and its header."""
+    return header.scan - header.begin + 8 * max(header.channels, 3) * (header.width + 16) * (header.height + 16) + 65536
+
+
 def segment(marker: int, payload: bytes) -> bytes:
     """The bytes of one segment; raises ValueError for more than 65,533 bytes of payload."""
     if len(payload) > _LARGEST:

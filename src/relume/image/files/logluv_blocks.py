@@ -1,50 +1,49 @@
 """Where a LogLuv TIFF keeps its pixels: what its tags claim, held against the size of the file.
 
 Strips and tiles are both blocks of rows. Every row of runs takes at least two bytes for 129 pixels of each stream, so
-that a header is refused before anything is allocated for it.
+that a header that claims more is refused before anything is allocated for it.
 """
 
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from relume.errors import FormatError, UnreadableFile
-from relume.image.files.reading import Reading, refuse_absurd_amount, refuse_absurd_size
+from relume.image.files.reading import Reading, refuse_absurd_amount
 from relume.image.files.tiff_folders import Folder
+from relume.image.files.tiff_layout import COMPRESSION, PHOTOMETRIC, PLANAR, SAMPLES, TILE_WIDTH, Layout, layout_of
 
 FORMAT = "LogLuv TIFF"
 LOG_L, LOG_LUV = 32844, 32845  # PhotometricInterpretation
 RUNS, PACKED_24 = 34676, 34677  # Compression: SGILOG and SGILOG24
-WIDTH, HEIGHT, COMPRESSION, PHOTOMETRIC = 256, 257, 259, 262
-FILL_ORDER, STRIP_OFFSETS, CHANNELS, ROWS_PER_STRIP, STRIP_COUNTS, PLANAR = 266, 273, 277, 278, 279, 284
-TILE_WIDTH, TILE_HEIGHT, TILE_OFFSETS, TILE_COUNTS = 322, 323, 324, 325
+_FILL_ORDER = 266
 _LONGEST = 129  # pixels of a run, in two bytes
 
 
 @dataclass(frozen=True)
 class Blocks:
-    """The strips or tiles of a LogLuv TIFF.
+    """The strips or tiles of a LogLuv TIFF, those of the upper rows first.
 
-    width, height : of the picture
+    width, height : of the picture as stored
     bits : 16, 24 or 32
-    across : blocks beside one another, 1 of strips
     block_width, block_height : of a block; the last ones may reach beyond the picture
-    begins, lengths : (blocks,) int64, bytes in the file, those of the upper rows first
+    across : blocks beside one another, 1 of strips
     tiled : whether they are tiles
+    begins, lengths : (blocks,) int64, bytes in the file
     """
 
     width: int
     height: int
     bits: int
-    across: int
     block_width: int
     block_height: int
+    across: int
+    tiled: bool
     begins: np.ndarray
     lengths: np.ndarray
-    tiled: bool
 
     @property
     def streams(self) -> int:
@@ -63,7 +62,7 @@ class Blocks:
 
     @property
     def rows(self) -> np.ndarray:
-        """The rows of each block that lie in the picture."""
+        """How many rows of each block lie in the picture."""
         return np.minimum(self.block_height, self.height - self.top)
 
 
@@ -81,81 +80,52 @@ def bits_of(path: str | os.PathLike[str], folder: Folder) -> int:
 
 
 def blocks_of(path: str | os.PathLike[str], folder: Folder, size: int, reading: Reading) -> Blocks:
-    """The blocks that a folder tells of, checked against `size`, the bytes of the file.
+    """The blocks that a folder tells of, as far as they lie in a file of `size` bytes.
 
-    Raises UnreadableFile for what is beyond `reading`, FormatError for what breaks the format; with reading.salvage
-    blocks may reach beyond the file's end.
+    Raises UnreadableFile for what is beyond `reading`, FormatError for what breaks the format, such as blocks beyond
+    the end of the file; with reading.salvage these are cut short.
     """
     bits = bits_of(path, folder)
-    width, height = int(folder.number(WIDTH, 0) or 0), int(folder.number(HEIGHT, 0) or 0)
-    refuse_absurd_size(path, width, height, reading)
-    refuse_absurd_amount(path, 12 * width * height, size, reading)
-    channels = int(folder.number(CHANNELS, 1) or 1)
-    if channels not in (1, 3) or (channels == 3 and bits == 16):
-        raise FormatError(path, FORMAT, f"tag {CHANNELS}", "1 sample of LogL, 1 or 3 of LogLuv", str(channels))
-    if channels == 3 and folder.number(PLANAR, 1) == 2:
-        raise FormatError(path, FORMAT, f"tag {PLANAR}", "1, as LogLuv has no planes", "2")
-    if folder.number(FILL_ORDER, 1) == 2:
-        raise UnreadableFile(f"{path}: its bits are in reverse order (tag {FILL_ORDER}); convert it with libtiff")
-    tiled = TILE_OFFSETS in folder.values or TILE_WIDTH in folder.values
-    if tiled:
-        block_width, block_height = (int(folder.number(tag, 0) or 0) for tag in (TILE_WIDTH, TILE_HEIGHT))
-        for tag, side in ((TILE_WIDTH, block_width), (TILE_HEIGHT, block_height)):
-            if side < 16 or side % 16 or side > reading.side:  # TIFF 6.0, section 15
-                raise FormatError(path, FORMAT, f"tag {tag}", f"a multiple of 16 up to {reading.side}", str(side))
-    else:
-        block_width, block_height = width, min(int(folder.number(ROWS_PER_STRIP, height) or 0), height)
-        if block_height < 1:
-            raise FormatError(path, FORMAT, f"tag {ROWS_PER_STRIP}", "1 row a strip or more", str(block_height))
-    across, down = -(-width // block_width), -(-height // block_height)
-    places, counts = (TILE_OFFSETS, TILE_COUNTS) if tiled else (STRIP_OFFSETS, STRIP_COUNTS)
-    begins, lengths = folder.integers(places), folder.integers(counts)
-    for tag, values in ((places, begins), (counts, lengths)):
-        if len(values) < across * down or any(not 0 <= value < 2**62 for value in values):
-            found = f"{len(values)}" if len(values) < across * down else "one that no file has"
-            raise FormatError(path, FORMAT, f"tag {tag}", f"{across * down} numbers, one a block", found)
-    result = Blocks(
-        width,
-        height,
-        bits,
-        across,
-        block_width,
-        block_height,
-        np.array(begins[: across * down], np.int64),
-        np.array(lengths[: across * down], np.int64),
-        tiled,
+    layout = layout_of(path, folder, size, reading)
+    _refuse_strange(path, folder, layout, bits)
+    begins, lengths = (np.minimum(places, 2**62).astype(np.int64) for places in (layout.places, layout.lengths))
+    blocks = Blocks(
+        layout.width, layout.height, bits, *layout.block, layout.across, layout.tiled, np.maximum(begins, 0), lengths
     )
-    _refuse_impossible(path, result, size, reading)
+    within = np.clip(size - blocks.begins, 0, np.maximum(lengths, 0))
+    if not reading.salvage:
+        least = blocks.rows * blocks.shortest_row
+        for wrong, expected, found in (
+            (within < lengths, lengths, f"the end of the file at {size}"),
+            (lengths < least, least, "fewer"),
+        ):
+            for block in np.flatnonzero(wrong)[:1]:
+                where = f"row {blocks.top[block]}, block {block} at byte {blocks.begins[block]}"
+                raise FormatError(path, FORMAT, where, f"{expected[block]} bytes or more", found)
+    # Blocks that lie over one another would have few bytes decoded again and again.
+    if (total := sum(within.tolist())) > size:
+        raise FormatError(path, FORMAT, "its blocks", f"{size} bytes, those of the file, or fewer", str(total))
+    result = replace(blocks, lengths=within)
+    begin, end = span(result)
+    refuse_absurd_amount(path, 12 * layout.width * layout.height + end - begin, size, reading)
     return result
 
 
-def _refuse_impossible(path: str | os.PathLike[str], blocks: Blocks, size: int, reading: Reading) -> None:
-    """Raise FormatError for blocks beyond the file, over one another, or too short for their rows."""
-    # Overlapping blocks would have few bytes decoded again and again.
-    total = sum(int(length) for length in blocks.lengths)
-    if total > size and not reading.salvage:
-        beyond = np.flatnonzero(blocks.begins + blocks.lengths > size)
-        where = f"block {beyond[0] if len(beyond) else 0}, row {blocks.top[beyond[0]] if len(beyond) else 0}"
-        raise FormatError(path, FORMAT, where, f"{total} bytes in {len(blocks.lengths)} blocks", f"{size} bytes of file")
-    if reading.salvage:
-        return
-    beyond = np.flatnonzero(blocks.begins + blocks.lengths > size)
-    if len(beyond):
-        block = beyond[0]
-        raise FormatError(
-            path,
-            FORMAT,
-            f"row {blocks.top[block]}, block {block} at byte {blocks.begins[block]}",
-            f"{blocks.lengths[block]} bytes",
-            f"the end of the file at {size}",
-        )
-    short = np.flatnonzero(blocks.lengths < blocks.rows * blocks.shortest_row)
-    if len(short):
-        block = short[0]
-        raise FormatError(
-            path,
-            FORMAT,
-            f"row {blocks.top[block]}, block {block} at byte {blocks.begins[block]}",
-            f"{blocks.rows[block] * blocks.shortest_row} bytes or more for {blocks.rows[block]} rows",
-            f"{blocks.lengths[block]}",
-        )
+def span(blocks: Blocks) -> tuple[int, int]:
+    """The first byte of the blocks in the file, and the first behind them."""
+    kept = blocks.lengths > 0
+    if not np.any(kept):
+        return 0, 0
+    return int(blocks.begins[kept].min()), int((blocks.begins + blocks.lengths)[kept].max())
+
+
+def _refuse_strange(path: str | os.PathLike[str], folder: Folder, layout: Layout, bits: int) -> None:
+    if layout.samples not in ((1,) if bits == 16 else (1, 3)):
+        raise FormatError(path, FORMAT, f"tag {SAMPLES}", "1 sample of LogL, 3 of LogLuv", str(layout.samples))
+    if layout.planar:
+        raise FormatError(path, FORMAT, f"tag {PLANAR}", "1, as LogLuv has no planes", "2")
+    if folder.number(_FILL_ORDER, 1) == 2:
+        raise UnreadableFile(f"{path}: its bits are in reverse order (tag {_FILL_ORDER}); convert it with libtiff")
+    if layout.tiled and any(side % 16 for side in layout.block):  # TIFF 6.0, section 15
+        found = f"{layout.block[0]} × {layout.block[1]}"
+        raise FormatError(path, FORMAT, f"tag {TILE_WIDTH}", "tiles of a multiple of 16", found)

@@ -15,6 +15,7 @@ from relume.image.files import logluv_gamut
 
 GRID = 410  # steps of u′ and v′ per unit in 32 bits, eq. 5
 SIGN = 2**15  # of the 16-bit luminance code
+_FAR = 8.0  # u′ and v′ beyond are as good as this
 
 
 @dataclass(frozen=True)
@@ -77,19 +78,18 @@ def colours(bits: int) -> np.ndarray:
 
 
 def chromaticity(xyz: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """u′ and v′ of CIE X, Y, Z (eq. 2), those of equal energy for black.
+    """u′ and v′ of CIE X, Y, Z (eq. 2); those of equal energy for black, and where they would have no meaning.
 
-    xyz : (..., 3) float64; that of a negative luminance counts as that of its negative. Where u′ and v′ have no
-        meaning, because X + 15 Y + 3 Z is not of the luminance's sign, X and Z against that sign are left out first
+    xyz : (..., 3) float64; that of a negative luminance counts as its negative. There is no meaning where
+        X + 15 Y + 3 Z has not the sign of the luminance
     """
     x, y, z = np.moveaxis(np.where(xyz[..., 1:2] < 0, -xyz, xyz), -1, 0)
-    lost = x + 15 * y + 3 * z <= 0
-    x, z = np.where(lost, np.maximum(x, 0), x), np.where(lost, np.maximum(z, 0), z)
     total = x + 15 * y + 3 * z
-    black = (y == 0) | (total == 0)
-    total = np.where(black, 1.0, total)
-    neutral_u, neutral_v = logluv_gamut.NEUTRAL
-    return np.where(black, neutral_u, 4 * x / total), np.where(black, neutral_v, 9 * y / total)
+    none = (y == 0) | (total <= 0)
+    total = np.where(none, 1.0, total)
+    parts = (np.clip(part / total, -_FAR, _FAR) for part in (4 * x, 9 * y))
+    u, v = (np.where(none, neutral, part) for neutral, part in zip(logluv_gamut.NEUTRAL, parts, strict=True))
+    return u, v
 
 
 def decode(words: np.ndarray, bits: int) -> np.ndarray:

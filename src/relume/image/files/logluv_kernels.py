@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from relume._kernel import exact_kernel, exact_small
+from relume._kernel import exact_kernel
 from relume.image.files.logluv_gamut import CELL, LOWEST, NEUTRAL
 
 GRID = 410.0  # eq. 5
 _SIGN = 2**15
 _NEUTRAL_U, _NEUTRAL_V = NEUTRAL
+_FAR = 8.0  # u′ and v′ beyond are as good as this, and no float64 that no integer could hold
 
 # What `encode` counts, by place.
 NOT_FINITE, TOO_BRIGHT, TOO_DARK, NEGATIVE, NO_SUCH_COLOUR, COLOURED, KINDS = range(7)
@@ -114,7 +115,7 @@ def pack_runs(words: Any, streams: int, packed: Any) -> int:
 
 
 @exact_kernel
-def unpack_24(data: Any, places: Any, cells: int, words: Any) -> int:
+def unpack_24(data: Any, places: Any, cells: int, words: Any) -> Any:
     """The words of rows of three bytes a pixel; how many are not black and have a code from `cells` on."""
     strange = 0
     for row in range(places.shape[0]):
@@ -163,15 +164,6 @@ def tone(words: Any, luminances: Any, colours: Any, picture: Any) -> None:
                 picture[row, column, channel] = min(luminance * colours[colour, channel] + half, white)
 
 
-@exact_small
-def _chromaticity(x: float, y: float, z: float) -> tuple[float, float]:
-    total = x + 15 * y + 3 * z
-    if total <= 0:  # X and Z that are not of luminance's sign leave no u′, v′
-        x, z = max(x, 0.0), max(z, 0.0)
-        total = x + 15 * y + 3 * z
-    return 4 * x / total, 9 * y / total
-
-
 @exact_kernel
 def encode(
     pixels: Any,
@@ -200,7 +192,7 @@ def encode(
         elif y < 0 and not signed:
             doubts[NEGATIVE] += 1
         elif y != 0:
-            luminance = max(0, int(math.floor(steps * (math.log2(abs(y)) + lowest))))
+            luminance = max(0, math.floor(steps * (math.log2(abs(y)) + lowest)))
             if luminance == 0:
                 doubts[TOO_DARK] += 1
             if luminance >= codes:
@@ -212,30 +204,33 @@ def encode(
         if luminance > 0:
             if y < 0:
                 luminance |= _SIGN
-                u, v = _chromaticity(-x, -y, -z)
-            else:
-                u, v = _chromaticity(x, y, z)
-            if max(r, g, b) - min(r, g, b) > _COLOURED * abs(y):
+                x, y, z = -x, -y, -z
+            total = x + 15 * y + 3 * z
+            if total > 0:
+                u, v = min(max(4 * x / total, -_FAR), _FAR), min(max(9 * y / total, -_FAR), _FAR)
+            else:  # eq. 2 has no meaning
+                doubts[NO_SUCH_COLOUR] += 1
+            if max(r, g, b) - min(r, g, b) > _COLOURED * y:
                 doubts[COLOURED] += 1
         if starts.shape[0]:
             colour = -1
-            line = int(math.floor((v - LOWEST) / CELL))
+            line = math.floor((v - LOWEST) / CELL)
             if 0 <= line < starts.shape[0]:
-                along = int(math.floor((u - starts[line]) / CELL))
+                along = math.floor((u - starts[line]) / CELL)
                 if 0 <= along < counts[line]:
                     colour = firsts[line] + along
             if colour < 0:
                 doubts[NO_SUCH_COLOUR] += 1
                 nearest = math.inf
                 for line in range(starts.shape[0]):
-                    along = min(max(int(math.floor((u - starts[line]) / CELL)), 0), counts[line] - 1)
+                    along = min(max(math.floor((u - starts[line]) / CELL), 0), counts[line] - 1)
                     off_u = u - starts[line] - (along + 0.5) * CELL
                     off_v = v - LOWEST - (line + 0.5) * CELL
                     if off_u * off_u + off_v * off_v < nearest:
                         nearest = off_u * off_u + off_v * off_v
                         colour = firsts[line] + along
         else:
-            column, line = int(math.floor(GRID * u)), int(math.floor(GRID * v))
+            column, line = math.floor(GRID * u), math.floor(GRID * v)
             if not (0 <= column < 256 and 0 <= line < 256):
                 doubts[NO_SUCH_COLOUR] += 1
             colour = min(max(column, 0), 255) << 8 | min(max(line, 0), 255)

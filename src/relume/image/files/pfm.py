@@ -27,7 +27,7 @@ from relume.image.files.encodings import PFM
 from relume.image.files.reading import Reading, refuse_absurd_amount, refuse_absurd_size
 from relume.image.radiance import OUTSIDE, RadianceMap
 
-_HEADER = 2**14  # bytes in which a header ends; with comments, which Debevec has none of and Pillow and GIMP accept
+_HEADER = 2**14  # bytes in which a header ends; with comments, which Debevec's has not, but some readers take
 _BATCH = 256  # rows written by one call: fewer than the 1024 pieces that every system takes (IOV_MAX)
 _GAP = re.compile(rb"(?:\s|#[^\n]*\n)+")
 _COMMENT = re.compile(rb"#([^\n]*)\n")
@@ -110,7 +110,7 @@ def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
     return ", ".join(words if header.scale == 1 else [*words, f"scale {header.scale:g}"])
 
 
-def write(path: str | os.PathLike[str], image: RadianceMap, encoding: PFM) -> None:
+def write(path: str | os.PathLike[str], image: RadianceMap, encoding: PFM = PFM()) -> None:
     """Write a radiance map bit for bit, NaN and infinity included; a warning says what of it is not kept.
 
     Raises ValueError for a map without pixels, and for grey where channels differ in any bit; OutputNotWritten.

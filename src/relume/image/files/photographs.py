@@ -3,7 +3,8 @@
 OpenImageIO decodes, because Pillow rounds 16-bit colour to 8 bits without a word and takes any JPEG with a hole in its
 data for whole. OpenImageIO returns the pixels of a damaged JPEG too, with a complaint: every complaint is an error
 here, but for stray bytes among the headers, which lose no pixel. (A JPEG has no checksum: a few bytes altered in the
-middle may still decode without one.) It does not turn pictures by their EXIF orientation; we do.
+middle may still decode without one.) It does not turn pictures by their EXIF orientation; we do. The header is judged
+by our own readers first, because a decoder allocates what a header claims.
 """
 
 from __future__ import annotations
@@ -12,48 +13,49 @@ import io
 import os
 import re
 import warnings
+import zlib
+from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
-from PIL import Image
+from PIL import Image, ImageCms
 
 from relume.errors import UnreadableFile
 from relume.image.files import exif, png
 from relume.image.files.atomic import replacing
-from relume.image.files.reading import refuse_absurd_size
+from relume.image.files.jpeg_decoding import decoded
+from relume.image.files.jpeg_segments import header_at, length_of
+from relume.image.files.orientation import UPRIGHT
+from relume.image.files.photograph_form import Form, form_of
+from relume.image.files.photograph_salvage import Salvaged, salvaged
+from relume.image.files.reading import Reading
 from relume.image.files.signatures import kind_of, one_line
+from relume.image.files.tiff_layout import ZIP
+from relume.image.files.tiff_writing import write_tiff as write_folders
 from relume.image.photograph import Photograph
 
 # Only before markers that come ahead of the pixels: APP, COM, DQT, DRI, SOF. Elsewhere such bytes are lost pixels.
 _HARMLESS = re.compile(r"extraneous bytes before marker 0x(e[0-9a-f]|fe|db|dd|c[012])")
-_LOGLUV = (32844, 32845)
-# Rows, columns and axes as stored → as seen, EXIF 2.32, tag 0x0112.
-_UPRIGHT = {
-    1: lambda p: p,
-    2: lambda p: p[:, ::-1],
-    3: lambda p: p[::-1, ::-1],
-    4: lambda p: p[::-1],
-    5: lambda p: p.swapaxes(0, 1),
-    6: lambda p: p.swapaxes(0, 1)[:, ::-1],
-    7: lambda p: p[::-1, ::-1].swapaxes(0, 1),
-    8: lambda p: p.swapaxes(0, 1)[::-1],
-}
+_STRIP = 2**18  # bytes before compression
 
 
-def read(path: str | os.PathLike[str]) -> Photograph:
+def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Photograph:
     """The photograph in a JPEG, PNG or TIFF, with the exposure, settings, camera and focal length its EXIF tells.
 
-    Grey becomes three equal channels. Where alpha is 0 the picture is `outside`. Warns where alpha is dropped that was
-    neither 0 nor opaque, and where an embedded profile is not sRGB. Raises UnreadableFile for damaged files,
-    floating-point or LogLuv TIFF, and camera raw.
+    Grey becomes three equal channels. Where alpha is 0 the picture is `outside`. Of a JPEG with a gain map it is the
+    base picture. Warns where alpha is dropped that was neither 0 nor opaque, where an embedded profile is not sRGB, and
+    where a PNG says that its values are encoded otherwise. Raises UnreadableFile for damaged files, those beyond the
+    limits of `reading`, and camera raw. With `reading.salvage` the rows that a file lacks are 0 and `outside`.
     """
     kind = kind_of(path)
+    form = form_of(path, kind, reading)
     if kind == "PNG":
-        png.refuse_damaged(path)
-    pixels, outside = _decoded(path, kind)
+        png.warn_of_other_encoding(path, png.header(path))
+    found = salvaged(path, kind, form) if reading.salvage else None
+    pixels, outside = _decoded(path, kind, form, reading) if found is None else _placed(path, found)
     tags = exif.tags(path, kind)
     height, width = pixels.shape[:2]
-    upright = _UPRIGHT[exif.orientation_of(tags)]
+    upright = UPRIGHT[exif.orientation_of(tags)]
     return Photograph(
         pixels=np.ascontiguousarray(upright(pixels)),
         name=str(path),
@@ -63,6 +65,11 @@ def read(path: str | os.PathLike[str]) -> Photograph:
         outside=None if outside is None else np.ascontiguousarray(upright(outside)),
         settings=exif.settings_of(tags),
     )
+
+
+def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
+    """What kind of JPEG, PNG or TIFF a file is, from its header alone: "8 bits, YCbCr 4:2:0"."""
+    return form_of(path, kind_of(path), reading).text
 
 
 def write_jpeg(path: str | os.PathLike[str], photograph: Photograph) -> None:
@@ -86,8 +93,43 @@ def write_png(path: str | os.PathLike[str], photograph: Photograph) -> None:
         temporary.write_bytes(encoded)
 
 
-def _decoded(path: str | os.PathLike[str], kind: str) -> tuple[np.ndarray, np.ndarray | None]:
+def write_tiff(path: str | os.PathLike[str], photograph: Photograph) -> None:
+    """Write a TIFF of 8 or 16 bits with EXIF, in ZIP with the horizontal predictor, which lose nothing."""
+    from relume._kernel import in_threads
+
+    pixels = photograph.pixels.astype(photograph.pixels.dtype.newbyteorder("<"), copy=False)
+    height, width, _ = pixels.shape
+    rows = max(1, _STRIP // (3 * width * pixels.itemsize))
+    main, folder = exif.folders(photograph)
+
+    def strip(begin: int, end: int) -> bytes:
+        told = pixels[begin:end].copy()
+        told[:, 1:] -= pixels[begin:end, :-1]
+        return zlib.compress(told.tobytes())
+
+    tags = {
+        256: (4, [width]),
+        257: (4, [height]),
+        258: (3, [8 * pixels.itemsize] * 3),
+        259: (3, [ZIP]),
+        262: (3, [2]),  # RGB
+        277: (3, [3]),
+        278: (4, [rows]),
+        284: (3, [1]),  # samples of a pixel side by side
+        317: (3, [2]),  # the horizontal predictor
+        **main,
+    }
+    write_folders(path, tags, in_threads(strip, height, chunk=rows), folder)
+
+
+def _decoded(
+    path: str | os.PathLike[str], kind: str, form: Form, reading: Reading
+) -> tuple[np.ndarray, np.ndarray | None]:
     """(H, W, 3) uint8 or uint16 as stored, and (H, W) bool where alpha is 0; None where it is nowhere."""
+    if kind == "PNG":
+        png.refuse_damaged(path)
+    if form.gain_map:
+        return _base_of_gain_map(path, reading), None
     wanted = oiio.ImageSpec()
     wanted.attribute("oiio:UnassociatedAlpha", 1)  # else colours come multiplied by alpha
     source = oiio.ImageInput.open(str(path), wanted)
@@ -95,8 +137,13 @@ def _decoded(path: str | os.PathLike[str], kind: str) -> tuple[np.ndarray, np.nd
         raise UnreadableFile(f"{path}: damaged {kind}: {one_line(oiio.geterror())}; copy it again from where it came")
     try:
         spec = source.spec()
-        refuse_absurd_size(path, spec.width, spec.height)
+        if kind == "JPEG" and spec.format == oiio.HALF:  # its library found a gain map where we saw none
+            source.close()
+            return _base_of_gain_map(path, reading), None
         _refuse_unusable(path, kind, spec)
+        if (spec.width, spec.height) != (form.width, form.height):
+            found = f"{spec.width} x {spec.height} pixels in place of {form.width} x {form.height}"
+            raise UnreadableFile(f"{path}: damaged {kind}: {found}; copy it again from where it came")
         pixels = source.read_image(0, 0, 0, spec.nchannels, spec.format)
         complaint = one_line(source.geterror())
     finally:
@@ -106,25 +153,60 @@ def _decoded(path: str | os.PathLike[str], kind: str) -> tuple[np.ndarray, np.nd
         raise UnreadableFile(f"{path}: damaged {kind}: {reason}; copy it again from where it came")
     if complaint:
         _refuse_truncated(path, kind)
-        warnings.warn(f"{path}: has stray bytes among its headers; look whether the picture is whole", stacklevel=4)
+        warnings.warn(f"{path}: has stray bytes among its headers; look whether the picture is whole", stacklevel=5)
     pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
-    three = pixels[..., :3] if spec.nchannels >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
-    return three, _transparent(path, pixels[..., -1]) if spec.nchannels in (2, 4) else None
+    return _three(pixels), _transparent(path, pixels[..., -1]) if spec.nchannels in (2, 4) else None
+
+
+def _base_of_gain_map(path: str | os.PathLike[str], reading: Reading) -> np.ndarray:
+    """(H, W, 3) uint8 of the picture that every program shows; a library that knows gain maps decodes to light."""
+    data = Path(path).read_bytes()
+    header = header_at(path, io.BytesIO(data), 0, reading)
+    if profile := header.profile:
+        _warn_of_profile(path, _description(profile))
+    end = length_of(data, header.scan) or len(data)
+    return _three(decoded(path, data[:end], header, "base picture"))
+
+
+def _three(pixels: np.ndarray) -> np.ndarray:
+    return pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
+
+
+def _placed(path: str | os.PathLike[str], found: Salvaged) -> tuple[np.ndarray, np.ndarray]:
+    """As `_decoded`, of a file that ends early: what is missing is 0 and outside."""
+    height = found.height
+    rows, width, channels = found.pixels.shape
+    warnings.warn(f"{path}: ends early; {height - rows} of {height} rows are missing", stacklevel=4)
+    pixels = np.zeros((height, width, 3), found.pixels.dtype)
+    pixels[:rows] = _three(found.pixels)
+    outside = np.ones((height, width), bool)
+    seen = _transparent(path, found.pixels[..., -1]) if channels in (2, 4) else None
+    outside[:rows] = False if seen is None else seen
+    return pixels, outside
 
 
 def _refuse_unusable(path: str | os.PathLike[str], kind: str, spec: oiio.ImageSpec) -> None:
     if int(spec.getattribute("tiff:subfiletype") or 0) & 1:
         raise UnreadableFile(f"{path}: a camera raw file (it begins with a preview); develop it to a 16-bit TIFF first")
-    if spec.getattribute("tiff:PhotometricInterpretation") in _LOGLUV:
-        raise UnreadableFile(f"{path}: a LogLuv TIFF, whose range no photograph holds; convert it to EXR")
     if spec.format not in (oiio.UINT8, oiio.UINT16):
-        what = "a JPEG with a gain map (Ultra HDR)" if kind == "JPEG" else f"a {kind} of {spec.format} pixels"
+        what = f"a {kind} of {spec.format} pixels"
         raise UnreadableFile(f"{path}: {what}, not 8 or 16 bits; convert it to EXR, or to a plain {kind}")
     if tuple(spec.channelnames[: spec.nchannels]) not in (("R", "G", "B"), ("R", "G", "B", "A"), ("Y",), ("Y", "A")):
         raise UnreadableFile(f"{path}: its channels are {', '.join(spec.channelnames)}; save it as RGB or grey")
-    profile = spec.getattribute("ICCProfile:profile_description")
-    if profile and "srgb" not in str(profile).lower():
-        warnings.warn(f'{path}: its colour profile is "{profile}", not sRGB; not converted', stacklevel=5)
+    if profile := spec.getattribute("ICCProfile:profile_description"):
+        _warn_of_profile(path, str(profile))
+
+
+def _description(profile: bytes) -> str:
+    try:
+        return str(ImageCms.getProfileDescription(ImageCms.ImageCmsProfile(io.BytesIO(profile)))).strip()
+    except (ImageCms.PyCMSError, OSError, ValueError, TypeError):
+        return "damaged"
+
+
+def _warn_of_profile(path: str | os.PathLike[str], description: str) -> None:
+    if "srgb" not in description.lower():
+        warnings.warn(f'{path}: its colour profile is "{description}", not sRGB; not converted', stacklevel=6)
 
 
 def _refuse_truncated(path: str | os.PathLike[str], kind: str) -> None:

@@ -137,13 +137,64 @@ def decode_lines(data, begins, first, last, length, scale, middle, out, start, l
                 place += 4
 
 
+@exact_inlined
+def _exponent_of_tiny(value, steps):
+    """Of the largest channel where a float has no leading 1, or is no positive number: 0, 1, 2 or 3."""
+    if np.rint(np.float64(value) * steps[1]) < 128:
+        return 0
+    exponent = 1
+    while np.rint(np.float64(value) * steps[exponent]) > 255:
+        exponent += 1
+    return exponent
+
+
+@exact_inlined
+def _write_runs(codes, begin, end, out, used):
+    """Codes begin…end − 1 as runs and literals into out[used:]; returns how much of `out` is used then."""
+    pending = begin
+    at = begin
+    while pending < end:
+        first = end
+        stop = end
+        # No run of four begins at the next three bytes unless the third equals the fourth.
+        while at + 3 < end:
+            if codes[at + 3] != codes[at + 2]:
+                at += 3
+                continue
+            first = at + 2
+            while first > at and codes[first - 1] == codes[at + 2]:
+                first -= 1
+            stop = at + 4
+            while stop < end and stop - first < _LONGEST_RUN and codes[stop] == codes[first]:
+                stop += 1
+            at = stop
+            if stop - first >= _SHORTEST_RUN:
+                break
+            first = end
+            stop = end
+        while pending < first:
+            count = min(first - pending, _LONGEST_LITERAL)
+            out[used] = count
+            for i in range(count):
+                out[used + 1 + i] = codes[pending + i]
+            used += 1 + count
+            pending += count
+        if first < end:
+            out[used] = 128 + stop - first
+            out[used + 1] = codes[first]
+            used += 2
+        pending = stop
+    return used
+
+
 @exact_kernel
-def encode_lines(pixels, bits, lines, length, compressed, steps, out):
+def encode_lines(pixels, bits, lines, length, compressed, steps, slack, out):
     """RGBE bytes of lines of pixels into `out`, and (how many bytes, how many pixels RGBE cannot hold).
 
     pixels, bits : the same flat float32, as numbers and as int32
     compressed : with new runs, where the length of a line allows them
     steps : (256,) float64, how many mantissas 1.0 is at each exponent
+    slack : how negative a channel may be, as a share of the largest
     out : at least 4 + 4·(length + length / 128 + 1) bytes a line
     """
     runs = compressed and _SHORTEST <= length <= _LONGEST
@@ -161,13 +212,13 @@ def encode_lines(pixels, bits, lines, length, compressed, steps, out):
             if largest < 0x00800000:
                 exponent = _exponent_of_tiny(max(pixels[at], pixels[at + 1], pixels[at + 2]), steps)
             fits = exponent <= 255
+            least = -slack * max(pixels[at], pixels[at + 1], pixels[at + 2])
             step = steps[exponent & 255]
             to = i * pixel_step
             for channel in range(3):
-                mantissa = np.rint(np.float64(pixels[at + channel]) * step)
-                # False for NaN too. A negative value that rounds to 0 is an error like that of any other.
-                fits = fits and mantissa >= 0 and (exponent > 0 or pixels[at + channel] >= 0)
-                codes[to + channel * plane_step] = np.uint8(mantissa) if fits else 0
+                fits = fits and pixels[at + channel] >= least  # False for NaN too
+                code = np.uint8(np.rint(np.float64(pixels[at + channel]) * step)) if fits else np.uint8(0)
+                codes[to + channel * plane_step] = code
             codes[to + 3 * plane_step] = exponent & 255
             unfit += 0 if fits else 1
         if not runs:

@@ -1,0 +1,153 @@
+"""What is left of a JPEG, PNG or TIFF that ends early: the rows that are there, where that can be told honestly."""
+
+from __future__ import annotations
+
+import os
+import struct
+import tempfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+
+from relume.errors import UnreadableFile
+from relume.image.files import png
+from relume.image.files.photograph_form import Form
+from relume.image.files.signatures import one_line
+
+_CUT_JPEG = "Premature end of JPEG file"
+_PIECE = 2**20
+
+
+@dataclass(frozen=True, eq=False)
+class Salvaged:
+    """The rows from the top that a file holds.
+
+    pixels : (rows, W, channels) uint8 or uint16
+    height : of the whole picture
+    """
+
+    pixels: np.ndarray
+    height: int
+
+
+def salvaged(path: str | os.PathLike[str], kind: str, form: Form) -> Salvaged | None:
+    """The rows of a photograph that ends early; None of one that does not, which is read as any other.
+
+    Raises UnreadableFile where no row is there, or nobody can tell which are: a progressive JPEG, an interlaced PNG.
+    """
+    found = {"JPEG": _jpeg, "PNG": _png, "TIFF": _tiff}[kind](path, form)
+    if found is not None and not len(found.pixels):
+        raise UnreadableFile(f"{path}: ends before its first rows are whole; copy it again from where it came")
+    return found
+
+
+def _jpeg(path: str | os.PathLike[str], form: Form) -> Salvaged | None:
+    """Row after row, until the decoder says that the data is at its end.
+
+    It says so while it decodes a row of blocks, or the one below that it smooths into it; so rows from the block in
+    which it says it are taken for missing.
+    """
+    data = Path(path).read_bytes()
+    if form.gain_map or b"\xff\xd9" in data[-1024:]:
+        return None
+    if form.packing:
+        raise _untold(path, "a progressive JPEG")
+    source = _opened(path)
+    try:
+        spec = source.spec()
+        rows = []
+        for y in range(spec.height):
+            row = source.read_scanline(y, 0, spec.format)
+            complaint = source.geterror()
+            if row is None or complaint:
+                if complaint and _CUT_JPEG not in complaint:
+                    return None  # damaged otherwise too: refused as any other
+                break
+            rows.append(row.reshape(spec.width, spec.nchannels))
+    finally:
+        source.close()
+    whole = len(rows) if len(rows) == form.height else len(rows) // form.block * form.block
+    return Salvaged(np.array(rows[:whole]).reshape(whole, form.width, -1), form.height)
+
+
+def _png(path: str | os.PathLike[str], form: Form) -> Salvaged | None:
+    """What the data inflates to, as far as it goes, put into a whole PNG of fewer rows."""
+    data = Path(path).read_bytes()
+    place, kept, packed = len(png.SIGNATURE), [], []
+    while place + 8 <= len(data):
+        length, name = struct.unpack_from(">I4s", data, place)
+        content, cut = data[place + 8 : place + 8 + length], place + 12 + length > len(data)
+        if not cut and zlib.crc32(name + content) != int.from_bytes(data[place + 8 + length : place + 12 + length]):
+            return None  # altered, not only cut: refused as any other
+        if name == b"IEND":
+            return None
+        if name == b"IDAT":
+            packed.append(content)
+        elif not cut and name in (b"PLTE", b"tRNS", b"iCCP", b"sRGB"):
+            kept.append(png.chunk(name, content))
+        place += 12 + length
+    if form.packing:
+        raise _untold(path, "an interlaced PNG")
+    samples = {"palette": 1}.get(form.kind, form.channels)
+    each = 1 + -(-form.width * samples * form.bits // 8)  # one byte more tells the row's filter
+    try:
+        raw = zlib.decompressobj().decompress(b"".join(packed), each * form.height)
+    except zlib.error:
+        return None
+    rows = len(raw) // each
+    if rows == 0:
+        return Salvaged(np.empty((0, form.width, 3), np.uint8), form.height)
+    fields = struct.pack(">II", form.width, rows) + data[24:29]
+    whole = png.SIGNATURE + png.chunk(b"IHDR", fields) + b"".join(kept)
+    whole += png.chunk(b"IDAT", zlib.compress(raw[: rows * each], 1)) + png.chunk(b"IEND", b"")
+    with tempfile.TemporaryDirectory(prefix="relume-") as folder:
+        alone = Path(folder, "rows.png")
+        alone.write_bytes(whole)
+        return Salvaged(_rows(path, _opened(alone), 0, rows), form.height)
+
+
+def _tiff(path: str | os.PathLike[str], form: Form) -> Salvaged | None:
+    assert form.layout is not None
+    rows = form.layout.rows_within(os.path.getsize(path))
+    if rows == form.height:
+        return None
+    if form.layout.tiled:
+        rows = rows // form.layout.block[1] * form.layout.block[1]
+    return Salvaged(_rows(path, _opened(path), 0, rows), form.height)
+
+
+def _rows(path: str | os.PathLike[str], source: oiio.ImageInput, begin: int, end: int) -> np.ndarray:
+    try:
+        spec = source.spec()
+        if spec.format not in (oiio.UINT8, oiio.UINT16):
+            raise UnreadableFile(f"{path}: has pixels of {spec.format}, not 8 or 16 bits; convert it to EXR")
+        if end <= begin:
+            return np.empty((0, spec.width, spec.nchannels), np.uint8)
+        if spec.tile_width:
+            read = source.read_tiles(0, spec.width, begin, end, 0, 1, 0, spec.nchannels, spec.format)
+        else:
+            read = source.read_scanlines(begin, end, 0, 0, spec.nchannels, spec.format)
+        complaint = one_line(source.geterror())
+    finally:
+        source.close()
+    if read is None or complaint:
+        raise UnreadableFile(f"{path}: damaged: {complaint or 'no pixels'}; copy it again from where it came")
+    return read.reshape(end - begin, spec.width, spec.nchannels)
+
+
+def _opened(path: str | os.PathLike[str]) -> oiio.ImageInput:
+    wanted = oiio.ImageSpec()
+    wanted.attribute("oiio:UnassociatedAlpha", 1)
+    source = oiio.ImageInput.open(str(path), wanted)
+    if source is None:
+        raise UnreadableFile(f"{path}: damaged: {one_line(oiio.geterror())}; copy it again from where it came")
+    return source
+
+
+def _untold(path: str | os.PathLike[str], what: str) -> UnreadableFile:
+    return UnreadableFile(
+        f"{path}: {what} that ends early, of which nobody can tell which rows are whole; copy it again"
+    )

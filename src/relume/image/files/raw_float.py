@@ -1,0 +1,210 @@
+"""Raw floating-point images (.float, .float.gz): 32-bit floats and nothing else, read and written without a library.
+
+Three floats a pixel, the channels interleaved, the top row first, big-endian from workstations and little-endian for
+personal computers (Debevec, "Light Probe Image Gallery"); HDR Shop writes and asks for the same. No header tells the
+size or the byte order: a square picture's size is inferred, the order is told by which of the two makes sense, and what
+cannot be told is asked for.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import warnings
+import zlib
+from contextlib import suppress
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from relume.errors import FormatError, UnreadableFile
+from relume.image.files.atomic import replacing
+from relume.image.files.attributes import warn_of_losses
+from relume.image.files.encodings import RawFloat
+from relume.image.files.reading import Reading, refuse_absurd_amount, refuse_absurd_size
+from relume.image.radiance import OUTSIDE, RadianceMap
+
+_GZIP = b"\x1f\x8b\x08"  # RFC 1952, which knows no other method than 8
+_WINDOW = 31  # zlib's word for gzip's header and trailer, and its own largest window
+_LEVEL = 6  # gzip's own
+_CHUNK = 2**18  # bytes handed to zlib, and taken from it, at once
+_BATCH = 256  # rows written at once
+_RUNS, _RUN = 64, 1024  # runs of values, evenly spread, and values in each, that tell the byte order
+# A value read in the wrong order has its last bits for an exponent, out of this range in seven of ten cases.
+_SMALLEST, _LARGEST = 2.0**-40, 2.0**40
+_MOST = 0.9  # of the values that are not 0
+
+
+def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> RadianceMap:
+    """The radiance map in a raw float file, bit for bit; grey in three equal channels.
+
+    reading : `float_size` and `float_order` where they are known. Without a size the picture must be square: of three
+        channels, or of one where no picture of three has that length
+    Raises FormatError, UnreadableFile, which tells the pixels to share out or asks for the byte order; ValueError for a
+    size below 1.
+    """
+    with open(path, "rb") as file:
+        stored, there = _lengths(path, file)
+        width, height, channels = _shape(path, there, reading)
+        refuse_absurd_size(path, width, height, reading, where="float_size" if reading.float_size else "its length")
+        refuse_absurd_amount(path, 12 * width * height, stored, reading)
+        values = np.empty((height, width, channels), "<f4")
+        data = values.reshape(-1).data.cast("B")
+        found = _unpack(path, file, data) if _is_packed(path) else file.readinto(data)
+    rows = found // (4 * channels * width)
+    if rows == 0 or (rows < height and not reading.salvage):
+        what = "raw float in gzip" if _is_packed(path) else "raw float"
+        raise FormatError(path, what, f"byte {found} of the pixels", f"{len(data)} bytes", "the end of the file")
+    order = reading.float_order or _order(path, values[:rows].reshape(-1))
+    if (order == "little") != (np.dtype("<f4") == np.float32):
+        values[:rows].byteswap(inplace=True)
+    radiance = values.view(np.float32)
+    radiance[rows:] = 0
+    if channels == 1:
+        radiance = np.repeat(radiance, 3, axis=2)
+    clipped = None
+    if rows < height:
+        clipped = np.zeros((height, width), np.uint8)
+        clipped[rows:] = OUTSIDE
+        warnings.warn(f"{path}: ends early; the last {height - rows} of {height} rows are missing", stacklevel=5)
+    return RadianceMap(radiance, clipped=clipped)
+
+
+def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
+    """Byte order, channels, packing and how the size is known, as in "big-endian, colour, gzip, taken for square"."""
+    with open(path, "rb") as file:
+        _, there = _lengths(path, file)
+        *_, channels = _shape(path, there, reading)
+        data = file.read(_CHUNK)
+    if _is_packed(path):
+        with suppress(zlib.error):  # reading will tell
+            data = zlib.decompressobj(_WINDOW).decompress(data, _CHUNK)
+    orders = [reading.float_order] if reading.float_order else _sensible(np.frombuffer(data, "<f4", len(data) // 4))
+    words = [f"{orders[0]}-endian"] if len(orders) == 1 else []
+    words.append("colour" if channels == 3 else "grey")
+    words += ["gzip"] if _is_packed(path) else []
+    return ", ".join(words + (["taken for square"] if reading.float_size is None else []))
+
+
+def write(path: str | os.PathLike[str], image: RadianceMap, encoding: RawFloat = RawFloat()) -> None:
+    """Write a radiance map bit for bit, in three channels, and gzipped where the name ends in .gz.
+
+    Warns of all that is not kept: the size too, where it is not square. Raises ValueError for a map without pixels, and
+    for one that gzip cannot tell the length of (4 GiB); OutputNotWritten.
+    """
+    width, height = image.size
+    if not width * height:
+        raise ValueError(f"the map is {width} x {height} pixels; a .float file holds at least one")
+    if _is_packed(path) and image.radiance.nbytes >= 2**32:
+        raise ValueError(f"the map has {image.radiance.nbytes} bytes; gzip tells lengths below 4 GiB: write .float")
+    warn_of_losses(path, image, (), unit=False)
+    if width != height:
+        warnings.warn(
+            f"{path}: does not tell its size; to read it again give float_size=({width}, {height})", stacklevel=3
+        )
+    number = ">f4" if encoding.big_endian else "<f4"
+    packer = zlib.compressobj(_LEVEL, wbits=_WINDOW) if _is_packed(path) else None
+    with replacing(path) as temporary, open(temporary, "wb") as file:
+        for begin in range(0, height, _BATCH):
+            batch = np.ascontiguousarray(image.radiance[begin : begin + _BATCH], number)
+            data = batch.reshape(-1).view(np.uint8).data
+            file.write(packer.compress(data) if packer else data)
+        if packer:
+            file.write(packer.flush())
+
+
+def _is_packed(path: str | os.PathLike[str]) -> bool:
+    return Path(path).name.lower().endswith(".gz")
+
+
+def _lengths(path: str | os.PathLike[str], file: BinaryIO) -> tuple[int, int]:
+    """Bytes of the file, and of its floats: those that gzip's last four bytes claim."""
+    stored = os.fstat(file.fileno()).st_size
+    if not _is_packed(path):
+        return stored, stored
+    magic = file.read(3)
+    if magic != _GZIP or stored < 18:
+        remedy = "name it .float if it is not packed"
+        raise FormatError(path, "gzip", "byte 0", f"{_GZIP.hex(' ')}", magic.hex(" ") or "nothing", remedy)
+    file.seek(-4, os.SEEK_END)
+    there = int.from_bytes(file.read(4), "little")
+    file.seek(0)
+    return stored, there
+
+
+def _shape(path: str | os.PathLike[str], there: int, reading: Reading) -> tuple[int, int, int]:
+    """Width, height and channels of `there` bytes.
+
+    No length is that of a square of three channels and also of one, as 3 is no square. But a square of one channel
+    whose side is a multiple of 3 is also as long as an oblong of three: only the others are taken for grey.
+    """
+    if reading.float_size is not None:
+        width, height = reading.float_size
+        if min(width, height) < 1:
+            raise ValueError(f"float_size is {reading.float_size}; give (width, height) of at least 1 pixel each")
+        colour, grey = 12 * width * height, 4 * width * height
+        if there in (colour, grey) or (reading.salvage and (there < colour or _is_packed(path))):
+            return width, height, 1 if there == grey else 3
+        expected = f"{colour} bytes of three channels, or {grey} of one, for {width} x {height} pixels"
+        raise FormatError(path, "raw float", "its length", expected, f"{there}", "give its true float_size")
+    if there % 4:
+        raise FormatError(path, "raw float", "its length", "a multiple of 4 bytes", f"{there}")
+    values = there // 4
+    if values % 3 == 0 and (side := math.isqrt(values // 3)) ** 2 == values // 3:
+        return side, side, 3
+    if values % 3 and (side := math.isqrt(values)) ** 2 == values:
+        return side, side, 1
+    shared = f"{values} pixels of one channel" if values % 3 else f"{values // 3} pixels of three channels"
+    shared += f", or {values} of one" if values % 3 == 0 and math.isqrt(values) ** 2 == values else ""
+    raise UnreadableFile(f"{path}: {shared}, no square, and nothing tells the shape; give float_size=(width, height)")
+
+
+def _unpack(path: str | os.PathLike[str], file: BinaryIO, data: memoryview) -> int:
+    """Fill `data` from a gzip file, never beyond; how many bytes there were."""
+    unpacker, done = zlib.decompressobj(_WINDOW), 0
+    while not unpacker.eof and (packed := unpacker.unconsumed_tail or file.read(_CHUNK)):
+        try:
+            piece = unpacker.decompress(packed, _CHUNK)
+        except zlib.error as error:
+            where = f"near byte {file.tell() - len(packed)}"
+            raise FormatError(path, "gzip", where, "packed floats", str(error).split(": ")[-1]) from None
+        if done + len(piece) > len(data):
+            where = "the length in its last four bytes"
+            raise FormatError(path, "gzip", where, f"{len(data)} bytes unpacked, as they claim", "more")
+        data[done : done + len(piece)] = piece
+        done += len(piece)
+    if unpacker.eof and (unpacker.unused_data or file.read(1)):
+        where = f"byte {file.tell() - len(unpacker.unused_data)}"
+        raise FormatError(path, "gzip", where, "the end of the file", "more", "unpack it with gunzip")
+    return done
+
+
+def _order(path: str | os.PathLike[str], values: np.ndarray) -> str:
+    """The byte order in which values, seen as little-endian, make sense."""
+    bits = values.view("<u4")
+    if len(bits) > _RUNS * _RUN:
+        starts = np.linspace(0, len(bits) - _RUN, _RUNS).astype(int)
+        seen = np.concatenate([bits[start : start + _RUN] for start in starts])
+        bits = seen if seen.any() else bits[bits != 0][: _RUNS * _RUN]
+    if not bits.any():
+        return "little"  # zeros, in whatever order
+    values = bits.view("<f4")
+    orders = _sensible(values)
+    if len(orders) != 1:
+        which = "both byte orders" if orders else "neither byte order"
+        packed = " (.gz is for gzipped ones)" if values[:1].tobytes().startswith(_GZIP) else ""
+        raise UnreadableFile(f'{path}: its values make sense in {which}{packed}; give float_order="little" or "big"')
+    return orders[0]
+
+
+def _sensible(values: np.ndarray) -> list[str]:
+    """The byte orders in which nearly all values that are not 0 are finite and of a magnitude that light has."""
+    orders = []
+    for order, seen in (("little", values), ("big", values.byteswap())):
+        with np.errstate(all="ignore"):
+            magnitudes = np.abs(seen[seen != 0])
+            sensible = np.count_nonzero((magnitudes >= _SMALLEST) & (magnitudes <= _LARGEST))
+        if sensible >= _MOST * len(magnitudes):
+            orders.append(order)
+    return orders

@@ -1,0 +1,253 @@
+"""`relume info`: what a person reads and what a machine reads, of good files and bad ones."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from command_line import refused
+from relume.cli import main
+from relume.cli.info_lines import lines_of, number
+from relume.cli.reading_options import ReadingOptions
+from relume.image.files import write
+from relume.image.files.description import describe
+from relume.image.files.reading import Reading
+from relume.image.radiance import RadianceMap
+from relume.sphere.discs import Angular
+from relume.sphere.mappings import LatLong, Mapping
+from relume.sphere.orientation import orientation_named
+
+
+def lit(path: Path, layout: Mapping, direction: tuple[float, float, float], **attributes: str) -> str:
+    """A file with a lamp of 3 × 3 pixels in one direction of a map of 64 rows, and dim light elsewhere."""
+    rows, columns = layout.shape(64)
+    pixels = np.full((rows, columns, 3), 0.5, np.float32)
+    unit = np.array(direction) / np.linalg.norm(direction)
+    x, y = (layout.image_points(unit) * [columns, rows]).astype(int)
+    pixels[y - 1 : y + 2, x - 1 : x + 2] = 2
+    pixels[y, x] = 4
+    write(path, RadianceMap(pixels, attributes=attributes))
+    return str(path)
+
+
+def printed(words: list[str], capsys: pytest.CaptureFixture[str]) -> dict[str, str]:
+    """The lines of one file: label → text."""
+    assert main(["info", *words]) == 0
+    lines = capsys.readouterr().out.splitlines()[1:]
+    pairs = [line.strip().partition("  ") for line in lines]
+    return {label: text.strip() for label, _, text in pairs}
+
+
+def told(words: list[str], capsys: pytest.CaptureFixture[str]) -> dict:
+    assert main(["info", *words, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_a_map_is_told_in_the_words_of_a_photographer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pixels = np.full((50, 100, 3), 0.25, np.float32)
+    pixels[20:22, 70:72] = 4096
+    pixels[20, 70] = 8192
+    pixels[49, 99, 1] = -1
+    clipped = np.zeros((50, 100), np.uint8)
+    clipped[20:22, 70:72] = 1
+    attributes = {"exposure_time": "0.004", "f_number": "8", "iso": "100", "camera": "Canon EOS 5D", "lens": "EF24mm"}
+    attributes |= {"focal_length": "24", "taken": "2026:11:21 12:00:00", "comments": "a\nb\x1b[31m"}
+    write(tmp_path / "a.exr", RadianceMap(pixels, None, clipped, "cd/m²", attributes))
+    assert main(["info", str(tmp_path / "a.exr")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == str(tmp_path / "a.exr")
+    assert lines[1:] == [
+        "  format         OpenEXR: float, ZIP, 2 parts",
+        "  size           100 × 50",
+        "  holds          radiance in cd/m², Rec. 709",
+        "  exposure       1/250 s, f/8, ISO 100",
+        "  camera         Canon EOS 5D, EF24mm",
+        "  taken          2026:11:21 12:00:00",
+        "  dynamic range  0.0 stops (1 : 1) from percentile 0.1 to 99.9; 15.0 stops (32,800 : 1) in all",
+        "  luminance      0.25 to 8,190 cd/m², mean 4.35; 0.02 % of the pixels are not above 0",
+        "  percentiles    1 % 0.25 · 5 % 0.25 · 25 % 0.25 · 50 % 0.25 · 75 % 0.25 · 95 % 0.25 · 99 % 0.25 · "
+        "99.9 % 0.25",
+        "  brightest      8,190 cd/m² at x 70, y 20: 74° to the right, 16° up if lat-long; R 8,190 G 8,190 B 8,190; "
+        "mean of 3 × 3 pixels 2,280",
+        "  marked pixels  4 saturated in every photograph",
+        "  odd values     1 below 0, the lowest -1",
+        "  attributes     1",
+        "    comments     a b [31m",
+        "  part radiance  B, G, R (float32)",
+        "  part clipped   Y (float32)",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("direction", "azimuth", "elevation", "words"),
+    [
+        ((0, 0, -1), 0, 0, "ahead, level"),
+        ((1, 1, -1), 45, 35, "° to the right, 3"),
+        ((-1, 0, 0), -90, 0, "° to the left, "),
+        ((-1, -1, 0), -90, -45, "° down"),
+    ],
+)
+@pytest.mark.parametrize("mapping", [LatLong(), Angular()])
+def test_the_brightest_spot_has_a_direction_where_the_map_tells_its_mapping(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    mapping: Mapping,
+    direction: tuple[float, float, float],
+    azimuth: float,
+    elevation: float,
+    words: str,
+) -> None:
+    path = lit(tmp_path / "a.exr", mapping, direction, mapping=mapping.name)
+    place = told([path], capsys)["brightest"]["direction"]
+    pixel = 360 / 64
+    assert place["azimuth"] == pytest.approx(azimuth, abs=pixel)
+    assert place["elevation"] == pytest.approx(elevation, abs=pixel)
+    assert (place["mapping"], place["assumed"]) == (mapping.name, False)
+    text = printed([path], capsys)["brightest"]
+    assert "lat-long" not in text
+    assert words in text or azimuth == elevation == 0  # no pixel's middle lies straight ahead
+
+
+def test_a_map_laid_out_for_another_program_is_told_in_our_frame(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    blender = orientation_named("blender")
+    u, v = blender.image_points(np.array([0.6, 0.0, -0.8]))
+    direction = LatLong().directions(np.array([u, v]))
+    path = lit(tmp_path / "a.exr", LatLong(), tuple(direction), mapping="latlong", orientation="blender")
+    place = told([path], capsys)["brightest"]["direction"]
+    assert place["azimuth"] == pytest.approx(np.degrees(np.arctan2(0.6, 0.8)), abs=3)
+    assert place["elevation"] == pytest.approx(0, abs=3)
+
+
+def test_a_direction_is_told_as_an_assumption_or_not_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert told([lit(tmp_path / "a.exr", LatLong(), (1, 0, 0))], capsys)["brightest"]["direction"]["assumed"]
+    assert told([lit(tmp_path / "b.exr", Angular(), (1, 0, 0))], capsys)["brightest"]["direction"] is None
+    odd = lit(tmp_path / "c.exr", LatLong(), (1, 0, 0), mapping="somebody's")
+    assert told([odd], capsys)["brightest"]["direction"] is None
+    shape = lit(tmp_path / "d.exr", Angular(), (1, 0, 0), mapping="latlong")
+    assert told([shape], capsys)["brightest"]["direction"] is None
+
+
+def test_a_lone_pixel_is_told_beside_the_lamp(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pixels = np.full((30, 31, 3), 0.5, np.float32)
+    pixels[4:6, 4:6], pixels[20, 9] = 8, 1000
+    write(tmp_path / "a.exr", RadianceMap(pixels))
+    lines = printed([str(tmp_path / "a.exr")], capsys)
+    assert lines["brightest"].startswith("8 at x ")
+    assert lines["lone pixel"].startswith("1,000 at x 9, y 20") and "firefly" in lines["lone pixel"]
+
+
+def test_full_halves_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from relume.image.files.encodings import OpenEXR
+
+    pixels = np.ones((4, 5, 3), np.float32)
+    pixels[1:3, 1:3] = 65504
+    write(tmp_path / "half.exr", RadianceMap(pixels), OpenEXR(half=True))
+    assert printed([str(tmp_path / "half.exr")], capsys)["at maximum"] == (
+        "4 pixels at 65,504, the most that half floats hold"
+    )
+    write(tmp_path / "float.exr", RadianceMap(pixels))
+    assert printed([str(tmp_path / "float.exr")], capsys)["at maximum"] == "4 pixels at 65,500"
+
+
+def test_a_black_map_has_no_range(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path / "a.exr", RadianceMap(np.zeros((4, 5, 3), np.float32)))
+    lines = printed([str(tmp_path / "a.exr")], capsys)
+    assert lines["luminance"] == "no pixel is brighter than 0" and "dynamic range" not in lines
+
+
+def test_of_several_files_the_good_ones_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    good = [lit(tmp_path / name, LatLong(), (1, 0, 0)) for name in ("a.exr", "b.pfm")]
+    (tmp_path / "bad.exr").write_bytes(b"v/1\x01")
+    words = ["info", str(tmp_path / "bad.exr"), good[0], str(tmp_path / "none.hdr"), good[1]]
+    assert main([*words, "--json"]) == 2
+    captured = capsys.readouterr()
+    assert [json.loads(line)["file"] for line in captured.out.splitlines()] == good
+    errors = captured.err.splitlines()
+    assert len(errors) == 2 and "bad.exr" in errors[0] and "none.hdr: no such file" in errors[1]
+    assert main(words) == 2
+    captured = capsys.readouterr()
+    assert captured.out.count("dynamic range") == 2 and len(captured.err.splitlines()) == 2
+
+
+def test_limits_and_raw_floats_are_told_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.float"
+    path.write_bytes(np.arange(1, 20 * 50 * 3 + 1, dtype=">f4").tobytes())
+    line = refused(["info", str(path)], capsys)
+    assert "a.float" in line
+    facts = told([str(path), "--float-size", "50x20", "--float-order", "big"], capsys)
+    assert (facts["size"], facts["minimum"], facts["maximum"]) == ([50, 20], 1, 3000)
+    small = ["info", str(path), "--float-size", "50x20", "--largest", "0.0009"]
+    assert "900 pixels" in refused(small, capsys)
+    assert "--float-size" in refused(["info", str(path), "--float-size", "50"], capsys)
+    assert "--largest" in refused(["info", str(path), "--largest", "-1"], capsys)
+
+
+def test_a_file_cut_short_is_salvaged_when_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.hdr"
+    write(path, RadianceMap(np.random.default_rng(4).uniform(1, 2, (50, 20, 3)).astype(np.float32)))
+    path.write_bytes(path.read_bytes()[:-300])
+    refused(["info", str(path)], capsys)
+    assert main(["info", str(path), "--salvage"]) == 0
+    captured = capsys.readouterr()
+    assert "in none" in captured.out and captured.err.startswith("relume: note: ")
+
+
+def test_options_become_the_reading_they_name() -> None:
+    assert ReadingOptions().reading() == Reading()
+    assert ReadingOptions(largest=1).reading() == Reading(pixels=10**6)
+    raised = ReadingOptions(largest=1000).reading()
+    assert raised.pixels == raised.side == 10**9 and raised.decoded >= 12 * 10**9
+    assert ReadingOptions(salvage=True, mantissa_middle=True).reading() == Reading(salvage=True, mantissa_middle=True)
+    assert ReadingOptions(float_size="640×480").reading().float_size == (640, 480)
+    for wrong in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(ValueError, match="--largest"):
+            ReadingOptions(largest=wrong).reading()
+    for text in ("640", "640x", "0x5", "axb", "1x2x3", "-1x-1"):
+        with pytest.raises(ValueError, match="--float-size"):
+            ReadingOptions(float_size=text).reading()
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0, "0"),
+        (0.012345, "0.0123"),
+        (1, "1"),
+        (254.6, "255"),
+        (12345.6, "12,300"),
+        (999_999, "1,000,000"),
+        (1.234e6, "1.23e6"),
+        (3.2e-11, "3.2e-11"),
+        (-7.5, "-7.5"),
+    ],
+)
+def test_numbers_have_three_digits(value: float, text: str) -> None:
+    assert number(value) == text
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        ("0.004", "1/250 s"),
+        ("1/60", "1/60 s"),
+        ("0.3", "0.3 s"),
+        ("2.5", "2.5 s"),
+        ("0.00777", "1/129 s"),
+        ("x", "x s"),
+    ],
+)
+def test_exposure_times_are_told_as_cameras_show_them(tmp_path: Path, seconds: str, text: str) -> None:
+    write(tmp_path / "a.exr", RadianceMap(np.ones((2, 2, 3), np.float32)))
+    facts = describe(tmp_path / "a.exr")
+    assert lines_of(facts | {"attributes": {"exposure_time": seconds}})["exposure"] == text
+
+
+def test_attributes_are_shortened_unless_asked_for_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path / "a.exr", RadianceMap(np.ones((2, 2, 3), np.float32), attributes={"provenance": "ab" * 200}))
+    assert printed([str(tmp_path / "a.exr")], capsys)["provenance"] == "ab" * 50 + " … (400 characters; -v shows all)"
+    assert printed([str(tmp_path / "a.exr"), "-v"], capsys)["provenance"] == "ab" * 200

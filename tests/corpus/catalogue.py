@@ -1,0 +1,37 @@
+"""Every corpus by name, each made when it is asked for; and the bombs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from corpus import camera_raw, exr, gain_map, jpeg, ktx2, png, portable, radiance, tiff
+from corpus.files import READ, READ_PHOTOGRAPH, Bad, Corpus
+
+CORPORA: Mapping[str, Callable[[], Corpus]] = {
+    "Radiance": radiance.corpus,
+    "PFM": portable.pfm,
+    "raw float": portable.raw_float,
+    "float TIFF": tiff.floats,
+    "LogLuv TIFF": tiff.logluv,
+    "TIFF": tiff.photographs,
+    "EXR": exr.corpus,
+    "gain map": gain_map.corpus,
+    "PNG": png.corpus,
+    "JPEG": jpeg.corpus,
+    "KTX2": ktx2.corpus,
+    "camera raw": camera_raw.corpus,
+}
+
+
+def bombs() -> list[tuple[Bad, str, str]]:
+    """Files of a few hundred bytes that claim gigabytes, of the sizes that once hurt others: (file, door, corpus)."""
+    wide = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 40000 +X 40000\n"
+    portable_map = b"PF\n60000 60000\n-1.0\n".ljust(84, b"\0")
+    return [
+        (Bad("53 bytes of Radiance", wide[:53].ljust(53, b"\n"), ".hdr"), READ, "Radiance"),
+        (Bad("84 bytes of PFM", portable_map, ".pfm"), READ, "PFM"),
+        (Bad("134 bytes of TIFF", tiff.bomb(), ".tif"), READ_PHOTOGRAPH, "TIFF"),
+        (Bad("353 bytes of PNG", png.bomb(), ".png"), READ_PHOTOGRAPH, "PNG"),
+        (Bad("464 bytes of EXR", exr.bomb(), ".exr"), READ, "EXR"),
+        (Bad("735 bytes of JPEG", jpeg.bomb(), ".jpg"), READ_PHOTOGRAPH, "JPEG"),
+    ]

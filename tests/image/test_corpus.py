@@ -1,0 +1,181 @@
+"""Hostile files of every format: none may crash, hang, hoard, print or be taken for a picture (goals G1 to G4)."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from corpus.catalogue import CORPORA, bombs
+from corpus.files import DESCRIBE, READ, READ_PHOTOGRAPH, Bad, Corpus, Good
+from corpus.mutants import mutants
+from corpus.runner import Outcome, Reader
+
+from relume.image import files
+from relume.image.files.ktx2 import read_cube
+from relume.image.photograph import Photograph
+
+pytestmark = pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="memory is bounded and measured as Linux does it"
+)
+
+MUTANTS = int(os.environ.get("RELUME_MUTANTS", "500"))
+"""Of each format; 10,000 for a thorough run."""
+NAMES = list(CORPORA)
+
+
+@pytest.fixture(scope="module")
+def corpora() -> dict[str, Corpus]:
+    return {name: make() for name, make in CORPORA.items()}
+
+
+@pytest.fixture(scope="module")
+def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
+    """One child process for the whole module, as long as it lives."""
+    with Reader(tmp_path_factory.mktemp("hostile")) as reader:
+        yield reader
+
+
+def warmed(reader: Reader, corpus: Corpus) -> None:
+    outcomes = reader.warm(corpus.good, corpus.doors)
+    assert [
+        fault for outcome in outcomes if outcome.kind in ("raised", "died", "hung") for fault in outcome.faults()
+    ] == []
+
+
+def complaints(outcomes: list[Outcome]) -> list[str]:
+    """What G4 forbids, of single files and of all the refusals together."""
+    found = [fault for outcome in outcomes for fault in outcome.faults()]
+    refused = [outcome for outcome in outcomes if outcome.is_refused]
+    vague = [outcome for outcome in refused if not outcome.tells_where]
+    if len(vague) > 0.01 * len(refused):
+        shown = Counter(outcome.error.removeprefix(outcome.path) for outcome in vague).most_common(5)
+        found.append(f"{len(vague)} of {len(refused)} refusals tell no place: {shown}")
+    return found
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_good_files_hold_what_they_were_made_of(corpora, tmp_path, name):
+    for good in corpora[name].good:
+        path = tmp_path / f"good{good.suffix}"
+        path.write_bytes(good.data)
+        with warnings.catch_warnings():
+            if name == "gain map":  # that it is made for displays
+                warnings.simplefilter("ignore", UserWarning)
+            assert_holds(good, path, name)
+
+
+def assert_holds(good: Good, path: Path, name: str) -> None:
+    if name == "camera raw":
+        assert files.read_raw(path).mosaic.size > 0, good.name
+        return
+    if name == "KTX2":
+        levels = read_cube(path)
+        values = levels[0].reshape(-1, levels[0].shape[2], 3)
+    else:
+        image = files.read_radiance(path) if name == "gain map" else files.read(path)
+        values = image.pixels if isinstance(image, Photograph) else image.radiance
+    if good.pixels is None:
+        return
+    if good.pixels.ndim == 2:
+        values = values @ np.array([0.2126, 0.7152, 0.0722])
+    assert values.shape == good.pixels.shape, good.name
+    worst = np.abs(values.astype(np.float64) - good.pixels).max() / np.abs(good.pixels).max()
+    assert worst <= good.tolerance, f"{good.name}: off by {worst:.3g}"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_there_are_sixty_distinct_bad_files(corpora, name):
+    bad = corpora[name].bad
+    assert len({file.data for file in bad} - {file.data for file in corpora[name].good}) == len(bad) >= 60
+    assert len({file.name for file in bad}) == len(bad)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_bad_files_are_refused_in_one_line(corpora, reader, name):
+    corpus = corpora[name]
+    warmed(reader, corpus)
+    outcomes, taken = [], []
+    for bad in corpus.bad:
+        seen = [reader.read(bad, door) for door in corpus.doors]
+        outcomes += seen
+        if bad.refused and seen[0].kind == "read":
+            taken.append(f"{bad.name}: taken for a picture")
+    assert complaints(outcomes) + taken == []
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_mutants_do_no_harm(corpora, reader, name):
+    corpus = corpora[name]
+    warmed(reader, corpus)
+    outcomes = [reader.read(bad, door) for bad, door in mutants(corpus, MUTANTS)]
+    assert len(outcomes) == MUTANTS
+    assert complaints(outcomes) == []
+
+
+def test_mutants_are_the_same_each_time_and_not_all_refused_by_their_first_bytes(corpora):
+    for corpus in corpora.values():
+        twice = [[bad.data for bad, _ in mutants(corpus, 60)] for _ in range(2)]
+        assert twice[0] == twice[1]
+        good = {file.data[:4] for file in corpus.good}
+        assert sum(data[:4] in good for data in twice[0]) > 30
+        assert len(set(twice[0])) > 55
+
+
+def test_bombs_are_refused_at_once_and_in_little_memory(corpora, reader):
+    found = []
+    for bad, door, name in bombs():
+        warmed(reader, corpora[name])
+        outcomes = [reader.read(bad, door) for _ in range(5)]
+        found += complaints(outcomes)
+        assert all(outcome.is_refused for outcome in outcomes), bad.name
+        # The best of five, of the processor: what other programs do is not the reader's.
+        seconds, growth = min(o.computed for o in outcomes), min(o.growth for o in outcomes)
+        if seconds > 0.05 or growth > 8 * 2**20:
+            found.append(f"{bad.name}: {1000 * seconds:.0f} ms, {growth / 2**20:.1f} MiB")
+    assert found == []
+
+
+def test_damaged_files_of_the_wild_are_refused_or_read_cleanly(shared, reader):
+    paths = sorted(path for path in (shared / "data" / "malformed").glob("*/*") if path.suffix != ".md")
+    assert len(paths) > 100
+    outcomes = [reader.read_path(path, door) for path in paths for door in (READ, DESCRIBE)]
+    assert [fault for outcome in outcomes for fault in outcome.faults()] == []
+
+
+@pytest.mark.parametrize(
+    ("trial", "fault"),
+    [
+        ("dying", "died: of SIGSEGV"),
+        ("leaving", "died: with exit code 0"),
+        ("hanging", "hung: no answer"),
+        ("raising", "raised: IndexError"),
+        ("grasping", "raised: MemoryError"),
+        ("speaking", "more than one line"),
+        ("anonymous", "does not begin with the file"),
+        ("printing", "printed 'libexample"),
+        ("hoarding", "MiB of memory where 96 are allowed"),
+        ("dawdling", "refused after 2"),
+        ("warning_of_numbers", "a bare warning"),
+    ],
+)
+def test_the_runner_notices(tmp_path, trial, fault):
+    with Reader(tmp_path, patience=3.0 if trial == "hanging" else 10.0) as reader:
+        outcome = reader.read(Bad("a trial", b"abc", ".bin"), f"corpus.doors:{trial}")
+        assert len(outcome.faults()) == 1 and fault in outcome.faults()[0]
+        after = reader.read(Bad("the next", b"abc", ".bin"), "corpus.doors:exact")
+        assert (after.faults(), after.is_refused, after.tells_where) == ([], True, True)
+        vague = reader.read(Bad("a vague one", b"abc", ".bin"), "corpus.doors:vague")
+        assert (vague.faults(), vague.tells_where) == ([], False)
+        assert "1 of 1 refusals tell no place" in complaints([vague])[0]
+        assert reader.deaths == (trial in ("dying", "leaving", "hanging"))
+
+
+def test_a_photograph_is_read_through_the_runner_too(corpora, reader):
+    outcome = reader.read(corpora["PNG"].good[0], READ_PHOTOGRAPH)
+    assert (outcome.kind, outcome.decoded, outcome.faults()) == ("read", 4 * 3 * 16 * 8, [])
