@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +16,9 @@ from relume.cli.info_lines import lines_of, number
 from relume.cli.reading_options import ReadingOptions
 from relume.image.files import write
 from relume.image.files.description import describe
+from relume.image.files.ktx2 import write_cube
 from relume.image.files.reading import Reading
+from relume.image.photograph import Exposure, Photograph, Settings
 from relume.image.radiance import RadianceMap
 from relume.sphere.discs import Angular
 from relume.sphere.mappings import LatLong, Mapping
@@ -67,11 +71,11 @@ def test_a_map_is_told_in_the_words_of_a_photographer(tmp_path: Path, capsys: py
         "  camera         Canon EOS 5D, EF24mm",
         "  taken          2026:11:21 12:00:00",
         "  dynamic range  0.0 stops (1 : 1) from percentile 0.1 to 99.9; 15.0 stops (32,800 : 1) in all",
-        "  luminance      0.25 to 8,190 cd/m², mean 4.35; 0.02 % of the pixels are not above 0",
+        "  luminance      0.25 to 8,192 cd/m², mean 4.35; 0.02 % of the pixels are not above 0",
         "  percentiles    1 % 0.25 · 5 % 0.25 · 25 % 0.25 · 50 % 0.25 · 75 % 0.25 · 95 % 0.25 · 99 % 0.25 · "
         "99.9 % 0.25",
-        "  brightest      8,190 cd/m² at x 70, y 20: 74° to the right, 16° up if lat-long; R 8,190 G 8,190 B 8,190; "
-        "mean of 3 × 3 pixels 2,280",
+        "  brightest      8,192 cd/m² at x 70, y 20: 74° to the right, 16° up if lat-long; R 8,192 G 8,192 B 8,192; "
+        "mean of 3 × 3 pixels 2,276",
         "  marked pixels  4 saturated in every photograph",
         "  odd values     1 below 0, the lowest -1",
         "  attributes     1",
@@ -79,6 +83,52 @@ def test_a_map_is_told_in_the_words_of_a_photographer(tmp_path: Path, capsys: py
         "  part radiance  B, G, R (float32)",
         "  part clipped   Y (float32)",
     ]
+
+
+def test_a_photograph_is_told_with_how_it_was_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pixels = np.full((10, 20, 3), 100, np.uint8)
+    pixels[:5, :, 0], pixels[0, 0, 2] = 255, 0
+    taken = datetime(2026, 11, 21, 12, 30, 0, 250_000)
+    settings = Settings(taken, automatic_white=True, bias=-0.5, lens="EF50mm f/1.4", focal_length=50)
+    photograph = Photograph(pixels, exposure=Exposure(1 / 60, 5.6, 200), camera="Canon 5D", settings=settings)
+    write(tmp_path / "a.png", photograph)
+    assert printed([str(tmp_path / "a.png")], capsys) == {
+        "format": "PNG: 8 bits, RGB",
+        "size": "20 × 10",
+        "holds": "an encoded photograph",
+        "exposure": "1/60 s, f/5.6, ISO 200, compensated by -0.5 stops",
+        "white balance": "automatic",
+        "camera": "Canon 5D, EF50mm f/1.4",
+        "taken": "2026-11-21 12:30:00.25",
+        "codes": "0 to 255, mean 125.7",
+        "percentiles": "1 % 100 · 5 % 100 · 25 % 100 · 50 % 100 · 75 % 100 · 95 % 255 · 99 % 255 · 99.9 % 255",
+        "at 0": "R 0 % · G 0 % · B 0.5 %",
+        "at 255": "R 50 % · G 0 % · B 0 %",
+    }
+    write(tmp_path / "b.png", Photograph(pixels, settings=Settings(automatic_white=False, bias=1)))
+    lines = printed([str(tmp_path / "b.png")], capsys)
+    assert (lines["exposure"], lines["white balance"]) == ("the file tells none", "set by hand")
+
+
+def test_a_camera_raw_and_a_cube_are_told(shared: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = printed([str(shared / "data" / "formats" / "raw" / "colorchart.dng")], capsys)
+    assert (lines["format"], lines["black"], lines["white"]) == ("camera raw: Bayer RGGB", "2056", "15000")
+    assert lines["at white"] == "none" and lines["exposure"] == "the file tells none"
+    write_cube(tmp_path / "a.ktx2", [np.full((6, side, side, 3), 0.5, np.float32) for side in (4, 2, 1)])
+    lines = printed([str(tmp_path / "a.ktx2")], capsys)
+    assert lines["format"] == "KTX 2.0: half"
+    assert lines["size"] == "six faces of 4 × 4; 3 levels, down to 1 × 1"
+    assert lines["luminance"] == "0.5 to 0.5, mean 0.5" and "percentiles" not in lines
+
+
+def test_a_gain_map_is_told_without_its_light(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ramp = np.geomspace(0.1, 3, 64 * 64, dtype=np.float32).reshape(64, 64, 1)
+    with pytest.warns(UserWarning, match="a gain map keeps"):
+        write(tmp_path / "a.jpg", RadianceMap(np.repeat(ramp, 3, axis=-1)))
+    assert main(["info", str(tmp_path / "a.jpg")]) == 0
+    captured = capsys.readouterr()
+    told = next(line for line in captured.out.splitlines() if line.startswith("  gain map "))
+    assert re.fullmatch(r"  gain map +\d\.\d stops, .+", told) and captured.err == ""
 
 
 @pytest.mark.parametrize(
@@ -219,7 +269,8 @@ def test_options_become_the_reading_they_name() -> None:
         (0.012345, "0.0123"),
         (1, "1"),
         (254.6, "255"),
-        (12345.6, "12,300"),
+        (4095.9998, "4,096"),
+        (12345.6, "12,350"),
         (999_999, "1,000,000"),
         (1.234e6, "1.23e6"),
         (3.2e-11, "3.2e-11"),

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from corpus.catalogue import CORPORA
-from corpus.files import DESCRIBE, READ
+from corpus.files import READ
 from corpus.mutants import mutants
 from corpus.runner import Outcome, Reader
 
@@ -37,9 +37,8 @@ def main() -> None:
                 outcomes = [reader.read_path(path, READ, name=f"{path.parent.name}/{path.name}") for path in paths]
                 for outcome in outcomes:
                     told = outcome.error.removeprefix(outcome.path) or "; ".join(text for _, text in outcome.warnings)
-                    print(
-                        f"  {outcome.kind:8s} {outcome.file[:60]:60s} {1000 * outcome.seconds:6.0f} ms {outcome.growth / 2**20:5.0f} MiB  {told}"
-                    )
+                    cost = f"{1000 * outcome.seconds:6.0f} ms {outcome.growth / 2**20:5.0f} MiB"
+                    print(f"  {outcome.kind:8s} {outcome.file[:60]:60s} {cost}  {told}")
                 found += _row(name, outcomes)
                 continue
             corpus = CORPORA[name]()

@@ -7,9 +7,9 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from dng_files import write_dng
 
 from corpus.files import DESCRIBE, READ, READ_FACTS, READ_RAW, Bad, Corpus, Good, cut, integer, patched
+from dng_files import write_dng
 
 _SUFFIX = ".dng"
 _NAMES = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from corpus import camera_raw, exr, gain_map, jpeg, ktx2, png, portable, radiance, tiff
-from corpus.files import READ, READ_PHOTOGRAPH, Bad, Corpus
+from corpus.files import READ, READ_CUBE, READ_PHOTOGRAPH, READ_RADIANCE, Bad, Corpus
 
 CORPORA: Mapping[str, Callable[[], Corpus]] = {
     "Radiance": radiance.corpus,
@@ -24,7 +24,7 @@ CORPORA: Mapping[str, Callable[[], Corpus]] = {
 
 
 def bombs() -> list[tuple[Bad, str, str]]:
-    """Files of a few hundred bytes that claim gigabytes, of the sizes that once hurt others: (file, door, corpus)."""
+    """Small files that claim gigabytes: (file, door, corpus); the first six of the sizes that once hurt others."""
     wide = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 40000 +X 40000\n"
     portable_map = b"PF\n60000 60000\n-1.0\n".ljust(84, b"\0")
     return [
@@ -34,4 +34,8 @@ def bombs() -> list[tuple[Bad, str, str]]:
         (Bad("353 bytes of PNG", png.bomb(), ".png"), READ_PHOTOGRAPH, "PNG"),
         (Bad("464 bytes of EXR", exr.bomb(), ".exr"), READ, "EXR"),
         (Bad("735 bytes of JPEG", jpeg.bomb(), ".jpg"), READ_PHOTOGRAPH, "JPEG"),
+        (Bad("a float TIFF", tiff.float_bomb(), ".tif"), READ, "float TIFF"),
+        (Bad("a LogLuv TIFF", tiff.logluv_bomb(), ".tif"), READ, "LogLuv TIFF"),
+        (Bad("a gain map", gain_map.bomb(), ".jpg"), READ_RADIANCE, "gain map"),
+        (Bad("a cube", ktx2.bomb(), ".ktx2"), READ_CUBE, "KTX2"),
     ]

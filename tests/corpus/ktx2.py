@@ -95,3 +95,10 @@ def _bad() -> list[Bad]:
         Bad("no bytes", b"", _SUFFIX),
     ]
     return files + cut("half", good, _SUFFIX, (11, 12, 79, 81, 104, 200, -1, -200))
+
+
+def bomb() -> bytes:
+    """A cube that claims 16384 pixels a side, 12 GiB of halves, and says so of its level too."""
+    good, _ = _cube([8])
+    wrong = patched(good, 20, integer(2**14, "I") * 2)
+    return patched(wrong, 88, integer(48 * 2**28, "Q"))

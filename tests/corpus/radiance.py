@@ -41,7 +41,7 @@ def _values(codes: np.ndarray) -> np.ndarray:
 
 
 def _new_runs(codes: np.ndarray) -> bytes:
-    """Each scan line: 2, 2, its width, then its four channels apart in runs (128 + n, byte) and stretches (n, bytes)."""
+    """Each line: 2, 2, its width, then its four channels apart in runs (128 + n, byte) and stretches (n, bytes)."""
     out = bytearray()
     for line in codes:
         out += bytes([2, 2, len(line) >> 8, len(line) & 255])

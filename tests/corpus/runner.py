@@ -100,8 +100,8 @@ class Reader:
     folder : where files are put for it, and what it prints
     """
 
-    def __init__(self, folder: Path, *, patience: float = HANG) -> None:
-        self._folder, self._patience = folder, patience
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
         self._child: subprocess.Popen[bytes] | None = None
         self._warm: list[tuple[Good, str]] = []
         self.deaths = 0
@@ -120,21 +120,21 @@ class Reader:
         self._warm = [(file, door) for file in files for door in doors]
         return self._warmed()
 
-    def read(self, file: Good | Bad, door: str) -> Outcome:
-        """What a file does."""
+    def read(self, file: Good | Bad, door: str, *, patience: float = HANG) -> Outcome:
+        """What a file does; it hangs when it takes more than `patience` seconds by the clock."""
         path = self._folder / f"file{file.suffix}"
         path.write_bytes(file.data)
-        outcome = self.read_path(path, door, name=file.name)
+        outcome = self.read_path(path, door, name=file.name, patience=patience)
         path.unlink()
         return outcome
 
-    def read_path(self, path: Path, door: str, *, name: str = "") -> Outcome:
+    def read_path(self, path: Path, door: str, *, name: str = "", patience: float = HANG) -> Outcome:
         """What a file that is there already does."""
         name = name or path.name
         if self._child is None:
             self._start()
             self._warmed()
-        outcome = self._asked(path, door, name, self._patience)
+        outcome = self._asked(path, door, name, patience)
         if outcome.kind in ("died", "hung"):
             self.deaths += 1
             self._end()
@@ -199,7 +199,7 @@ class Reader:
 
     def _death(self) -> str:
         assert self._child is not None
-        code = self._child.wait(self._patience)
+        code = self._child.wait(HANG)
         return f"of {signal.Signals(-code).name}" if code < 0 else f"with exit code {code}"
 
     def _heard(self) -> str:

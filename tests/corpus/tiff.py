@@ -257,7 +257,7 @@ def _photograph_pixels(kind: type[np.unsignedinteger]) -> np.ndarray:
 
 
 def _photograph(pixels: np.ndarray, order: str = "<", *, compression: int = 1) -> Tiff:
-    stored = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder(order)).tobytes()
+    stored = np.ascontiguousarray(pixels, f"{order}u{pixels.itemsize}").tobytes()
     if compression == _DEFLATE:
         stored = zlib.compress(stored)
     if compression == _PACKBITS:
@@ -296,3 +296,15 @@ def bomb() -> bytes:
     del tags[PLANAR]
     data = Tiff(tags, (struct.pack("<I", 0),)).data()
     return data.ljust(134, b"\0")
+
+
+def float_bomb() -> bytes:
+    """A float TIFF that claims 16384 × 16384 pixels of three floats, 3 GiB, in one deflated strip of few bytes."""
+    tags = _tags(2**14, 2**14, 3, 32, sample_format=short(3, 3, 3), compression=short(_DEFLATE))
+    return Tiff(tags, (zlib.compress(bytes(2**16)),)).data()
+
+
+def logluv_bomb() -> bytes:
+    """A LogLuv TIFF that claims as much, in one strip of few bytes."""
+    tags = _tags(2**14, 2**14, 3, 16, photometric=short(_LOGLUV), compression=short(_SGILOG))
+    return Tiff(tags, (b"\xff\0" * 500,)).data()

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import warnings
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+
 from corpus.catalogue import CORPORA, bombs
-from corpus.files import DESCRIBE, READ, READ_PHOTOGRAPH, Bad, Corpus, Good
+from corpus.files import READ, READ_PHOTOGRAPH, Bad, Corpus, Good
 from corpus.mutants import mutants
 from corpus.runner import Outcome, Reader
-
 from relume.image import files
 from relume.image.files.ktx2 import read_cube
 from relume.image.photograph import Photograph
@@ -24,14 +25,16 @@ pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="memory is bounded and measured as Linux does it"
 )
 
-MUTANTS = int(os.environ.get("RELUME_MUTANTS", "500"))
-"""Of each format; 10,000 for a thorough run."""
+MUTANTS, MANY_MUTANTS = 500, 10_000
+"""Of each format: whenever the tests run, and in the thorough run."""
 NAMES = list(CORPORA)
+TRIAL = Bad("a trial", b"abc", ".bin")
 
 
 @pytest.fixture(scope="module")
-def corpora() -> dict[str, Corpus]:
-    return {name: make() for name, make in CORPORA.items()}
+def corpora() -> Callable[[str], Corpus]:
+    """The corpus of a name, made once."""
+    return cache(lambda name: CORPORA[name]())
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +64,7 @@ def complaints(outcomes: list[Outcome]) -> list[str]:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_good_files_hold_what_they_were_made_of(corpora, tmp_path, name):
-    for good in corpora[name].good:
+    for good in corpora(name).good:
         path = tmp_path / f"good{good.suffix}"
         path.write_bytes(good.data)
         with warnings.catch_warnings():
@@ -91,14 +94,14 @@ def assert_holds(good: Good, path: Path, name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_there_are_sixty_distinct_bad_files(corpora, name):
-    bad = corpora[name].bad
-    assert len({file.data for file in bad} - {file.data for file in corpora[name].good}) == len(bad) >= 60
+    bad = corpora(name).bad
+    assert len({file.data for file in bad} - {file.data for file in corpora(name).good}) == len(bad) >= 60
     assert len({file.name for file in bad}) == len(bad)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_bad_files_are_refused_in_one_line(corpora, reader, name):
-    corpus = corpora[name]
+    corpus = corpora(name)
     warmed(reader, corpus)
     outcomes, taken = [], []
     for bad in corpus.bad:
@@ -111,15 +114,24 @@ def test_bad_files_are_refused_in_one_line(corpora, reader, name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_mutants_do_no_harm(corpora, reader, name):
-    corpus = corpora[name]
+    assert_harmless(corpora(name), reader, MUTANTS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_ten_thousand_mutants_do_no_harm(corpora, reader, name):
+    assert_harmless(corpora(name), reader, MANY_MUTANTS)
+
+
+def assert_harmless(corpus: Corpus, reader: Reader, count: int) -> None:
     warmed(reader, corpus)
-    outcomes = [reader.read(bad, door) for bad, door in mutants(corpus, MUTANTS)]
-    assert len(outcomes) == MUTANTS
+    outcomes = [reader.read(bad, door) for bad, door in mutants(corpus, count)]
+    assert len(outcomes) == count
     assert complaints(outcomes) == []
 
 
 def test_mutants_are_the_same_each_time_and_not_all_refused_by_their_first_bytes(corpora):
-    for corpus in corpora.values():
+    for corpus in map(corpora, NAMES):
         twice = [[bad.data for bad, _ in mutants(corpus, 60)] for _ in range(2)]
         assert twice[0] == twice[1]
         good = {file.data[:4] for file in corpus.good}
@@ -130,7 +142,7 @@ def test_mutants_are_the_same_each_time_and_not_all_refused_by_their_first_bytes
 def test_bombs_are_refused_at_once_and_in_little_memory(corpora, reader):
     found = []
     for bad, door, name in bombs():
-        warmed(reader, corpora[name])
+        warmed(reader, corpora(name))
         outcomes = [reader.read(bad, door) for _ in range(5)]
         found += complaints(outcomes)
         assert all(outcome.is_refused for outcome in outcomes), bad.name
@@ -141,11 +153,21 @@ def test_bombs_are_refused_at_once_and_in_little_memory(corpora, reader):
     assert found == []
 
 
-def test_damaged_files_of_the_wild_are_refused_or_read_cleanly(shared, reader):
-    paths = sorted(path for path in (shared / "data" / "malformed").glob("*/*") if path.suffix != ".md")
-    assert len(paths) > 100
-    outcomes = [reader.read_path(path, door) for path in paths for door in (READ, DESCRIBE)]
+@pytest.mark.parametrize(("folder", "least"), [("malformed", 120), ("formats", 80)])
+def test_files_of_others_are_refused_or_read_cleanly(shared, corpora, reader, folder, least):
+    for name in ("Radiance", "PFM", "float TIFF", "LogLuv TIFF", "EXR", "JPEG"):
+        warmed(reader, corpora(name))
+    paths = [path for path in sorted((shared / "data" / folder).rglob("*")) if path.is_file() and path.suffix != ".md"]
+    assert len(paths) >= least
+    outcomes = [reader.read_path(path, READ) for path in paths]
     assert [fault for outcome in outcomes for fault in outcome.faults()] == []
+
+
+@pytest.fixture(scope="module")
+def trials(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
+    """Another child, whose readers misbehave."""
+    with Reader(tmp_path_factory.mktemp("trials")) as reader:
+        yield reader
 
 
 @pytest.mark.parametrize(
@@ -153,29 +175,43 @@ def test_damaged_files_of_the_wild_are_refused_or_read_cleanly(shared, reader):
     [
         ("dying", "died: of SIGSEGV"),
         ("leaving", "died: with exit code 0"),
-        ("hanging", "hung: no answer"),
-        ("raising", "raised: IndexError"),
+        ("hanging", "hung: no answer in 1 s"),
+        ("raising", "raised: IndexError: list index out of range"),
         ("grasping", "raised: MemoryError"),
         ("speaking", "more than one line"),
         ("anonymous", "does not begin with the file"),
-        ("printing", "printed 'libexample"),
+        ("printing", "printed 'libexample: bad file"),
         ("hoarding", "MiB of memory where 96 are allowed"),
-        ("dawdling", "refused after 2"),
-        ("warning_of_numbers", "a bare warning"),
+        ("warning_of_numbers", "a bare warning: 'overflow"),
+        ("warning_of_nothing", "warns, but not in a line about the file"),
     ],
 )
-def test_the_runner_notices(tmp_path, trial, fault):
-    with Reader(tmp_path, patience=3.0 if trial == "hanging" else 10.0) as reader:
-        outcome = reader.read(Bad("a trial", b"abc", ".bin"), f"corpus.doors:{trial}")
-        assert len(outcome.faults()) == 1 and fault in outcome.faults()[0]
-        after = reader.read(Bad("the next", b"abc", ".bin"), "corpus.doors:exact")
-        assert (after.faults(), after.is_refused, after.tells_where) == ([], True, True)
-        vague = reader.read(Bad("a vague one", b"abc", ".bin"), "corpus.doors:vague")
-        assert (vague.faults(), vague.tells_where) == ([], False)
-        assert "1 of 1 refusals tell no place" in complaints([vague])[0]
-        assert reader.deaths == (trial in ("dying", "leaving", "hanging"))
+def test_the_runner_notices(trials, trial, fault):
+    deaths = trials.deaths
+    outcome = trials.read(TRIAL, f"corpus.doors:{trial}", patience=1.0 if trial == "hanging" else 10.0)
+    assert len(outcome.faults()) == 1 and fault in outcome.faults()[0]
+    assert trials.deaths - deaths == (trial in ("dying", "leaving", "hanging"))
+    # And the next file is read as if nothing had been.
+    after = trials.read(TRIAL, "corpus.doors:exact")
+    assert (after.faults(), after.is_refused, after.tells_where) == ([], True, True)
+
+
+def test_the_runner_measures_time_and_memory(trials):
+    outcome = trials.read(TRIAL, "corpus.doors:dawdling")
+    assert outcome.faults() == [] and outcome.computed >= 0.2
+    assert "refused after 2.10 s" in replace(outcome, computed=2.1).faults()[0]
+    assert trials.read(TRIAL, "corpus.doors:hoarding").growth >= 190 * 2**20
+    # What one file took is not counted against the next.
+    assert trials.read(TRIAL, "corpus.doors:exact").growth < 2**20
+
+
+def test_refusals_that_tell_no_place_are_counted(trials):
+    vague, exact = (trials.read(TRIAL, f"corpus.doors:{door}") for door in ("vague", "exact"))
+    assert (vague.faults(), vague.tells_where) == ([], False)
+    assert "1 of 100 refusals" not in str(complaints([vague, *[exact] * 99]))
+    assert "1 of 99 refusals tell no place" in complaints([vague, *[exact] * 98])[0]
 
 
 def test_a_photograph_is_read_through_the_runner_too(corpora, reader):
-    outcome = reader.read(corpora["PNG"].good[0], READ_PHOTOGRAPH)
+    outcome = reader.read(corpora("PNG").good[0], READ_PHOTOGRAPH)
     assert (outcome.kind, outcome.decoded, outcome.faults()) == ("read", 4 * 3 * 16 * 8, [])

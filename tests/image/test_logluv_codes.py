@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from relume._kernel import in_threads
 from relume.image.files import logluv_codes, logluv_gamut
@@ -107,15 +108,10 @@ def test_the_gamut_is_that_of_the_visible_colours():
     cells = logluv_gamut.chromaticities()[: logluv_gamut.CODES]
     nearest = np.hypot(*(cells[:, None] - seen.T).reshape(-1, 2).T).reshape(len(cells), -1).min(axis=0)
     assert nearest.max() < logluv_gamut.CELL
-    # On every line of cells, no more than three of them lie on the far side of the locus or of the line of purples.
-    closed = np.append(seen, seen[:, :1], axis=1)
-    for start, count, v in zip(*logluv_gamut.lines()[:2], np.unique(cells[:, 1]), strict=True):
-        (a, b), (c, d) = closed[:, :-1], closed[:, 1:]
-        cut = (b <= v) != (d <= v)
-        if cut.sum() == 2:
-            left, right = sorted(a[cut] + (v - b[cut]) / (d[cut] - b[cut]) * (c[cut] - a[cut]))
-            assert left - start < 3 * logluv_gamut.CELL
-            assert start + count * logluv_gamut.CELL - right < 10 * logluv_gamut.CELL  # the purples run very flat
+    visible = ConvexHull(seen.T)
+    beyond = (cells @ visible.equations[:, :2].T + visible.equations[:, 2]).max(axis=1)
+    assert beyond.max() < 2.2 * logluv_gamut.CELL
+    assert 1 < len(cells) * logluv_gamut.CELL**2 / visible.volume < 1.03  # of two dimensions the "volume" is the area
 
 
 def test_a_colour_outside_the_cells_takes_the_nearest():

@@ -1,7 +1,9 @@
 """Portable float maps: every form of the header, bit for bit, and the places where programs disagree."""
 
+import errno
 import os
 import struct
+from io import FileIO
 from pathlib import Path
 
 import cv2
@@ -9,7 +11,7 @@ import numpy as np
 import pytest
 
 import relume.image.files as files
-from relume.errors import FormatError, UnreadableFile
+from relume.errors import FormatError, OutputNotWritten, UnreadableFile
 from relume.image.files import pfm
 from relume.image.files.encodings import PFM
 from relume.image.files.reading import Reading
@@ -183,6 +185,27 @@ def test_systems_that_write_less_than_asked_or_cannot_gather_lose_nothing(tmp_pa
     files.write(tmp_path / "map.pfm", RadianceMap(numbered))
     expected = numbered[::-1].astype("<f4").tobytes()
     assert (tmp_path / "map.pfm").read_bytes() == b"PF\n7 5\n-1.0\n" + expected
+
+
+def test_a_disk_that_takes_a_little_at_a_time_gets_all(tmp_path):
+    class Slow(FileIO):
+        def write(self, data, /) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
+            return super().write(data[:7])
+
+    with Slow(tmp_path / "data", "wb") as file:
+        pfm._write_all(file, memoryview(bytes(range(100))))
+    assert (tmp_path / "data").read_bytes() == bytes(range(100))
+
+
+def test_a_full_disk_leaves_the_old_file_and_says_so(tmp_path, numbered, monkeypatch):
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    (tmp_path / "map.pfm").write_bytes(b"old")
+    monkeypatch.setattr(os, "writev", full)
+    with pytest.raises(OutputNotWritten, match="No space left on device"):
+        files.write(tmp_path / "map.pfm", RadianceMap(numbered))
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"old"]
 
 
 def test_grey_of_a_coloured_map_is_refused_with_the_count(tmp_path):

@@ -69,7 +69,7 @@ def test_the_virtual_camera_tells_its_exposure_name_and_focal_length(shared):
         None,
     ],
 )
-@pytest.mark.parametrize("suffix", [".jpg", ".png"])
+@pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif"])
 def test_a_photograph_written_and_read_has_the_same_exposure(tmp_path, smooth, exposure, suffix):
     write(
         tmp_path / f"a{suffix}", Photograph(smooth, exposure=exposure, camera="Virtual curve_a", focal_length=1000.35)
@@ -167,7 +167,7 @@ SETTINGS = Settings(
 )
 
 
-@pytest.mark.parametrize("suffix", [".jpg", ".png"])
+@pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif"])
 @pytest.mark.parametrize("settings", [SETTINGS, Settings(), Settings(automatic_white=True, bias=0.0)])
 def test_a_photograph_written_and_read_has_the_same_settings(tmp_path, smooth, settings, suffix):
     write(tmp_path / f"a{suffix}", Photograph(smooth, settings=settings))
@@ -210,7 +210,7 @@ def test_the_settings_of_real_photographs(shared):
 
 def test_the_facts_of_a_photograph_are_those_read_with_its_pixels(tmp_path, smooth):
     photograph = Photograph(smooth, exposure=Exposure(0.25, 8.0, 100), camera="Virtual curve_a", settings=SETTINGS)
-    for name in ("a.jpg", "a.png"):
+    for name in ("a.jpg", "a.png", "a.tif"):
         write(tmp_path / name, photograph)
         facts, whole = read_facts(tmp_path / name), read_photograph(tmp_path / name)
         assert (facts.name, facts.size, facts.exposure) == (whole.name, whole.size, whole.exposure)
@@ -359,7 +359,7 @@ def test_an_altered_byte_in_a_png_is_refused_where_it_lies(tmp_path, smooth):
     data = bytearray(saved(tmp_path / "a.png", smooth).read_bytes())
     data[data.index(b"IDAT") + 20] ^= 1
     (tmp_path / "a.png").write_bytes(data)
-    with pytest.raises(UnreadableFile, match="damaged in its PNG chunk 'IDAT' at byte"):
+    with pytest.raises(UnreadableFile, match="damaged PNG, the chunk 'IDAT' at byte 33: expected the checksum"):
         read(tmp_path / "a.png")
 
 
@@ -372,19 +372,15 @@ def test_a_png_that_claims_an_absurd_size_is_refused_from_its_header(tmp_path, s
         read(tmp_path / "a.png")
 
 
-def test_floats_gain_maps_logluv_and_camera_raw_are_refused_by_name(shared):
+def test_radiance_and_camera_raw_are_refused_by_name(shared):
     data = shared / "data"
     for path, what in {
-        "formats/float_tiff/float32.tif": "a TIFF of float pixels",
-        "formats/gainmap_jpeg/sky.jpg": "gain map",
-        "formats/logluv_tiff/off_luv24.tif": "LogLuv",
-        "formats/logluv_tiff/off_luv32.tif": "LogLuv",
+        "formats/float_tiff/float32.tif": "a radiance map where a photograph is needed",
+        "formats/logluv_tiff/off_luv24.tif": "a radiance map where a photograph is needed",
         "malformed/raw_stubs/IMG_1361.dng": "camera raw",
     }.items():
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message=".*colour profile")
-            with pytest.raises(UnreadableFile, match=what):
-                read(data / path)
+        with pytest.raises(UnreadableFile, match=what):
+            read_photograph(data / path)
 
 
 def test_a_colour_profile_other_than_srgb_is_told(tmp_path, smooth):
@@ -418,7 +414,7 @@ def test_every_real_damaged_photograph_is_refused_in_one_line_or_read_whole(shar
 
 def test_a_full_disk_leaves_the_old_photograph_and_no_temporary_file(tmp_path, smooth):
     resource = pytest.importorskip("resource")
-    for name in ("a.jpg", "a.png"):
+    for name in ("a.jpg", "a.png", "a.tif"):
         write(tmp_path / name, Photograph(smooth))
         old = (tmp_path / name).read_bytes()
         limits = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -429,7 +425,7 @@ def test_a_full_disk_leaves_the_old_photograph_and_no_temporary_file(tmp_path, s
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
         assert (tmp_path / name).read_bytes() == old
-    assert sorted(os.listdir(tmp_path)) == ["a.jpg", "a.png"]
+    assert sorted(os.listdir(tmp_path)) == ["a.jpg", "a.png", "a.tif"]
 
 
 def test_describing_a_photograph_tells_exposure_camera_and_codes(tmp_path, smooth):

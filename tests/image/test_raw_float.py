@@ -237,6 +237,15 @@ def test_gzip_that_unpacks_to_less_than_it_claims_is_refused(tmp_path):
         files.read_radiance(tmp_path / "probe.float.gz")
 
 
+def test_gzip_cut_short_before_a_trailer_that_is_right_is_refused(tmp_path, square):
+    stored = zlib.compressobj(0, wbits=31)
+    data = stored.compress(square.astype("<f4").tobytes()) + stored.flush()
+    path = tmp_path / "probe.float.gz"
+    path.write_bytes(data[:100] + data[-4:])
+    with pytest.raises(FormatError, match="expected 192 bytes, found the end of the file"):
+        files.read_radiance(path)
+
+
 @pytest.mark.parametrize(
     ("damage", "message"),
     [

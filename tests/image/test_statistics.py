@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -101,6 +102,24 @@ def test_a_lone_pixel_is_told_beside_the_spot_and_does_not_hide_it():
     assert told.lone is not None and told.lone.luminance == pytest.approx(5000)
     plane[7, 9] = 5000 / 15
     assert statistics(grey(plane)).lone is None, "a lamp with a glow about it is no lone pixel"
+
+
+@pytest.mark.parametrize("step", [(0, 1), (1, -1), (1, 0), (1, 1)])
+def test_two_bright_pixels_side_by_side_are_a_lamp(step: tuple[int, int]):
+    plane = np.full((9, 9), 0.5)
+    plane[4, 4] = plane[4 + step[0], 4 + step[1]] = 100
+    told = statistics(grey(plane))
+    assert told.lone is None and told.spot is not None
+    assert told.spot.luminance == pytest.approx(100)
+
+
+def test_little_memory_is_needed_beside_the_map():
+    pixels = np.random.default_rng(5).lognormal(0, 1, (1500, 2000, 3)).astype(np.float32)
+    tracemalloc.start()
+    statistics_of(pixels)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < pixels.nbytes / 3 + 12 * 2**20  # a luminance of 4 bytes a pixel, and a band of rows
 
 
 def test_a_lone_pixel_in_the_dark_is_the_spot_itself():

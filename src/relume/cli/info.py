@@ -74,19 +74,23 @@ def with_directions(facts: dict[str, Any]) -> dict[str, Any]:
 
 
 def _direction(facts: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, Any] | None:
-    import numpy as np
-
-    from relume.sphere.mappings import LatLong, mapping_named
-    from relume.sphere.orientation import orientation_named
-
     told, (width, height) = facts["attributes"], facts["size"]
     if "mirror" in told or "face" in told or ("mapping" not in told and width != 2 * height):
         return None
+
+    import numpy as np
+
+    from relume.sphere.mappings import LatLong, mapping_named
+
     try:
         mapping = mapping_named(told["mapping"]) if "mapping" in told else LatLong()
         if mapping.shape(height) != (height, width):
             return None
-        view = orientation_named(told["orientation"]) if "orientation" in told else mapping
+        view = mapping
+        if "orientation" in told:
+            from relume.sphere.orientation import orientation_named
+
+            view = orientation_named(told["orientation"])
     except ValueError:  # of another program, or of another time
         return None
     x, y, z = view.directions(np.array([(place["x"] + 0.5) / width, (place["y"] + 0.5) / height]))

@@ -9,6 +9,7 @@ from typing import Any
 _FORMATS = {"EXR": "OpenEXR", "HDR": "Radiance", "RAW": "camera raw", "KTX2": "KTX 2.0"}
 _LARGEST_HALF = 65504
 _CAPTURE = ("exposure_time", "f_number", "iso", "camera_make", "camera", "lens", "focal_length", "taken")
+_UNTOLD = {"exposure": "the file tells none"}  # unless it does; without one no photograph can be merged
 _LONGEST = 100  # characters of an attribute that fit beside its name
 
 
@@ -22,14 +23,15 @@ def lines_of(facts: Mapping[str, Any], *, whole: bool = False) -> dict[str, str]
     name = _FORMATS.get(facts["format"], facts["format"])
     lines = {"format": f"{name}: {facts['subtype']}" if facts["subtype"] else name, "size": _size(facts)}
     if kind == "photograph":
-        lines |= {"holds": "an encoded photograph"} | _captured(_of_photograph(facts)) | _codes(facts)
+        lines |= {"holds": "an encoded photograph", **_UNTOLD} | _captured(_of_photograph(facts)) | _codes(facts)
     elif kind == "camera raw":
-        lines |= {"holds": "a sensor's own values, one a photosite"} | _captured(_of_photograph(facts)) | _sensor(facts)
+        lines |= {"holds": "a sensor's own values, one a photosite", **_UNTOLD}
+        lines |= _captured(_of_photograph(facts)) | _sensor(facts)
     else:
         if kind == "radiance map":
             lines |= {"holds": _meaning(facts)} | _captured(facts["attributes"])
         lines |= _light(facts) | _faults(facts)
-    others = {key: text for key, text in facts["attributes"].items() if key not in _CAPTURE}
+    others = {key: text for key, text in facts["attributes"].items() if key not in (*_CAPTURE, "primaries")}
     if others:
         lines["attributes"] = str(len(others))
         lines |= {f"  {_printable(key)}": _shortened(text, whole) for key, text in sorted(others.items())}
@@ -37,11 +39,11 @@ def lines_of(facts: Mapping[str, Any], *, whole: bool = False) -> dict[str, str]
 
 
 def number(value: float) -> str:
-    """A number of three digits as one writes it: 0.0123, 1,230, 1.23e8."""
+    """A number of three digits, or four above 1000, as one writes it: 0.0123, 4,096, 1.23e8."""
     if value == 0 or not 1e-4 <= abs(value) < 1e6:
         digits, _, power = f"{value:.3g}".partition("e")
         return f"{digits}e{int(power)}" if power else digits
-    return f"{float(f'{value:.3g}'):,.10g}"
+    return f"{float(f'{value:.3g}' if abs(value) < 1000 else f'{value:.4g}'):,.10g}"
 
 
 def _size(facts: Mapping[str, Any]) -> str:
@@ -85,10 +87,8 @@ def _captured(told: Mapping[str, str]) -> dict[str, str]:
     if "iso" in told:
         exposure.append(f"ISO {_plain(told['iso'])}")
     bias = _float(told.get("bias"))
-    if bias:
+    if bias and exposure:
         exposure.append(f"compensated by {bias:+.3g} stops")
-    if "automatic_white" in told:
-        exposure.append("automatic white balance" if told["automatic_white"] == "True" else "white balance set by hand")
     make, model = told.get("camera_make", ""), told.get("camera", "")
     camera = [model if model.lower().startswith(make.lower()) else f"{make} {model}".strip()]
     lens = told.get("lens", "")
@@ -98,6 +98,7 @@ def _captured(told: Mapping[str, str]) -> dict[str, str]:
     camera += [f"at {focal_length} mm"] * bool(focal_length and f"{focal_length}mm" not in lens.replace(" ", ""))
     lines = {
         "exposure": ", ".join(exposure),
+        "white balance": {"True": "automatic", "False": "set by hand"}.get(told.get("automatic_white", ""), ""),
         "camera": ", ".join(filter(None, camera)),
         "taken": _time(told.get("taken", "")),
     }
@@ -166,7 +167,7 @@ def _faults(facts: Mapping[str, Any]) -> dict[str, str]:
 
 def _codes(facts: Mapping[str, Any]) -> dict[str, str]:
     top = 255 if facts["dtype"] == "uint8" else 65535
-    lines = {} if facts["exposure"] else {"exposure": "the file tells none"}
+    lines = {}
     if facts["minimum"] is not None:
         lines["codes"] = f"{facts['minimum']} to {facts['maximum']}, mean {facts['mean']:.1f}"
         lines["percentiles"] = _percentiles(facts["percentiles"], str)
@@ -181,8 +182,7 @@ def _codes(facts: Mapping[str, Any]) -> dict[str, str]:
 
 def _sensor(facts: Mapping[str, Any]) -> dict[str, str]:
     black = sorted(set(facts["black"]))
-    lines = {} if facts["exposure"] else {"exposure": "the file tells none"}
-    return lines | {
+    return {
         "black": ", ".join(f"{level:g}" for level in black),
         "white": f"{facts['white']:g}",
         "balance": f"daylight R, G, B × {_gains(facts['daylight'])}"

@@ -86,7 +86,7 @@ class Statistics:
 
 
 def statistics(image: RadianceMap) -> Statistics:
-    """What the pixels of a radiance map hold, from few passes over it and a sort of its luminances (8 bytes a pixel).
+    """What the pixels of a radiance map hold, from few passes over it and a sort of its luminances (4 bytes a pixel).
 
     Raises ValueError for a map without pixels.
     """
@@ -120,8 +120,9 @@ def statistics_of(radiance: np.ndarray) -> Statistics:
             total_luminance += float(seen[rows].sum(dtype=np.float64))
     at_maximum = sum(np.count_nonzero((radiance[rows] == high).any(-1)) for rows in _bands(height, width))
     spot, lone = _spots(radiance, seen)
-    lit = np.sort(seen, axis=None)
-    lit = lit[np.searchsorted(lit, 0, side="right") :]
+    lit = seen.reshape(-1)
+    lit.sort()
+    lit = lit[np.searchsorted(lit, np.float32(0), side="right") :]
     return Statistics(
         minimum=low if finite_values else None,
         maximum=high if finite_values else None,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from dataclasses import asdict
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -45,26 +44,18 @@ def describe(path: str | os.PathLike[str], reading: Reading = Reading()) -> dict
         return _of_raw(path, files.read_raw(path, reading))
     if kind == "KTX2":
         return _of_cube(path)
-    image = (files.read_radiance if kind in MAPS else files.read_photograph)(path, reading)
-    subtype = _subtype(files._READERS[kind], path, reading)
-    if isinstance(image, Photograph):
-        return _of_photograph(path, kind, subtype, image, reading)
-    return _of_map(path, kind, subtype, image, reading)
+    if kind in MAPS:
+        return _of_map(path, kind, files.read_radiance(path, reading), reading)
+    return _of_photograph(path, kind, files.read_photograph(path, reading), reading)
 
 
-def _subtype(module: str, path: str | os.PathLike[str], reading: Reading) -> str:
-    return import_module(f"relume.image.files.{module}").subtype(path, reading)
-
-
-def _of_map(
-    path: str | os.PathLike[str], kind: str, subtype: str, image: RadianceMap, reading: Reading
-) -> dict[str, object]:
+def _of_map(path: str | os.PathLike[str], kind: str, image: RadianceMap, reading: Reading) -> dict[str, object]:
     parts = _parts(path, reading) if kind == "EXR" else []
     told = statistics(image)
     marks = {"saturated": SATURATED, "black": BLACK, "outside": OUTSIDE}
     clipped = image.clipped
     return {
-        **_file(path, kind, subtype, image.size),
+        **_file(path, kind, files.subtype(path, reading), image.size),
         "kind": "radiance map",
         "unit": image.unit,
         "primaries": "Rec. 709",
@@ -83,13 +74,14 @@ def _of_map(
     }
 
 
-def _of_photograph(
-    path: str | os.PathLike[str], kind: str, subtype: str, image: Photograph, reading: Reading
-) -> dict[str, object]:
+def _of_photograph(path: str | os.PathLike[str], kind: str, image: Photograph, reading: Reading) -> dict[str, object]:
+    from relume.image.files import photographs
+
     told = code_values(image)
-    has_gain_map = kind == "JPEG" and files.has_radiance(path)
+    # Of such a JPEG the library's own word on its variety is that of the gain map.
+    gain_map = files.subtype(path, reading) if kind == "JPEG" and files.has_radiance(path) else None
     return {
-        **_file(path, kind, subtype, image.size),
+        **_file(path, kind, photographs.subtype(path, reading), image.size),
         "kind": "photograph",
         "unit": "encoded",
         **_capture(image.exposure, image.camera, image.focal_length, image.settings),
@@ -105,7 +97,7 @@ def _of_photograph(
         "transparent": 0 if image.outside is None else int(np.count_nonzero(image.outside)),
         "nan": 0,
         "infinite": 0,
-        "gain_map": _subtype("gain_map", path, reading) if has_gain_map else None,
+        "gain_map": gain_map,
         "parts": [],
     }
 
@@ -148,7 +140,7 @@ def _of_cube(path: str | os.PathLike[str]) -> dict[str, object]:
         number = _NUMBERS_OF_KTX2[int.from_bytes(file.read(16)[12:], "little")]
     side = levels[0].shape[1]
     return {
-        **_file(path, "KTX2", f"cube of {number}s, {len(levels)} levels", (side, side)),
+        **_file(path, "KTX2", number, (side, side)),
         "kind": "cube",
         "unit": "relative",
         "attributes": {},

@@ -264,6 +264,8 @@ class _Cursor:
     def name(self, what: str) -> str:
         end = self.bytes.find(b"\0", self.place, self.place + _NAME + 1)
         if end < 0:
+            if len(self.bytes) - self.place <= _NAME and len(self.bytes) == self.file_size:
+                raise self.broken(self.place, what, "a zero after it", "the end of the file")
             self.take(_NAME + 1, what)
             raise self.broken(self.place - _NAME - 1, what, f"at most {_NAME} letters and a zero", "more")
         return self.take(end + 1 - self.place, what)[:-1].decode("utf-8", "replace")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 
-from relume.errors import UnreadableFile
+from relume.errors import FormatError, UnreadableFile
 from relume.image.files.reading import Reading, refuse_absurd_size
 from relume.image.files.signatures import MAPS, kind_of, one_line
 from relume.image.photograph import Exposure, Settings
@@ -49,7 +49,7 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Facts:
     try:
         width, height = exif.size(path, kind)
     except Exception as error:  # Pillow raises SyntaxError, struct.error, KeyError and others for damaged headers
-        raise UnreadableFile(f"{path}: damaged {kind}: {one_line(error)}; copy it again from where it came") from error
+        raise FormatError(path, kind, "its header", "a sound one", one_line(error)) from error
     refuse_absurd_size(path, width, height, reading)
     tags = exif.tags(path, kind)
     return Facts(

@@ -15,12 +15,12 @@ import numpy as np
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files.attributes import warn_of_losses
 from relume.image.files.encodings import FloatTIFF
-from relume.image.files.float_tiff_pixels import pieces, predicted
 from relume.image.files.orientation import UPRIGHT
 from relume.image.files.reading import Reading
 from relume.image.files.tiff_attributes import attributes_of, primaries_of, scale_of, tags_of
 from relume.image.files.tiff_folders import Folder, read_folders
 from relume.image.files.tiff_layout import LZW, NONE, OLD_ZIP, ORIENTATION, PACKBITS, ZIP, Layout, layout_of
+from relume.image.files.tiff_pixels import needs_own, pieces, predicted
 from relume.image.files.tiff_writing import Tags, write_tiff
 from relume.image.primaries import REC709, converted
 from relume.image.radiance import OUTSIDE, RadianceMap
@@ -124,9 +124,9 @@ def _judged(path: str | os.PathLike[str], reading: Reading) -> tuple[list[Folder
     if layout.sample_format != _FLOAT or layout.bits not in _BITS:
         what = f"{layout.bits} bits of sample format {layout.sample_format}"
         raise UnreadableFile(f"{path}: a TIFF of {what}; relume reads floats of 16, 24, 32 or 64: save it as those")
-    packed = (NONE, ZIP, OLD_ZIP) if layout.bits == 24 else (NONE, ZIP, OLD_ZIP, LZW, PACKBITS)
-    if layout.compression not in packed:
-        what = f"floats of {layout.bits} bits by {layout.packing}"
+    packings = (NONE, ZIP, OLD_ZIP) if needs_own(layout) else (NONE, ZIP, OLD_ZIP, LZW, PACKBITS)
+    if layout.compression not in packings:
+        what = f"{'tiles of ' if layout.tiled else ''}floats of {layout.bits} bits by {layout.packing}"
         raise UnreadableFile(f"{path}: packs {what}; relume reads uncompressed and ZIP: save it as those")
     allowed = (1,) if layout.compression in (NONE, PACKBITS) else (1, _PREDICTED)
     if layout.predictor not in allowed:

@@ -20,7 +20,7 @@ from relume.image.files.attributes import warn_of_losses
 from relume.image.files.encodings import GainMap
 from relume.image.files.gain_map_layout import Layout
 from relume.image.files.gain_map_xmp import SCALE, UNIT
-from relume.image.files.reading import Reading
+from relume.image.files.reading import Reading, refuse_absurd_amount, refuse_absurd_size
 from relume.image.files.signatures import one_line
 from relume.image.radiance import RadianceMap
 
@@ -58,19 +58,18 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Radiance
     with _opened(path) as file:
         layout = _layout(path, file, reading)
         headers = (layout.base, layout.map)
-        jpegs = (_bytes(file, layout.base, layout.base_end), _bytes(file, layout.map, layout.map_end))
+        ends = (layout.base_end, layout.map_end)
+        for header, end, what in zip(headers, ends, _PICTURES, strict=True):
+            _refuse_unusable(path, header, end - header.begin, f"its {what}", reading)
+        jpegs = [_bytes(file, header, end) for header, end in zip(headers, ends, strict=True)]
     own = _own(layout.packet, reading)
     # Only now: these load libraries, and a header that claims too much is refused before.
-    from relume.image.files import jpeg_decoding
-
-    for what, header, jpeg in zip(_PICTURES, headers, jpegs, strict=True):
-        jpeg_decoding.refuse_unusable(path, header, len(jpeg), reading, f"its {what}")
-    codes = [jpeg_decoding.decoded(path, *all3) for all3 in zip(jpegs, headers, _PICTURES, strict=True)]
-    del jpegs
-    from relume.image.files import exif, exif_attributes, gain_map_applying
+    from relume.image.files import exif, exif_attributes, gain_map_applying, jpeg_decoding
     from relume.image.files.orientation import UPRIGHT
     from relume.image.primaries import REC709
 
+    codes = [jpeg_decoding.decoded(path, *one) for one in zip(jpegs, headers, _PICTURES, strict=True)]
+    del jpegs
     given = gain_map_applying.pictures(
         path, codes[0], codes[1], layout.metadata, layout.base.profile, layout.map.profile
     )
@@ -90,6 +89,7 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Radiance
             f"{path}: its primaries are {given.gain_primaries.text} (x, y of R, G, B, white); converted to Rec. 709",
             stacklevel=4,
         )
+    del codes, given
     upright = UPRIGHT[exif.orientation_of(tags)](radiance)
     return RadianceMap(np.ascontiguousarray(upright), unit=unit, attributes=attributes)
 
@@ -129,6 +129,16 @@ def _layout(path: str | os.PathLike[str], file: BinaryIO, reading: Reading) -> L
             "does not read; export it with a base for ordinary displays"
         )
     return layout
+
+
+def _refuse_unusable(
+    path: str | os.PathLike[str], header: jpeg_segments.Header, stored: int, what: str, reading: Reading
+) -> None:
+    """Raise UnreadableFile where one of the JPEGs is too large, or neither grey nor of three channels."""
+    refuse_absurd_size(path, header.width, header.height, reading, where=what)
+    refuse_absurd_amount(path, header.width * header.height * 12, stored, reading)  # as three floats
+    if header.channels not in (1, 3):
+        raise UnreadableFile(f"{path}: {what} has {header.channels} channels, not 1 or 3; convert it to RGB")
 
 
 def _bytes(file: BinaryIO, header: jpeg_segments.Header, end: int) -> bytes:

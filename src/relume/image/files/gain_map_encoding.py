@@ -21,6 +21,7 @@ from relume._kernel import in_threads
 from relume.image.colour import encode_srgb
 from relume.image.files import (
     exif_attributes,
+    gain_map_applying,
     gain_map_layout,
     gain_map_metadata,
     gain_map_xmp,
@@ -270,7 +271,7 @@ def _stops(pixels: np.ndarray) -> float:
     """From the darkest light, but for one pixel of a hundred, to the brightest."""
     light = luminance(pixels)
     light = light[light > 0]
-    return float(np.log2(light.max() / np.percentile(light, 1))) if light.size else 0.0
+    return math.log2(light.max()) - math.log2(np.percentile(light, 1)) if light.size else 0.0
 
 
 def _fitting(attributes: Mapping[str, str]) -> dict[str, str]:

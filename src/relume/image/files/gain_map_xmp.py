@@ -117,5 +117,5 @@ def with_description(packet: bytes, element: str) -> bytes:
 
 
 def _decimal(value: float) -> str:
-    """Without an exponent, which some readers of XMP do not know."""
-    return f"{value:.10f}".rstrip("0").rstrip(".")
+    """Every digit of a fraction of 2³⁰, without an exponent, which some readers of XMP do not know."""
+    return f"{value:.30f}".rstrip("0").rstrip(".")

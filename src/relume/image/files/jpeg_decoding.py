@@ -16,20 +16,7 @@ import OpenImageIO as oiio
 
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files.jpeg_segments import Header, without_metadata
-from relume.image.files.reading import Reading, refuse_absurd_amount, refuse_absurd_size
 from relume.image.files.signatures import one_line
-
-
-def refuse_unusable(path: str | os.PathLike[str], header: Header, stored: int, reading: Reading, what: str) -> None:
-    """Raise UnreadableFile where a JPEG is too large, or neither grey nor of three channels.
-
-    stored : bytes of the JPEG
-    what : "its base picture", for the message
-    """
-    refuse_absurd_size(path, header.width, header.height, reading, where=what)
-    refuse_absurd_amount(path, header.width * header.height * 12, stored, reading)  # as three floats
-    if header.channels not in (1, 3):
-        raise UnreadableFile(f"{path}: {what} has {header.channels} channels, not 1 or 3; convert it to RGB")
 
 
 def decoded(path: str | os.PathLike[str], jpeg: bytes, header: Header, what: str) -> np.ndarray:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.errors import UnreadableFile
+from relume.errors import FormatError, UnreadableFile
 from relume.image.files import radiance_hdr
 from relume.image.files.atomic import replacing
 from relume.image.files.reading import refuse_absurd_size
@@ -80,7 +80,7 @@ def read_cube(path: str | os.PathLike[str]) -> list[np.ndarray]:
     if not data.startswith(_IDENTIFIER):
         raise UnreadableFile(f"{path}: no KTX 2.0 file; give a cube in a .ktx2, or convert it with `ktx create`")
     if len(data) < _HEADER.size:
-        raise _truncated(path)
+        raise FormatError(path, "KTX2", "its header", f"{_HEADER.size} bytes", str(len(data)))
     _, vk_format, _, width, height, depth, layers, faces, count, scheme, *_ = _HEADER.unpack_from(data)
     if scheme:
         raise UnreadableFile(
@@ -95,18 +95,20 @@ def read_cube(path: str | os.PathLike[str]) -> list[np.ndarray]:
         raise UnreadableFile(f"{path}: no cube map: {shown}; give one of 6 square faces")
     refuse_absurd_size(path, width, height)
     if count > width.bit_length():
-        raise UnreadableFile(f"{path}: its header claims {count} levels of {width} pixels; the file is damaged")
+        raise FormatError(path, "KTX2", "levelCount", f"at most {width.bit_length()} for {width} pixels", str(count))
     number, levels, seen_through = _NUMBERS[vk_format], [], 0
     for level in range(max(1, count)):
         entry = _HEADER.size + level * _LEVEL.size
         size = width >> level
         if entry + _LEVEL.size > len(data):
-            raise _truncated(path)
+            raise FormatError(path, "KTX2", f"the index of level {level}", "an entry", f"the end at byte {len(data)}")
         offset, length, _ = _LEVEL.unpack_from(data, entry)
         if length != 24 * size * size * number.itemsize:
-            raise UnreadableFile(f"{path}: its level {level} claims {length} bytes, not those of 6 faces; damaged")
+            expected = f"{24 * size * size * number.itemsize} bytes of 6 faces"
+            raise FormatError(path, "KTX2", f"level {level}", expected, f"{length} bytes")
         if offset + length > len(data):
-            raise _truncated(path)
+            expected = f"{length} bytes from byte {offset}"
+            raise FormatError(path, "KTX2", f"level {level}", expected, f"{len(data)} bytes of file")
         texels = np.frombuffer(data, number, 24 * size * size, offset).reshape(6, size, size, 4)
         seen_through += np.count_nonzero(texels[..., 3] != 1)
         levels.append(texels[..., :3].astype(np.float32))
@@ -170,7 +172,3 @@ def _keys(values: dict[str, str]) -> bytes:
     """Keys, which the format wants sorted, with values: each with its length before it, padded to 4 bytes."""
     pairs = [f"{key}\0{values[key]}\0".encode() for key in sorted(values)]
     return b"".join(struct.pack("<I", len(pair)) + pair + bytes(-len(pair) % 4) for pair in pairs)
-
-
-def _truncated(path: str | os.PathLike[str]) -> UnreadableFile:
-    return UnreadableFile(f"{path}: ends early; copy it again from where it came")

@@ -29,6 +29,7 @@ from relume.image.radiance import OUTSIDE, RadianceMap
 
 _SHORT, _LONG, _DOUBLE = 3, 4, 12
 _SAFE_SCALE = 1e15  # cd/m² of luminance 1, up to which no word is beyond float32
+_ROUNDING = 1 + 1e-9  # so that a maximum of a power of two is not taken for just less
 _STRIP = 2**18  # bytes of words in a strip: 64 KiB or less when packed, and enough strips for every core
 
 
@@ -158,8 +159,11 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: LogLuv = L
 def _fitting_scale(radiance: np.ndarray) -> float:
     """The power of two that divides the largest luminance to between 8 and 16, where 24 bits end."""
     weights = REC709.to_xyz()[1]
-    largest = max(float(np.max(row @ weights)) for row in radiance)
-    return 2.0 ** (math.frexp(largest)[1] - 4) if math.isfinite(largest) and largest > 0 else 1.0
+    with np.errstate(invalid="ignore"):  # what is not finite is refused later
+        largest = max(float(np.max(row @ weights)) for row in radiance)
+    if not (math.isfinite(largest) and largest > 0):
+        return 1.0
+    return 2.0 ** (math.frexp(largest * _ROUNDING)[1] - 4)
 
 
 def _words(path: str | os.PathLike[str], radiance: np.ndarray, bits: int, scale: float) -> np.ndarray:

@@ -7,7 +7,7 @@ import struct
 from dataclasses import dataclass
 from typing import BinaryIO
 
-from relume.errors import FormatError
+from relume.errors import FormatError, UnreadableFile
 from relume.image.files import png
 from relume.image.files.jpeg_segments import APP1, APP2, ISO_GAIN_MAP
 from relume.image.files.reading import Reading, refuse_absurd_amount, refuse_absurd_size
@@ -20,6 +20,7 @@ _ALONE = (0x01, *range(0xD0, 0xD9))  # markers without a length
 _MOST_STRAY = 2**12  # bytes between segments; more is no JPEG
 _SUBSAMPLED = {(1, 1): "4:4:4", (2, 1): "4:2:2", (2, 2): "4:2:0", (4, 1): "4:1:1", (1, 2): "4:4:0", (4, 2): "4:1:0"}
 _PHOTOMETRICS = {0: "grey, black and white exchanged", 1: "grey", 2: "RGB", 3: "palette", 5: "CMYK", 6: "YCbCr"}
+_UNREAD = (6, 34712, 34887, 34925, 50000, 50001)  # old JPEG, JPEG 2000, LERC, LZMA, ZSTD, WebP
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,8 @@ class Form:
     @property
     def text(self) -> str:
         """In a few words: "8 bits, YCbCr 4:2:0"."""
-        return ", ".join(filter(None, [f"{self.bits} bits", self.kind, self.packing]))
+        depth = "1 bit" if self.bits == 1 else f"{self.bits} bits"
+        return ", ".join(filter(None, [depth, self.kind, self.packing]))
 
 
 def form_of(path: str | os.PathLike[str], kind: str, reading: Reading) -> Form:
@@ -70,6 +72,8 @@ def form_of(path: str | os.PathLike[str], kind: str, reading: Reading) -> Form:
 def _tiff(path: str | os.PathLike[str], size: int, reading: Reading) -> Form:
     folders = read_folders(path, reading)
     layout = layout_of(path, folders[0], size, reading)
+    if layout.compression in _UNREAD:
+        raise UnreadableFile(f"{path}: packed by {layout.packing}, which relume does not read; save it with ZIP or LZW")
     kind = _PHOTOMETRICS.get(layout.photometric, f"photometric {layout.photometric}")
     packing = [layout.packing]
     if layout.tiled:

@@ -12,13 +12,15 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from relume.errors import UnreadableFile
+from relume.errors import FormatError, UnreadableFile
 from relume.image.files import png
 from relume.image.files.photograph_form import Form
 from relume.image.files.signatures import one_line
+from relume.image.files.tiff_folders import read_folders
+from relume.image.files.tiff_layout import NONE
+from relume.image.files.tiff_pixels import pieces
 
 _CUT_JPEG = "Premature end of JPEG file"
-_PIECE = 2**20
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,13 +112,20 @@ def _png(path: str | os.PathLike[str], form: Form) -> Salvaged | None:
 
 
 def _tiff(path: str | os.PathLike[str], form: Form) -> Salvaged | None:
-    assert form.layout is not None
-    rows = form.layout.rows_within(os.path.getsize(path))
+    layout = form.layout
+    assert layout is not None
+    rows = layout.rows_within(os.path.getsize(path))
     if rows == form.height:
         return None
-    if form.layout.tiled:
-        rows = rows // form.layout.block[1] * form.layout.block[1]
-    return Salvaged(_rows(path, _opened(path), 0, rows), form.height)
+    plain = layout.sample_format == 1 and layout.bits in (8, 16) and layout.photometric in (1, 2)
+    if plain and layout.compression == NONE:
+        pixels = np.empty((rows, form.width, form.channels), f"u{layout.bits // 8}")
+        for piece in pieces(path, read_folders(path)[0].order, layout, rows):
+            deep, wide, samples = piece.values.shape
+            target = pixels[piece.top : piece.top + deep, piece.left : piece.left + wide]
+            target[..., piece.first : piece.first + samples] = piece.values
+        return Salvaged(pixels, form.height)
+    return Salvaged(_rows(path, _opened(path), 0, rows // layout.block[1] * layout.block[1]), form.height)
 
 
 def _rows(path: str | os.PathLike[str], source: oiio.ImageInput, begin: int, end: int) -> np.ndarray:
@@ -134,7 +143,7 @@ def _rows(path: str | os.PathLike[str], source: oiio.ImageInput, begin: int, end
     finally:
         source.close()
     if read is None or complaint:
-        raise UnreadableFile(f"{path}: damaged: {complaint or 'no pixels'}; copy it again from where it came")
+        raise FormatError(path, "picture", f"rows {begin} to {end - 1}", "whole data", complaint or "none")
     return read.reshape(end - begin, spec.width, spec.nchannels)
 
 
@@ -143,7 +152,7 @@ def _opened(path: str | os.PathLike[str]) -> oiio.ImageInput:
     wanted.attribute("oiio:UnassociatedAlpha", 1)
     source = oiio.ImageInput.open(str(path), wanted)
     if source is None:
-        raise UnreadableFile(f"{path}: damaged: {one_line(oiio.geterror())}; copy it again from where it came")
+        raise FormatError(path, "picture", "its header", "a sound one", one_line(oiio.geterror()))
     return source
 
 

@@ -20,7 +20,7 @@ import numpy as np
 import OpenImageIO as oiio
 from PIL import Image, ImageCms
 
-from relume.errors import UnreadableFile
+from relume.errors import FormatError, UnreadableFile
 from relume.image.files import exif, png
 from relume.image.files.atomic import replacing
 from relume.image.files.jpeg_decoding import decoded
@@ -134,7 +134,7 @@ def _decoded(
     wanted.attribute("oiio:UnassociatedAlpha", 1)  # else colours come multiplied by alpha
     source = oiio.ImageInput.open(str(path), wanted)
     if source is None:
-        raise UnreadableFile(f"{path}: damaged {kind}: {one_line(oiio.geterror())}; copy it again from where it came")
+        raise FormatError(path, kind, "its header", "a sound one", one_line(oiio.geterror()))
     try:
         spec = source.spec()
         if kind == "JPEG" and spec.format == oiio.HALF:  # its library found a gain map where we saw none
@@ -142,15 +142,15 @@ def _decoded(
             return _base_of_gain_map(path, reading), None
         _refuse_unusable(path, kind, spec)
         if (spec.width, spec.height) != (form.width, form.height):
-            found = f"{spec.width} x {spec.height} pixels in place of {form.width} x {form.height}"
-            raise UnreadableFile(f"{path}: damaged {kind}: {found}; copy it again from where it came")
+            expected = f"{form.width} x {form.height} pixels"
+            raise FormatError(path, kind, "its header", expected, f"{spec.width} x {spec.height}")
         pixels = source.read_image(0, 0, 0, spec.nchannels, spec.format)
         complaint = one_line(source.geterror())
     finally:
         source.close()
     if pixels is None or (complaint and not _HARMLESS.search(complaint)):
-        reason = complaint.replace(f' ("{path}")', "") or "it holds no pixels"
-        raise UnreadableFile(f"{path}: damaged {kind}: {reason}; copy it again from where it came")
+        reason = complaint.replace(f' ("{path}")', "") or "none"
+        raise FormatError(path, kind, "its pixels", "whole data", reason)
     if complaint:
         _refuse_truncated(path, kind)
         warnings.warn(f"{path}: has stray bytes among its headers; look whether the picture is whole", stacklevel=5)
@@ -215,7 +215,7 @@ def _refuse_truncated(path: str | os.PathLike[str], kind: str) -> None:
         with open(path, "rb") as file, Image.open(file, formats=[kind]) as image:
             image.load()
     except (OSError, SyntaxError, Image.DecompressionBombError) as error:
-        raise UnreadableFile(f"{path}: damaged {kind}: {one_line(error)}; copy it again from where it came") from error
+        raise FormatError(path, kind, "its pixels", "whole data", one_line(error)) from error
 
 
 def _transparent(path: str | os.PathLike[str], alpha: np.ndarray) -> np.ndarray | None:

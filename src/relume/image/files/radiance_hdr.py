@@ -148,15 +148,14 @@ def _to_rec709(header: Header) -> np.ndarray | None:
 def _refuse_overflow(
     path: str | os.PathLike[str], radiance: np.ndarray, header: Header, matrix: np.ndarray | None
 ) -> None:
-    """Raise FormatError where exposures divide values beyond float32; few files have any that come near."""
+    """Raise FormatError where exposures or primaries take values beyond float32; few files have any that come near."""
     gain = 1.0 if matrix is None else float(np.abs(matrix).sum(1).max())
     if gain * 2.0**127 / header.scale.min() < np.finfo(np.float32).max:
         return
     beyond = np.count_nonzero(~np.isfinite(radiance))
     if beyond:
-        raise FormatError(
-            path, FORMAT, "EXPOSURE lines", "radiance within float32", f"{beyond} values beyond", "mend the lines"
-        )
+        where = "its pixels, without exposure and in Rec. 709"
+        raise FormatError(path, FORMAT, where, "values within float32", f"{beyond} beyond", "mend its EXPOSURE lines")
 
 
 def _cannot_hold(unfit: int, pixels: int, *, xyz: bool) -> str:

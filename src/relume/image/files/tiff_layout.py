@@ -159,9 +159,9 @@ def _refuse_senseless(path: str | os.PathLike[str], layout: Layout, size: int, r
     block = layout.block[0] * layout.block[1] * (1 if layout.planar else layout.samples) * layout.bits // 8
     refuse_absurd_amount(path, block, size, reading)
     most = _MOST.get(layout.compression, 0)
-    stored = sum(min(length, size) for length in layout.lengths)
+    stored = sum(layout.lengths)
     least = layout.width * layout.height * layout.samples * layout.bits // 8
-    if most and min(stored, len(layout.lengths) * size) * most < least:
+    if most and stored * most < least:
         expected = f"{kind} that hold {least} bytes of pixels"
         raise FormatError(path, "TIFF", _FRAME, expected, f"{stored} bytes, {layout.packing}")
 

@@ -1,7 +1,8 @@
-"""The samples of a TIFF of floats, piece by piece: through OpenImageIO, or unpacked here where it does not know them.
+"""The samples of a TIFF, piece by piece: through OpenImageIO, or unpacked here where it does not know them.
 
-OpenImageIO takes floats of 24 bits for something else; what is not packed needs no decoder, and is read here as far as
-a file that ends early goes. Format: Adobe Photoshop TIFF technical note 3.
+OpenImageIO 3.2 takes floats of 24 bits for something else and makes noise of packed tiles of doubles; what is not
+packed needs no decoder, and is read here as far as a file that ends early goes. Format: Adobe Photoshop TIFF technical
+note 3.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ class Piece:
     """Some samples of a picture.
 
     top, left, first : the row, column and sample of the first of them
-    values : (rows, columns, samples) floats of 16, 32 or 64 bits
+    values : (rows, columns, samples) floats of 16, 32 or 64 bits, or whole numbers of 8 or 16
     """
 
     top: int
@@ -41,9 +42,14 @@ def pieces(path: str | os.PathLike[str], order: str, layout: Layout, rows: int) 
 
     order : "<" or ">", the byte order of the file
     """
-    if layout.compression == NONE or layout.bits == 24:
+    if layout.compression == NONE or needs_own(layout):
         return _own(path, order, layout, rows)
     return _foreign(path, layout, rows)
+
+
+def needs_own(layout: Layout) -> bool:
+    """Whether OpenImageIO would get it wrong, so that only what is unpacked here is read: uncompressed and ZIP."""
+    return layout.bits == 24 or (layout.bits == 64 and layout.tiled)
 
 
 def predicted(pixels: np.ndarray) -> bytes:
@@ -150,13 +156,14 @@ class _Unpacked:
 
 
 def _values(stored: bytes, order: str, layout: Layout, wide: int, samples: int) -> np.ndarray:
-    """(rows, wide, samples) floats of whole rows of a strip or tile."""
+    """(rows, wide, samples) numbers of whole rows of a strip or tile."""
     each = layout.bits // 8
     values = np.frombuffer(stored, np.uint8).reshape(-1, wide * samples * each)
     if layout.predictor == _PREDICTED:
         values, order = _unpredicted(values, samples, each), ">"
     if each != 3:
-        return values.view(f"{order}f{each}").reshape(-1, wide, samples)
+        letter = "f" if layout.sample_format == 3 else "u"
+        return values.view(f"{order}{letter}{each}").reshape(-1, wide, samples)
     weighed = values.reshape(-1, wide, samples, 3).astype(np.uint32)
     high, low = (0, 2) if order == ">" else (2, 0)
     return _floats_of_24_bits(weighed[..., high] << 16 | weighed[..., 1] << 8 | weighed[..., low])

@@ -1,0 +1,131 @@
+"""What an EXR tells beside its pixels, typed where other programs look for it."""
+
+import struct
+
+import numpy as np
+import OpenEXR
+import OpenImageIO as oiio
+import pytest
+
+from exr_files import attribute, scan_lines
+from relume.image.files import read_radiance, write
+from relume.image.files.exr_attributes import attributes_of, header_of
+from relume.image.radiance import RadianceMap
+
+SHOT = {
+    "exposure_time": "0.008",
+    "f_number": "5.6",
+    "iso": "100",
+    "focal_length": "50",
+    "pixel_aspect": "1.5",
+    "latitude": "48.85",
+    "longitude": "-122.4",
+    "camera": "Canon EOS-1D",
+    "camera_make": "Canon",
+    "serial": "0042",
+    "lens": "EF 50mm",
+    "taken": "1997:06:23 12:00:00",
+    "owner": "somebody ©",
+    "comments": "Grace Cathedral",
+}
+FOREIGN = {
+    "expTime": 0.008,
+    "aperture": 5.6,
+    "isoSpeed": 100.0,
+    "nominalFocalLength": 50.0,
+    "pixelAspectRatio": 1.5,
+    "latitude": 48.85,
+    "longitude": -122.4,
+    "cameraModel": "Canon EOS-1D",
+    "cameraMake": "Canon",
+    "cameraSerialNumber": "0042",
+    "lensModel": "EF 50mm",
+    "capDate": "1997:06:23 12:00:00",
+    "owner": "somebody ©",
+    "comments": "Grace Cathedral",
+}
+
+
+def by_hand(path, *attributes):
+    path.write_bytes(scan_lines(2, 2, [("Y", np.ones((2, 2), np.float32), 1)], *attributes))
+    return path
+
+
+def test_standard_attributes_are_written_typed_and_come_back_as_texts(tmp_path, numbered):
+    write(tmp_path / "a.exr", RadianceMap(numbered, attributes={**SHOT, "mapping": "latlong"}))
+    header = OpenEXR.File(str(tmp_path / "a.exr"), header_only=True).header()
+    for name, value in FOREIGN.items():
+        assert header[name] == (pytest.approx(value, rel=1e-7) if isinstance(value, float) else value), name
+    assert [name for name in header if name.startswith("relume:")] == ["relume:mapping"]
+    assert read_radiance(tmp_path / "a.exr").attributes == {**SHOT, "mapping": "latlong"}
+
+
+def test_another_program_finds_them(tmp_path, numbered):
+    write(tmp_path / "a.exr", RadianceMap(numbered, attributes=SHOT))
+    file = oiio.ImageInput.open(str(tmp_path / "a.exr"))
+    assert file is not None
+    spec = file.spec()
+    assert spec["ExposureTime"] == pytest.approx(0.008)
+    assert spec["FNumber"] == pytest.approx(5.6)
+    assert (spec["Copyright"], spec["DateTime"]) == ("somebody ©", "1997:06:23 12:00:00")
+    assert spec["PixelAspectRatio"] == 1.5
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("exposure_time", "1/125 s"),
+        ("exposure_time", "nan"),
+        ("exposure_time", "1e39"),
+        ("latitude", "48.858370123456"),
+        ("iso", "0100"),
+    ],
+)
+def test_what_a_type_cannot_hold_to_the_last_digit_comes_back_as_it_was(tmp_path, numbered, name, text):
+    write(tmp_path / "a.exr", RadianceMap(numbered, attributes={name: text}))
+    assert read_radiance(tmp_path / "a.exr").attributes == {name: text}
+    header = OpenEXR.File(str(tmp_path / "a.exr"), header_only=True).header()
+    assert header[f"relume:{name}"] == text
+
+
+def test_numbers_are_told_with_the_digits_that_they_have():
+    assert header_of({"exposure_time": "0.008"}) == {"expTime": 0.008}
+    assert attributes_of({"expTime": 0.00800000037997961, "isoSpeed": 200, "aperture": np.array([2.8])}) == {
+        "exposure_time": "0.008",
+        "iso": "200",
+        "f_number": "2.8",
+    }
+
+
+def test_square_pixels_are_not_told_and_views_and_matrices_not_kept():
+    header = {"pixelAspectRatio": 1.0, "view": "left", "type": "scanlineimage", "a": np.eye(3), "b": (1, 2), "c": "d"}
+    assert attributes_of(header) == {"c": "d"}
+
+
+def test_a_text_that_is_not_utf_8_is_read_as_latin_1(tmp_path):
+    path = by_hand(tmp_path / "a.exr", attribute("owner", "string", "© me".encode("latin-1")))
+    image = read_radiance(path)
+    assert image.attributes == {"owner": "© me"}
+    assert image.radiance.tolist() == [[[1, 1, 1]] * 2] * 2
+
+
+def test_strings_of_others_come_by_their_own_names_and_stay(tmp_path):
+    path = by_hand(tmp_path / "a.exr", attribute("FILE_NAME", "string", b"a.hdr"), attribute("owner", "string", b"me"))
+    image = read_radiance(path)
+    assert image.attributes == {"FILE_NAME": "a.hdr", "owner": "me"}
+    write(tmp_path / "b.exr", image)
+    header = OpenEXR.File(str(tmp_path / "b.exr"), header_only=True).header()
+    assert (header["owner"], header["relume:FILE_NAME"]) == ("me", "a.hdr")
+    assert read_radiance(tmp_path / "b.exr").attributes == image.attributes
+
+
+def test_latitude_and_comments_of_a_real_file_are_kept(shared):
+    with pytest.warns(UserWarning, match="holds the views left, right; left is read"):
+        image = read_radiance(shared / "data/formats/openexr/multiview/Fog.exr")
+    assert image.attributes["comments"] == "Fog in the Presidio of San Francisco"
+    assert float(image.attributes["latitude"]) == pytest.approx(37.797344, abs=1e-6)
+
+
+def test_numbers_that_are_none_are_left_out(tmp_path):
+    path = by_hand(tmp_path / "a.exr", attribute("expTime", "float", struct.pack("<f", np.nan)))
+    assert read_radiance(path).attributes == {}

@@ -1,0 +1,179 @@
+"""What an EXR header may claim: every claim is judged before anything is allocated, and refused with its place."""
+
+import os
+import re
+import struct
+
+import numpy as np
+import pytest
+
+from exr_files import FLOAT, HALF, attribute, header, scan_lines, window
+from relume.errors import FormatError, UnreadableFile
+from relume.image.files import Reading, read_radiance
+from relume.image.files.exr import subtype
+from relume.image.files.exr_header import COMPRESSIONS, read_headers
+
+GREY = [("Y", HALF, 1)]
+
+
+def saved(path, data):
+    path.write_bytes(data)
+    return path
+
+
+def test_the_file_that_is_written_by_hand_is_read(tmp_path):
+    pixels = np.arange(12, dtype=np.float32).reshape(3, 4)
+    image = read_radiance(saved(tmp_path / "a.exr", scan_lines(4, 3, [("Y", pixels, 1)])))
+    np.testing.assert_array_equal(image.radiance[..., 2], pixels)
+
+
+def test_windows_channels_and_texts_are_told(tmp_path):
+    path = saved(
+        tmp_path / "a.exr", header(5, 4, [("R", HALF, 1), ("Z", FLOAT, 2)], attribute("owner", "string", b"me"))
+    )
+    (part,) = read_headers(path).parts
+    assert [(c.name, c.kind, c.x_sampling, c.y_sampling) for c in part.channels] == [
+        ("R", "half", 1, 1),
+        ("Z", "float", 2, 2),
+    ]
+    assert (part.data, part.display, part.size, part.deep) == ((0, 0, 4, 3), (0, 0, 4, 3), (5, 4), False)
+    assert (part.compression.name, part.texts["owner"]) == ("uncompressed", "me")
+    assert read_headers(path).end == path.stat().st_size
+
+
+@pytest.mark.parametrize(
+    ("data", "complaint"),
+    [
+        (b"\x76\x2f\x31\x01", "byte 0, magic number and version: expected 8 bytes"),
+        (b"\x76\x2f\x31\x01\x03\0\0\0" + bytes(300), "byte 4, version: expected 2 with known flags, found 3"),
+        (b"\x76\x2f\x31\x01\x02\0\x10\0" + bytes(300), "byte 4, version: .*found 2 with flags 0x1000"),
+        (b"\x76\x2f\x31\x01\x02\0\0\0\0", 'byte 8, header of part 0: expected the attribute "channels", found none'),
+        (b"\x76\x2f\x31\x01\x02\x10\0\0\0", "byte 8, header: expected at least one part"),
+        (b"\x76\x2f\x31\x01\x02\0\0\0" + b"x" * 400, "byte 8, name of an attribute: expected at most 255 letters"),
+        (
+            header(4, 4, GREY)[:60],
+            'byte 59, type of the attribute "compression": expected a zero after it, found the end of the',
+        ),
+        (header(4, 4, []), 'byte 28, "channels": expected at least one channel, found none'),
+        (header(4, 4, [("Y", 3, 1)]), 'channel "Y": expected type 0, 1 or 2'),
+        (
+            header(4, 4, [("Y", HALF, 0)]),
+            'channel "Y": expected type 0, 1 or 2 and samplings above 0, found 1 and 0 x 0',
+        ),
+        (header(4, 4, GREY, compression=14), '"compression": expected a number below 14, found 14'),
+        (header(0, 4, GREY), r'"dataWindow": expected a window .*found \(0, 0\) to \(-1, 3\)'),
+        (header(4, 2**31, GREY), r'"dataWindow": expected a window'),
+        (header(4, 4, GREY, attribute("chromaticities", "x\ny", b""))[:-1], "end of the file"),
+    ],
+)
+def test_a_broken_header_is_refused_with_its_place(tmp_path, data, complaint):
+    path = saved(tmp_path / "a.exr", data)
+    with pytest.raises(FormatError, match=complaint) as raised:
+        read_radiance(path)
+    assert "\n" not in str(raised.value)
+    assert re.search(r"byte \d+, ", raised.value.where)
+    with pytest.raises(FormatError):
+        subtype(path)
+
+
+def test_an_attribute_larger_than_the_file_is_refused_where_it_claims_so(tmp_path):
+    data = bytearray(header(4, 4, GREY))
+    place = data.index(b"chlist\0") + 7
+    data[place : place + 4] = struct.pack("<i", 2**30)
+    with pytest.raises(FormatError, match=rf'byte {place}, size of "channels": expected at most \d+, found 1073741824'):
+        read_radiance(saved(tmp_path / "a.exr", bytes(data)))
+
+
+def test_a_name_with_line_breaks_does_not_break_the_line(tmp_path):
+    data = b"\x76\x2f\x31\x01\x02\0\0\0" + b"a\nb\0string\0" + struct.pack("<i", -1)
+    with pytest.raises(FormatError, match=r"a\\\\?nb") as raised:
+        read_radiance(saved(tmp_path / "a.exr", data))
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("size", "compression", "limits", "complaint"),
+    [
+        ((2**17, 1), 3, {}, "its data window claims 131072 x 1 pixels"),
+        ((2**15, 2**15), 3, {}, "its data window claims 32768 x 32768 pixels"),
+        ((1000, 1000), 3, {"side": 999}, "claims 1000 x 1000 pixels; relume reads sides up to 999"),
+        ((1000, 1000), 3, {"pixels": 999_999}, "and 999999 pixels in all"),
+        ((1000, 1000), 3, {"decoded": 1_999_999}, "claims 2000000 bytes of pixels"),
+        ((2**14, 2**13), 1, {}, r"claims 268435456 bytes of pixels, which \d+ bytes of file cannot hold"),
+        ((4, 4), 3, {"metadata": 100}, "a header beyond 100 bytes at its"),
+    ],
+)
+def test_a_claim_beyond_the_limits_is_refused(tmp_path, size, compression, limits, complaint):
+    path = saved(tmp_path / "a.exr", header(size[0], size[1], GREY, compression=compression))
+    with pytest.raises(UnreadableFile, match=complaint):
+        read_radiance(path, Reading(**limits))
+
+
+def test_more_channels_or_parts_than_allowed_are_refused(tmp_path):
+    many = [(f"c{i}", HALF, 1) for i in range(65)]
+    with pytest.raises(UnreadableFile, match="more than 64 channels in a part"):
+        read_radiance(saved(tmp_path / "a.exr", header(4, 4, many)))
+    part = header(4, 4, GREY, attribute("type", "string", b"scanlineimage"))[8:]
+    parts = b"\x76\x2f\x31\x01\x02\x10\0\0" + part * 3 + b"\0"
+    with pytest.raises(UnreadableFile, match="more than 2 parts"):
+        read_radiance(saved(tmp_path / "b.exr", parts), Reading(parts=2))
+
+
+def test_an_even_picture_may_pack_beyond_the_ratio_in_piz_but_not_in_rle(tmp_path):
+    """65,536 × 1,024 halves are 128 MiB; the file has a table and no more, so that what is refused tells the order."""
+    for code, complaint in ((1, "cannot hold"), (4, "row 0: expected 32 chunks")):
+        head = header(2**16, 1024, GREY, compression=code)
+        table = struct.pack("<Q", 0) * -(-1024 // COMPRESSIONS[code].rows)
+        with pytest.raises(UnreadableFile, match=complaint):
+            read_radiance(saved(tmp_path / "a.exr", head + table))
+
+
+def test_a_bomb_of_a_few_hundred_bytes_is_refused_from_its_table(tmp_path):
+    """Tiles of one pixel: 2²⁸ chunks, whose table alone would take 2 GiB."""
+    tiles = attribute("tiles", "tiledesc", struct.pack("<IIB", 1, 1, 0))
+    data = bytearray(header(2**14, 2**14, GREY, tiles, compression=3))
+    data[5] = 2
+    path = saved(tmp_path / "a.exr", bytes(data).ljust(464, b"\0"))
+    with pytest.raises(FormatError, match=r"table of offsets: expected 2147483648 bytes, found \d+ to the end"):
+        read_radiance(path)
+
+
+def test_a_window_of_other_sides_is_refused_for_display_too(tmp_path):
+    data = header(4, 4, GREY).replace(window("displayWindow", 4, 4), window("displayWindow", 2**17, 4))
+    with pytest.raises(UnreadableFile, match="its display window claims 131072 x 4"):
+        read_radiance(saved(tmp_path / "a.exr", data))
+
+
+@pytest.mark.parametrize(
+    ("file", "told"),
+    [
+        ("exrs_f32/dwab.exr", "float, DWAB"),
+        ("envmaps/StageEnvCube.exr", "half, ZIP, tiled 64 × 64, MIP-mapped"),
+        ("chromaticities/XYZ_YC.exr", "half, PIZ, luminance/chroma"),
+        ("deep/Trunks.exr", "float and half, ZIPS, deep"),
+        ("multipart/multipart.0006.exr", "half, ZIPS, 10 parts"),
+        ("compression/v1.7.test.tiled.exr", "float and half, uncompressed, tiled 12 × 24"),
+    ],
+)
+def test_the_subtype_of_real_files_is_told(shared, file, told):
+    assert subtype(shared / "data/formats/openexr" / file) == told
+
+
+def test_real_damaged_files_are_refused_with_a_place(shared):
+    """All but those that are no EXR at all name a byte, a row or a tile."""
+    placed = 0
+    for file in sorted((shared / "data/malformed/openexr_damaged").glob("*.exr")):
+        try:
+            read_radiance(file)
+        except FormatError as error:
+            assert re.match(r"(byte \d|bytes \d|part \d|row -?\d|tile \d)", error.where), error
+            placed += 1
+        except UnreadableFile as error:
+            assert re.search("no picture relume reads|relume reads sides", str(error)), error
+    assert placed >= 75
+
+
+def test_a_file_that_went_away_is_told(tmp_path):
+    with pytest.raises(UnreadableFile, match=r"a\.exr: cannot be opened"):
+        read_headers(tmp_path / "a.exr")
+    assert os.listdir(tmp_path) == []

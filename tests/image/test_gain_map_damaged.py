@@ -1,0 +1,192 @@
+"""Gain-map JPEGs that are damaged, or made to do harm: each is refused in one line, at once and without memory."""
+
+import io
+import struct
+import tracemalloc
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from relume.errors import FormatError, UnreadableFile
+from relume.image.files import gain_map, gain_map_encoding, jpeg_segments
+from relume.image.files.encodings import GainMap
+from relume.image.files.reading import Reading
+from relume.image.radiance import RadianceMap
+
+
+@pytest.fixture(scope="module")
+def whole() -> bytes:
+    y, x = np.mgrid[:48, :64].astype(np.float32)
+    pixels = np.stack([2 ** (x / 16), 2 ** (y / 12), 1 + 0 * x], -1)
+    return gain_map_encoding.encoded("a.jpg", RadianceMap(pixels, attributes={"a": "b"}), GainMap()).file
+
+
+def map_at(data: bytes) -> int:
+    return data.index(b"\xff\xd8\xff", 2)
+
+
+def refused(path: Path, data: bytes, reading: Reading = Reading()) -> str:
+    """The one line that refuses it."""
+    path.write_bytes(data)
+    with pytest.raises(UnreadableFile) as caught:
+        gain_map.read(path, reading)
+    line = str(caught.value)
+    assert line.startswith(f"{path}: ")
+    assert "\n" not in line
+    assert isinstance(gain_map.is_present(path), bool)
+    return line.removeprefix(f"{path}: ")
+
+
+def test_a_file_that_ends_early_is_refused_wherever_it_ends(tmp_path: Path, whole: bytes) -> None:
+    for end in (*range(0, 64, 7), *range(64, len(whole), 523), len(whole) - 2, len(whole) - 1):
+        assert "damaged" in refused(tmp_path / "a.jpg", whole[:end]), end
+
+
+def test_holes_in_the_data_of_either_picture_are_found(tmp_path: Path, whole: bytes) -> None:
+    second = map_at(whole)
+    hole = whole[: second - 600] + whole[second - 100 :]
+    assert "base picture at byte 0: expected whole data" in refused(tmp_path / "a.jpg", hole)
+    hole = whole[:-600] + whole[-100:]
+    assert f"gain map at byte {second}: expected whole data" in refused(tmp_path / "a.jpg", hole)
+
+
+def test_a_claimed_gain_map_that_is_not_there_is_told(tmp_path: Path, whole: bytes) -> None:
+    line = refused(tmp_path / "a.jpg", whole[: map_at(whole)])
+    assert "behind its base picture: expected a JPEG with gain-map parameters, found none" in line
+    second = map_at(whole)
+    plain = io.BytesIO()
+    Image.new("RGB", (8, 8)).save(plain, "JPEG")
+    assert "expected a JPEG with gain-map parameters" in refused(tmp_path / "a.jpg", whole[:second] + plain.getvalue())
+    assert gain_map.is_present(tmp_path / "a.jpg")
+
+
+def test_wild_places_in_the_index_lead_nowhere(tmp_path: Path, whole: bytes) -> None:
+    """The second picture's entry points before, into and behind the file; the directory still tells it."""
+    wanted_path = tmp_path / "whole.jpg"
+    wanted_path.write_bytes(whole)
+    wanted = gain_map.read(wanted_path).radiance
+    start = whole.index(b"MPF\0") + 4
+    entry = start + 50 + 16
+    for place in (0, 1, 2**31, 2**32 - 1, len(whole) - start, 40):
+        for length in (0, 2**32 - 1):
+            data = whole[: entry + 4] + struct.pack(">II", length, place) + whole[entry + 12 :]
+            (tmp_path / "a.jpg").write_bytes(data)
+            assert np.array_equal(gain_map.read(tmp_path / "a.jpg").radiance, wanted)
+    for offset, value in ((4, 2**32 - 1), (8, 2**32 - 1), (46, 7)):
+        data = whole[: start + offset] + struct.pack(">I", value) + whole[start + offset + 4 :]
+        (tmp_path / "a.jpg").write_bytes(data)
+        assert np.array_equal(gain_map.read(tmp_path / "a.jpg").radiance, wanted)
+
+
+def test_lengths_beyond_the_file_are_refused(tmp_path: Path, whole: bytes) -> None:
+    at = whole.index(b"\xff\xe2")
+    line = refused(tmp_path / "a.jpg", whole[: at + 2] + b"\xff\xff" + whole[at + 4 : at + 400])
+    assert f"byte {at}: expected a segment within the" in line
+    assert "length 1" in refused(tmp_path / "a.jpg", whole[: at + 2] + b"\x00\x01" + whole[at + 4 :])
+
+
+def with_frame(data: bytes, begin: int, width: int, height: int) -> bytes:
+    frame = data.index(b"\xff\xc0\x00\x11", begin)
+    return data[: frame + 5] + struct.pack(">HH", height, width) + data[frame + 9 :]
+
+
+@pytest.mark.parametrize("which", ["base picture", "gain map"])
+def test_an_absurd_size_is_refused_before_memory(tmp_path: Path, whole: bytes, which: str) -> None:
+    begin = 0 if which == "base picture" else map_at(whole)
+    for width, height in ((65500, 65500), (16000, 16000), (0, 9)):
+        tracemalloc.start()
+        line = refused(tmp_path / "a.jpg", with_frame(whole, begin, width, height))
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert f"its {which} claims" in line or "its header claims" in line
+        assert peak < 2**22
+    line = refused(tmp_path / "a.jpg", whole, Reading(pixels=1000))
+    assert "its base picture claims 64 x 48 pixels; relume reads" in line
+
+
+def test_a_size_that_is_not_that_of_the_data_is_refused(tmp_path: Path, whole: bytes) -> None:
+    assert "damaged" in refused(tmp_path / "a.jpg", with_frame(whole, map_at(whole), 64, 200))
+
+
+def packets(data: bytes, map_packet: bytes) -> bytes:
+    """The file with another packet in the gain map, and without its ISO block."""
+    second = map_at(data)
+    header = jpeg_segments.header_at("a.jpg", io.BytesIO(data), second, Reading())
+    body = jpeg_segments.without_metadata(data[second:], header.scan - second)
+    told = [jpeg_segments.segment(jpeg_segments.APP1, jpeg_segments.XMP + map_packet)]
+    return data[:second] + jpeg_segments.with_segments(body, told)
+
+
+def test_xmp_bombs_are_refused(tmp_path: Path, whole: bytes) -> None:
+    declared = b'<!DOCTYPE a [<!ENTITY b "hdr-gain-map"><!ENTITY c "&b;&b;&b;&b;&b;&b;&b;&b;">]><a>&c;</a>'
+    nested = b"<hdr-gain-map>" * 4000 + b"</hdr-gain-map>" * 4000
+    for packet, complaint in (
+        (declared, "document type"),
+        (nested[:60000], "nests more than 16"),
+        (b"<hdr-gain-map", "is damaged"),
+        (b"\xff\xfehdr-gain-map", "is damaged"),
+        (b"<hdr-gain-map/>", "hdrgm:GainMapMax is missing"),
+    ):
+        line = refused(tmp_path / "a.jpg", packets(whole, packet))
+        assert complaint in line
+        assert f"gain map at byte {map_at(whole)}, XMP" in line
+
+
+def test_xmp_of_the_base_that_is_damaged_loses_only_what_it_tells(tmp_path: Path, whole: bytes) -> None:
+    """Without our factor the file is any other's."""
+    (tmp_path / "a.jpg").write_bytes(whole.replace(b"<x:xmpmeta", b"<!:xmpmeta", 1))
+    with pytest.warns(UserWarning, match="made for displays"):
+        image = gain_map.read(tmp_path / "a.jpg")
+    assert image.attributes == {"rendition": "display"}
+    for factor in (b"nan", b"0.0", b"-1.", b"1e99", b"abc"):
+        at = whole.index(b'gain_map_scale="') + 16
+        end = whole.index(b'"', at)
+        (tmp_path / "a.jpg").write_bytes(whole[:at] + factor + b" " * (end - at - len(factor)) + whole[end:])
+        with pytest.warns(UserWarning, match="made for displays"):
+            assert "gain_map_scale" not in gain_map.read(tmp_path / "a.jpg").attributes
+
+
+def test_too_many_segments_are_refused(tmp_path: Path, whole: bytes) -> None:
+    many = whole[:2] + b"\xff\xfe\x00\x02" * 5000 + whole[2:]
+    assert "expected at most 16777216 bytes in 4096 segments" in refused(tmp_path / "a.jpg", many)
+    full = jpeg_segments.segment(jpeg_segments.APP1, bytes(65000)) * 3
+    line = refused(tmp_path / "a.jpg", whole[:2] + full + whole[2:], Reading(metadata=2**17))
+    assert "expected at most 131072 bytes" in line
+
+
+def test_senseless_parameters_name_their_place(tmp_path: Path, whole: bytes) -> None:
+    at = whole.rindex(jpeg_segments.ISO_GAIN_MAP) + len(jpeg_segments.ISO_GAIN_MAP)
+    line = refused(tmp_path / "a.jpg", whole[:at] + b"\x00\x09" + whole[at + 2 :])
+    assert "ISO 21496-1 block: expected parameters that make sense, found it is for readers of version 9" in line
+
+
+def test_mutants_raise_nothing_else(tmp_path: Path, whole: bytes) -> None:
+    """Bytes of the headers altered at random: every file is read or refused in one line."""
+    random = np.random.default_rng(7)
+    second = map_at(whole)
+    places = np.concatenate([np.arange(2000), second + np.arange(2500)])
+    outcomes = {"read": 0, "refused": 0}
+    for _ in range(50):
+        data = bytearray(whole)
+        for place in random.choice(places, random.integers(1, 6)):
+            data[place] = random.integers(256)
+        (tmp_path / "a.jpg").write_bytes(data)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                image = gain_map.read(tmp_path / "a.jpg")
+            assert np.all(np.isfinite(image.radiance))
+            outcomes["read"] += 1
+        except UnreadableFile as error:
+            assert "\n" not in str(error)
+            outcomes["refused"] += 1
+    assert min(outcomes.values()) > 3
+
+
+def test_errors_tell_where() -> None:
+    with pytest.raises(FormatError) as caught:
+        jpeg_segments.header_at("a.jpg", io.BytesIO(b"\xff\xd8\xff\xe1\x00"), 0, Reading())
+    assert (caught.value.where, caught.value.format) == ("byte 2", "JPEG")

@@ -1,0 +1,78 @@
+"""Radiance pictures as OpenCV and OpenImageIO read and write them.
+
+OpenCV reads mantissas as they are and rounds by truncation when it writes; OpenImageIO reads them as they are and
+truncates too ("we take no 0.5", hdrinput.cpp), so what both write is read here up to one step low.
+"""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from relume.image.files import Reading, read_radiance, write
+from relume.image.files.encodings import Radiance
+from relume.image.radiance import RadianceMap
+
+
+def opencv(path: Path) -> np.ndarray:
+    pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert pixels is not None
+    return np.asarray(pixels)[..., ::-1]
+
+
+def openimageio(path: Path) -> np.ndarray:
+    source = oiio.ImageInput.open(str(path))
+    assert source is not None, oiio.geterror()
+    pixels = source.read_image("float")
+    source.close()
+    assert pixels is not None
+    return pixels
+
+
+def write_opencv(path: Path, pixels: np.ndarray) -> None:
+    assert cv2.imwrite(str(path), np.ascontiguousarray(pixels[..., ::-1]))
+
+
+def write_openimageio(path: Path, pixels: np.ndarray) -> None:
+    height, width, channels = pixels.shape
+    output = oiio.ImageOutput.create(str(path))
+    assert output is not None
+    assert output.open(str(path), oiio.ImageSpec(width, height, channels, "float"))
+    assert output.write_image(pixels)
+    output.close()
+
+
+@pytest.fixture(scope="module")
+def scene() -> np.ndarray:
+    """(60, 200, 3) float32 over ten decades: noise, an even part, noise, black."""
+    random = np.random.default_rng(2)
+    pixels = 10 ** random.uniform(-5, 5, (60, 200, 1)) * random.uniform(0, 1, (60, 200, 3))
+    pixels[20:40] = (0.25, 3, 1)
+    pixels[50:] = 0
+    return pixels.astype(np.float32)
+
+
+@pytest.mark.parametrize("reader", [opencv, openimageio])
+@pytest.mark.parametrize("width", [200, 7])
+@pytest.mark.parametrize("compressed", [True, False])
+def test_others_read_the_values_that_are_read_here(tmp_path, scene, reader, width, compressed):
+    attributes = {"camera": "Canon", "mapping": "latlong", "pixel_aspect": "1.5", "view": "-vth"}
+    image = RadianceMap(scene[:, :width].copy(), unit="cd/m²", attributes=attributes)
+    write(tmp_path / "a.hdr", image, Radiance(compressed=compressed))
+    np.testing.assert_array_equal(reader(tmp_path / "a.hdr"), read_radiance(tmp_path / "a.hdr").radiance)
+
+
+@pytest.mark.parametrize("writer", [write_opencv, write_openimageio])
+def test_what_others_write_is_read_within_a_step_and_without_bias_by_the_middle(tmp_path, scene, writer):
+    noise = scene[:20]
+    writer(tmp_path / "a.hdr", noise)
+    plain, middle = (
+        (read_radiance(tmp_path / "a.hdr", Reading(mantissa_middle=choice)).radiance - noise)
+        / noise.max(axis=-1, keepdims=True)
+        for choice in (False, True)
+    )
+    assert plain.mean() < -2.5e-3  # half a step of 1/128 to 1/256
+    assert abs(middle.mean()) < 1e-4
+    assert np.abs(middle).max() <= 1 / 256 * (1 + 1e-6)
