@@ -80,8 +80,8 @@ def test_a_map_is_told_in_the_words_of_a_photographer(tmp_path: Path, capsys: py
         "  odd values     1 below 0, the lowest -1",
         "  attributes     1",
         "    comments     a b [31m",
-        "  part radiance  B, G, R (float32)",
-        "  part clipped   Y (float32)",
+        "  part 1         radiance: B, G, R (float32)",
+        "  part 2         clipped: Y (float32)",
     ]
 
 
@@ -244,7 +244,7 @@ def test_a_file_cut_short_is_salvaged_when_asked(tmp_path: Path, capsys: pytest.
     refused(["info", str(path)], capsys)
     assert main(["info", str(path), "--salvage"]) == 0
     captured = capsys.readouterr()
-    assert "in none" in captured.out and captured.err.startswith("relume: note: ")
+    assert "outside all" in captured.out and captured.err.startswith("relume: note: ")
 
 
 def test_options_become_the_reading_they_name() -> None:

@@ -16,7 +16,7 @@ from corpus.files import DESCRIBE, READ, READ_LAYERS, SALVAGE, Bad, Corpus, Good
 _SUFFIX = ".exr"
 _MAGIC = b"\x76\x2f\x31\x01"
 _TILED, _LONG_NAMES, _DEEP, _PARTS = 0x200, 0x400, 0x800, 0x1000  # bits of the version field
-_NONE, _RLE, _ZIPS, _ZIP, _PIZ, _PXR24, _B44, _B44A, _DWAA, _DWAB = range(10)
+_NONE, _RLE, _ZIPS, _ZIP, _PIZ, _PXR24, _B44, _B44A, _DWAA, _DWAB, _HTJ2K256, _HTJ2K32 = range(12)
 _LINES = {_NONE: 1, _RLE: 1, _ZIPS: 1, _ZIP: 16}
 _HALF, _FLOAT = 1, 2
 _REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
@@ -177,6 +177,7 @@ def _compressed() -> list[Good]:
     smooth = (1 + x / 8 + y / 16 + channel / 2).astype(np.float16).astype(np.float32)
     # B44 keeps 14 halves of each 4 × 4 in six bits each; DWA is asked for errors of 45, which no eye sees.
     tolerances = {_RLE: 0.0, _PIZ: 0.0, _PXR24: 0.0, _B44: 0.03, _B44A: 0.03, _DWAA: 0.03, _DWAB: 0.03}
+    tolerances |= {_HTJ2K256: 0.0, _HTJ2K32: 0.0}
     return [
         Good(f"compression {code}", _by_openexr(smooth, code), _SUFFIX, smooth, tolerance)
         for code, tolerance in tolerances.items()
@@ -236,7 +237,7 @@ def _bad() -> list[Bad]:
         window = _window(left, top, right, bottom)
         bad.append((f"a data window of {left} {top} {right} {bottom}", good.but(dataWindow=window).data()))
         lenient.append((f"a display window of {left} {top} {right} {bottom}", good.but(displayWindow=window).data()))
-    for code in (10, 11, 99, 255):
+    for code in (_HTJ2K256, _HTJ2K32, 99, 255):
         bad.append((f"compression {code}", good.but(compression=("compression", bytes([code]))).data()))
     for code in (_NONE, _RLE, _ZIPS, _PIZ, _PXR24, _B44, _B44A, _DWAA, _DWAB):
         wrong = zipped.but(compression=("compression", bytes([code])))
@@ -348,3 +349,8 @@ def bomb() -> bytes:
     """An EXR of 464 bytes that claims 40,000 × 40,000 halves and has nothing of them."""
     file = Exr(_attributes(40_000, 40_000, _channels("BGR"), _ZIP), [])
     return file.data().ljust(464, b"\0")
+
+
+def framed_bomb() -> bytes:
+    """An EXR of 16 × 8 pixels that are all there, in a display window of 8192 × 8192: 768 MiB of nothing as floats."""
+    return scan_lines(picture(8)).but(displayWindow=_window(0, 0, 2**13 - 1, 2**13 - 1)).data()

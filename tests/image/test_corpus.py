@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -20,10 +20,6 @@ from corpus.runner import Outcome, Reader
 from relume.image import files
 from relume.image.files.ktx2 import read_cube
 from relume.image.photograph import Photograph
-
-pytestmark = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="memory is bounded and measured as Linux does it"
-)
 
 MUTANTS, MANY_MUTANTS = 500, 10_000
 """Of each format: whenever the tests run, and in the thorough run."""
@@ -40,15 +36,24 @@ def corpora() -> Callable[[str], Corpus]:
 @pytest.fixture(scope="module")
 def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
     """One child process for the whole module, as long as it lives."""
-    with Reader(tmp_path_factory.mktemp("hostile")) as reader:
+    yield from children(tmp_path_factory.mktemp("hostile"))
+
+
+def children(folder: Path) -> Iterator[Reader]:
+    if not sys.platform.startswith("linux"):
+        pytest.skip("memory is bounded and measured as Linux does it")
+    with Reader(folder) as reader:
         yield reader
 
 
 def warmed(reader: Reader, corpus: Corpus) -> None:
     outcomes = reader.warm(corpus.good, corpus.doors)
-    assert [
-        fault for outcome in outcomes if outcome.kind in ("raised", "died", "hung") for fault in outcome.faults()
-    ] == []
+    assert_none(fault for o in outcomes if o.kind in ("raised", "died", "hung") for fault in o.faults())
+
+
+def assert_none(faults: Iterable[str]) -> None:
+    found = list(faults)
+    assert not found, "\n".join([f"{len(found)} faults", *found[:30]])
 
 
 def complaints(outcomes: list[Outcome]) -> list[str]:
@@ -109,7 +114,7 @@ def test_bad_files_are_refused_in_one_line(corpora, reader, name):
         outcomes += seen
         if bad.refused and seen[0].kind == "read":
             taken.append(f"{bad.name}: taken for a picture")
-    assert complaints(outcomes) + taken == []
+    assert_none(complaints(outcomes) + taken)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -127,7 +132,7 @@ def assert_harmless(corpus: Corpus, reader: Reader, count: int) -> None:
     warmed(reader, corpus)
     outcomes = [reader.read(bad, door) for bad, door in mutants(corpus, count)]
     assert len(outcomes) == count
-    assert complaints(outcomes) == []
+    assert_none(complaints(outcomes))
 
 
 def test_mutants_are_the_same_each_time_and_not_all_refused_by_their_first_bytes(corpora):
@@ -143,14 +148,17 @@ def test_bombs_are_refused_at_once_and_in_little_memory(corpora, reader):
     found = []
     for bad, door, name in bombs():
         warmed(reader, corpora(name))
-        outcomes = [reader.read(bad, door) for _ in range(5)]
+        outcomes = [reader.read(bad, door)]
+        if not outcomes[0].is_refused:
+            found.append(f"{bad.name}: {outcomes[0].kind}, {outcomes[0].growth / 2**20:.0f} MiB")
+            continue
+        outcomes += [reader.read(bad, door) for _ in range(4)]
         found += complaints(outcomes)
-        assert all(outcome.is_refused for outcome in outcomes), bad.name
-        # The best of five, of the processor: what other programs do is not the reader's.
+        # The best of five, and of the processor: what other programs do meanwhile is not the reader's.
         seconds, growth = min(o.computed for o in outcomes), min(o.growth for o in outcomes)
         if seconds > 0.05 or growth > 8 * 2**20:
             found.append(f"{bad.name}: {1000 * seconds:.0f} ms, {growth / 2**20:.1f} MiB")
-    assert found == []
+    assert_none(found)
 
 
 @pytest.mark.parametrize(("folder", "least"), [("malformed", 120), ("formats", 80)])
@@ -160,14 +168,13 @@ def test_files_of_others_are_refused_or_read_cleanly(shared, corpora, reader, fo
     paths = [path for path in sorted((shared / "data" / folder).rglob("*")) if path.is_file() and path.suffix != ".md"]
     assert len(paths) >= least
     outcomes = [reader.read_path(path, READ) for path in paths]
-    assert [fault for outcome in outcomes for fault in outcome.faults()] == []
+    assert_none(fault for outcome in outcomes for fault in outcome.faults())
 
 
 @pytest.fixture(scope="module")
 def trials(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
     """Another child, whose readers misbehave."""
-    with Reader(tmp_path_factory.mktemp("trials")) as reader:
-        yield reader
+    yield from children(tmp_path_factory.mktemp("trials"))
 
 
 @pytest.mark.parametrize(

@@ -114,6 +114,17 @@ def test_a_data_window_inside_the_display_window_is_placed_there(tmp_path, numbe
     np.testing.assert_array_equal(read_radiance(path).radiance, expected)
 
 
+def test_a_data_window_as_large_as_the_display_window_but_beside_it_is_moved(tmp_path, numbered):
+    path = foreign(
+        tmp_path / "a.exr", {"RGB": numbered}, dataWindow=window(2, 1, 8, 5), displayWindow=window(0, 0, 6, 4)
+    )
+    with pytest.warns(UserWarning, match="15 pixels around the display window"):
+        image = read_radiance(path)
+    expected = np.zeros_like(numbered)
+    expected[1:, 2:] = numbered[:-1, :-2]
+    np.testing.assert_array_equal(image.radiance, expected)
+
+
 def test_overscan_is_left_out_and_told(tmp_path, numbered):
     path = foreign(
         tmp_path / "a.exr", {"RGB": numbered}, dataWindow=window(-1, -2, 5, 2), displayWindow=window(0, 0, 3, 1)

@@ -91,6 +91,7 @@ def test_chroma_of_full_size_is_taken_as_it_is(tmp_path):
     [
         ({"Y": 1, "RY": 4, "BY": 4}, r"chroma is \(1, 1\); expected \(4, 4\), or half of that; save it as R, G, B"),
         ({"R": 1, "G": 2, "B": 1}, "channels R, G, B are subsampled"),
+        ({"R": 2, "G": 2, "B": 2}, "channels R, G, B are subsampled"),
         ({"Y": 2}, "channels Y are subsampled"),
     ],
 )

@@ -8,6 +8,8 @@ import pytest
 from exr_files import scan_lines
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files import Reading, read_layers, read_radiance, write
+from relume.image.files.exr_header import COMPRESSIONS as KNOWN
+from relume.image.files.exr_header import read_headers
 from relume.image.radiance import OUTSIDE, RadianceMap
 
 SALVAGE = Reading(salvage=True)
@@ -90,6 +92,28 @@ def test_tiles_are_salvaged_and_smaller_levels_not_missed(tmp_path, noise, level
     assert np.argwhere(image.clipped == OUTSIDE).min(0).tolist() == [144, 32]  # of the last tile, 28 × 6
     assert np.count_nonzero(image.clipped) == 28 * 6
     np.testing.assert_array_equal(image.radiance[image.clipped == 0], whole[image.clipped == 0])
+
+
+@pytest.mark.parametrize("number", range(len(KNOWN)))
+def test_the_rows_of_a_chunk_are_those_that_the_library_writes(tmp_path, number):
+    path = tmp_path / "a.exr"
+    header = {"compression": OpenEXR.Compression(number), "type": OpenEXR.scanlineimage}
+    OpenEXR.File([OpenEXR.Part(header, {"Y": np.zeros((1000, 3), np.float32)}, "")]).write(str(path))
+    headers = read_headers(path)
+    (first,) = np.frombuffer(path.read_bytes(), "<u8", count=1, offset=headers.end)
+    assert first == headers.end + 8 * -(-1000 // KNOWN[number].rows)
+
+
+def test_luminance_and_chroma_are_salvaged(tmp_path):
+    """Rows of odd number have no chroma, so that their chunks are smaller."""
+    light, chroma = np.ones((8, 6), np.float32), np.full((4, 3), 0.5, np.float32)
+    data = scan_lines(6, 8, [("Y", light, 1), ("RY", chroma, 2), ("BY", chroma, 2)])
+    path = tmp_path / "a.exr"
+    path.write_bytes(data[:-120])
+    with pytest.warns(UserWarning, match="pixels of 3 of 8 rows are missing"):
+        image = read_radiance(path, SALVAGE)
+    np.testing.assert_allclose(image.radiance[0], [[1.5, 0.8009, 1.5]] * 6, atol=1e-4)
+    np.testing.assert_array_equal(image.radiance[5:], 0)
 
 
 def test_a_table_that_was_never_written_is_made_good_from_the_chunks(tmp_path, noise):

@@ -37,14 +37,14 @@ def test_codecs_with_loss_hold_what_their_reference_says(formats, codec, differi
 
 
 def test_the_memorial_church_is_the_one_in_radiance_rounded_to_half(formats, shared):
-    """All but 275 of 1,179,648 values, which the program that wrote them has up to 0.3 % off."""
+    """All but 275 of 1,179,648 values, which its program has up to 0.3 % off, or 4e-5 where RGBE holds 0."""
     found = read_radiance(formats / "memorial_exr/memorial.exr")
     expected = read_radiance(shared / "data/brackets/memorial/memorial.hdr").radiance
     assert found.size == (512, 768)
     # Half a step of a half, which below 2⁻¹⁴ is 2⁻²⁵.
     off = np.abs(found.radiance - expected) > np.maximum(expected * 2**-11, 2**-25)
     assert np.count_nonzero(off) <= 275
-    np.testing.assert_allclose(found.radiance, expected, rtol=0.003, atol=2**-25)
+    np.testing.assert_allclose(found.radiance, expected, rtol=0.003, atol=5e-5)
 
 
 def test_a_gradient_is_the_same_in_exr_and_in_radiance(formats):

@@ -170,10 +170,9 @@ def test_24_bits_may_be_packed(tmp_path, compression, predictor):
     np.testing.assert_array_equal(read(path).radiance[..., 1].ravel(), expected)
 
 
-def test_24_bits_may_be_big_endian(tmp_path):
-    little = by_hand(tmp_path / "a.tif", bytes(9), 3, 1).read_bytes()
-    # The same folder with the bytes of every number exchanged: header, count, entries, next.
-    codes = b"".join(code.to_bytes(3, "big") for code in (0x3F0000, 0xBF8000, 0x400000))
+def with_big_endian_folder(path):
+    """Exchange the bytes of every number of a TIFF but those of its strips; all values stand in their entries."""
+    little = path.read_bytes()
     (first,) = struct.unpack_from("<I", little, 4)
     (count,) = struct.unpack_from("<H", little, first)
     entries = b""
@@ -182,10 +181,34 @@ def test_24_bits_may_be_big_endian(tmp_path):
         letter = {3: "H", 4: "I"}[kind]
         (value,) = struct.unpack_from("<" + letter, little, start + 8)
         entries += struct.pack(">HHI", tag, kind, number) + struct.pack(">" + letter, value).ljust(4, b"\0")
-    (tmp_path / "b.tif").write_bytes(b"MM\0*" + struct.pack(">I", first) + codes.ljust(first - 8, b"\0")
-                                     + struct.pack(">H", count) + entries + bytes(4))  # fmt: skip
-    assert read(tmp_path / "b.tif").radiance[0, :, 0].tolist() == [1.0, -1.5, 2.0]
-    assert float_tiff.subtype(tmp_path / "b.tif") == "float, 24 bits, uncompressed, grey, big-endian"
+    start = b"MM\0*" + struct.pack(">I", first) + little[8:first] + struct.pack(">H", count)
+    path.write_bytes(start + entries + bytes(4))
+    return path
+
+
+def test_24_bits_may_be_big_endian(tmp_path):
+    codes = b"".join(code.to_bytes(3, "big") for code in (0x3F0000, 0xBF8000, 0x400000))
+    path = with_big_endian_folder(by_hand(tmp_path / "a.tif", codes, 3, 1))
+    assert read(path).radiance[0, :, 0].tolist() == [1.0, -1.5, 2.0]
+    assert float_tiff.subtype(path) == "float, 24 bits, uncompressed, grey, big-endian"
+
+
+@pytest.mark.parametrize("compression", [1, 8])
+@pytest.mark.parametrize("depth", [16, 32, 64])
+def test_floats_may_be_big_endian(tmp_path, compression, depth):
+    pixels = np.random.default_rng(6).normal(size=(4, 5)).astype(np.float16).astype(f">f{depth // 8}")
+    stored = zlib.compress(pixels.tobytes()) if compression == 8 else pixels.tobytes()
+    tags = {258: (3, [depth]), 259: (3, [compression])}
+    path = with_big_endian_folder(by_hand(tmp_path / "a.tif", stored, 5, 4, tags.items()))
+    np.testing.assert_array_equal(read(path).radiance[..., 2], pixels)
+
+
+def test_predicted_floats_are_the_same_in_both_orders(tmp_path):
+    pixels = np.random.default_rng(6).normal(size=(4, 5, 1)).astype("<f4")
+    tags = {258: (3, [32]), 259: (3, [8]), 317: (3, [3])}
+    path = by_hand(tmp_path / "a.tif", zlib.compress(predicted(pixels)), 5, 4, tags.items())
+    np.testing.assert_array_equal(read(path).radiance[..., :1], pixels)
+    np.testing.assert_array_equal(read(with_big_endian_folder(path)).radiance[..., :1], pixels)
 
 
 @pytest.mark.parametrize("compression", ["none", "zip", "lzw", "packbits"])

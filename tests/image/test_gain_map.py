@@ -19,6 +19,7 @@ from relume.image.files import exif, gain_map, gain_map_encoding, gain_map_layou
 from relume.image.files.encodings import GainMap
 from relume.image.files.gain_map_metadata import GainMapMetadata
 from relume.image.files.jpeg_segments import APP1, APP2, segment
+from relume.image.files.reading import Reading
 from relume.image.radiance import RadianceMap
 
 
@@ -35,6 +36,17 @@ def written(path: Path, image: RadianceMap, encoding: GainMap = GainMap()) -> st
     with pytest.warns(UserWarning, match="a gain map keeps luminance") as caught:
         gain_map.write(path, image, encoding)
     return str(caught[-1].message)
+
+
+def openimageio_s(path: Path) -> np.ndarray:
+    """(H, W, 3) float32 as OpenImageIO decodes the light with libultrahdr."""
+    source = oiio.ImageInput.open(str(path))
+    assert source is not None
+    try:
+        assert source.spec().format == oiio.HALF
+        return np.asarray(source.read_image(), np.float32)[..., :3]
+    finally:
+        source.close()
 
 
 def jpeg(pixels: np.ndarray, **options: object) -> bytes:
@@ -199,17 +211,15 @@ def test_other_programs_read_it(tmp_path: Path) -> None:
     path = tmp_path / "a.jpg"
     image = RadianceMap(landscape(7))
     written(path, image)
-    source = oiio.ImageInput.open(str(path))
-    assert source.spec().format == oiio.HALF
-    theirs = np.asarray(source.read_image(), np.float32)[..., :3]
-    source.close()
+    theirs = openimageio_s(path)
     ours = gain_map.read(path).radiance * gain_map_encoding._scale(image.radiance, None)
     # libultrahdr looks its curves up in tables of 1024 steps; and it gives at most 10,000 cd/m² for a white of 203.
     shares = np.abs(theirs - ours) / np.maximum(ours, 0.01)
     assert np.percentile(shares, 50) < 0.008
     assert np.percentile(shares, 99) < 0.03
-    base = np.asarray(Image.open(path).convert("RGB"))
-    assert np.abs(cv2.imread(str(path))[..., ::-1].astype(int) - base).max() <= 1
+    base, cv = np.asarray(Image.open(path).convert("RGB")), cv2.imread(str(path))
+    assert cv is not None
+    assert np.abs(cv[..., ::-1].astype(int) - base).max() <= 1
     with MpoImageFile(path) as both:
         assert both.n_frames == 2
         both.seek(1)
@@ -226,30 +236,27 @@ def test_light_above_the_exponent_s_steps_is_read_alike_by_others(tmp_path: Path
     path = tmp_path / "a.jpg"
     written(path, RadianceMap(pixels), GainMap(exposure=0.0))
     with open(path, "rb") as file:
-        layout = gain_map_layout.located(path, file, gain_map.Reading())
+        layout = gain_map_layout.located(path, file, Reading())
     assert layout is not None
     assert layout.metadata.gamma[0] < 1
-    source = oiio.ImageInput.open(str(path))
-    theirs = np.asarray(source.read_image(), np.float32)[..., :3]
-    source.close()
+    theirs = openimageio_s(path)
     assert np.percentile(np.abs(theirs / gain_map.read(path).radiance - 1), 99) < 0.03
 
 
 def test_what_openimageio_writes_is_read(tmp_path: Path) -> None:
-    path = str(tmp_path / "a.jpg")
+    path = tmp_path / "a.jpg"
     wanted = landscape(5, 48, 64)
     spec = oiio.ImageSpec(64, 48, 3, oiio.HALF)
     spec.attribute("jpeg:ultrahdr", 1)
     spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
-    target = oiio.ImageOutput.create(path)
-    target.open(path, spec)
+    target = oiio.ImageOutput.create(str(path))
+    assert target is not None
+    target.open(str(path), spec)
     target.write_image(wanted)
     target.close()
     # It makes the base in Display P3, whatever it is given.
-    image = read_of(Path(path), Path(path).read_bytes(), "its primaries are 0.680")
-    source = oiio.ImageInput.open(path)
-    theirs = np.asarray(source.read_image(), np.float32)[..., :3]
-    source.close()
+    image = read_of(path, path.read_bytes(), "its primaries are 0.680")
+    theirs = openimageio_s(path)
     shares = np.abs(image.radiance - theirs) / np.maximum(theirs, 0.01)
     assert np.percentile(shares, (50, 99)).tolist() < [0.008, 0.03]
     assert np.median(np.abs(image.radiance / wanted - 1)) < 0.03  # what its own writing loses
@@ -343,9 +350,7 @@ def test_a_telephone_s_file_is_read_as_openimageio_does(shared: Path) -> None:
     assert image.radiance.max() == pytest.approx(4.61, abs=0.01)
     assert image.attributes["camera"] == "Pixel 6 Pro"
     assert gain_map.subtype(path) == "gain map of 2.2 stops, XMP, grey, 1020 x 768"
-    source = oiio.ImageInput.open(str(path))
-    theirs = luminance_of_p3(np.asarray(source.read_image(), np.float32)[..., :3])
-    source.close()
+    theirs = luminance_of_p3(openimageio_s(path))
     shares = np.abs(luminance(image.radiance) - theirs) / np.maximum(theirs, 0.02)
     assert np.percentile(shares, (50, 99)).tolist() < [0.006, 0.03]
 

@@ -81,6 +81,14 @@ def test_wild_places_in_the_index_lead_nowhere(tmp_path: Path, whole: bytes) -> 
         assert np.array_equal(gain_map.read(tmp_path / "a.jpg").radiance, wanted)
 
 
+def test_a_length_in_the_index_that_ends_within_the_header_is_not_believed(tmp_path: Path, whole: bytes) -> None:
+    start = whole.index(b"MPF\0") + 4
+    entry = start + 50 + 16
+    assert struct.unpack(">II", whole[entry + 4 : entry + 12]) == (len(whole) - map_at(whole), map_at(whole) - start)
+    (tmp_path / "a.jpg").write_bytes(whole[: entry + 4] + struct.pack(">I", 9) + whole[entry + 8 :])
+    assert gain_map.read(tmp_path / "a.jpg").size == (64, 48)
+
+
 def test_lengths_beyond_the_file_are_refused(tmp_path: Path, whole: bytes) -> None:
     at = whole.index(b"\xff\xe2")
     line = refused(tmp_path / "a.jpg", whole[: at + 2] + b"\xff\xff" + whole[at + 4 : at + 400])
@@ -155,6 +163,21 @@ def test_too_many_segments_are_refused(tmp_path: Path, whole: bytes) -> None:
     full = jpeg_segments.segment(jpeg_segments.APP1, bytes(65000)) * 3
     line = refused(tmp_path / "a.jpg", whole[:2] + full + whole[2:], Reading(metadata=2**17))
     assert "expected at most 131072 bytes" in line
+
+
+def test_what_would_take_long_to_read_is_given_up(tmp_path: Path, whole: bytes) -> None:
+    """Fill bytes without end, in the header and among the data, and an index of many places."""
+    endless = b"\xff" * 2**22
+    assert f"byte {2 + 4096}: expected a segment" in refused(tmp_path / "a.jpg", whole[:2] + endless + whole[2:])
+    second = map_at(whole)
+    assert "found none" in refused(
+        tmp_path / "a.jpg", whole[: second - 2] + endless + b"\0" + whole[second - 2 : second]
+    )
+    entries = b"".join(struct.pack(">IIIHH", 0, 9, place, 0, 0) for place in range(second, second + 64))
+    tags = struct.pack(">HHIII", 0xB002, 7, len(entries), 26, 0)
+    index = jpeg_segments.segment(jpeg_segments.APP2, b"MPF\0MM\0*" + struct.pack(">IH", 8, 1) + tags + entries)
+    line = refused(tmp_path / "a.jpg", whole[:2] + index * 1000 + whole[2:second])
+    assert "expected a JPEG with gain-map parameters" in line
 
 
 def test_senseless_parameters_name_their_place(tmp_path: Path, whole: bytes) -> None:

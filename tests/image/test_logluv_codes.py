@@ -89,6 +89,9 @@ def test_luminances_beyond_the_scale_are_0_below_and_past_its_codes_above():
 def test_the_gamut_has_163_lines_and_16289_cells():
     starts, counts, firsts = logluv_gamut.lines()
     assert (len(starts), counts.sum(), firsts[-1] + counts[-1]) == (163, 16289, 16289)
+    # Every line, weighed by its place: the sums that libtiff's table has.
+    assert np.rint(starts * 1e6) @ np.arange(1, 164) == 575400680
+    assert counts @ np.arange(1, 164) == 1615040
     # u′, v′ as libtiff 4.7 decodes them.
     colours = logluv_gamut.chromaticities()
     for code, u, v in (

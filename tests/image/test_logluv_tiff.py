@@ -268,9 +268,11 @@ def test_24_bits_of_cd_per_square_metre_are_scaled_to_fit(tmp_path):
     np.testing.assert_allclose(read(tmp_path / "a.tif").radiance[..., 1], image.radiance[..., 1], rtol=0.02)
 
 
-@pytest.mark.parametrize("power", range(-20, 21, 5))
-def test_a_maximum_of_a_power_of_two_fits_in_24_bits(tmp_path, power):
-    image = RadianceMap(np.full((1, 3, 3), 2.0**power, np.float32), unit="cd/m²")
+# The second is 1 but for half a unit in the last place of a float64, and its logarithm that of 1.
+@pytest.mark.parametrize("pixel", [(1, 1, 1), (0.9254888296127319, 0.9107989072799683, 2.1031341552734375)])
+@pytest.mark.parametrize("power", [-20, 0, 15])
+def test_a_maximum_of_a_power_of_two_fits_in_24_bits(tmp_path, pixel, power):
+    image = RadianceMap(np.full((1, 3, 3), np.array(pixel, np.float32) * 2.0**power, np.float32), unit="cd/m²")
     write(tmp_path / "a.tif", image, LogLuv(24))
     assert read_folders(tmp_path / "a.tif")[0].number(37439) == 2.0 ** (power - 3)
     np.testing.assert_allclose(read(tmp_path / "a.tif").radiance @ TO_XYZ[1], 2.0**power, rtol=0.0055)
@@ -292,8 +294,10 @@ def test_another_white_is_adapted_and_told(tmp_path):
     # The code nearest to equal energy is grey once it is adapted, to within its cell, and pink as it is.
     assert np.ptp(image.radiance) < 0.02
     assert np.ptp(read(tiff(tmp_path / "b.tif", packed([[0x4000_56C2]]), 1, 1)).radiance) > 0.2
-    with pytest.warns(UserWarning, match="which no light has"):
-        read(tiff(tmp_path / "c.tif", packed([[0x4000_56C2]]), 1, 1, others={318: (5, [0, 0, 0, 0])}))
+    for x, y in (([0, 0], [0, 0]), ([3, 10], [1, 10**9]), ([2, 1], [1, 3])):
+        with pytest.warns(UserWarning, match="which no light has"):
+            plain = read(tiff(tmp_path / "c.tif", packed([[0x4000_56C2]]), 1, 1, others={318: (5, [*x, *y])}))
+        np.testing.assert_array_equal(plain.radiance, read(tmp_path / "b.tif").radiance)
 
 
 def test_codes_that_no_colour_has_are_neutral_and_told(tmp_path):
@@ -523,6 +527,13 @@ def test_libtiff_reads_and_writes_the_same(tmp_path, bits):
     xyz = image.radiance.astype(np.float64) @ TO_XYZ.T
     write_by_libtiff(tmp_path / "b.tif", xyz[..., 1:2] if bits == 16 else xyz, bits)
     np.testing.assert_array_equal(read(tmp_path / "b.tif").radiance, read(path).radiance)
+
+
+def test_libtiff_has_the_same_cells(tmp_path):
+    stored = b"".join((768 << 14 | code).to_bytes(3, "big") for code in range(2**14))
+    theirs = by_libtiff(tiff(tmp_path / "a.tif", [stored], 2**14, 1, 24), 2**14, 1, 3)
+    u, v = logluv_codes.chromaticity(theirs[0].astype(np.float64))
+    np.testing.assert_allclose(np.stack([u, v], axis=-1), logluv_codes.chromaticities(24), rtol=0, atol=2e-7)
 
 
 @pytest.mark.parametrize("bits", [24, 32])

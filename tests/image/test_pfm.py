@@ -162,7 +162,7 @@ def test_every_bit_of_a_grey_map_comes_back(tmp_path, encoding):
     assert bits(files.read_radiance(tmp_path / "odd.pfm").radiance) == bits(grey)
 
 
-@pytest.mark.parametrize("height", [1, 255, 256, 257, 600])
+@pytest.mark.parametrize("height", [1, 63, 64, 65, 200])
 def test_rows_beyond_one_batch_keep_their_order(tmp_path, height):
     radiance = np.arange(height * 6, dtype=np.float32).reshape(height, 2, 3)
     files.write(tmp_path / "tall.pfm", RadianceMap(radiance))
@@ -179,7 +179,6 @@ def test_a_view_of_another_array_is_written_as_it_looks(tmp_path, numbered):
 def test_systems_that_write_less_than_asked_or_cannot_gather_lose_nothing(tmp_path, numbered, monkeypatch, accepted):
     if accepted is None:
         monkeypatch.delattr(os, "writev", raising=False)
-        monkeypatch.delattr(os, "posix_fallocate", raising=False)
     else:
         monkeypatch.setattr(os, "writev", lambda handle, pieces: os.write(handle, b"".join(pieces)[:accepted]))
     files.write(tmp_path / "map.pfm", RadianceMap(numbered))

@@ -132,6 +132,11 @@ def test_not_even_the_smallest_negative_value_is_cut_off_unseen(value):
         encode(np.array([value], np.float32))
 
 
+def test_a_map_without_pixels_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="the map has 0 x 3 pixels"):
+        write(tmp_path / "a.hdr", RadianceMap(np.empty((3, 0, 3), np.float32)))
+
+
 def test_planes_the_format_cannot_hold_are_told(tmp_path, numbered):
     with pytest.warns(UserWarning, match=r"a\.hdr: does not keep the variance; \.exr keeps everything"):
         write(tmp_path / "a.hdr", RadianceMap(numbered, numbered))
@@ -168,8 +173,10 @@ def test_exposures_that_divide_beyond_floats_are_refused_and_others_as_small_are
     header = "EXPOSURE=1e-20\nFORMAT=32-bit_rle_rgbe\n"
     dim = read_radiance(picture(tmp_path / "a.hdr", [128, 0, 0, 129], "-Y 1 +X 1", header))
     assert dim.radiance[0, 0, 0] == np.float32(1e20)
-    with pytest.raises(FormatError, match=r"without exposure.*: expected values within float32, found 1 beyond"):
-        read(picture(tmp_path / "a.hdr", [128, 0, 0, 200], "-Y 1 +X 1", header))
+    for exposure, exponent in (("1e-20", 200), ("1e-300", 255)):
+        header = f"EXPOSURE={exposure}\nFORMAT=32-bit_rle_rgbe\n"
+        with pytest.raises(FormatError, match=r"without exposure.*: expected values within float32, found \d beyond"):
+            read(picture(tmp_path / "a.hdr", [128, 0, 0, exponent], "-Y 1 +X 1", header))
 
 
 def test_xyze_that_is_beyond_floats_as_rec_709_is_refused(tmp_path):

@@ -1,7 +1,7 @@
 """Radiance pictures as OpenCV and OpenImageIO read and write them.
 
-OpenCV reads mantissas as they are and rounds by truncation when it writes; OpenImageIO reads them as they are and
-truncates too ("we take no 0.5", hdrinput.cpp), so what both write is read here up to one step low.
+Both take mantissas as they are when they read, and cut off digits when they write, so that what they write is read here
+half a step low, unless mantissas are asked to mean the middle of their step.
 """
 
 from pathlib import Path

@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from relume.errors import FormatError, UnreadableFile
-from relume.image.files import photographs, png, read_photograph, write
+from relume.image.files import facts, photographs, png, read_photograph, write
 from relume.image.files.reading import Reading
 from relume.image.files.tiff_folders import read_folders
 from relume.image.files.tiff_writing import write_tiff
@@ -30,6 +30,12 @@ def noisy() -> np.ndarray:
 def saved(path, pixels, **options):
     Image.fromarray(pixels).save(path, **options)
     return path
+
+
+def bomb_png(width, height):
+    fields = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return png.SIGNATURE + b"".join([png.chunk(b"IHDR", fields), png.chunk(b"IDAT", zlib.compress(bytes(1000))),
+                                     png.chunk(b"IEND", b"")])  # fmt: skip
 
 
 # TIFF, written
@@ -116,6 +122,18 @@ def test_a_tiff_packed_otherwise_is_refused_by_the_name_of_its_packing(shared):
         photographs.read(shared / "data/malformed/tiff_gdal/byte_zstd_corrupted.tif")
 
 
+def test_further_pages_are_told_and_smaller_copies_are_not(tmp_path, noisy):
+    page = Image.fromarray(noisy.astype(np.uint8))
+    page.save(tmp_path / "a.tif", save_all=True, append_images=[page])
+    with pytest.warns(UserWarning, match="only the first of its 2 pages is read"):
+        read_photograph(tmp_path / "a.tif")
+    thumbnail = page.resize((5, 6))
+    thumbnail.encoderinfo = {"tiffinfo": {254: 1}}
+    page.save(tmp_path / "b.tif", save_all=True, append_images=[thumbnail])
+    assert len(read_folders(tmp_path / "b.tif")) == 2
+    np.testing.assert_array_equal(read_photograph(tmp_path / "b.tif").pixels, noisy.astype(np.uint8))
+
+
 # Gain maps
 
 
@@ -181,12 +199,6 @@ def test_a_png_of_srgb_goes_unsaid(tmp_path, noisy):
 # Limits
 
 
-def bomb_png(width, height):
-    fields = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    return png.SIGNATURE + b"".join([png.chunk(b"IHDR", fields), png.chunk(b"IDAT", zlib.compress(bytes(1000))),
-                                     png.chunk(b"IEND", b"")])  # fmt: skip
-
-
 def bomb_jpeg(width, height, progressive=False):
     stored = io.BytesIO()
     Image.new("RGB", (8, 8)).save(stored, "JPEG", progressive=progressive)
@@ -247,6 +259,9 @@ def test_limits_are_those_that_are_given(tmp_path, noisy):
         ("a.jpg", b"\xff\xd8\xff\xe0" + bytes(100_000)),
         ("a.jpg", b"\xff\xd8\xff\xc0\x00\x11\x08\x00\x10\x00\x10\x03\x01\x11"),
         ("a.jpg", b"\xff\xd8\xff\xda\x00\x08"),
+        ("a.jpg", b"\xff\xd8" + b"\xff\xd0" * 2**20),
+        ("a.jpg", b"\xff\xd8" + b"\xff\xfe\0\2" * 2**20),
+        ("a.png", bomb_png(8, 8)[:33] + png.chunk(b"tEXt", b"") * 2**20),
         ("a.png", png.SIGNATURE),
         ("a.png", png.SIGNATURE + png.chunk(b"IHDR", bytes(13))),
         ("a.png", png.SIGNATURE + png.chunk(b"IHDR", struct.pack(">IIBBBBB", 1, 1, 3, 7, 0, 0, 0))),
@@ -257,6 +272,16 @@ def test_headers_that_break_their_format_are_refused_by_place(tmp_path, name, da
     with pytest.raises(UnreadableFile, match=rf"{name}: ") as raised:
         photographs.read(tmp_path / name)
     assert "\n" not in str(raised.value)
+
+
+def test_facts_keep_the_limits_and_are_of_photographs_alone(tmp_path, noisy):
+    path = saved(tmp_path / "a.tif", noisy.astype(np.uint8))
+    assert facts.read(path, Reading(side=60)).size == (50, 60)
+    with pytest.raises(UnreadableFile, match="50 x 60"):
+        facts.read(path, Reading(side=59))
+    Image.new("F", (3, 2)).save(tmp_path / "b.tif")
+    with pytest.raises(UnreadableFile, match=r"b\.tif: a radiance map"):
+        facts.read(tmp_path / "b.tif")
 
 
 # Salvage

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from relume.cli.console import Manner, refuse, speaking, tell, version
 from relume.cli.reading_options import ReadingOptions
 from relume.errors import RelumeError
+from relume.image.files.reading import Reading
 
 
 def info(
@@ -44,13 +45,13 @@ def info(
             raise ValueError("name a file, or ask about this machine with --system")
         reading = options.reading()
         if draw is not None:
-            _draw(paths or [], draw, from_)
+            _draw(paths or [], draw, from_, reading)
         elif from_ is not None:
             raise ValueError("--from is for --draw; give that too")
         unreadable: list[RelumeError] = []
         for path in paths or ():
             from relume.cli.info_lines import lines_of
-            from relume.image.files.description import describe
+            from relume.image.files import describe
 
             try:
                 facts = with_directions(describe(path, reading))
@@ -105,7 +106,7 @@ def _direction(facts: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, 
     }
 
 
-def _draw(paths: list[Path], out: Path, from_: str | None) -> None:
+def _draw(paths: list[Path], out: Path, from_: str | None, reading: Reading) -> None:
     from relume.cli.arguments import require_suffix
     from relume.cli.light_input import read_light
     from relume.image import files
@@ -115,7 +116,7 @@ def _draw(paths: list[Path], out: Path, from_: str | None) -> None:
     if len(paths) != 1:
         raise ValueError(f"--draw shows one map; {len(paths)} files are named")
     require_suffix(out, ".png", option="--draw")
-    light = read_light(paths[0], None if from_ is None else mapping_named(from_))
+    light = read_light(paths[0], None if from_ is None else mapping_named(from_), reading=reading)
     with files.replacing(out) as temporary:
         temporary.write_bytes(light_plot(light, paths[0].name))
 

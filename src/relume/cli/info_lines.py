@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from fractions import Fraction
 from typing import Any
 
 _FORMATS = {"EXR": "OpenEXR", "HDR": "Radiance", "RAW": "camera raw", "KTX2": "KTX 2.0"}
 _LARGEST_HALF = 65504
 _CAPTURE = ("exposure_time", "f_number", "iso", "camera_make", "camera", "lens", "focal_length", "taken")
 _UNTOLD = {"exposure": "the file tells none"}  # unless it does; without one no photograph can be merged
+_WIDEST = 30  # of its name: a column as wide as the longest is left for them all
 _LONGEST = 100  # characters of an attribute that fit beside its name
 
 
@@ -34,7 +35,7 @@ def lines_of(facts: Mapping[str, Any], *, whole: bool = False) -> dict[str, str]
     others = {key: text for key, text in facts["attributes"].items() if key not in (*_CAPTURE, "primaries")}
     if others:
         lines["attributes"] = str(len(others))
-        lines |= {f"  {_printable(key)}": _shortened(text, whole) for key, text in sorted(others.items())}
+        lines |= {f"  {_printable(key)[:_WIDEST]}": _shortened(text, whole) for key, text in sorted(others.items())}
     return {**lines, **_parts(facts)}
 
 
@@ -61,7 +62,7 @@ def _meaning(facts: Mapping[str, Any]) -> str:
     told = facts["primaries_of_file"]
     if told is None:
         return f"{unit}, {facts['primaries']}"
-    return f"{unit}; the file's primaries {_printable(told)} are converted to {facts['primaries']}"
+    return f"{unit}, {facts['primaries']} (converted from primaries {_printable(told)})"
 
 
 def _of_photograph(facts: Mapping[str, Any]) -> dict[str, str]:
@@ -72,8 +73,11 @@ def _of_photograph(facts: Mapping[str, Any]) -> dict[str, str]:
         "f_number": exposure.get("f_number"),
         "iso": exposure.get("iso"),
         "camera": facts["camera"],
-        **{name: settings[name] for name in ("lens", "focal_length", "taken", "bias", "automatic_white")},
+        **{name: settings[name] for name in ("lens", "focal_length", "bias", "automatic_white")},
     }
+    if settings["taken"] is not None:
+        day, _, time = settings["taken"].partition("T")
+        told["taken"] = f"{day} {time.rstrip('0') if '.' in time else time}"
     return {name: str(value) for name, value in told.items() if value not in (None, "")}
 
 
@@ -100,7 +104,7 @@ def _captured(told: Mapping[str, str]) -> dict[str, str]:
         "exposure": ", ".join(exposure),
         "white balance": {"True": "automatic", "False": "set by hand"}.get(told.get("automatic_white", ""), ""),
         "camera": ", ".join(filter(None, camera)),
-        "taken": _time(told.get("taken", "")),
+        "taken": told.get("taken", ""),
     }
     return {label: _printable(text) for label, text in lines.items() if text}
 
@@ -154,7 +158,7 @@ def _faults(facts: Mapping[str, Any]) -> dict[str, str]:
         lines["at maximum"] = f"{facts['at_maximum']:,} pixels at {value}"
     if facts.get("clipped") is not None:
         counts = facts["clipped"]
-        words = {"saturated": "saturated in every photograph", "black": "black in every one", "outside": "in none"}
+        words = {"saturated": "saturated in every photograph", "black": "black in every one", "outside": "outside all"}
         told = [f"{counts[name]:,} {text}" for name, text in words.items() if counts[name]]
         lines["marked pixels"] = ", ".join(told) or "none: every pixel was measured"
     names = {"nan": "not a number", "infinite": "infinite", "negative": "below 0"}
@@ -202,8 +206,8 @@ def _parts(facts: Mapping[str, Any]) -> dict[str, str]:
         told.append(text if part["size"] == facts["size"] else f"{text}, {' × '.join(map(str, part['size']))} pixels")
     if len(parts) == 1:
         return {"channels": told[0]}
-    names = [_printable(part["name"]) or "without a name" for part in parts]
-    return {f"part {name}": text for name, text in zip(names, told, strict=True)}
+    names = [f"{_printable(part['name'])}: " if part["name"] else "" for part in parts]
+    return {f"part {count}": name + text for count, (name, text) in enumerate(zip(names, told, strict=True), 1)}
 
 
 def _percentiles(values: Mapping[str, Any], shown: Any) -> str:
@@ -240,14 +244,10 @@ def _seconds(text: str) -> str:
     value = _float(text)
     if value is None or value <= 0:
         return f"{text} s"
-    whole = round(1 / value)
     # Shutters are marked 1/4 and faster as fractions; 0.3 s and longer as they are.
-    return f"1/{whole} s" if value < 0.29 and abs(whole * value - 1) < 0.02 else f"{value:.4g} s"
-
-
-def _time(text: str) -> str:
-    """A date as the file has it, or one in ISO 8601 with a blank and without zeros of a second."""
-    return (text.rstrip("0") if "." in text else text).replace("T", " ")
+    if 1e-6 < value < 0.29 and abs(round(1 / value) * value - 1) < 0.02:
+        return f"1/{round(1 / value)} s"
+    return f"{value:.4g} s"
 
 
 def _plain(text: str) -> str:
@@ -256,10 +256,13 @@ def _plain(text: str) -> str:
 
 
 def _float(text: str | None) -> float | None:
+    """A number, or a fraction as EXIF has them; None for anything else that a file may hold."""
+    above, slash, below = (text or "").partition("/")
     try:
-        return None if text is None else float(Fraction(text))
-    except (ValueError, ZeroDivisionError, OverflowError):
+        value = float(above) / float(below) if slash else float(above)
+    except (ValueError, ZeroDivisionError):
         return None
+    return value if math.isfinite(value) else None
 
 
 def _printable(text: str) -> str:

@@ -161,7 +161,7 @@ def read_raw(path: str | os.PathLike[str], reading: Reading = Reading()) -> RawP
 def write(path: str | os.PathLike[str], image: RadianceMap | Photograph, encoding: Encoding | None = None) -> None:
     """Write an image, whole or not at all, in the format that `encoding` or else its suffix names.
 
-    A radiance map goes to .exr (float32, everything kept), .hdr or .pic (RGBE, an error of up to 1/512 of a pixel's
+    A radiance map goes to .exr (float32, everything kept), .hdr or .pic (RGBE, an error of up to 1/256 of a pixel's
     largest channel), .tif (float32), .pfm, .float and .float.gz, or .jpg (with a gain map); see
     `relume.image.files.encodings` for what else there is, such as LogLuv. A photograph goes to .png or .tif (8 or 16
     bits) or .jpg (8 bits, quality 95, full colour resolution), with its EXIF. What the format does not keep is said in
@@ -243,8 +243,8 @@ def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
     return "" if module is None else import_module(f"relume.image.files.{module}").subtype(path, reading)
 
 
-def describe(path: str | os.PathLike[str]) -> dict[str, object]:
+def describe(path: str | os.PathLike[str], reading: Reading = Reading()) -> dict[str, object]:
     """What a file holds, in plain values that JSON can hold: see `relume.image.files.description.describe`."""
     from relume.image.files import description
 
-    return description.describe(path)
+    return description.describe(path, reading)

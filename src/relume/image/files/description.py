@@ -20,6 +20,8 @@ from relume.image.statistics import Spot, Statistics, statistics, statistics_of
 _NUMBERS_OF_EXR = {"half": "float16", "float": "float32", "uint": "uint32"}
 _NUMBERS_OF_KTX2 = {97: "half", 109: "float"}  # Vulkan's names for R16G16B16A16_SFLOAT and R32G32B32A32_SFLOAT
 
+_ROWS = 64
+
 
 def describe(path: str | os.PathLike[str], reading: Reading = Reading()) -> dict[str, object]:
     """What a file holds, in plain values that JSON can hold; None where there is nothing to tell.
@@ -43,7 +45,7 @@ def describe(path: str | os.PathLike[str], reading: Reading = Reading()) -> dict
     if kind == "RAW":
         return _of_raw(path, files.read_raw(path, reading))
     if kind == "KTX2":
-        return _of_cube(path)
+        return _of_cube(path, reading)
     if kind in MAPS:
         return _of_map(path, kind, files.read_radiance(path, reading), reading)
     return _of_photograph(path, kind, files.read_photograph(path, reading), reading)
@@ -52,8 +54,10 @@ def describe(path: str | os.PathLike[str], reading: Reading = Reading()) -> dict
 def _of_map(path: str | os.PathLike[str], kind: str, image: RadianceMap, reading: Reading) -> dict[str, object]:
     parts = _parts(path, reading) if kind == "EXR" else []
     told = statistics(image)
-    marks = {"saturated": SATURATED, "black": BLACK, "outside": OUTSIDE}
-    clipped = image.clipped
+    marks = None
+    if image.clipped is not None:
+        codes = {"saturated": SATURATED, "black": BLACK, "outside": OUTSIDE}
+        marks = {name: int(np.count_nonzero(image.clipped == code)) for name, code in codes.items()}
     return {
         **_file(path, kind, files.subtype(path, reading), image.size),
         "kind": "radiance map",
@@ -66,9 +70,7 @@ def _of_map(path: str | os.PathLike[str], kind: str, image: RadianceMap, reading
         **_values(told),
         "brightest": _place(told.spot),
         "lone": _place(told.lone),
-        "clipped": None
-        if clipped is None
-        else {name: int(np.count_nonzero(clipped == mark)) for name, mark in marks.items()},
+        "clipped": marks,
         "has_variance": image.variance is not None,
         "parts": parts,
     }
@@ -103,7 +105,9 @@ def _of_photograph(path: str | os.PathLike[str], kind: str, image: Photograph, r
 
 
 def _of_raw(path: str | os.PathLike[str], image: RawPhotograph) -> dict[str, object]:
-    counts = np.bincount(image.mosaic.ravel(), minlength=1)
+    # Some rows at a time: NumPy counts 64-bit integers only, and copies what it is given.
+    bands = np.array_split(image.mosaic, max(1, image.size[1] // _ROWS))
+    counts = np.sum([np.bincount(band.ravel(), minlength=2**16) for band in bands], axis=0)
     used = np.flatnonzero(counts)
     channels = [image.pattern == channel for channel in range(3)]
     planes = [[image.mosaic[y::2, x::2] for y in (0, 1) for x in (0, 1) if here[y, x]] for here in channels]
@@ -132,10 +136,10 @@ def _of_raw(path: str | os.PathLike[str], image: RawPhotograph) -> dict[str, obj
     }
 
 
-def _of_cube(path: str | os.PathLike[str]) -> dict[str, object]:
+def _of_cube(path: str | os.PathLike[str], reading: Reading) -> dict[str, object]:
     from relume.image.files import ktx2
 
-    levels = ktx2.read_cube(path)
+    levels = ktx2.read_cube(path, reading)
     with open(path, "rb") as file:
         number = _NUMBERS_OF_KTX2[int.from_bytes(file.read(16)[12:], "little")]
     side = levels[0].shape[1]

@@ -19,7 +19,7 @@ from relume.image.files.orientation import UPRIGHT
 from relume.image.files.reading import Reading
 from relume.image.files.tiff_attributes import attributes_of, primaries_of, scale_of, tags_of
 from relume.image.files.tiff_folders import Folder, read_folders
-from relume.image.files.tiff_layout import LZW, NONE, OLD_ZIP, ORIENTATION, PACKBITS, ZIP, Layout, layout_of
+from relume.image.files.tiff_layout import LZW, NONE, OLD_ZIP, ORIENTATION, PACKBITS, ZIP, Layout, layout_of, pages_of
 from relume.image.files.tiff_pixels import needs_own, pieces, predicted
 from relume.image.files.tiff_writing import Tags, write_tiff
 from relume.image.primaries import REC709, converted
@@ -53,8 +53,8 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Radiance
         warnings.warn(f"{path}: ends early; {layout.height - rows} of {layout.height} rows are missing", stacklevel=4)
         clipped = np.zeros(pixels.shape[:2], np.uint8)
         clipped[rows:] = OUTSIDE
-    if len(folders) > 1:
-        warnings.warn(f"{path}: only the first of its {len(folders)} pages is read", stacklevel=4)
+    if (pages := pages_of(folders)) > 1:
+        warnings.warn(f"{path}: only the first of its {pages} pages is read", stacklevel=4)
     with open(path, "rb") as file:
         told = attributes_of(path, file, folder, reading)
     turn = UPRIGHT.get(int(folder.number(ORIENTATION, 1) or 1), UPRIGHT[1])
@@ -111,8 +111,8 @@ def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
         words.append(f"tiled {layout.block[0]} × {layout.block[1]}")
     if folders[0].order == ">":
         words.append("big-endian")
-    if len(folders) > 1:
-        words.append(f"{len(folders)} pages")
+    if (pages := pages_of(folders)) > 1:
+        words.append(f"{pages} pages")
     return ", ".join(words)
 
 

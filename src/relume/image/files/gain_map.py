@@ -97,11 +97,12 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Radiance
 def write(path: str | os.PathLike[str], image: RadianceMap, encoding: GainMap = GainMap()) -> None:
     """Write a JPEG with a gain map, and say in a warning how much luminance it loses.
 
-    The base is the picture at `encoding.exposure`, its highlights rolled off. Black stays black but for the least step
-    of gain; the warning tells what it becomes.
+    The base is the picture at `encoding.exposure`, its highlights rolled off. Where `encoding.quality` loses more than
+    is accepted, the gain map alone is written at 98 or 100. Black stays black but for the least step of gain; the
+    warning tells what it becomes. Other programs may stop at 10,000 cd/m² for a base white of 203 (libultrahdr does).
 
-    Raises ValueError for negative, NaN and infinite pixels (counted), and where more than `encoding.tolerance` is lost
-    in more than one pixel of a hundred; OutputNotWritten.
+    Raises ValueError for negative, NaN and infinite pixels (counted), and where more than `encoding.tolerance` of the
+    luminance is lost in more than one pixel of a hundred or in all together; OutputNotWritten.
     """
     from relume.image.files import gain_map_encoding
 

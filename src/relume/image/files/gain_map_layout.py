@@ -24,6 +24,7 @@ _INDEX, _ENTRIES = 0xB001, 0xB002  # NumberOfImages, MPEntry: CIPA DC-007, 5.2.3
 _PRIMARY_TYPE = 0x20030000  # representative, baseline MP primary image: 5.2.3.3.1
 _MOST_TAGS = 64
 _MOST_ENTRIES = 64
+_MOST_TRIED = 16  # places; a header may take its time
 _SCANNED = 2**16  # bytes behind the primary picture in which a second is looked for
 
 
@@ -58,13 +59,19 @@ def located(path: str | os.PathLike[str], file: BinaryIO, reading: Reading) -> L
     claims = claims or base.first(APP2, jpeg_segments.ISO_GAIN_MAP) is not None
     size = file.seek(0, os.SEEK_END)
     tried: set[int] = set()
+    tries = 0
     for begin, end in _candidates(base, lengths, file, size, claims):
         if begin in tried or not base.scan < begin < size - 4:
             continue
+        if (tries := tries + 1) > _MOST_TRIED:
+            break
         tried.add(begin)
         try:
             header = jpeg_segments.header_at(path, file, begin, reading)
         except FormatError:
+            continue
+        if end <= header.scan:  # another place may tell its length rightly
+            tried.discard(begin)
             continue
         if (found := _metadata_in(path, header, reading)) is not None:
             return Layout(base, begin, header, min(end, size), *found, packet)

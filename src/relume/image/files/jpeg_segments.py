@@ -24,7 +24,7 @@ _KEPT = _FRAMES | {APP1, APP2}
 _MOST_SEGMENTS = 4096  # 16 MiB of metadata make 256 full ones
 _LARGEST = 65533  # bytes behind a segment's length
 # In the scans a 0xFF is followed by 0 where it is data, by D0 to D7 where decoding may restart.
-_NEXT_MARKER = re.compile(rb"\xff+([^\x00\xd0-\xd7\xff])")
+_NEXT_MARKER = re.compile(rb"\xff([^\x00\xd0-\xd7\xff])")
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Header:
 def header_at(path: str | os.PathLike[str], file: BinaryIO, begin: int, reading: Reading) -> Header:
     """The header of the JPEG that begins at byte `begin` of an open file; raises FormatError where it is broken."""
     size = file.seek(0, os.SEEK_END)
-    offset, kept, frame = begin + 2, 0, None
+    offset, kept, filling, frame = begin + 2, 0, 0, None
     segments: list[Segment] = []
     file.seek(begin)
     if (start := file.read(2)) != bytes((0xFF, _START)):
@@ -86,13 +86,13 @@ def header_at(path: str | os.PathLike[str], file: BinaryIO, begin: int, reading:
     while True:
         file.seek(offset)
         head = file.read(4)
-        if head[:2] == b"\xff\xff":  # a fill byte before a marker
-            offset += 1
+        if head[:2] == b"\xff\xff" and filling < _MOST_SEGMENTS:  # a fill byte before a marker
+            offset, filling = offset + 1, filling + 1
             continue
         if len(head) < 4 or head[0] != 0xFF:
             raise _damaged(path, offset, "a marker", head.hex(" ") or "the end of the file")
         marker, length = head[1], int.from_bytes(head[2:])
-        if marker in (_END, _START, 0) or length < 2 or offset + 2 + length > size:
+        if marker in (_END, _START, 0, 0xFF) or length < 2 or offset + 2 + length > size:
             raise _damaged(path, offset, f"a segment within the {size} bytes", f"marker {marker:02x}, length {length}")
         payload = file.read(length - 2) if marker in _KEPT else b""
         kept += len(payload)

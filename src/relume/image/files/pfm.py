@@ -13,7 +13,6 @@ from __future__ import annotations
 import os
 import re
 import warnings
-from contextlib import suppress
 from dataclasses import dataclass
 from io import FileIO
 from typing import BinaryIO
@@ -28,7 +27,7 @@ from relume.image.files.reading import Reading, refuse_absurd_amount, refuse_abs
 from relume.image.radiance import OUTSIDE, RadianceMap
 
 _HEADER = 2**14  # bytes in which a header ends; with comments, which Debevec's has not, but some readers take
-_BATCH = 256  # rows written by one call: fewer than the 1024 pieces that every system takes (IOV_MAX)
+_BATCH = 64  # rows written by one call: fewer than the 1024 pieces that every system takes (IOV_MAX), and kept in cache
 _GAP = re.compile(rb"(?:\s|#[^\n]*\n)+")
 _COMMENT = re.compile(rb"#([^\n]*)\n")
 _WORDS = (
@@ -127,9 +126,7 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: PFM = PFM(
     number = ">f4" if encoding.big_endian else "<f4"
     channels = 1 if encoding.grey else 3
     with replacing(path) as temporary, open(temporary, "wb", buffering=0) as file:
-        header = f"{kind}\n{width} {height}\n{scale}\n".encode("ascii")
-        _reserve(file, len(header) + 4 * channels * width * height)
-        _write_all(file, memoryview(header))
+        _write_all(file, memoryview(f"{kind}\n{width} {height}\n{scale}\n".encode("ascii")))
         for end in range(height, 0, -_BATCH):
             batch = radiance[max(0, end - _BATCH) : end, :, :channels]
             _write_rows(file, np.ascontiguousarray(batch, number)[::-1])
@@ -196,13 +193,6 @@ def _coloured(row: np.ndarray) -> int:
     """How many pixels of (W, 3) have channels of different bits."""
     bits = np.ascontiguousarray(row).view(np.uint32)
     return int(np.count_nonzero(np.any(bits[:, 1:] != bits[:, :1], axis=1)))
-
-
-def _reserve(file: FileIO, size: int) -> None:
-    """Ask for the whole place on the disk at once, which is quicker, and where it cannot be asked for do nothing."""
-    if hasattr(os, "posix_fallocate"):
-        with suppress(OSError):  # a full disk is told when it is written to
-            os.posix_fallocate(file.fileno(), 0, size)
 
 
 def _write_rows(file: FileIO, rows: np.ndarray) -> None:

@@ -12,12 +12,12 @@ from relume.image.files import png
 from relume.image.files.jpeg_segments import APP1, APP2, ISO_GAIN_MAP
 from relume.image.files.reading import Reading, refuse_absurd_amount, refuse_absurd_size
 from relume.image.files.tiff_folders import read_folders
-from relume.image.files.tiff_layout import Layout, layout_of
+from relume.image.files.tiff_layout import Layout, layout_of, pages_of
 
 _FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # ITU-T T.81, table B.1
 _PROGRESSIVE = (0xC2, 0xC6, 0xCA, 0xCE)
 _ALONE = (0x01, *range(0xD0, 0xD9))  # markers without a length
-_MOST_STRAY = 2**12  # bytes between segments; more is no JPEG
+_MOST_STEPS = 2**13  # segments, and stray bytes between them; 16 MiB of metadata make 256 full segments
 _SUBSAMPLED = {(1, 1): "4:4:4", (2, 1): "4:2:2", (2, 2): "4:2:0", (4, 1): "4:1:1", (1, 2): "4:4:0", (4, 2): "4:1:0"}
 _PHOTOMETRICS = {0: "grey, black and white exchanged", 1: "grey", 2: "RGB", 3: "palette", 5: "CMYK", 6: "YCbCr"}
 _UNREAD = (6, 34712, 34887, 34925, 50000, 50001)  # old JPEG, JPEG 2000, LERC, LZMA, ZSTD, WebP
@@ -31,8 +31,8 @@ class Form:
     kind : in words, "RGB", "YCbCr 4:2:0", …
     packing : in words, "" for the one that every file of its format has
     gain_map : whether a JPEG has a gain map, or says so
-    block : rows that are decoded together, of a JPEG
     layout : of a TIFF
+    pages : of a TIFF
     """
 
     width: int
@@ -42,8 +42,8 @@ class Form:
     kind: str
     packing: str = ""
     gain_map: bool = False
-    block: int = 1
     layout: Layout | None = None
+    pages: int = 1
 
     @property
     def text(self) -> str:
@@ -78,8 +78,9 @@ def _tiff(path: str | os.PathLike[str], size: int, reading: Reading) -> Form:
     packing = [layout.packing]
     if layout.tiled:
         packing.append(f"tiled {layout.block[0]} × {layout.block[1]}")
-    if len(folders) > 1:
-        packing.append(f"{len(folders)} pages")
+    pages = pages_of(folders)
+    if pages > 1:
+        packing.append(f"{pages} pages")
     alpha = " with alpha" if layout.extra else ""
     return Form(
         layout.width,
@@ -89,19 +90,20 @@ def _tiff(path: str | os.PathLike[str], size: int, reading: Reading) -> Form:
         kind + alpha,
         ", ".join(packing),
         layout=layout,
+        pages=pages,
     )
 
 
 def _jpeg(path: str | os.PathLike[str], file: BinaryIO, size: int, reading: Reading) -> Form:
     """From the first frame; bytes between the segments are passed over, as decoders do."""
-    place, stray, gain_map = 2, 0, False
-    while True:
+    place, gain_map = 2, False
+    for _ in range(_MOST_STEPS):
         file.seek(place)
         head = file.read(4)
-        if len(head) < 4 or place > reading.metadata or stray > _MOST_STRAY:
-            raise FormatError(path, "JPEG", f"byte {min(place, size)}", "a frame", "none ahead of the pixels")
+        if len(head) < 4 or place > reading.metadata:
+            break
         if head[0] != 0xFF or head[1] in (0x00, 0xFF):
-            place, stray = place + 1, stray + 1
+            place += 1
             continue
         marker = head[1]
         if marker in _ALONE:
@@ -116,6 +118,7 @@ def _jpeg(path: str | os.PathLike[str], file: BinaryIO, size: int, reading: Read
             payload = file.read(max(length - 2, 0))
             gain_map = b"hdrgm:Version" in payload if marker == APP1 else payload.startswith(ISO_GAIN_MAP)
         place += 2 + max(length, 2)
+    raise FormatError(path, "JPEG", f"byte {min(place, size)}", "a frame", "none ahead of the pixels")
 
 
 def _frame(path: str | os.PathLike[str], place: int, marker: int, payload: bytes, gain_map: bool) -> Form:
@@ -131,4 +134,4 @@ def _frame(path: str | os.PathLike[str], place: int, marker: int, payload: bytes
         if factors[1] == factors[2] and min(chroma) > 0:
             kind += " " + _SUBSAMPLED.get((across // chroma[0], down // chroma[1]), "")
     packing = "progressive" if marker in _PROGRESSIVE else ""
-    return Form(width, height, channels, bits, kind.strip(), packing, gain_map, 8 * max(down, 1))
+    return Form(width, height, channels, bits, kind.strip(), packing, gain_map)

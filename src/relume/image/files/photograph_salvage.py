@@ -49,8 +49,7 @@ def salvaged(path: str | os.PathLike[str], kind: str, form: Form) -> Salvaged | 
 def _jpeg(path: str | os.PathLike[str], form: Form) -> Salvaged | None:
     """Row after row, until the decoder says that the data is at its end.
 
-    It says so while it decodes a row of blocks, or the one below that it smooths into it; so rows from the block in
-    which it says it are taken for missing.
+    It says so when it asks for data that is not there, before it makes a row of what it fills in.
     """
     data = Path(path).read_bytes()
     if form.gain_map or b"\xff\xd9" in data[-1024:]:
@@ -71,8 +70,7 @@ def _jpeg(path: str | os.PathLike[str], form: Form) -> Salvaged | None:
             rows.append(row.reshape(spec.width, spec.nchannels))
     finally:
         source.close()
-    whole = len(rows) if len(rows) == form.height else len(rows) // form.block * form.block
-    return Salvaged(np.array(rows[:whole]).reshape(whole, form.width, -1), form.height)
+    return Salvaged(np.array(rows).reshape(len(rows), form.width, -1 if rows else 3), form.height)
 
 
 def _png(path: str | os.PathLike[str], form: Form) -> Salvaged | None:

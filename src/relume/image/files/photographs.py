@@ -43,14 +43,17 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Photogra
     """The photograph in a JPEG, PNG or TIFF, with the exposure, settings, camera and focal length its EXIF tells.
 
     Grey becomes three equal channels. Where alpha is 0 the picture is `outside`. Of a JPEG with a gain map it is the
-    base picture. Warns where alpha is dropped that was neither 0 nor opaque, where an embedded profile is not sRGB, and
-    where a PNG says that its values are encoded otherwise. Raises UnreadableFile for damaged files, those beyond the
-    limits of `reading`, and camera raw. With `reading.salvage` the rows that a file lacks are 0 and `outside`.
+    base picture; of a TIFF the first page. Warns of other pages, where alpha is dropped that was neither 0 nor opaque,
+    where an embedded profile is not sRGB, and where a PNG says that its values are encoded otherwise. With
+    `reading.salvage` the rows that a file lacks are 0 and `outside`. Raises UnreadableFile for damaged files, those
+    beyond the limits of `reading`, and camera raw.
     """
     kind = kind_of(path)
     form = form_of(path, kind, reading)
     if kind == "PNG":
         png.warn_of_other_encoding(path, png.header(path))
+    if form.pages > 1:
+        warnings.warn(f"{path}: only the first of its {form.pages} pages is read", stacklevel=4)
     found = salvaged(path, kind, form) if reading.salvage else None
     pixels, outside = _decoded(path, kind, form, reading) if found is None else _placed(path, found)
     tags = exif.tags(path, kind)

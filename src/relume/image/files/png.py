@@ -21,6 +21,8 @@ SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _COLOURS = {0: ("grey", 1), 2: ("RGB", 3), 3: ("palette", 3), 4: ("grey with alpha", 2), 6: ("RGB with alpha", 4)}
 _SRGB_GAMMA = 0.45455  # the value to write for sRGB (11.3.2.2)
 _SAME_GAMMA = 0.02  # 1/2.15 to 1/2.25, which nobody can see
+_MOST_CHUNKS = 2**18  # of 8192 bytes of pixels, as libpng writes them, 2 GiB
+_MOST_AHEAD = 2**12  # chunks ahead of the pixels: a few are usual, and each of its texts is one
 _TRANSFERS = {16: "PQ", 18: "HLG"}  # ITU-T H.273, table 3
 
 
@@ -52,7 +54,9 @@ def header(path: str | os.PathLike[str]) -> Header:
     with open(path, "rb") as file:
         place = len(SIGNATURE)
         file.seek(place)
-        while len(head := file.read(8)) == 8 and head[4:] not in (b"IDAT", b"IEND"):
+        for _ in range(_MOST_AHEAD):
+            if len(head := file.read(8)) < 8 or head[4:] in (b"IDAT", b"IEND"):
+                break
             length, name = struct.unpack(">I4s", head)
             if name in (b"IHDR", b"gAMA", b"cICP", b"sRGB", b"iCCP"):
                 told.setdefault(name, file.read(min(length, 13)))
@@ -90,8 +94,10 @@ def warn_of_other_encoding(path: str | os.PathLike[str], header: Header) -> None
 def refuse_damaged(path: str | os.PathLike[str]) -> None:
     """Raise FormatError where a chunk of a PNG is cut short or fails its checksum, or the last one is missing."""
     data = Path(path).read_bytes()
-    place = len(SIGNATURE)
-    while place + 12 <= len(data):
+    place = end = len(SIGNATURE)
+    for _ in range(_MOST_CHUNKS):
+        if place + 12 > len(data):
+            break
         (length,) = struct.unpack_from(">I", data, place)
         name, end = data[place + 4 : place + 8], place + 8 + length
         if end + 4 > len(data):
@@ -104,7 +110,8 @@ def refuse_damaged(path: str | os.PathLike[str]) -> None:
         if name == b"IEND":
             return
         place = end + 4
-    raise FormatError(path, "PNG", f"the chunk at byte {place}", "all of it", "the end of the file")
+    found = "the end of the file" if place + 12 > len(data) or end + 4 > len(data) else f"{_MOST_CHUNKS} before it"
+    raise FormatError(path, "PNG", f"the chunk at byte {place}", "a whole one, and IEND as the last", found)
 
 
 def encode(pixels: np.ndarray, exif: bytes) -> bytes:

@@ -89,9 +89,11 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: Radiance =
     All attributes but those with "=" in their name are kept, on one line each. Warns of what is not: planes of variance
     and of clipped pixels.
 
-    Raises ValueError for pixels that the format cannot hold: negative, NaN, infinite or
+    Raises ValueError for a map without pixels and for pixels that the format cannot hold: negative, NaN, infinite or
     above 1.7e38; OutputNotWritten.
     """
+    if 0 in image.size:
+        raise ValueError(f"the map has {image.size[0]} x {image.size[1]} pixels; a .hdr file has one or more")
     pieces, unfit = encoded(
         image.radiance, matrix=_FROM_REC709 if encoding.xyz else None, compressed=encoding.compressed
     )
@@ -150,7 +152,7 @@ def _refuse_overflow(
 ) -> None:
     """Raise FormatError where exposures or primaries take values beyond float32; few files have any that come near."""
     gain = 1.0 if matrix is None else float(np.abs(matrix).sum(1).max())
-    if gain * 2.0**127 / header.scale.min() < np.finfo(np.float32).max:
+    if gain * 2.0**127 < np.finfo(np.float32).max * header.scale.min():
         return
     beyond = np.count_nonzero(~np.isfinite(radiance))
     if beyond:

@@ -61,7 +61,8 @@ def decode(
     whole, place, why = find_lines(data, lines, length, begins)
     if why:
         _refuse_damage(path, whole, lines, length, start + place, why, salvage=salvage)
-    worth = np.ldexp(1.0, np.arange(256) - 136) / scale[:, None]
+    with np.errstate(over="ignore"):
+        worth = np.ldexp(1.0, np.arange(256) - 136) / scale[:, None]
     worth[:, 0] = 0
     out = radiance.reshape(-1)
     first = (view.ctypes.data - out.ctypes.data) // out.itemsize

@@ -62,7 +62,7 @@ _CONVERT = "convert it to JPEG, PNG or TIFF, or to EXR or Radiance .hdr"
 
 
 def kind_of(path: str | os.PathLike[str]) -> str:
-    """What a file is: one of `MAPS`, "JPEG", "PNG", "TIFF", "RAW" or "KTX2"; raises UnreadableFile for anything else."""
+    """One of `MAPS`, or "JPEG", "PNG", "TIFF", "RAW", "KTX2"; raises UnreadableFile for anything else."""
     path = Path(path)
     if path.is_dir():
         raise UnreadableFile(f"{path}: a folder, not a file; name one picture in it")

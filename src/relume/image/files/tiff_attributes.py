@@ -43,7 +43,7 @@ def tags_of(image: RadianceMap) -> tuple[Tags, Tags]:
         tag, typed = names.EXIF.get(name, 0), _typed(name, text)
         if tag and typed is not None:
             (exif if tag > _EXIF else main)[tag] = typed
-        if not tag or typed is None or _told(name, typed[1]) != text and False:
+        if not tag or typed is None or _told(name, typed[1]) != text:
             rest[name] = text
     if rest:
         main[XMP] = (_BYTE, xmp.packet(rest))

@@ -6,12 +6,14 @@ Format: TIFF 6.0, sections 3 to 15, and Adobe Photoshop TIFF technical note 3 fo
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files.reading import Reading, refuse_absurd_amount, refuse_absurd_size
 from relume.image.files.tiff_folders import Folder
 
+SUBFILE, _SMALLER, _MASK = 254, 1, 4
 WIDTH, HEIGHT, BITS, COMPRESSION, PHOTOMETRIC, ORIENTATION = 256, 257, 258, 259, 262, 274
 STRIP_PLACES, SAMPLES, STRIP_ROWS, STRIP_LENGTHS, PLANAR, PREDICTOR = 273, 277, 278, 279, 284, 317
 TILE_WIDTH, TILE_HEIGHT, TILE_PLACES, TILE_LENGTHS, EXTRA, SAMPLE_FORMAT = 322, 323, 324, 325, 338, 339
@@ -146,6 +148,11 @@ def layout_of(path: str | os.PathLike[str], folder: Folder, size: int, reading: 
     )
     _refuse_senseless(path, layout, size, reading)
     return layout
+
+
+def pages_of(folders: Sequence[Folder]) -> int:
+    """How many pictures a TIFF holds, the first and all that are neither its smaller copies nor its masks."""
+    return 1 + sum(not int(_finite(folder, SUBFILE, 0)) & (_SMALLER | _MASK) for folder in folders[1:])
 
 
 def _refuse_senseless(path: str | os.PathLike[str], layout: Layout, size: int, reading: Reading) -> None:

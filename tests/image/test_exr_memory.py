@@ -1,0 +1,38 @@
+"""What reading and writing an EXR take of memory: at most twice its pixels as float32."""
+
+import subprocess
+import sys
+
+import pytest
+
+SCRIPT = """
+import sys
+from resource import RUSAGE_SELF, getrusage
+import numpy as np
+import OpenEXR
+from relume.image.files import encodings, exr
+from relume.image.radiance import RadianceMap
+
+step, path, half = sys.argv[1], sys.argv[2], sys.argv[3] == "half"
+if step == "write":
+    pixels = np.random.default_rng(1).random((2000, 3000, 3), np.float32)
+    pixels += np.float32(0.01)  # in place: a copy would hide what writing takes
+    before = getrusage(RUSAGE_SELF).ru_maxrss
+    exr.write(path, RadianceMap(pixels), encodings.OpenEXR(half=half))
+else:
+    before = getrusage(RUSAGE_SELF).ru_maxrss
+    exr.read(path)
+print(getrusage(RUSAGE_SELF).ru_maxrss - before)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["float", "half"])
+def test_six_million_pixels_take_at_most_twice_their_size(tmp_path, kind):
+    pytest.importorskip("resource")
+    size = 2000 * 3000 * 12 / 1024  # KiB, as Linux tells
+    for step in ("write", "read"):
+        command = [sys.executable, "-c", SCRIPT, step, str(tmp_path / "a.exr"), kind]
+        told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+        assert int(told) <= 2 * size, step
+        assert int(told) >= 0.3 * size, step  # else nothing was measured
