@@ -83,8 +83,9 @@ def converted(image: RadianceMap, given: Primaries, wanted: Primaries) -> Radian
 
 
 def mixed(pixels: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """(..., 3) float32 of which each new channel is a row of `matrix` times the old ones."""
-    return np.asarray(pixels, np.float32) @ matrix.T.astype(np.float32)
+    """(..., 3) float32 of which each new channel is a row of `matrix` times the old ones; infinite beyond float32."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(pixels, np.float32) @ matrix.T.astype(np.float32)
 
 
 def _columns(primaries: Primaries) -> np.ndarray:

@@ -136,11 +136,11 @@ def _decoded(path: str | os.PathLike[str], module: str, reading: Reading) -> Any
         raise UnreadableFile(f"{path}: larger than the memory there is; scale it down first") from None
 
 
-def read_facts(path: str | os.PathLike[str]) -> Facts:
+def read_facts(path: str | os.PathLike[str], reading: Reading = Reading()) -> Facts:
     """What the header of a photograph tells, without its pixels; raises UnreadableFile for what is no photograph."""
     from relume.image.files import facts
 
-    return facts.read(path)
+    return facts.read(path, reading)
 
 
 def read_raw(path: str | os.PathLike[str], reading: Reading = Reading()) -> RawPhotograph:

@@ -89,12 +89,14 @@ def plane(path: str | os.PathLike[str], part: Part, name: str) -> np.ndarray:
 
 
 def _as_they_lie(planes: list[np.ndarray], shape: tuple[int, int, int]) -> np.ndarray | None:
-    """The float32 array of `shape` whose last axis the planes are, or None where there is none."""
+    """The array of `shape` whose last axis the planes are, as float32; None where there is none."""
     base = planes[0].base
-    if len(planes) != 3 or not isinstance(base, np.ndarray) or base.shape != shape or base.dtype != np.float32:
+    if len(planes) != 3 or not isinstance(base, np.ndarray) or base.shape != shape or base.dtype != planes[0].dtype:
         return None
     starts = [plane.ctypes.data - base.ctypes.data for plane in planes]
-    return base if starts == [0, 4, 8] and all(plane.strides == base.strides[:2] for plane in planes) else None
+    if starts != [0, base.itemsize, 2 * base.itemsize] or any(p.strides != base.strides[:2] for p in planes):
+        return None
+    return base.astype(np.float32, copy=False)
 
 
 def missing(part: Part) -> np.ndarray | None:

@@ -29,7 +29,8 @@ from relume.image.radiance import OUTSIDE, RadianceMap
 
 _SHORT, _LONG, _DOUBLE = 3, 4, 12
 _SAFE_SCALE = 1e15  # cd/m² of luminance 1, up to which no word is beyond float32
-_STRONGEST = 1000  # in a matrix that adapts a light which can be; for white at x = .17, y = .01 it has entries of 60
+_LOWEST = 0.0048  # y of the violet end of the spectrum (CIE 15:2004): no light is lower
+_STRONGEST = 100  # in a matrix that adapts any light there is; that for deepest red has 19
 _ROUNDING = 1 + 1e-9  # so that a maximum of a power of two is not taken for just less
 _STRIP = 2**18  # bytes of words in a strip: 64 KiB or less when packed, and enough strips for every core
 
@@ -104,9 +105,10 @@ def to_d65(path: str | os.PathLike[str], folder: Folder, blocks: Blocks) -> tupl
     if white is None or blocks.bits == 16:
         return np.eye(3), {}
     x, y = (*white, 0.0, 0.0)[:2] if isinstance(white, tuple) else (0.0, 0.0)
+    seen = _LOWEST <= y and 0 < x < 1 - y
     with np.errstate(all="ignore"):
-        matrix = adaptation((x, y), REC709.white)
-    if not (0 < x < 1 and 0 < y and x + y < 1 and np.all(np.abs(matrix) < _STRONGEST)):
+        matrix = adaptation((x, y), REC709.white) if seen else np.eye(3)
+    if not (seen and np.all(np.abs(matrix) < _STRONGEST)):
         warnings.warn(f"{path}: its white is {x:.4g} {y:.4g} (x, y), which no light has; read as D65", stacklevel=5)
         return np.eye(3), {}
     if np.array_equal(matrix, np.eye(3)):

@@ -71,7 +71,7 @@ def decode(
     def work(begin: int, end: int) -> None:
         decode_lines(data, begins, begin, end, length, worth, middle, out, first, line_step, pixel_step)
         if matrix is not None:
-            view[begin:end] = _mixed(view[begin:end], matrix)
+            view[begin:end] = mixed(view[begin:end], matrix)
 
     in_threads(work, whole, chunk=max(1, _TOGETHER // length))
     return whole
@@ -97,7 +97,7 @@ def encoded(
     def work(begin: int, end: int) -> tuple[np.ndarray, int]:
         pixels = np.ascontiguousarray(radiance[begin:end], np.float32)
         if matrix is not None:
-            pixels = _mixed(pixels, matrix)
+            pixels = mixed(pixels, matrix)
         pixels = pixels.reshape(-1)
         # A plane costs a byte more for every 128 of it, and each line four.
         out = np.empty((end - begin) * (4 * length + 4 * (length // 128 + 1) + 4), np.uint8)
@@ -106,12 +106,6 @@ def encoded(
 
     done = in_threads(work, lines, chunk=max(1, _TOGETHER // length))
     return [piece for piece, _ in done], sum(unfit for _, unfit in done)
-
-
-def _mixed(pixels: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    # Who asked counts what overflows. A thread has its own error state.
-    with np.errstate(over="ignore", invalid="ignore"):
-        return mixed(pixels, matrix)
 
 
 def _refuse_damage(
