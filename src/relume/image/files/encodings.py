@@ -82,9 +82,10 @@ class RawFloat:
 class GainMap:
     """A JPEG that every program shows, with a gain map that makes it radiance again (Ultra HDR, ISO 21496-1).
 
-    quality : of the base picture and of the gain map, 1 to 100; 95 shows no blocks
+    quality : of the base picture, 1 to 100, and of the gain map where that is enough; 95 shows no blocks
     exposure : stops that the base is brightened by; None sets the mean of the logarithms to middle grey
-    tolerance : the largest error accepted, as a share of the luminance, in 99 of 100 pixels; more is refused
+    tolerance : the largest error accepted, as a share of the luminance, in 99 of 100 pixels and in the sum of all
+        light; more is refused
     """
 
     quality: int = 95

@@ -26,14 +26,12 @@ from relume.image.files import (
     gain_map_metadata,
     gain_map_xmp,
     icc_profile,
-    jpeg_decoding,
     xmp,
 )
 from relume.image.files import jpeg_segments as jpeg
 from relume.image.files.encodings import GainMap
 from relume.image.files.gain_map_applying import Pictures, luminance
 from relume.image.files.gain_map_metadata import GainMapMetadata, Three, rounded
-from relume.image.files.reading import Reading
 from relume.image.primaries import REC709
 from relume.image.radiance import RadianceMap
 
@@ -98,14 +96,14 @@ def encoded(path: str | os.PathLike[str], image: RadianceMap, encoding: GainMap)
     scale = _scale(pixels, encoding.exposure)
     with np.errstate(over="ignore"):
         base_jpeg = _jpeg(_base(pixels, scale), encoding.quality)
-    base = _decoded(path, base_jpeg, "base picture")
+    base = _decoded(base_jpeg)
     linear = icc_profile.srgb().curves[:, 0]
     metadata = _metadata(path, pixels, scale, base, linear)
     wanted = _codes(pixels, scale, base, linear, metadata)
     map_jpeg, losses = b"", Losses(math.inf, math.inf, math.inf, math.inf, math.inf)
     for quality in (encoding.quality, *(better for better in _BETTER if better > encoding.quality)):
         map_jpeg = _jpeg(wanted, quality)
-        codes = _decoded(path, map_jpeg, "gain map")
+        codes = _decoded(map_jpeg)
         given = Pictures(base, codes, icc_profile.srgb().curves, REC709, REC709, metadata)
         losses = _losses(given, pixels, scale)
         if max(losses.most, losses.whole) <= encoding.tolerance:
@@ -251,9 +249,10 @@ def _jpeg(codes: np.ndarray, quality: int) -> bytes:
     return file.getvalue()
 
 
-def _decoded(path: str | os.PathLike[str], data: bytes, what: str) -> np.ndarray:
-    header = jpeg.header_at(path, io.BytesIO(data), 0, Reading())
-    return jpeg_decoding.decoded(path, data, header, what)
+def _decoded(data: bytes) -> np.ndarray:
+    """What a reader sees of a JPEG that was just made, and so is whole."""
+    with Image.open(io.BytesIO(data)) as image:
+        return np.asarray(image)
 
 
 def _losses(given: Pictures, pixels: np.ndarray, scale: float) -> Losses:
