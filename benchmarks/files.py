@@ -31,7 +31,7 @@ import numpy as np
 import relume as rl
 from relume.errors import RelumeError
 from relume.image import files
-from relume.image.files.encodings import PFM, Encoding, FloatTIFF, GainMap, LogLuv, OpenEXR, Radiance, RawFloat
+from relume.image.files.encodings import PFM, Encoding, FloatTIFF, GainMap, LogLuv, OpenEXR, RadianceHDR, RawFloat
 
 oiio: Any = None
 with suppress(ImportError):
@@ -61,9 +61,9 @@ class Format:
 
 
 FORMATS = (
-    Format("RGBE", "a.hdr", Radiance(), oiio=("float", {}), opencv_reads=True, opencv_writes=True),
-    Format("RGBE, smooth", "b.hdr", Radiance(), "smooth", ("float", {}), True, True),
-    Format("RGBE, flat", "c.hdr", Radiance(compressed=False), oiio=("float", {}), opencv_reads=True),
+    Format("RGBE", "a.hdr", RadianceHDR(), oiio=("float", {}), opencv_reads=True, opencv_writes=True),
+    Format("RGBE, smooth", "b.hdr", RadianceHDR(), "smooth", ("float", {}), True, True),
+    Format("RGBE, flat", "c.hdr", RadianceHDR(compressed=False), oiio=("float", {}), opencv_reads=True),
     Format("LogLuv 32", "d.tif", LogLuv(32), opencv_reads=True, opencv_writes=True, opencv_settings=(259, 34676)),
     Format(
         "LogLuv 24", "e.tif", LogLuv(24), "dull", opencv_reads=True, opencv_writes=True, opencv_settings=(259, 34677)

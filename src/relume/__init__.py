@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from relume.errors import (
         BallNotFound,
         DoubtfulResult,
+        FormatError,
         GridNotFound,
         InvalidScene,
         InvalidShot,
@@ -40,7 +41,8 @@ if TYPE_CHECKING:
         UnreadableFile,
         UnsupportedScene,
     )
-    from relume.image.files import read, read_photograph, read_radiance, write, write_layers
+    from relume.image.files import Reading, read, read_photograph, read_radiance, read_raw, write, write_layers
+    from relume.image.files.encodings import PFM, FloatTIFF, GainMap, LogLuv, OpenEXR, RadianceHDR, RawFloat
     from relume.image.photograph import Exposure, Photograph
     from relume.image.radiance import RadianceMap
     from relume.image.response import Response
@@ -107,6 +109,7 @@ _HOMES = {
     "errors": (
         "BallNotFound",
         "DoubtfulResult",
+        "FormatError",
         "GridNotFound",
         "InvalidScene",
         "InvalidShot",
@@ -119,7 +122,8 @@ _HOMES = {
         "UnreadableFile",
         "UnsupportedScene",
     ),
-    "image.files": ("read", "read_photograph", "read_radiance", "write", "write_layers"),
+    "image.files": ("Reading", "read", "read_photograph", "read_radiance", "read_raw", "write", "write_layers"),
+    "image.files.encodings": ("PFM", "FloatTIFF", "GainMap", "LogLuv", "OpenEXR", "RadianceHDR", "RawFloat"),
     "image.photograph": ("Exposure", "Photograph"),
     "image.radiance": ("RadianceMap",),
     "image.response": ("Response",),
@@ -169,6 +173,7 @@ _HOMES = {
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
+    "PFM",
     "AmbientLight",
     "Angular",
     "BallNotFound",
@@ -189,6 +194,9 @@ __all__ = [
     "Exposure",
     "Film",
     "Fisheye",
+    "FloatTIFF",
+    "FormatError",
+    "GainMap",
     "GridNotFound",
     "Harmonics",
     "Hat",
@@ -201,6 +209,7 @@ __all__ = [
     "InverseVariance",
     "KMeans",
     "LatLong",
+    "LogLuv",
     "Mapped",
     "Material",
     "Measurement",
@@ -212,6 +221,7 @@ __all__ = [
     "NotABracket",
     "NotAPanorama",
     "Octahedral",
+    "OpenEXR",
     "OutputNotWritten",
     "PanoramaView",
     "Patches",
@@ -220,8 +230,11 @@ __all__ = [
     "PointLight",
     "Polygon",
     "Probe",
+    "RadianceHDR",
     "RadianceMap",
     "Ratios",
+    "RawFloat",
+    "Reading",
     "Recovered",
     "ReflectionMap",
     "Reflective",
@@ -274,6 +287,7 @@ __all__ = [
     "read_photograph",
     "read_profile",
     "read_radiance",
+    "read_raw",
     "read_scene",
     "read_shot",
     "recover_reflectance",

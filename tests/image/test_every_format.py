@@ -20,7 +20,7 @@ from relume.image.files.encodings import (
     GainMap,
     LogLuv,
     OpenEXR,
-    Radiance,
+    RadianceHDR,
     RawFloat,
 )
 from relume.image.radiance import RadianceMap
@@ -41,9 +41,9 @@ class Format:
 FORMATS = {
     "exr": Format("a.exr", OpenEXR(), 0.0, "EXR"),
     "exr half": Format("a.exr", OpenEXR(half=True), 2**-11, "EXR"),
-    "rgbe": Format("a.hdr", Radiance(), 1 / 256, "HDR"),
-    "rgbe flat": Format("a.pic", Radiance(compressed=False), 1 / 256, "HDR"),
-    "xyze": Format("a.hdr", Radiance(xyz=True), 0.02, "HDR"),
+    "rgbe": Format("a.hdr", RadianceHDR(), 1 / 256, "HDR"),
+    "rgbe flat": Format("a.pic", RadianceHDR(compressed=False), 1 / 256, "HDR"),
+    "xyze": Format("a.hdr", RadianceHDR(xyz=True), 0.02, "HDR"),
     "tiff": Format("a.tif", FloatTIFF(), 0.0, "float TIFF"),
     "tiff plain": Format("a.tiff", FloatTIFF(compressed=False), 0.0, "float TIFF"),
     "logluv32": Format("a.tif", LogLuv(32), 0.04, "LogLuv TIFF"),
@@ -113,7 +113,7 @@ def test_what_no_light_is_is_kept_or_refused_and_never_changed(
 ) -> None:
     odd = picture.radiance.copy()
     odd[5, 7, 1] = fault
-    if (fault == -1.0 and form.kind == "LogLuv TIFF") or form.encoding == Radiance(xyz=True):
+    if (fault == -1.0 and form.kind == "LogLuv TIFF") or form.encoding == RadianceHDR(xyz=True):
         odd[5, 7] = fault  # a negative channel alone may be a colour
     path = tmp_path / form.name
     try:

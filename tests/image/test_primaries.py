@@ -74,6 +74,11 @@ def test_the_same_white_needs_no_adaptation():
     assert (adaptation(REC709.white, (0.3123, 0.3290)) != np.eye(3)).any()
 
 
+def test_a_white_that_differs_in_its_last_digit_still_goes_to_white():
+    nearly = Primaries(REC2020.red, REC2020.green, REC2020.blue, (0.3128, 0.3291))
+    np.testing.assert_allclose(between(nearly, REC709).sum(1), 1, rtol=0, atol=1e-12)
+
+
 def test_a_saturated_colour_gets_a_negative_channel_and_is_not_clipped():
     image = RadianceMap(np.array([[[0, 2, 0]]], np.float32), unit="cd/m²", attributes={"camera": "box"})
     found = converted(image, REC2020, REC709)

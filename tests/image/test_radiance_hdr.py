@@ -8,7 +8,7 @@ import pytest
 
 from relume.errors import FormatError, OutputNotWritten, UnreadableFile
 from relume.image.files import Reading, read, read_radiance, write
-from relume.image.files.encodings import Radiance
+from relume.image.files.encodings import RadianceHDR
 from relume.image.files.radiance_hdr import encode, subtype
 from relume.image.primaries import EQUAL_ENERGY, REC709, Primaries, between
 from relume.image.radiance import OUTSIDE, RadianceMap
@@ -97,7 +97,7 @@ def test_every_code_of_xyze_survives_too_where_floats_hold_it(tmp_path):
     codes = legal_codes()[9:250]
     path = picture(tmp_path / "a.hdr", codes.tobytes(), "-Y 241 +X 128", XYZE)
     again = read_radiance(path)
-    write(tmp_path / "b.hdr", again, Radiance(xyz=True, compressed=False))
+    write(tmp_path / "b.hdr", again, RadianceHDR(xyz=True, compressed=False))
     stored = (tmp_path / "b.hdr").read_bytes()[-codes.size :]
     np.testing.assert_array_equal(np.frombuffer(stored, np.uint8).reshape(codes.shape), codes)
 
@@ -118,7 +118,7 @@ def test_one_in_256_is_reached_so_that_no_smaller_bound_is_true(tmp_path):
 @pytest.mark.parametrize(
     ("bad", "count"), [(-1.0, 2), (np.nan, 2), (np.inf, 2), (1.8e38, 2)], ids=["negative", "nan", "infinite", "large"]
 )
-@pytest.mark.parametrize("encoding", [Radiance(), Radiance(compressed=False)], ids=["runs", "flat"])
+@pytest.mark.parametrize("encoding", [RadianceHDR(), RadianceHDR(compressed=False)], ids=["runs", "flat"])
 def test_pixels_the_format_cannot_hold_are_counted_and_refused(tmp_path, numbered, bad, count, encoding):
     numbered[1, 2, 0] = numbered[3, 3, 2] = bad
     with pytest.raises(ValueError, match=f"^{count} of 35 pixels are negative, NaN, infinite or above"):
@@ -184,7 +184,7 @@ def test_xyze_that_is_beyond_floats_as_rec_709_is_refused(tmp_path):
     with pytest.raises(FormatError, match=r"in Rec\. 709: expected values within float32, found 1 beyond"):
         read(picture(tmp_path / "a.hdr", [255, 0, 0, 255, *[60, 0, 0, 255] * 2, 0, 0, 255, 255], "-Y 1 +X 4", XYZE))
     with pytest.raises(ValueError, match="1 of 1 pixels are negative in X, Y or Z, NaN, infinite or above"):
-        write(tmp_path / "a.hdr", RadianceMap(np.full((1, 1, 3), 3e38, np.float32)), Radiance(xyz=True))
+        write(tmp_path / "a.hdr", RadianceMap(np.full((1, 1, 3), 3e38, np.float32)), RadianceHDR(xyz=True))
 
 
 # --- XYZE and primaries
@@ -193,7 +193,7 @@ def test_xyze_that_is_beyond_floats_as_rec_709_is_refused(tmp_path):
 def test_what_is_neutral_in_xyze_is_neutral_and_as_bright(tmp_path):
     grey = read_radiance(picture(tmp_path / "a.hdr", [128, 128, 128, 129], "-Y 1 +X 1", XYZE))
     assert grey.radiance[0, 0] == pytest.approx([1, 1, 1], abs=1e-6)
-    write(tmp_path / "b.hdr", RadianceMap(np.ones((1, 1, 3), np.float32)), Radiance(xyz=True))
+    write(tmp_path / "b.hdr", RadianceMap(np.ones((1, 1, 3), np.float32)), RadianceHDR(xyz=True))
     data = (tmp_path / "b.hdr").read_bytes()
     assert data == b"#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n" + bytes([128, 128, 128, 129])
 
@@ -203,7 +203,7 @@ def test_xyze_is_converted_by_the_primaries_of_rec_709_and_bradfords_adaptation(
     adaptation = [[1.0502616, 0.0270757, -0.0232523], [0.0390650, 0.9729502, -0.0092579]]
     adaptation += [[-0.0024047, 0.0026446, 0.9180873]]
     xyz = np.array(adaptation) @ [0.4124564, 0.2126729, 0.0193339]
-    write(tmp_path / "a.hdr", RadianceMap(np.array([[[1, 0, 0]]], np.float32)), Radiance(xyz=True))
+    write(tmp_path / "a.hdr", RadianceMap(np.array([[[1, 0, 0]]], np.float32)), RadianceHDR(xyz=True))
     code = np.frombuffer((tmp_path / "a.hdr").read_bytes()[-4:], np.uint8)
     assert code[:3] == pytest.approx(xyz * 512, abs=0.52)
     assert code[3] == 127
@@ -217,10 +217,10 @@ def test_colours_beyond_rec_709_are_held_by_xyze_but_none_that_do_not_exist(tmp_
     assert green.min() < -0.5
     with pytest.raises(ValueError, match="or XYZE where they are colours beyond"):
         write(tmp_path / "a.hdr", RadianceMap(green))
-    write(tmp_path / "a.hdr", RadianceMap(green), Radiance(xyz=True))
+    write(tmp_path / "a.hdr", RadianceMap(green), RadianceHDR(xyz=True))
     assert read_radiance(tmp_path / "a.hdr").radiance == pytest.approx(green, abs=4 / 256)
     with pytest.raises(ValueError, match="1 of 1 pixels are negative in X, Y or Z"):
-        write(tmp_path / "a.hdr", RadianceMap(np.array([[[-1, 1, 0]]], np.float32)), Radiance(xyz=True))
+        write(tmp_path / "a.hdr", RadianceMap(np.array([[[-1, 1, 0]]], np.float32)), RadianceHDR(xyz=True))
 
 
 @pytest.mark.parametrize(("xyz", "held"), [((0.6, 0.4, 0), True), ((0, 0, 1), True), ((0.6, 0.4, -1e-4), False)])
@@ -230,9 +230,9 @@ def test_xyze_forgives_the_rounding_of_floats_and_no_more(tmp_path, xyz, held):
     image = RadianceMap(pixels[None])
     if not held:
         with pytest.raises(ValueError, match="50 of 50 pixels are negative in X, Y or Z"):
-            write(tmp_path / "a.hdr", image, Radiance(xyz=True))
+            write(tmp_path / "a.hdr", image, RadianceHDR(xyz=True))
         return
-    write(tmp_path / "a.hdr", image, Radiance(xyz=True))
+    write(tmp_path / "a.hdr", image, RadianceHDR(xyz=True))
     np.testing.assert_allclose(
         read_radiance(tmp_path / "a.hdr").radiance[0] / pixels.max(1, keepdims=True),
         pixels / pixels.max(1, keepdims=True),

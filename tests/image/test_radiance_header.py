@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from relume.image.files import read_radiance, write
-from relume.image.files.encodings import Radiance
+from relume.image.files.encodings import RadianceHDR
 from relume.image.files.radiance_hdr import subtype
 from relume.image.files.radiance_header import read_header
 from relume.image.radiance import RadianceMap
@@ -122,5 +122,5 @@ def test_long_lines_do_not_end_the_header_for_opencv(tmp_path, length):
 
 
 def test_a_subtype_names_xyze(tmp_path):
-    write(tmp_path / "a.hdr", RadianceMap(np.ones((2, 9, 3), np.float32)), Radiance(xyz=True))
+    write(tmp_path / "a.hdr", RadianceMap(np.ones((2, 9, 3), np.float32)), RadianceHDR(xyz=True))
     assert subtype(tmp_path / "a.hdr") == "XYZE, new runs"

@@ -12,7 +12,7 @@ import OpenImageIO as oiio
 import pytest
 
 from relume.image.files import Reading, read_radiance, write
-from relume.image.files.encodings import Radiance
+from relume.image.files.encodings import RadianceHDR
 from relume.image.radiance import RadianceMap
 
 
@@ -60,7 +60,7 @@ def scene() -> np.ndarray:
 def test_others_read_the_values_that_are_read_here(tmp_path, scene, reader, width, compressed):
     attributes = {"camera": "Canon", "mapping": "latlong", "pixel_aspect": "1.5", "view": "-vth"}
     image = RadianceMap(scene[:, :width].copy(), unit="cd/m²", attributes=attributes)
-    write(tmp_path / "a.hdr", image, Radiance(compressed=compressed))
+    write(tmp_path / "a.hdr", image, RadianceHDR(compressed=compressed))
     np.testing.assert_array_equal(reader(tmp_path / "a.hdr"), read_radiance(tmp_path / "a.hdr").radiance)
 
 

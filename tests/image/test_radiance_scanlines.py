@@ -5,7 +5,7 @@ import pytest
 
 from relume.errors import FormatError
 from relume.image.files import read, read_radiance, write
-from relume.image.files.encodings import Radiance
+from relume.image.files.encodings import RadianceHDR
 from relume.image.files.radiance_hdr import encode, subtype
 from relume.image.radiance import RadianceMap
 
@@ -125,7 +125,7 @@ def test_lines_are_compressed_where_their_length_can_be_told(tmp_path, width, fo
 
 
 def test_flat_pictures_are_the_codes_alone(tmp_path, numbered):
-    write(tmp_path / "a.hdr", RadianceMap(numbered), Radiance(compressed=False))
+    write(tmp_path / "a.hdr", RadianceMap(numbered), RadianceHDR(compressed=False))
     assert pixels_of(tmp_path / "a.hdr") == encode(numbered).tobytes()
 
 
@@ -208,7 +208,7 @@ def test_a_picture_of_many_stretches_is_whole_in_every_form_and_order(tmp_path):
     codes = random.integers(1, 256, (300, 2000, 3)).astype(np.float32)
     codes[:, ::3] = 130
     codes[..., 0] = np.maximum(codes[..., 0], 128)
-    for encoding in (Radiance(), Radiance(compressed=False)):
+    for encoding in (RadianceHDR(), RadianceHDR(compressed=False)):
         write(tmp_path / "a.hdr", RadianceMap(codes), encoding)
         np.testing.assert_array_equal(read_radiance(tmp_path / "a.hdr").radiance, codes)
         turned = (tmp_path / "a.hdr").read_bytes().replace(b"\n-Y 300 +X 2000\n", b"\n-X 300 -Y 2000\n")

@@ -58,7 +58,7 @@ class FormatOptions:
 
     def encoding(self, out: Path) -> Encoding | None:
         """How the output is written; None as its name says. Raises ValueError for options that do not fit it."""
-        from relume.image.files.encodings import PFM, GainMap, LogLuv, OpenEXR, Radiance, suffix_of
+        from relume.image.files.encodings import PFM, GainMap, LogLuv, OpenEXR, RadianceHDR, suffix_of
 
         suffix = suffix_of(out)
         if self.half and self.float_:
@@ -67,7 +67,7 @@ class FormatOptions:
             raise ValueError(f"--float: {suffix} holds no floats; write .exr, .tif or .pfm")
         chosen = {
             "--half": (self.half, OpenEXR(half=True), (".exr",)),
-            "--as xyze": (self.as_ == "xyze", Radiance(xyz=True), (".hdr", ".pic")),
+            "--as xyze": (self.as_ == "xyze", RadianceHDR(xyz=True), (".hdr", ".pic")),
             "--as logluv32": (self.as_ == "logluv32", LogLuv(32), (".tif", ".tiff")),
             "--as logluv24": (self.as_ == "logluv24", LogLuv(24), (".tif", ".tiff")),
             "--as logl16": (self.as_ == "logl16", LogLuv(16), (".tif", ".tiff")),

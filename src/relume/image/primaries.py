@@ -63,16 +63,16 @@ class Primaries:
 
 
 def adaptation(seen: tuple[float, float], wanted: tuple[float, float]) -> np.ndarray:
-    """(3, 3) on XYZ that takes the white x, y of `seen` to that of `wanted`; the identity where they are the same."""
-    if np.allclose(seen, wanted, rtol=0, atol=_SAME / 10):
-        return np.eye(3)
-    gains = (_BRADFORD @ _white(wanted)) / (_BRADFORD @ _white(seen))
-    return np.linalg.inv(_BRADFORD) @ (gains[:, None] * _BRADFORD)
+    """(3, 3) on XYZ that takes the white x, y of `seen` to that of `wanted`; the identity where they are the same.
+
+    The same but for rounding, 0.0002 in each coordinate: D65 is written in several ways.
+    """
+    return np.eye(3) if np.allclose(seen, wanted, rtol=0, atol=_SAME / 10) else _adapted(seen, wanted)
 
 
 def between(given: Primaries, wanted: Primaries) -> np.ndarray:
     """(3, 3) from linear R, G, B of `given` to those of `wanted`; white stays (1, 1, 1)."""
-    return np.linalg.inv(wanted.to_xyz()) @ adaptation(given.white, wanted.white) @ given.to_xyz()
+    return np.linalg.inv(wanted.to_xyz()) @ _adapted(given.white, wanted.white) @ given.to_xyz()
 
 
 def converted(image: RadianceMap, given: Primaries, wanted: Primaries) -> RadianceMap:
@@ -86,6 +86,11 @@ def mixed(pixels: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """(..., 3) float32 of which each new channel is a row of `matrix` times the old ones; infinite beyond float32."""
     with np.errstate(over="ignore", invalid="ignore"):
         return np.asarray(pixels, np.float32) @ matrix.T.astype(np.float32)
+
+
+def _adapted(seen: tuple[float, float], wanted: tuple[float, float]) -> np.ndarray:
+    gains = (_BRADFORD @ _white(wanted)) / (_BRADFORD @ _white(seen))
+    return np.linalg.inv(_BRADFORD) @ (gains[:, None] * _BRADFORD)
 
 
 def _columns(primaries: Primaries) -> np.ndarray:

@@ -62,7 +62,7 @@ _READERS = {
 }
 _WRITERS = {
     encodings.OpenEXR: "exr",
-    encodings.Radiance: "radiance_hdr",
+    encodings.RadianceHDR: "radiance_hdr",
     encodings.PFM: "pfm",
     encodings.RawFloat: "raw_float",
     encodings.FloatTIFF: "float_tiff",

@@ -20,7 +20,7 @@ class OpenEXR:
 
 
 @dataclass(frozen=True)
-class Radiance:
+class RadianceHDR:
     """A .hdr or .pic of four bytes a pixel: three mantissas and their exponent, rounded to nearest.
 
     xyz : XYZE, which holds every visible colour, in place of RGBE, which every program reads
@@ -99,14 +99,14 @@ class GainMap:
             raise ValueError(f"tolerance is {self.tolerance}; give a share above 0, like 0.05")
 
 
-Encoding = OpenEXR | Radiance | FloatTIFF | LogLuv | PFM | RawFloat | GainMap
+Encoding = OpenEXR | RadianceHDR | FloatTIFF | LogLuv | PFM | RawFloat | GainMap
 
 SUFFIXES: dict[str, Encoding] = {
     ".exr": OpenEXR(),
-    ".hdr": Radiance(),
-    ".pic": Radiance(),
-    ".rgbe": Radiance(),
-    ".xyze": Radiance(xyz=True),
+    ".hdr": RadianceHDR(),
+    ".pic": RadianceHDR(),
+    ".rgbe": RadianceHDR(),
+    ".xyze": RadianceHDR(xyz=True),
     ".tif": FloatTIFF(),
     ".tiff": FloatTIFF(),
     ".pfm": PFM(),

@@ -19,7 +19,7 @@ import numpy as np
 from relume.errors import FormatError
 from relume.image.files.atomic import replacing
 from relume.image.files.attributes import warn_of_losses
-from relume.image.files.encodings import Radiance
+from relume.image.files.encodings import RadianceHDR
 from relume.image.files.radiance_header import FORMAT, Header, header_of, kept_attributes, read_header
 from relume.image.files.radiance_scanlines import along, decode, encoded
 from relume.image.files.reading import Reading, refuse_absurd_amount, refuse_absurd_size
@@ -82,7 +82,7 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Radiance
     return RadianceMap(radiance, clipped=clipped, unit=header.unit, attributes=attributes)
 
 
-def write(path: str | os.PathLike[str], image: RadianceMap, encoding: Radiance = Radiance()) -> None:
+def write(path: str | os.PathLike[str], image: RadianceMap, encoding: RadianceHDR = RadianceHDR()) -> None:
     """Write a radiance map, each mantissa rounded to nearest: an error of at most 1/256 of the pixel's largest channel.
 
     encoding : RGBE or XYZE, in new runs or flat

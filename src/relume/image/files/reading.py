@@ -48,6 +48,10 @@ class Reading:
         for name in ("side", "pixels", "channels", "decoded", "ratio", "metadata", "parts"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}; a limit is at least 1")
+        if self.float_size is not None and min(self.float_size) < 1:
+            raise ValueError(f"float_size is {self.float_size}; expected (width, height) in pixels")
+        if self.float_order not in (None, "little", "big"):
+            raise ValueError(f'float_order is "{self.float_order}"; expected "little" or "big"')
 
 
 def refuse_absurd_size(
@@ -84,12 +88,16 @@ def refuse_absurd_amount(
 
 
 def _half_of_free_memory() -> int:
-    """Half the memory that the machine can give now; where it does not tell, no bound."""
+    """Half the memory that the machine, and the container it may be, can give now; where they do not tell, no bound."""
+    free = 2**63
     try:
         with open("/proc/meminfo", encoding="ascii") as file:
             for line in file:
                 if line.startswith("MemAvailable:"):
-                    return int(line.split()[1]) * 512
+                    free = int(line.split()[1]) * 1024
+        with open("/sys/fs/cgroup/memory.max", encoding="ascii") as most:
+            with open("/sys/fs/cgroup/memory.current", encoding="ascii") as used:
+                free = min(free, int(most.read()) - int(used.read()))  # "max" where there is no bound
     except (OSError, ValueError):
         pass
-    return 2**62
+    return max(free, 0) // 2

@@ -81,6 +81,8 @@ def kind_of(path: str | os.PathLike[str]) -> str:
         raise UnreadableFile(f"{path}: an empty file; copy it again from where it came")
     if raw:
         return "RAW"
+    if suffix_of(path) in (".float", ".float.gz"):  # its pixels may begin with any bytes
+        return "raw float"
     for magic, kind in _MAGIC.items():
         if head.startswith(magic):
             return kind
@@ -91,8 +93,6 @@ def kind_of(path: str | os.PathLike[str]) -> str:
     for place, magic, name in _STRANGERS:
         if head[place : place + len(magic)] == magic:
             raise UnreadableFile(f"{path}: {name}, which relume does not read; {_CONVERT}")
-    if suffix_of(path) in (".float", ".float.gz"):
-        return "raw float"
     raise UnreadableFile(f"{path}: no picture relume reads; {_CONVERT}")
 
 
