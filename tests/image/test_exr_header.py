@@ -9,7 +9,7 @@ import pytest
 
 from exr_files import FLOAT, HALF, attribute, header, scan_lines, window
 from relume.errors import FormatError, UnreadableFile
-from relume.image.files import Reading, read_radiance
+from relume.image.files import Reading, read_layers, read_radiance
 from relume.image.files.exr import subtype
 from relume.image.files.exr_header import COMPRESSIONS, read_headers
 
@@ -177,3 +177,97 @@ def test_a_file_that_went_away_is_told(tmp_path):
     with pytest.raises(UnreadableFile, match=r"a\.exr: cannot be opened"):
         read_headers(tmp_path / "a.exr")
     assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("corner", [(0, 0), (9000, -9000)])
+def test_a_frame_around_nothing_is_refused_before_it_is_made(tmp_path, corner):
+    """16 × 8 pixels that are all there, in a display window of 805 MB; ZIP, whose ratio has no bound for pixels."""
+    (left, top), pixels = corner, np.ones((8, 16), np.float32)
+    data = scan_lines(16, 8, [("Y", pixels, 1)]).replace(b"compression\0\x01\0\0\0\0", b"compression\0\x01\0\0\0\x03")
+    frame = attribute("displayWindow", "box2i", struct.pack("<4i", left, top, left + 8191, top + 8191))
+    path = saved(tmp_path / "a.exr", data.replace(window("displayWindow", 16, 8), frame))
+    empty = 12 * (2**26 - (128 if corner == (0, 0) else 0))
+    told = f"claims 8192 x 8192 pixels around a data window of 16 x 8, {empty} bytes of nothing for {len(data)} bytes"
+    for reader in (read_radiance, read_layers):
+        with pytest.raises(UnreadableFile, match=told):
+            reader(path)
+
+
+def test_a_frame_counts_with_the_pixels(tmp_path):
+    pixels = np.ones((8, 16), np.float32)
+    data = scan_lines(16, 8, [("Y", pixels, 1)]).replace(window("displayWindow", 16, 8), window("displayWindow", 20, 8))
+    path = saved(tmp_path / "a.exr", data)
+    needed = 16 * 8 * 4 + 4 * 8 * 12
+    assert read_radiance(path, Reading(decoded=needed)).size == (20, 8)
+    with pytest.raises(UnreadableFile, match=f"claims {needed} bytes of pixels"):
+        read_radiance(path, Reading(decoded=needed - 1))
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("channels", "chlist"),
+        ("compression", "compression"),
+        ("dataWindow", "box2i"),
+        ("displayWindow", "box2i"),
+        ("lineOrder", "lineOrder"),
+        ("pixelAspectRatio", "float"),
+        ("screenWindowCenter", "v2f"),
+        ("screenWindowWidth", "float"),
+        ("tiles", "tiledesc"),
+        ("name", "string"),
+        ("type", "string"),
+        ("chunkCount", "int"),
+    ],
+)
+def test_an_attribute_of_another_type_is_refused(tmp_path, name, kind):
+    data = scan_lines(4, 3, [("Y", np.ones((3, 4), np.float32), 1)])
+    found = f"{name}\0{kind}\0".encode()
+    wrong = data.replace(found, f"{name}\0widget\0".encode()) if found in data else header(
+        4, 3, GREY, attribute(name, "widget", b"abcd")
+    )
+    path = saved(tmp_path / "a.exr", wrong)
+    for reader in (read_radiance, read_layers, subtype):
+        with pytest.raises(FormatError, match=rf'byte \d+, "{name}": expected the type {kind}, found \'widget\''):
+            reader(path)
+
+
+def test_an_attribute_that_stands_there_twice_is_refused(tmp_path):
+    """Which of the two counts is not said: the window that was judged and the one that is used could differ."""
+    data = header(4, 3, GREY, window("displayWindow", 9000, 9000))
+    with pytest.raises(FormatError, match=r'"displayWindow": expected each attribute once, found another at byte \d+'):
+        read_radiance(saved(tmp_path / "a.exr", data))
+
+
+@pytest.mark.parametrize(("names", "index", "found"), [("aba", 2, "'a'"), ("aa", 1, "'a'"), (["a", ""], 1, "''")])
+def test_parts_need_names_of_their_own(tmp_path, names, index, found):
+    parts = [
+        header(
+            4, 3, GREY, attribute("type", "string", b"scanlineimage"), attribute("name", "string", name.encode())
+        )[8:]
+        for name in names
+    ]
+    path = saved(tmp_path / "a.exr", b"\x76\x2f\x31\x01\x02\x10\0\0" + b"".join(parts) + b"\0")
+    start = 8 + sum(map(len, parts[:index]))
+    with pytest.raises(FormatError, match=f'byte {start}, "name" of part {index}: expected one of its own, found {found}'):
+        read_layers(path)
+
+
+@pytest.mark.parametrize("told", ["tiledimage", "deepscanline", "hologram\n"])
+def test_a_type_that_contradicts_the_version_field_is_told(tmp_path, told):
+    pixels = np.arange(12, dtype=np.float32).reshape(3, 4)
+    data = scan_lines(4, 3, [("Y", pixels, 1)], attribute("type", "string", told.encode()))
+    path = saved(tmp_path / "a.exr", data)
+    with pytest.warns(UserWarning) as heard:
+        image = read_radiance(path)
+    (line,) = (str(warning.message) for warning in heard)
+    found = f'its attribute "type" is {told!r}, but its version field says scan lines'
+    assert line == f"{path}: {found}, and as those it is read; save it again"
+    assert heard[0].filename == __file__
+    np.testing.assert_array_equal(image.radiance[..., 1], pixels)
+
+
+def test_a_type_that_agrees_is_no_matter(tmp_path):
+    pixels = np.ones((3, 4), np.float32)
+    data = scan_lines(4, 3, [("Y", pixels, 1)], attribute("type", "string", b"scanlineimage"))
+    assert read_radiance(saved(tmp_path / "a.exr", data)).size == (4, 3)

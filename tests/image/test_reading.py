@@ -28,7 +28,7 @@ def free(monkeypatch):
 def test_the_defaults_are_these():
     limits = Reading()
     assert (limits.side, limits.pixels, limits.channels) == (65536, 268435456, 64)
-    assert (limits.decoded, limits.ratio, limits.metadata, limits.parts) == (8589934592, 10000, 16777216, 64)
+    assert (limits.decoded, limits.ratio, limits.metadata, limits.parts) == (8589934592, 10000, 16777216, 1024)
     assert (limits.salvage, limits.mantissa_middle, limits.float_size, limits.float_order) == (False, False, None, None)
 
 

@@ -20,15 +20,35 @@ _KNOWN_FLAGS = 0x1E00  # those, and 0x400 for names beyond 31 letters
 _NAME = 255  # letters of a name, at most
 _SAMPLES = ("uint", "half", "float")
 _REQUIRED = ("channels", "compression", "dataWindow", "displayWindow", "lineOrder")
+# Of the attributes that say how the file is built ("OpenEXR File Layout", "Header Attributes").
+_TYPES = {
+    "channels": "chlist",
+    "compression": "compression",
+    "dataWindow": "box2i",
+    "displayWindow": "box2i",
+    "lineOrder": "lineOrder",
+    "pixelAspectRatio": "float",
+    "screenWindowCenter": "v2f",
+    "screenWindowWidth": "float",
+    "tiles": "tiledesc",
+    "name": "string",
+    "type": "string",
+    "chunkCount": "int",
+}
+_FLOAT_PIXEL = 12  # bytes of R, G, B as they are read
 
 
 @dataclass(frozen=True)
 class Compression:
-    """What a file calls it, how many rows go into one chunk, and whether an even picture packs beyond any ratio."""
+    """What a file calls it, how many rows go into one chunk, and whether an even picture packs beyond any ratio.
+
+    talkative : whether its decoder, OpenJPH, tells of damage on stdout
+    """
 
     name: str
     rows: int
     flat: bool = False
+    talkative: bool = False
 
 
 # By the number in the file. The exception for flat pictures: 14,260 : 1 in DWAB, and without bound in wide PIZ or ZSTD.
@@ -43,9 +63,9 @@ COMPRESSIONS = (
     Compression("B44A", 32),
     Compression("DWAA", 32, flat=True),
     Compression("DWAB", 256, flat=True),
-    Compression("HTJ2K256", 256, flat=True),
-    Compression("HTJ2K32", 32, flat=True),
-    Compression("LJ2K", 256, flat=True),
+    Compression("HTJ2K256", 256, flat=True, talkative=True),
+    Compression("HTJ2K32", 32, flat=True, talkative=True),
+    Compression("LJ2K", 256, flat=True, talkative=True),
     Compression("ZSTD", 1, flat=True),
 )
 
@@ -97,8 +117,15 @@ class Header:
     @property
     def size(self) -> tuple[int, int]:
         """(width, height) of the data window."""
-        left, top, right, bottom = self.data
-        return right - left + 1, bottom - top + 1
+        return _extent(self.data)
+
+    @property
+    def padding(self) -> int:
+        """How many pixels of the display window lie outside the data window."""
+        (width, height), (left, top, right, bottom) = _extent(self.display), self.data
+        wide = min(right, self.display[2]) - max(left, self.display[0]) + 1
+        high = min(bottom, self.display[3]) - max(top, self.display[1]) + 1
+        return width * height - max(wide, 0) * max(high, 0)
 
 
 @dataclass(frozen=True)
@@ -122,20 +149,39 @@ def read_headers(path: str | os.PathLike[str], reading: Reading = Reading()) -> 
 
 
 def refuse_beyond(path: str | os.PathLike[str], headers: Headers, reading: Reading) -> None:
-    """Raise UnreadableFile where the parts are deep, or their pixels are more than `reading` allows."""
-    decoded, flat = 0, True
+    """Raise UnreadableFile where the parts are deep, or their pixels are more than `reading` allows.
+
+    The picture is the display window: what of it has no pixels takes memory like the rest, but is no flat picture.
+    """
+    decoded, flat, stored = 0, True, os.path.getsize(path)
     for header in headers.parts:
         if header.deep:
             raise UnreadableFile(f"{path}: a deep EXR, several samples a pixel; flatten it first")
         for window, name in ((header.data, "its data window"), (header.display, "its display window")):
-            refuse_absurd_size(path, window[2] - window[0] + 1, window[3] - window[1] + 1, reading, where=name)
+            refuse_absurd_size(path, *_extent(window), reading, where=name)
         width, height = header.size
         decoded += sum(
             channel.bytes * (width // channel.x_sampling) * (height // channel.y_sampling)
             for channel in header.channels
         )
         flat = flat and header.compression.flat
-    refuse_absurd_amount(path, decoded, os.path.getsize(path), reading, flat=flat)
+    padding = _FLOAT_PIXEL * sum(header.padding for header in headers.parts)
+    try:
+        refuse_absurd_amount(path, padding, stored, reading)
+    except UnreadableFile:
+        emptiest = max(headers.parts, key=lambda header: header.padding)
+        (width, height), (data_width, data_height) = _extent(emptiest.display), emptiest.size
+        raise UnreadableFile(
+            f"{path}: its display window claims {width} x {height} pixels around a data window of {data_width} x "
+            f"{data_height}, {padding} bytes of nothing for {stored} bytes of file; crop it to its data window"
+        ) from None
+    refuse_absurd_amount(path, decoded + padding, stored, reading, flat=flat)
+
+
+def _extent(window: tuple[int, int, int, int]) -> tuple[int, int]:
+    """Width and height of a window whose last pixel is included."""
+    left, top, right, bottom = window
+    return right - left + 1, bottom - top + 1
 
 
 class _Cursor:
@@ -152,8 +198,9 @@ class _Cursor:
         if magic != b"\x76\x2f\x31\x01" or version & 0xFF != 2 or version & 0xFFFFFF00 & ~_KNOWN_FLAGS:
             raise self.broken(4, "version", "2 with known flags", f"{version & 0xFF} with flags {version >> 8:#x}")
         many = bool(version & _MANY_PARTS)
-        parts = []
+        parts, starts = list[Header](), list[int]()
         while not many or self.bytes[self.place : self.place + 1] != b"\0":
+            starts.append(self.place)
             parts.append(self.part(bool(version & _TILED), bool(version & _NOT_PICTURES), many, len(parts)))
             if len(parts) > self.reading.parts:
                 raise UnreadableFile(
@@ -165,6 +212,11 @@ class _Cursor:
             self.take(1, "end of the headers")
         if not parts:
             raise self.broken(8, "header", "at least one part", "none")
+        names = {""}
+        for index, (part, start) in enumerate(zip(parts, starts, strict=True)):
+            if many and part.name in names:
+                raise self.broken(start, f'"name" of part {index}', "one of its own", ascii(part.name[:40]))
+            names.add(part.name)
         return Headers(tuple(parts), self.place, many)
 
     def part(self, tiled: bool, not_pictures: bool, many: bool, index: int) -> Header:
@@ -175,6 +227,10 @@ class _Cursor:
             (size,) = struct.unpack("<i", self.take(4, f'size of the attribute "{name}"'))
             if not 0 <= size <= self.file_size - self.place:
                 raise self.broken(place, f'size of "{name}"', f"at most {self.file_size - self.place}", str(size))
+            if name in values:
+                raise self.broken(place, f'"{name}"', "each attribute once", f"another at byte {values[name][1]}")
+            if kind != _TYPES.get(name, kind):
+                raise self.broken(place, f'"{name}"', f"the type {_TYPES[name]}", ascii(kind[:40]))
             values[name] = (kind, self.place, self.take(size, f'attribute "{name}"'))
         for wanted in _REQUIRED:
             if wanted not in values:

@@ -8,8 +8,10 @@ with a warning: the display window is the picture (OpenEXR technical introductio
 
 from __future__ import annotations
 
+import ctypes
 import io
 import os
+import sys
 import tempfile
 import threading
 import warnings
@@ -52,7 +54,7 @@ def read_parts(path: str | os.PathLike[str], reading: Reading = Reading()) -> li
     """Every part of an EXR file, level 0 where it has several.
 
     Raises FormatError when any is damaged or, unless `reading.salvage`, cut short; UnreadableFile for deep pixels and
-    beyond the limits of `reading`.
+    beyond the limits of `reading`. Warns where a file contradicts itself about how its pixels are stored.
     """
     headers = read_headers(path, reading)
     refuse_beyond(path, headers, reading)
@@ -64,6 +66,7 @@ def read_parts(path: str | os.PathLike[str], reading: Reading = Reading()) -> li
         if missing < number:
             remedy += ", or salvage what is there"
         raise FormatError(path, "EXR", where, f"{number} chunks of pixels", f"{number - missing}", remedy)
+    _warn_of_contradiction(path, headers)
     if lost or any(header.foreign for header in headers.parts):
         with exr_chunks.mended(path, headers, chunks, end) as copy:
             decoded = _decoded(path, copy, headers)
@@ -118,6 +121,21 @@ def warn_of_overscan(path: str | os.PathLike[str], header: Mapping[str, Any]) ->
         warnings.warn(f"{path}: {outside} pixels around the display window (overscan) are left out", stacklevel=6)
 
 
+def _warn_of_contradiction(path: str | os.PathLike[str], headers: Headers) -> None:
+    """Say where the attribute "type" of a file of one part is not what its version field says.
+
+    They must agree ("OpenEXR File Layout", "Multi-Part and Deep Data Header Attributes"); libraries go by the version
+    field, and chunks laid out in another way would not have been found.
+    """
+    header = headers.parts[0]
+    told = header.texts.get("type")
+    expected, stored = ("scanlineimage", "scan lines") if header.tiling is None else ("tiledimage", "tiles")
+    if headers.many or told is None or told == expected:
+        return
+    found = f'its attribute "type" is {ascii(told[:40])}, but its version field says {stored}'
+    warnings.warn(f"{path}: {found}, and as those it is read; save it again", stacklevel=5)
+
+
 def _common(header: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray, int]:
     """The corner, the one after the end and the number of the pixels in both windows."""
     data, display = (header[name] for name in ("dataWindow", "displayWindow"))
@@ -129,9 +147,10 @@ def _decoded(path: str | os.PathLike[str], copy: str | os.PathLike[str], headers
     """What the library reads of `copy`; `path` is for messages."""
     import OpenEXR
 
+    streams = (1, 2) if any(header.compression.talkative for header in headers.parts) else (2,)
     where = f"bytes {headers.end} to {os.path.getsize(path)}, pixels"
     try:
-        with gathered_messages() as messages:
+        with gathered_messages(streams) as messages:
             parts = OpenEXR.File(str(copy), separate_channels=not _is_plain(headers)).parts
     except MemoryError:
         raise
@@ -168,30 +187,49 @@ def _damaged(
 
 
 @contextmanager
-def gathered_messages() -> Iterator[list[str]]:
-    """What the library prints on stderr (from C) and stdout (from Python), instead of printing it."""
+def gathered_messages(streams: Sequence[int] = (2,)) -> Iterator[list[str]]:
+    """What a library prints from C, and from Python on stdout, instead of printing it.
+
+    streams : 2 for stderr, 1 for stdout; the latter only where it is needed, since what other threads of the program
+        write there meanwhile, perhaps their very output, is gathered too
+    """
     messages: list[str] = []
     with _decoding, tempfile.TemporaryFile() as caught, redirect_stdout(io.StringIO()) as printed:
-        terminal = _stderr_onto(caught.fileno())
+        if 1 in streams:
+            _flush_stdout_of_c()
+        before = {stream: _sent_to(caught.fileno(), stream) for stream in streams}
         try:
             yield messages
         finally:
-            if terminal is not None:
-                os.dup2(terminal, 2)
-                os.close(terminal)
+            if 1 in streams:
+                _flush_stdout_of_c()
+            for stream, terminal in before.items():
+                if terminal is not None:
+                    os.dup2(terminal, stream)
+                    os.close(terminal)
             caught.seek(0)
             lines = caught.read().decode("utf-8", "replace") + printed.getvalue()
             messages += [one_line(line.partition(": ")[2] or line) for line in lines.splitlines() if line.strip()]
 
 
-def _stderr_onto(handle: int) -> int | None:
-    """Send stderr to `handle`; a copy of where it went before, None for a program without stderr (a service)."""
+def _sent_to(handle: int, stream: int) -> int | None:
+    """Send a stream to `handle`; a copy of where it went before, None for a program without it (a service)."""
     try:
-        before = os.dup(2)
+        before = os.dup(stream)
     except OSError:
         return None
-    os.dup2(handle, 2)
+    os.dup2(handle, stream)
     return before
+
+
+def _flush_stdout_of_c() -> None:
+    """Write out what C holds back of its stdout, where that can be reached: it is a buffer apart from Python's."""
+    try:
+        library = ctypes.CDLL(None)
+        stdout = ctypes.c_void_p.in_dll(library, "__stdoutp" if sys.platform == "darwin" else "stdout")
+    except (OSError, TypeError, ValueError):  # Windows, and whatever links C into the program
+        return
+    library.fflush(stdout)
 
 
 def _extent(window: tuple[np.ndarray, np.ndarray]) -> tuple[int, int]:

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import os
-import struct
-import tempfile
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +10,7 @@ import numpy as np
 import OpenImageIO as oiio
 
 from relume.errors import FormatError, UnreadableFile
-from relume.image.files import png
+from relume.image.files import png, png_pixels
 from relume.image.files.photograph_form import Form
 from relume.image.files.signatures import one_line
 from relume.image.files.tiff_folders import read_folders
@@ -74,39 +71,14 @@ def _jpeg(path: str | os.PathLike[str], form: Form) -> Salvaged | None:
 
 
 def _png(path: str | os.PathLike[str], form: Form) -> Salvaged | None:
-    """What the data inflates to, as far as it goes, put into a whole PNG of fewer rows."""
-    data = Path(path).read_bytes()
-    place, kept, packed = len(png.SIGNATURE), [], []
-    while place + 8 <= len(data):
-        length, name = struct.unpack_from(">I4s", data, place)
-        content, cut = data[place + 8 : place + 8 + length], place + 12 + length > len(data)
-        if not cut and zlib.crc32(name + content) != int.from_bytes(data[place + 8 + length : place + 12 + length]):
-            return None  # altered, not only cut: refused as any other
-        if name == b"IEND":
-            return None
-        if name == b"IDAT":
-            packed.append(content)
-        elif not cut and name in (b"PLTE", b"tRNS", b"iCCP", b"sRGB"):
-            kept.append(png.chunk(name, content))
-        place += 12 + length
-    if form.packing:
-        raise _untold(path, "an interlaced PNG")
-    samples = {"palette": 1}.get(form.kind, form.channels)
-    each = 1 + -(-form.width * samples * form.bits // 8)  # one byte more tells the row's filter
-    try:
-        raw = zlib.decompressobj().decompress(b"".join(packed), each * form.height)
-    except zlib.error:
+    """What the data inflates to, as far as it goes."""
+    header, chunks = png.header(path), png.chunks(path)
+    if chunks.end is None:
         return None
-    rows = len(raw) // each
-    if rows == 0:
-        return Salvaged(np.empty((0, form.width, 3), np.uint8), form.height)
-    fields = struct.pack(">II", form.width, rows) + data[24:29]
-    whole = png.SIGNATURE + png.chunk(b"IHDR", fields) + b"".join(kept)
-    whole += png.chunk(b"IDAT", zlib.compress(raw[: rows * each], 1)) + png.chunk(b"IEND", b"")
-    with tempfile.TemporaryDirectory(prefix="relume-") as folder:
-        alone = Path(folder, "rows.png")
-        alone.write_bytes(whole)
-        return Salvaged(_rows(path, _opened(alone), 0, rows), form.height)
+    if header.interlaced:
+        raise _untold(path, "an interlaced PNG")
+    rows = png_pixels.whole_rows(path, header, chunks)
+    return None if rows is None else Salvaged(rows, form.height)
 
 
 def _tiff(path: str | os.PathLike[str], form: Form) -> Salvaged | None:

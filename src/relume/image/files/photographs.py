@@ -1,6 +1,6 @@
-"""JPEG, PNG and TIFF photographs: pixels through OpenImageIO, EXIF through Pillow, upright, three channels.
+"""JPEG, PNG and TIFF photographs: pixels through OpenImageIO or our own, EXIF through Pillow, upright, three channels.
 
-OpenImageIO decodes, because Pillow rounds 16-bit colour to 8 bits without a word and takes any JPEG with a hole in its
+OpenImageIO decodes JPEG and TIFF, because Pillow rounds 16-bit colour to 8 bits without a word and takes any JPEG with a hole in its
 data for whole. OpenImageIO returns the pixels of a damaged JPEG too, with a complaint: every complaint is an error
 here, but for stray bytes among the headers, which lose no pixel. (A JPEG has no checksum: a few bytes altered in the
 middle may still decode without one.) It does not turn pictures by their EXIF orientation; we do. The header is judged
@@ -21,7 +21,7 @@ import OpenImageIO as oiio
 from PIL import Image, ImageCms
 
 from relume.errors import FormatError, UnreadableFile
-from relume.image.files import exif, png
+from relume.image.files import exif, png, png_pixels
 from relume.image.files.atomic import replacing
 from relume.image.files.jpeg_decoding import decoded
 from relume.image.files.jpeg_segments import header_at, length_of
@@ -130,7 +130,7 @@ def _decoded(
 ) -> tuple[np.ndarray, np.ndarray | None]:
     """(H, W, 3) uint8 or uint16 as stored, and (H, W) bool where alpha is 0; None where it is nowhere."""
     if kind == "PNG":
-        png.refuse_damaged(path)
+        return _of_png(path, reading)
     if form.gain_map:
         return _base_of_gain_map(path, reading), None
     wanted = oiio.ImageSpec()
@@ -159,6 +159,15 @@ def _decoded(
         warnings.warn(f"{path}: has stray bytes among its headers; look whether the picture is whole", stacklevel=5)
     pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
     return _three(pixels), _transparent(path, pixels[..., -1]) if spec.nchannels in (2, 4) else None
+
+
+def _of_png(path: str | os.PathLike[str], reading: Reading) -> tuple[np.ndarray, np.ndarray | None]:
+    chunks = png.chunks(path)
+    png.refuse_cut(path, chunks)
+    if (profile := png.profile(chunks, reading)) is not None:
+        _warn_of_profile(path, _description(profile))
+    pixels = png_pixels.decoded(path, png.header(path), chunks)
+    return _three(pixels), _transparent(path, pixels[..., -1]) if pixels.shape[2] in (2, 4) else None
 
 
 def _base_of_gain_map(path: str | os.PathLike[str], reading: Reading) -> np.ndarray:

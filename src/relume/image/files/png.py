@@ -1,7 +1,7 @@
-"""PNG chunks: what the header tells, a check that none is cut short or altered, and a writer with EXIF.
+"""PNG chunks: what the header tells, a walk that finds every one that is cut short or altered, and a writer with EXIF.
 
-The check comes before decoding, because libpng tells damage on stderr and Pillow accepts a file whose last chunk is
-missing. The writer is ours because Pillow rounds 16-bit colour to 8 bits without a word. Format: W3C PNG 3rd edition.
+Ours because libpng tells damage on stderr, and Pillow accepts a file whose last chunk is missing and rounds 16-bit
+colour to 8 bits without a word; `png_pixels` decodes. Format: W3C PNG 3rd edition.
 """
 
 from __future__ import annotations
@@ -16,9 +16,12 @@ from pathlib import Path
 import numpy as np
 
 from relume.errors import FormatError
+from relume.image.files.reading import Reading
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _COLOURS = {0: ("grey", 1), 2: ("RGB", 3), 3: ("palette", 3), 4: ("grey with alpha", 2), 6: ("RGB with alpha", 4)}
+_DEPTHS = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}  # 11.2.1, table 12
+_KNOWN = (b"PLTE", b"IDAT", b"IEND")  # behind IHDR, those that a decoder must know
 _SRGB_GAMMA = 0.45455  # the value to write for sRGB (11.3.2.2)
 _SAME_GAMMA = 0.02  # 1/2.15 to 1/2.25, which nobody can see
 _MOST_CHUNKS = 2**18  # of 8192 bytes of pixels, as libpng writes them, 2 GiB
@@ -47,6 +50,29 @@ class Header:
     gamma: float | None = None
     transfer: str = ""
 
+    @property
+    def samples(self) -> int:
+        """How many numbers are stored for a pixel."""
+        return 1 if self.colour == "palette" else self.channels
+
+    def bytes_of(self, width: int) -> int:
+        """How many bytes a row of that many pixels is stored in, without the one that tells its filter."""
+        return -(-width * self.samples * self.bits // 8)
+
+
+@dataclass(frozen=True, eq=False)
+class Chunks:
+    """What the chunks of a PNG hold that decoding needs.
+
+    packed : the pieces of the deflated pixels
+    ahead : name → content of PLTE, tRNS and iCCP, where they stand ahead of the pixels
+    end : the byte at which the file ends early, within a chunk or ahead of the last; None where it is whole
+    """
+
+    packed: list[memoryview]
+    ahead: dict[bytes, bytes]
+    end: int | None
+
 
 def header(path: str | os.PathLike[str]) -> Header:
     """The header of a PNG, from its chunks ahead of the pixels; raises FormatError where it is damaged."""
@@ -58,16 +84,19 @@ def header(path: str | os.PathLike[str]) -> Header:
             if len(head := file.read(8)) < 8 or head[4:] in (b"IDAT", b"IEND"):
                 break
             length, name = struct.unpack(">I4s", head)
-            if name in (b"IHDR", b"gAMA", b"cICP", b"sRGB", b"iCCP"):
+            if name in (b"gAMA", b"cICP", b"sRGB", b"iCCP") or (name == b"IHDR" and length == 13):
                 told.setdefault(name, file.read(min(length, 13)))
             place += 12 + length
             file.seek(place)
     fields = told.get(b"IHDR", b"")
     if len(fields) != 13:
         raise FormatError(path, "PNG", "byte 8", "an IHDR chunk of 13 bytes", f"{len(fields)} bytes")
-    width, height, bits, colour, _, _, interlace = struct.unpack(">IIBBBBB", fields)
-    if colour not in _COLOURS or bits not in (1, 2, 4, 8, 16):
+    width, height, bits, colour, packing, filtering, interlace = struct.unpack(">IIBBBBB", fields)
+    if bits not in _DEPTHS.get(colour, ()):
         raise FormatError(path, "PNG", "its IHDR chunk", "a colour type of PNG", f"type {colour} of {bits} bits")
+    if packing or filtering or interlace > 1:
+        found = f"{packing}, {filtering} and {interlace}"
+        raise FormatError(path, "PNG", "its IHDR chunk", "compression 0, filtering 0 and interlacing 0 or 1", found)
     code = told.get(b"cICP", b"")
     gamma = told.get(b"gAMA", b"")
     named = len(gamma) != 4 or told.keys() & {b"sRGB", b"iCCP", b"cICP"}
@@ -91,27 +120,65 @@ def warn_of_other_encoding(path: str | os.PathLike[str], header: Header) -> None
         warnings.warn(f"{path}: its values are encoded by gamma {exponent}, not sRGB; not converted", stacklevel=4)
 
 
-def refuse_damaged(path: str | os.PathLike[str]) -> None:
-    """Raise FormatError where a chunk of a PNG is cut short or fails its checksum, or the last one is missing."""
-    data = Path(path).read_bytes()
-    place = end = len(SIGNATURE)
+def chunks(path: str | os.PathLike[str]) -> Chunks:
+    """What a PNG's chunks hold, as far as the file goes; raises FormatError where one is altered or cannot be."""
+    data = memoryview(Path(path).read_bytes())
+    packed: list[memoryview] = []
+    ahead: dict[bytes, bytes] = {}
+    place = len(SIGNATURE)
     for _ in range(_MOST_CHUNKS):
         if place + 12 > len(data):
-            break
-        (length,) = struct.unpack_from(">I", data, place)
-        name, end = data[place + 4 : place + 8], place + 8 + length
+            return Chunks(packed, ahead, len(data))
+        length, name = struct.unpack_from(">I4s", data, place)
+        content, end = data[place + 8 : place + 8 + length], place + 8 + length
+        _refuse_name(path, name, place)
         if end + 4 > len(data):
-            break
-        computed = zlib.crc32(memoryview(data)[place + 4 : end])
+            return Chunks([*packed, content] if name == b"IDAT" else packed, ahead, len(data))
+        computed = zlib.crc32(data[place + 4 : end])
         (stored,) = struct.unpack_from(">I", data, end)
         if computed != stored:
-            where = f"the chunk {name.decode('latin-1')!r} at byte {place}"
-            raise FormatError(path, "PNG", where, f"the checksum {stored:08x}", f"{computed:08x}")
+            raise FormatError(path, "PNG", _where(name, place), f"the checksum {stored:08x}", f"{computed:08x}")
         if name == b"IEND":
-            return
+            return Chunks(packed, ahead, None)
+        if name == b"IDAT":
+            packed.append(content)
+        elif name in (b"PLTE", b"tRNS", b"iCCP") and not packed:
+            ahead.setdefault(name, bytes(content))
         place = end + 4
-    found = "the end of the file" if place + 12 > len(data) or end + 4 > len(data) else f"{_MOST_CHUNKS} before it"
-    raise FormatError(path, "PNG", f"the chunk at byte {place}", "a whole one, and IEND as the last", found)
+    raise FormatError(path, "PNG", f"the chunk at byte {place}", "IEND", f"{_MOST_CHUNKS} chunks before it")
+
+
+def refuse_cut(path: str | os.PathLike[str], chunks: Chunks) -> None:
+    """Raise FormatError where a PNG ends early."""
+    if chunks.end is not None:
+        raise FormatError(
+            path, "PNG", f"byte {chunks.end}", "whole chunks, and IEND as the last", "the end of the file"
+        )
+
+
+def profile(chunks: Chunks, reading: Reading) -> bytes | None:
+    """The ICC profile in a PNG, None where it has none; b"" for one that is damaged or beyond `reading`."""
+    if (told := chunks.ahead.get(b"iCCP")) is None:
+        return None
+    # Behind its name, a zero, and the number of the compression (11.3.2.3).
+    try:
+        engine = zlib.decompressobj()
+        inflated = engine.decompress(told.partition(b"\0")[2][1:], reading.metadata)
+        return inflated if engine.eof else b""
+    except zlib.error:
+        return b""
+
+
+def _refuse_name(path: str | os.PathLike[str], name: bytes, place: int) -> None:
+    """IHDR comes first and once; a name of a capital letter is one that a decoder must know (5.4)."""
+    first = place == len(SIGNATURE)
+    if first != (name == b"IHDR") or not name.isalpha() or (name[:1].isupper() and name not in (*_KNOWN, b"IHDR")):
+        expected = "IHDR" if first else "a kind of chunk that PNG knows here"
+        raise FormatError(path, "PNG", f"byte {place + 4}", expected, repr(name.decode("latin-1")))
+
+
+def _where(name: bytes, place: int) -> str:
+    return f"the chunk {name.decode('latin-1')!r} at byte {place}"
 
 
 def encode(pixels: np.ndarray, exif: bytes) -> bytes:

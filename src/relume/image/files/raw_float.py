@@ -141,8 +141,6 @@ def _shape(path: str | os.PathLike[str], there: int, reading: Reading) -> tuple[
     """
     if reading.float_size is not None:
         width, height = reading.float_size
-        if min(width, height) < 1:
-            raise ValueError(f"float_size is {reading.float_size}; give (width, height) of at least 1 pixel each")
         colour, grey = 12 * width * height, 4 * width * height
         if there in (colour, grey) or (reading.salvage and (there < colour or _is_packed(path))):
             return width, height, 1 if there == grey else 3

@@ -24,7 +24,7 @@ class Reading:
     decoded : bytes in memory, at most; half of what the machine has free where that is less
     ratio : of decoded bytes to those of the file, at most, above 64 MiB: no photograph packs tighter
     metadata : bytes of one header or block of metadata, at most
-    parts : of an EXR, or folders of a TIFF, at most
+    parts : of an EXR, or folders of a TIFF, at most; our own maps of a BRDF have 264
     salvage : read a file that ends early as far as it goes; what is missing is 0, marked OUTSIDE and told in a warning
     mantissa_middle : read Radiance mantissas as the middle of their step, c + ½, as programs do that write by
         truncation (old Radiance, Mitsuba, OpenImageIO); off because rounding writers, as ours, mean c itself
@@ -38,7 +38,7 @@ class Reading:
     decoded: int = 2**33
     ratio: int = 10_000
     metadata: int = 2**24
-    parts: int = 64
+    parts: int = 1024
     salvage: bool = False
     mantissa_middle: bool = False
     float_size: tuple[int, int] | None = None
