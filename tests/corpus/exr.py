@@ -300,7 +300,7 @@ def _bad() -> list[Bad]:
         ("parts of one name", _parts([pixels, pixels], {"name": ("string", b"part0")})),
         ("a part of a type that is none", _parts([pixels, pixels], {"type": ("string", b"hologram")})),
         ("chunks of parts that are none", _parts([pixels, pixels], part_number=7)),
-        ("seventy parts", _parts([pixels[:1, :1]] * 70)),
+        ("1,025 parts", _parts([pixels[:1, :1]] * 1025)),
     ]
     lenient += [
         ("a pixel aspect of 0", good.but(pixelAspectRatio=("float", bytes(4))).data()),

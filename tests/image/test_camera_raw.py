@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from contextlib import nullcontext
 from datetime import datetime
 from pathlib import Path
@@ -159,7 +160,7 @@ def test_raws_without_a_mosaic_are_refused_plainly(tmp_path, shared):
         read_raw(write_dng(tmp_path / "empty.dng", np.zeros((30, 40), np.uint16)))
 
 
-@pytest.mark.filterwarnings("ignore:.*its EXIF cannot be read")
+@pytest.mark.filterwarnings("ignore:.*its EXIF (cannot be read|is damaged)")
 def test_a_file_cut_short_anywhere_is_refused_in_one_line_and_nothing_else_is_said(shared, tmp_path, capfd):
     whole = (shared / "data/formats/raw/colorchart.dng").read_bytes()
     cut = tmp_path / "cut.dng"
@@ -172,7 +173,7 @@ def test_a_file_cut_short_anywhere_is_refused_in_one_line_and_nothing_else_is_sa
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.filterwarnings("ignore:.*its EXIF cannot be read")
+@pytest.mark.filterwarnings("ignore:.*its EXIF (cannot be read|is damaged)")
 def test_bytes_altered_anywhere_in_the_header_never_crash(tmp_path, ramp):
     file = write_dng(tmp_path / "a.dng", ramp)
     whole, generator = file.read_bytes(), np.random.default_rng(3)
@@ -192,17 +193,33 @@ def test_bytes_altered_anywhere_in_the_header_never_crash(tmp_path, ramp):
 
 def test_damaged_exif_is_told_and_the_pixels_kept(tmp_path, ramp):
     file = write_dng(tmp_path / "a.dng", ramp)
-    file.write_bytes(file.read_bytes()[:-20])
-    with pytest.warns(UserWarning, match="its EXIF cannot be read"):
+    whole = file.read_bytes()
+    file.write_bytes(whole[:-20])
+    with pytest.warns(UserWarning, match=r"a\.dng: its EXIF is damaged \(Trunc.*\); exposure may be missing"):
         raw = read_raw(file)
-    assert raw.exposure is None
+    # What stands ahead of the damage is still told, and nothing is made up of what is not.
+    assert (raw.exposure, raw.settings.taken) == (Exposure(1 / 60, 4.0, 100), None)
     np.testing.assert_array_equal(raw.mosaic, ramp)
+    file.write_bytes(whole[:-100])
+    with pytest.warns(UserWarning, match=r"a\.dng: its EXIF is damaged"):
+        raw = read_raw(file)
+    assert (raw.exposure, raw.camera) == (None, "Virtual One")
+    np.testing.assert_array_equal(raw.mosaic, ramp)
+
+
+def test_a_camera_whose_colours_are_unknown_is_named(tmp_path, ramp):
+    file = write_dng(tmp_path / "a.dng", ramp)
+    data = file.read_bytes()
+    # ColorMatrix1 becomes a private tag of no meaning (DNG 1.7).
+    file.write_bytes(data.replace(struct.pack("<HH", 50721, 10), struct.pack("<HH", 50722, 10)))
+    with pytest.raises(UnreadableFile, match='no colour matrix is known for its camera, "Virtual One"; '):
+        read_raw(file)
 
 
 def test_damage_that_the_decoder_only_prints_is_damage(tmp_path, ramp, monkeypatch):
     file = write_dng(tmp_path / "a.dng", ramp)
     monkeypatch.setattr(camera_raw, "gathered_messages", lambda: nullcontext(["Corrupt data near 0x1000"]))
-    with pytest.raises(UnreadableFile, match="damaged camera raw: Corrupt data near 0x1000"):
+    with pytest.raises(UnreadableFile, match=r"damaged camera raw, LibRaw's .*found Corrupt data near 0x1000"):
         read_raw(file)
 
 

@@ -4,6 +4,7 @@ import os
 import re
 import threading
 import time
+import warnings
 
 import numpy as np
 import OpenEXR

@@ -123,7 +123,7 @@ def packets(data: bytes, map_packet: bytes) -> bytes:
     """The file with another packet in the gain map, and without its ISO block."""
     second = map_at(data)
     header = jpeg_segments.header_at("a.jpg", io.BytesIO(data), second, Reading())
-    body = jpeg_segments.without_metadata(data[second:], header.scan - second)
+    body = jpeg_segments.without_metadata(data[second:], header)
     told = [jpeg_segments.segment(jpeg_segments.APP1, jpeg_segments.XMP + map_packet)]
     return data[:second] + jpeg_segments.with_segments(body, told)
 

@@ -9,13 +9,11 @@ and columns, 2 turns rows over, 1 turns columns over.
 from __future__ import annotations
 
 import os
-import warnings
 
 import numpy as np
 import rawpy
-from PIL import Image
 
-from relume.errors import UnreadableFile
+from relume.errors import FormatError, UnreadableFile
 from relume.image.files import exif
 from relume.image.files.exr_parts import gathered_messages
 from relume.image.files.reading import Reading, refuse_absurd_amount, refuse_absurd_size
@@ -23,8 +21,6 @@ from relume.image.files.signatures import one_line
 from relume.image.photograph import Exposure, Settings
 from relume.image.primaries import REC709
 from relume.image.raw import RawPhotograph, is_bayer
-
-_EXIF_FOLDER = 0x8769
 
 
 def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> RawPhotograph:
@@ -35,12 +31,9 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> RawPhoto
             photograph = _photograph(path, raw, tags, reading)
     # Where damage is only met on the way, LibRaw's errors are followed by AttributeError and ValueError of the wrapper.
     except (rawpy.LibRawError, OSError, ValueError, AttributeError, TypeError) as error:
-        raise UnreadableFile(
-            f"{path}: damaged camera raw, or of a camera LibRaw does not know: {_reason(error)}; copy it again from "
-            "where it came, or convert it to DNG"
-        ) from error
+        raise refusal(path, error) from error
     if messages:  # of damage that LibRaw only prints
-        raise UnreadableFile(f"{path}: damaged camera raw: {messages[0]}; copy it again from where it came")
+        raise refusal(path, messages[0])
     return photograph
 
 
@@ -63,10 +56,11 @@ def _photograph(
     black = np.asarray(raw.black_level_per_channel, np.float64)[index]
     white = float(min([raw.white_level, *(w for w in raw.camera_white_level_per_channel or () if w > 0)]))
     if not black[:2, :2].max() < white:
-        raise UnreadableFile(f"{path}: damaged camera raw: black {black.max():g} is not below white {white:g}")
+        raise FormatError(path, "camera raw", "its black level", f"one below its white, {white:g}", f"{black.max():g}")
     if stored.size == 0 or not stored.any():
-        raise UnreadableFile(f"{path}: a camera raw without pixels; copy it again from where it came")
-    matrix, daylight = _colour(path, raw)
+        what = f"a camera raw without pixels: all of its {sizes.width} x {sizes.height} values are 0"
+        raise UnreadableFile(f"{path}: {what}; copy it again from where it came")
+    matrix, daylight = _colour(path, raw, exif.camera_of(tags or {}))
     as_shot = np.asarray(raw.camera_whitebalance[:3], np.float64)
     mosaic = np.ascontiguousarray(_upright(stored, sizes.flip))
     if np.shares_memory(mosaic, stored):  # LibRaw's own memory, gone when the file is closed
@@ -103,7 +97,7 @@ def _upright(stored: np.ndarray, flip: int) -> np.ndarray:
     return turned.T if flip & 4 else turned
 
 
-def _colour(path: str | os.PathLike[str], raw: rawpy.RawPy) -> tuple[np.ndarray, np.ndarray]:
+def _colour(path: str | os.PathLike[str], raw: rawpy.RawPy, camera_name: str) -> tuple[np.ndarray, np.ndarray]:
     """Balanced camera colours → Rec. 709, and the balance for daylight.
 
     Camera ← XYZ is known by LibRaw or written in a DNG. Its product with XYZ ← Rec. 709 tells what the camera sees of
@@ -119,25 +113,16 @@ def _colour(path: str | os.PathLike[str], raw: rawpy.RawPy) -> tuple[np.ndarray,
     matrix = np.asarray(raw.color_matrix, np.float64)[:, :3]
     daylight = np.asarray(raw.daylight_whitebalance[:3], np.float64)
     if not (np.allclose(matrix.sum(1), 1, atol=1e-3) and np.all(daylight > 0)):
-        raise UnreadableFile(f"{path}: no colour matrix is known for its camera; convert it to DNG")
+        named = f'"{camera_name}"' if camera_name else "which its tags 271 and 272 do not name"
+        raise UnreadableFile(f"{path}: no colour matrix is known for its camera, {named}; convert it to DNG")
     return matrix / matrix.sum(1, keepdims=True), daylight / daylight.min()
 
 
 def tags_of(path: str | os.PathLike[str]) -> dict[int, object] | None:
     """EXIF of a file that is a TIFF inside, None of any other; warns where it is damaged."""
     with open(path, "rb") as file:
-        if file.read(4) not in (b"II*\0", b"MM\0*"):
-            return None
-        file.seek(0)
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("error")  # Pillow warns of a folder cut short and goes on with what there was
-                tags = Image.Exif()
-                tags.load_from_fp(file)
-                return {**tags, **tags.get_ifd(_EXIF_FOLDER)}
-        except Exception as error:  # Pillow raises SyntaxError, struct.error, KeyError and others for damaged tags
-            warnings.warn(f"{path}: its EXIF cannot be read ({one_line(error)}); exposure unknown", stacklevel=6)
-            return {}
+        is_tiff = file.read(4) in (b"II*\0", b"MM\0*")
+    return exif.tags(path, "RAW") if is_tiff else None
 
 
 def exposure_of(raw: rawpy.RawPy, tags: dict[int, object] | None) -> tuple[Exposure | None, Settings]:
@@ -158,6 +143,10 @@ def _rounded(value: float) -> float:
     return float(f"{value:.7g}")
 
 
-def _reason(error: Exception) -> str:
-    detail = error.args[0] if error.args else error
-    return one_line(detail.decode("utf-8", "replace") if isinstance(detail, bytes) else detail)
+def refusal(path: str | os.PathLike[str], error: object) -> FormatError:
+    """That LibRaw cannot read a file; it tells what is wrong and never where."""
+    detail = error.args[0] if isinstance(error, Exception) and error.args else error
+    found = one_line(detail.decode("utf-8", "replace") if isinstance(detail, bytes) else detail)
+    where = f"LibRaw's reading of its {os.path.getsize(path)} bytes"
+    remedy = "copy it again from where it came, or convert it to DNG"
+    return FormatError(path, "camera raw", where, "a sound file of a camera that it knows", found, remedy)

@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import math
 import os
+import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
 from fractions import Fraction
+from typing import BinaryIO
 
-from PIL import Image, JpegImagePlugin, PngImagePlugin, TiffImagePlugin
+import PIL
+from PIL import Image, JpegImagePlugin, PngImagePlugin
 from PIL.TiffImagePlugin import IFDRational
 
 from relume.image.files.signatures import one_line
@@ -32,32 +35,49 @@ _SMALL_SENSOR, _SHORT_LENS = 6.0, 12.0  # mm
 _FULL_FRAME = 36.0  # mm, the longer side to which FocalLengthIn35mmFilm refers
 
 # Image.open would refuse above 179 million pixels what our own limits allow; these read the header alone.
-_OPENERS = {
-    "JPEG": JpegImagePlugin.JpegImageFile,
-    "PNG": PngImagePlugin.PngImageFile,
-    "TIFF": TiffImagePlugin.TiffImageFile,
-}
+_OPENERS = {"JPEG": JpegImagePlugin.JpegImageFile, "PNG": PngImagePlugin.PngImageFile}
+# Of tags with more values than they should have, none of which is read here; and of animations, which are not read.
+_HARMLESS = ("Metadata Warning", "Invalid APNG")
+_PILLOW = os.path.dirname(PIL.__file__)
+_HEARING = threading.Lock()  # what is heard of warnings is one list of the whole process
 
 
 def tags(path: str | os.PathLike[str], kind: str) -> dict[int, object]:
-    """All tags of a JPEG, PNG or TIFF by number, those of the EXIF folder among them; warns where they are damaged."""
+    """All tags of a JPEG, PNG, TIFF or raw TIFF by number, those of the EXIF folder among them.
+
+    Warns where they are damaged; what is not is still told.
+    """
+    damage: list[str] = []
+    found: dict[int, object] = {}
     try:
-        with _unheard(), open(path, "rb") as file, _OPENERS[kind](file) as image:
-            # The base class's method: that of PNG decodes the whole picture in search of a late chunk.
-            exif = Image.Image.getexif(image)
-            return {**exif, **exif.get_ifd(_EXIF_IFD)}
+        with heard(damage), open(path, "rb") as file:
+            if kind in _OPENERS:
+                with _OPENERS[kind](file) as image:
+                    # The base class's method: that of PNG decodes the whole picture in search of a late chunk.
+                    exif = Image.Image.getexif(image)
+            else:  # only the tags: Pillow tells of pixels it could not decode on the error output
+                exif = _of_tiff(file)
+            found.update(exif)
+            found.update(exif.get_ifd(_EXIF_IFD))
     except Exception as error:  # Pillow raises SyntaxError, struct.error, KeyError and others for damaged tags
         warnings.warn(f"{path}: its EXIF cannot be read ({one_line(error)}); exposure unknown", stacklevel=4)
         return {}
+    if damage:
+        warnings.warn(f"{path}: its EXIF is damaged ({one_line(damage[0])}); exposure may be missing", stacklevel=4)
+    return found
 
 
-def size(path: str | os.PathLike[str], kind: str) -> tuple[int, int]:
-    """(width, height) of the picture seen upright; raises whatever Pillow raises for a damaged header."""
-    with _unheard(), open(path, "rb") as file, _OPENERS[kind](file) as image:
-        width, height = image.size
-        # Pillow has a TIFF's sides exchanged already, and those of no other kind.
-        lying = kind != "TIFF" and orientation_of(dict(Image.Image.getexif(image))) >= 5
-        return (height, width) if lying else (width, height)
+def _of_tiff(file: BinaryIO) -> Image.Exif:
+    exif = Image.Exif()
+    head = file.read(16)
+    order = "little" if head[:2] == b"II" else "big"
+    if int.from_bytes(head[2:4], order) == 43:
+        exif.endian, exif.bigtiff = "<" if order == "little" else ">", True
+        exif.load_from_fp(file, int.from_bytes(head[8:16], order))
+    else:
+        file.seek(0)
+        exif.load_from_fp(file)
+    return exif
 
 
 def exposure_of(tags: dict[int, object]) -> Exposure | None:
@@ -173,11 +193,20 @@ def _exif_of(photograph: Photograph) -> Image.Exif:
 
 
 @contextmanager
-def _unheard() -> Iterator[None]:
-    """Pillow's remarks on tags that hold more values than they should: none that is read here."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Metadata Warning")
-        yield
+def heard(damage: list[str]) -> Iterator[None]:
+    """Add what Pillow warns of to `damage`, but for what does no harm; warnings of others meanwhile are passed on."""
+    caught: list[warnings.WarningMessage] = []
+    try:
+        with _HEARING, warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            yield
+    finally:
+        for warning in caught:
+            text = str(warning.message)
+            if not warning.filename.startswith(_PILLOW):
+                warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
+            elif not text.startswith(_HARMLESS):
+                damage.append(text)
 
 
 def _encode_settings(folder: dict[int, object], settings: Settings) -> None:

@@ -132,7 +132,7 @@ def _warn_of_contradiction(path: str | os.PathLike[str], headers: Headers) -> No
     expected, stored = ("scanlineimage", "scan lines") if header.tiling is None else ("tiledimage", "tiles")
     if headers.many or told is None or told == expected:
         return
-    found = f'its attribute "type" is {ascii(told[:40])}, but its version field says {stored}'
+    found = f'its attribute "type" is {told[:40]!a}, but its version field says {stored}'
     warnings.warn(f"{path}: {found}, and as those it is read; save it again", stacklevel=5)
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 
-from relume.errors import FormatError, UnreadableFile
-from relume.image.files.reading import Reading, refuse_absurd_size
-from relume.image.files.signatures import MAPS, kind_of, one_line
+from relume.errors import UnreadableFile
+from relume.image.files.reading import Reading
+from relume.image.files.signatures import MAPS, kind_of
 from relume.image.photograph import Exposure, Settings
 
 
@@ -38,6 +38,7 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Facts:
     """
     # Pillow and LibRaw are loaded here and not above: most who import this module's parent read no photograph.
     from relume.image.files import exif
+    from relume.image.files.photograph_form import form_of
 
     kind = kind_of(path)
     if kind in MAPS:
@@ -46,15 +47,12 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Facts:
         return _of_raw(path)
     if kind not in ("JPEG", "PNG", "TIFF"):
         raise UnreadableFile(f"{path}: a {kind} file where a photograph is needed; give a JPEG, PNG or TIFF")
-    try:
-        width, height = exif.size(path, kind)
-    except Exception as error:  # Pillow raises SyntaxError, struct.error, KeyError and others for damaged headers
-        raise FormatError(path, kind, "its header", "a sound one", one_line(error)) from error
-    refuse_absurd_size(path, width, height, reading)
+    form = form_of(path, kind, reading)
     tags = exif.tags(path, kind)
+    lying = exif.orientation_of(tags) >= 5
     return Facts(
         name=str(path),
-        size=(width, height),
+        size=(form.height, form.width) if lying else (form.width, form.height),
         exposure=exif.exposure_of(tags),
         camera=exif.camera_of(tags),
         settings=exif.settings_of(tags),
@@ -73,8 +71,6 @@ def _of_raw(path: str | os.PathLike[str]) -> Facts:
             exposure, settings = camera_raw.exposure_of(raw, tags)
             size = (sizes.width, sizes.height)
     except (rawpy.LibRawError, OSError, ValueError, AttributeError, TypeError) as error:
-        raise UnreadableFile(
-            f"{path}: damaged camera raw: {one_line(error)}; copy it again from where it came"
-        ) from error
+        raise camera_raw.refusal(path, error) from error
     told = tags or {}
     return Facts(str(path), size, exposure, exif.camera_of(told), settings, exif.shutter_speed_of(told))

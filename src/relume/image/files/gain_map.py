@@ -13,7 +13,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from relume.errors import FormatError, RelumeError, UnreadableFile
+from relume.errors import FormatError, UnreadableFile
 from relume.image.files import gain_map_layout, jpeg_segments, xmp
 from relume.image.files.atomic import replacing
 from relume.image.files.attributes import warn_of_losses
@@ -34,7 +34,7 @@ def is_present(path: str | os.PathLike[str]) -> bool:
             return gain_map_layout.located(path, file, Reading()) is not None
     except FormatError as error:
         return error.format == gain_map_layout.FORMAT
-    except (RelumeError, OSError, ValueError):
+    except Exception:  # whatever a file does; what is wrong with it is told when it is read
         return False
 
 
@@ -63,6 +63,8 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Radiance
             _refuse_unusable(path, header, end - header.begin, f"its {what}", reading)
         jpegs = [_bytes(file, header, end) for header, end in zip(headers, ends, strict=True)]
     own = _own(layout.packet, reading)
+    if any(header.stray for header in headers):
+        warnings.warn(f"{path}: has stray bytes among its headers; look whether the picture is whole", stacklevel=4)
     # Only now: these load libraries, and a header that claims too much is refused before.
     from relume.image.files import exif, exif_attributes, gain_map_applying, jpeg_decoding
     from relume.image.files.orientation import UPRIGHT

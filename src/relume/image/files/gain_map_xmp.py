@@ -28,8 +28,11 @@ def metadata_in(properties: Properties) -> GainMapMetadata:
     """The hdrgm parameters of a packet; what is left out has the value that the specification gives.
 
     properties : as `xmp.properties` gives them
-    Raises ValueError for what is no number, a missing GainMapMax, and values that make no sense.
+    Raises ValueError for another version, what is no number, a missing GainMapMax, and values that make no sense.
     """
+    version = properties.get(f"{HDRGM}Version", ("1.0",))[0].strip()
+    if version.partition(".")[0] != "1":
+        raise ValueError(f'hdrgm:Version is "{version[:40]}"; expected 1.0')
     low, high, gamma, base_offset, bright_offset = (_three(properties, *told) for told in _FIELDS.values())
     base = _three(properties, "HDRCapacityMin", 0.0)[0]
     bright = _three(properties, "HDRCapacityMax", max(high))[0]

@@ -29,7 +29,7 @@ def decoded(path: str | os.PathLike[str], jpeg: bytes, header: Header, what: str
     try:
         with tempfile.TemporaryDirectory(prefix="relume-") as folder:
             alone = Path(folder, "alone.jpg")
-            alone.write_bytes(without_metadata(jpeg, header.scan - header.begin))
+            alone.write_bytes(without_metadata(jpeg, header))
             pixels, complaint = _opened(alone)
     except OSError as error:
         raise UnreadableFile(f"{path}: no temporary file for its {what}: {one_line(error)}; make room") from None

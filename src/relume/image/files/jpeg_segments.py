@@ -22,6 +22,8 @@ _START, _SCAN, _END = 0xD8, 0xDA, 0xD9
 _FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _KEPT = _FRAMES | {APP1, APP2}
 _MOST_SEGMENTS = 4096  # 16 MiB of metadata make 256 full ones
+_MOST_STRAY = 8192
+_ALONE = (0x01, *range(0xD0, 0xD8))  # markers without a length: table B.1
 _LARGEST = 65533  # bytes behind a segment's length
 # In the scans a 0xFF is followed by 0 where it is data, by D0 to D7 where decoding may restart.
 _NEXT_MARKER = re.compile(rb"\xff([^\x00\xd0-\xd7\xff])")
@@ -51,6 +53,8 @@ class Header:
 
     begin, scan : offsets in the file of the JPEG and of its first scan's marker
     width, height, channels : as its frame says
+    segments : all of them, the scan's marker the last
+    stray : bytes between them that belong to none
     """
 
     begin: int
@@ -59,6 +63,7 @@ class Header:
     height: int
     channels: int
     segments: tuple[Segment, ...]
+    stray: int = 0
 
     def first(self, marker: int, identifier: bytes) -> bytes | None:
         """What follows `identifier` in the first segment that has it; None where none has."""
@@ -76,9 +81,12 @@ class Header:
 
 
 def header_at(path: str | os.PathLike[str], file: BinaryIO, begin: int, reading: Reading) -> Header:
-    """The header of the JPEG that begins at byte `begin` of an open file; raises FormatError where it is broken."""
+    """The header of the JPEG that begins at byte `begin` of an open file; raises FormatError where it is broken.
+
+    A few stray bytes between the segments are passed over, as decoders do, and counted.
+    """
     size = file.seek(0, os.SEEK_END)
-    offset, kept, filling, frame = begin + 2, 0, 0, None
+    offset, kept, filling, stray, frame = begin + 2, 0, 0, 0, None
     segments: list[Segment] = []
     file.seek(begin)
     if (start := file.read(2)) != bytes((0xFF, _START)):
@@ -89,8 +97,14 @@ def header_at(path: str | os.PathLike[str], file: BinaryIO, begin: int, reading:
         if head[:2] == b"\xff\xff" and filling < _MOST_SEGMENTS:  # a fill byte before a marker
             offset, filling = offset + 1, filling + 1
             continue
+        if len(head) == 4 and stray < _MOST_STRAY and (head[0] != 0xFF or head[1] == 0):
+            offset, stray = offset + 1, stray + 1
+            continue
         if len(head) < 4 or head[0] != 0xFF:
             raise _damaged(path, offset, "a marker", head.hex(" ") or "the end of the file")
+        if head[1] in _ALONE and stray < _MOST_STRAY:
+            offset, stray = offset + 2, stray + 2
+            continue
         marker, length = head[1], int.from_bytes(head[2:])
         if marker in (_END, _START, 0, 0xFF) or length < 2 or offset + 2 + length > size:
             raise _damaged(path, offset, f"a segment within the {size} bytes", f"marker {marker:02x}, length {length}")
@@ -105,7 +119,7 @@ def header_at(path: str | os.PathLike[str], file: BinaryIO, begin: int, reading:
         if marker == _SCAN:
             if frame is None:
                 raise _damaged(path, offset, "a frame before the first scan", "none")
-            return Header(begin, offset, *frame, tuple(segments))
+            return Header(begin, offset, *frame, tuple(segments), stray)
         offset += 2 + length
 
 
@@ -152,18 +166,15 @@ def with_segments(jpeg: bytes, added: Sequence[bytes]) -> bytes:
     return jpeg[:2] + b"".join(added) + jpeg[2:]
 
 
-def without_metadata(jpeg: bytes, scan: int) -> bytes:
-    """A JPEG without its APP segments and comments but those that tell how its colours are stored (JFIF, Adobe).
+def without_metadata(jpeg: bytes, header: Header) -> bytes:
+    """A JPEG without stray bytes, comments and APP segments, but for those that tell how its colours are stored.
 
-    jpeg : whole; scan : where its first scan is
+    jpeg : whole; header : its own
     """
-    pieces, offset = [jpeg[:2]], 2
-    while offset < scan:
-        if jpeg[offset + 1] == 0xFF:
-            offset += 1
-            continue
-        marker, length = jpeg[offset + 1], 2 + int.from_bytes(jpeg[offset + 2 : offset + 4])
-        if marker in (APP0, APP14) or not (0xE0 <= marker <= 0xEF or marker == 0xFE):
-            pieces.append(jpeg[offset : offset + length])
-        offset += length
-    return b"".join([*pieces, jpeg[scan:]])
+    pieces = [jpeg[:2]]
+    for one in header.segments[:-1]:
+        # JFIF and Adobe say whether the channels are YCbCr.
+        if one.marker in (APP0, APP14) or not (0xE0 <= one.marker <= 0xEF or one.marker == 0xFE):
+            begin = one.offset - header.begin
+            pieces.append(jpeg[begin : begin + 2 + int.from_bytes(jpeg[begin + 2 : begin + 4])])
+    return b"".join([*pieces, jpeg[header.scan - header.begin :]])

@@ -1,10 +1,10 @@
 """JPEG, PNG and TIFF photographs: pixels through OpenImageIO or our own, EXIF through Pillow, upright, three channels.
 
-OpenImageIO decodes JPEG and TIFF, because Pillow rounds 16-bit colour to 8 bits without a word and takes any JPEG with a hole in its
-data for whole. OpenImageIO returns the pixels of a damaged JPEG too, with a complaint: every complaint is an error
-here, but for stray bytes among the headers, which lose no pixel. (A JPEG has no checksum: a few bytes altered in the
-middle may still decode without one.) It does not turn pictures by their EXIF orientation; we do. The header is judged
-by our own readers first, because a decoder allocates what a header claims.
+OpenImageIO decodes JPEG and TIFF, because Pillow rounds 16-bit colour to 8 bits without a word and takes any JPEG with
+a hole in its data for whole. OpenImageIO returns the pixels of a damaged JPEG too, with a complaint: every complaint is
+an error here, but for stray bytes among the headers, which lose no pixel. (A JPEG has no checksum: a few bytes altered
+in the middle may still decode without one.) It does not turn pictures by their EXIF orientation; we do. The header is
+judged by our own readers first, because a decoder allocates what a header claims.
 """
 
 from __future__ import annotations
@@ -156,7 +156,7 @@ def _decoded(
         raise FormatError(path, kind, "its pixels", "whole data", reason)
     if complaint:
         _refuse_truncated(path, kind)
-        warnings.warn(f"{path}: has stray bytes among its headers; look whether the picture is whole", stacklevel=5)
+        _warn_of_stray_bytes(path)
     pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
     return _three(pixels), _transparent(path, pixels[..., -1]) if spec.nchannels in (2, 4) else None
 
@@ -177,7 +177,14 @@ def _base_of_gain_map(path: str | os.PathLike[str], reading: Reading) -> np.ndar
     if profile := header.profile:
         _warn_of_profile(path, _description(profile))
     end = length_of(data, header.scan) or len(data)
-    return _three(decoded(path, data[:end], header, "base picture"))
+    pixels = _three(decoded(path, data[:end], header, "base picture"))
+    if header.stray:
+        _warn_of_stray_bytes(path)
+    return pixels
+
+
+def _warn_of_stray_bytes(path: str | os.PathLike[str]) -> None:
+    warnings.warn(f"{path}: has stray bytes among its headers; look whether the picture is whole", stacklevel=6)
 
 
 def _three(pixels: np.ndarray) -> np.ndarray:
@@ -224,7 +231,7 @@ def _warn_of_profile(path: str | os.PathLike[str], description: str) -> None:
 def _refuse_truncated(path: str | os.PathLike[str], kind: str) -> None:
     """Ask another decoder whether the data ends early: the first one tells only the first of its troubles."""
     try:
-        with open(path, "rb") as file, Image.open(file, formats=[kind]) as image:
+        with exif.heard([]), open(path, "rb") as file, Image.open(file, formats=[kind]) as image:
             image.load()
     except (OSError, SyntaxError, Image.DecompressionBombError) as error:
         raise FormatError(path, kind, "its pixels", "whole data", one_line(error)) from error

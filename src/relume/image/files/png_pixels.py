@@ -127,9 +127,8 @@ def _coloured(path: str | os.PathLike[str], header: Header, chunks: Chunks, samp
         samples = samples * np.uint8(255 // (2**header.bits - 1))
     if transparent is None:
         return samples
-    return np.concatenate(
-        [samples, np.where(transparent, 0, np.iinfo(samples.dtype).max).astype(samples.dtype)], axis=2
-    )
+    alpha = np.where(transparent, 0, np.iinfo(samples.dtype).max).astype(samples.dtype)
+    return np.concatenate([samples, alpha], axis=2)
 
 
 def _from_palette(
