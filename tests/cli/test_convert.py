@@ -231,7 +231,7 @@ def test_the_labelled_probe_is_written_for_any_program(tmp_path: Path, capsys: p
 
 
 def test_an_audit_is_read_line_by_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["convert", stored(tmp_path, sunny(32)), "-o", str(tmp_path / "out.exr")]) == 0
+    assert main(["convert", stored(tmp_path, sunny(32)), "-o", str(tmp_path / "out.hdr")]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) < 120 + len(str(tmp_path))
     assert [line.split()[0] for line in lines if line.startswith("      ")] == ["+X", "-X", "+Y", "-Y", "+Z", "-Z"] * 2

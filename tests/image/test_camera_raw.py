@@ -200,7 +200,8 @@ def test_damaged_exif_is_told_and_the_pixels_kept(tmp_path, ramp):
     # What stands ahead of the damage is still told, and nothing is made up of what is not.
     assert (raw.exposure, raw.settings.taken) == (Exposure(1 / 60, 4.0, 100), None)
     np.testing.assert_array_equal(raw.mosaic, ramp)
-    file.write_bytes(whole[:-100])
+    count = whole.index(struct.pack("<HHI", 0x829A, 5, 1)) + 4  # of the exposure time's values
+    file.write_bytes(whole[:count] + b"\xff" * 4 + whole[count + 4 :])
     with pytest.warns(UserWarning, match=r"a\.dng: its EXIF is damaged"):
         raw = read_raw(file)
     assert (raw.exposure, raw.camera) == (None, "Virtual One")
@@ -210,8 +211,9 @@ def test_damaged_exif_is_told_and_the_pixels_kept(tmp_path, ramp):
 def test_a_camera_whose_colours_are_unknown_is_named(tmp_path, ramp):
     file = write_dng(tmp_path / "a.dng", ramp)
     data = file.read_bytes()
-    # ColorMatrix1 becomes a private tag of no meaning (DNG 1.7).
-    file.write_bytes(data.replace(struct.pack("<HH", 50721, 10), struct.pack("<HH", 50722, 10)))
+    entry = data.index(struct.pack("<HHI", 50721, 10, 9))  # ColorMatrix1, DNG 1.7: nine fractions
+    (place,) = struct.unpack_from("<I", data, entry + 8)
+    file.write_bytes(data[:place] + struct.pack("<ii", 1, 1) * 9 + data[place + 72 :])
     with pytest.raises(UnreadableFile, match='no colour matrix is known for its camera, "Virtual One"; '):
         read_raw(file)
 

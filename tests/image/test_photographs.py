@@ -12,12 +12,13 @@ from fractions import Fraction
 
 import numpy as np
 import OpenImageIO as oiio
+import PIL
 import pytest
 from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
 from relume.errors import OutputNotWritten, UnreadableFile
-from relume.image.files import describe, read, read_facts, read_photograph, write
+from relume.image.files import describe, exif, read, read_facts, read_photograph, write
 from relume.image.photograph import Exposure, Photograph, Settings
 
 
@@ -353,6 +354,42 @@ def test_stray_bytes_do_not_hide_a_truncation(tmp_path):
     (tmp_path / "a.jpg").write_bytes(data[:start] + b"stray" + data[start : len(data) // 2])
     with pytest.raises(UnreadableFile, match="truncated"):
         read(tmp_path / "a.jpg")
+
+
+def test_exif_that_is_damaged_is_told_in_a_line_about_the_file_and_the_rest_is_read(tmp_path, smooth):
+    whole = saved(tmp_path / "a.jpg", smooth, {0x0110: "One"}, {0x829A: IFDRational(1, 60)}).read_bytes()
+    begin = whole.index(b"MM\0*")
+    entry = whole.index(struct.pack(">HH", 0x829A, 5), begin)
+    # Its count becomes 2³² − 1, then its folder lies beyond the segment.
+    pointer = whole.index(struct.pack(">HHI", 0x8769, 4, 1), begin) + 8
+    for place, value in ((entry + 4, 2**32 - 1), (pointer, 2**31)):
+        (tmp_path / "a.jpg").write_bytes(whole[:place] + struct.pack(">I", value) + whole[place + 4 :])
+        for reader in (read_photograph, read_facts):
+            with pytest.warns(UserWarning) as told:
+                found = reader(tmp_path / "a.jpg")
+            (line,) = {str(one.message) for one in told}
+            assert line.startswith(f"{tmp_path / 'a.jpg'}: its EXIF is damaged (")
+            assert line.endswith("); exposure may be missing")
+            assert (found.exposure, found.camera) == (None, "One")
+
+
+def test_warnings_of_others_meanwhile_are_passed_on():
+    damage: list[str] = []
+    with pytest.warns(UserWarning, match="^of another$") as told, exif.heard(damage):
+        warnings.warn_explicit("of another", UserWarning, __file__, 1)
+        warnings.warn_explicit("Truncated File Read", UserWarning, PIL.__file__, 1)
+        warnings.warn_explicit("Metadata Warning, tag 1 had too many entries", UserWarning, PIL.__file__, 1)
+    assert (len(told), damage) == (1, ["Truncated File Read"])
+
+
+def test_the_facts_of_a_tiff_of_many_channels_are_refused_or_told_without_a_print(tmp_path, smooth, capfd):
+    data = saved(tmp_path / "a.tif", smooth).read_bytes()
+    entry = data.index(struct.pack("<HHI", 277, 3, 1))
+    for samples in (9, 65):
+        (tmp_path / "a.tif").write_bytes(data[: entry + 8] + struct.pack("<H", samples) + data[entry + 10 :])
+        with pytest.raises(UnreadableFile, match=r"a\.tif: "):
+            read_facts(tmp_path / "a.tif")
+    assert capfd.readouterr() == ("", "")
 
 
 def test_an_altered_byte_in_a_png_is_refused_where_it_lies(tmp_path, smooth):

@@ -10,7 +10,7 @@ COMMANDS = {
     "merge": "Merge differently exposed photographs into one radiance map.",
     "probe": "Turn photographs of a mirrored ball into an illumination map.",
     "panorama": "Mosaic perspective photographs into an illumination map.",
-    "convert": "Convert light between mappings, turn it, lay it out for another program.",
+    "convert": "Convert files between formats, and light between mappings; turn it, lay it out for another program.",
     "edit": "Edit radiance maps in linear light, or through any painting program.",
     "sun": "Recover a sun that clipped, from a grey ball or a chart in the same light.",
     "lights": "Turn an illumination map into lamps for other programs: constellations, the sun, the rest.",

@@ -134,7 +134,8 @@ def change_format(
     again = replace(reading, float_size=image.size, float_order=None)
     back = files.read_radiance(out, again)
     told = {"written": [str(out)], "format": files.subtype(out, again), "size": list(image.size), "unit": image.unit}
-    return {**told, **_audited(image, back), "kept": kept(image, back)}
+    near = kept(image, back)
+    return {**told, **({} if near["exact"] else _audited(image, back)), "kept": near}
 
 
 def _audited(before: RadianceMap, after: RadianceMap) -> dict[str, object]:

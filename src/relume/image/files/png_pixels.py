@@ -10,6 +10,7 @@ import os
 import warnings
 import zlib
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,18 +32,19 @@ def decoded(path: str | os.PathLike[str], header: Header, chunks: Chunks) -> np.
     passes = _PASSES if header.interlaced else ((0, 0, 1, 1),)
     sizes = [(-(-(header.width - x) // across), -(-(header.height - y) // down)) for x, y, across, down in passes]
     wanted = sum(high * (1 + header.bytes_of(wide)) for wide, high in sizes if wide > 0)
-    lines, filled, error, more = _inflated(chunks.packed, wanted)
-    if error or filled < wanted:
-        where = f"its pixels, byte {filled} of {wanted}"
-        raise FormatError(path, "PNG", where, "deflated data that is whole", error or "its end")
-    if more:
+    inflated = _inflated(chunks.packed, wanted)
+    if inflated.error or inflated.filled < wanted or not inflated.ended:
+        where = f"its pixels, byte {inflated.filled} of {wanted}"
+        raise FormatError(path, "PNG", where, "deflated data that is whole", inflated.error or "its end")
+    if inflated.more:
         warnings.warn(f"{path}: holds more data than its pixels need; look whether its size is right", stacklevel=5)
     samples, begin = np.empty((0, 0, 0), np.uint8), 0
     for (x, y, across, down), (wide, high) in zip(passes, sizes, strict=True):
         if wide <= 0 or high <= 0:
             continue
         each = 1 + header.bytes_of(wide)
-        found = _samples(path, header, lines[begin : begin + high * each].reshape(high, each), wide, (y, down))
+        lines = inflated.lines[begin : begin + high * each].reshape(high, each)
+        found = _samples(path, header, lines, wide, (y, down))
         begin += high * each
         if not header.interlaced:
             samples = found
@@ -50,7 +52,7 @@ def decoded(path: str | os.PathLike[str], header: Header, chunks: Chunks) -> np.
         if not samples.size:
             samples = np.empty((header.height, header.width, found.shape[2]), found.dtype)
         samples[y::down, x::across] = found
-    del lines
+    del inflated
     return _coloured(path, header, chunks, samples)
 
 
@@ -60,16 +62,26 @@ def whole_rows(path: str | os.PathLike[str], header: Header, chunks: Chunks) -> 
     header : of a PNG that is not interlaced
     """
     each = 1 + header.bytes_of(header.width)
-    lines, filled, error, _ = _inflated(chunks.packed, each * header.height)
-    if error:
+    inflated = _inflated(chunks.packed, each * header.height)
+    if inflated.error:
         return None
-    rows = filled // each
-    samples = _samples(path, header, lines[: rows * each].reshape(rows, each), header.width, (0, 1))
+    rows = inflated.filled // each
+    samples = _samples(path, header, inflated.lines[: rows * each].reshape(rows, each), header.width, (0, 1))
     return _coloured(path, header, chunks, samples)
 
 
-def _inflated(packed: Sequence[memoryview], wanted: int) -> tuple[np.ndarray, int, str, bool]:
-    """(wanted,) uint8, how many of them are there, what is wrong with the data, and whether there is more."""
+@dataclass(frozen=True, eq=False)
+class _Inflated:
+    """Rows as they are stored: `filled` bytes of `lines` are there; `more` were to be had; `ended` tells the checksum."""
+
+    lines: np.ndarray
+    filled: int
+    error: str = ""
+    more: bool = False
+    ended: bool = True
+
+
+def _inflated(packed: Sequence[memoryview], wanted: int) -> _Inflated:
     lines, filled = np.empty(wanted, np.uint8), 0
     engine = zlib.decompressobj()
     try:
@@ -79,14 +91,11 @@ def _inflated(packed: Sequence[memoryview], wanted: int) -> tuple[np.ndarray, in
                 fits = min(len(found), wanted - filled)
                 lines[filled : filled + fits] = np.frombuffer(found, np.uint8, fits)
                 filled += fits
-                if len(found) > fits:
-                    return lines, filled, "", True
-                if engine.eof:
-                    return lines, filled, "", False
+                if len(found) > fits or engine.eof:
+                    return _Inflated(lines, filled, more=len(found) > fits)
     except zlib.error as error:
-        return lines, filled, str(error), False
-    # Every byte is there, but not the checksum behind the last.
-    return lines, filled, "no checksum at its end" if filled == wanted else "", False
+        return _Inflated(lines, filled, str(error))
+    return _Inflated(lines, filled, ended=False)
 
 
 def _samples(
