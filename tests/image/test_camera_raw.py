@@ -214,7 +214,10 @@ def test_a_camera_whose_colours_are_unknown_is_named(tmp_path, ramp):
     entry = data.index(struct.pack("<HHI", 50721, 10, 9))  # ColorMatrix1, DNG 1.7: nine fractions
     (place,) = struct.unpack_from("<I", data, entry + 8)
     file.write_bytes(data[:place] + struct.pack("<ii", 1, 1) * 9 + data[place + 72 :])
-    with pytest.raises(UnreadableFile, match='no colour matrix is known for its camera, "Virtual One"; '):
+    with pytest.raises(UnreadableFile, match="no colour matrix is known for its camera, 'Virtual One'; "):
+        read_raw(file)
+    file.write_bytes(file.read_bytes().replace(b"Virtual One", b"Virtual\nOne"))
+    with pytest.raises(UnreadableFile, match=r"no colour matrix is known for its camera, 'Virtual\\nOne'; "):
         read_raw(file)
 
 

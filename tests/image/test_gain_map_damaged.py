@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from relume.errors import FormatError, UnreadableFile
-from relume.image.files import gain_map, gain_map_encoding, jpeg_segments
+from relume.image.files import gain_map, gain_map_encoding, gain_map_layout, jpeg_segments, photographs
 from relume.image.files.encodings import GainMap
 from relume.image.files.reading import Reading
 from relume.image.radiance import RadianceMap
@@ -155,6 +155,31 @@ def test_xmp_of_the_base_that_is_damaged_loses_only_what_it_tells(tmp_path: Path
         (tmp_path / "a.jpg").write_bytes(whole[:at] + factor + b" " * (end - at - len(factor)) + whole[end:])
         with pytest.warns(UserWarning, match="made for displays"):
             assert "gain_map_scale" not in gain_map.read(tmp_path / "a.jpg").attributes
+
+
+def test_stray_bytes_among_the_headers_are_told_and_do_no_harm(tmp_path: Path, whole: bytes) -> None:
+    path = tmp_path / "a.jpg"
+    path.write_bytes(whole)
+    light, shown = gain_map.read(path).radiance, photographs.read(path).pixels
+    at = whole.index(b"\xff\xdb")
+    path.write_bytes(whole[:at] + b"stray\xff\0\xff\xd0" + whole[at:])
+    assert gain_map.is_present(path)
+    for reader, wanted in ((gain_map.read, light), (photographs.read, shown)):
+        with pytest.warns(UserWarning, match=r"a\.jpg: has stray bytes among its headers"):
+            image = reader(path)
+        np.testing.assert_array_equal(image.radiance if isinstance(image, RadianceMap) else image.pixels, wanted)
+    # Only a few: no file is searched to its end.
+    assert f"byte {at + 8192}: expected a marker" in refused(path, whole[:at] + bytes(9000) + whole[at:])
+
+
+def test_whether_there_is_a_gain_map_is_told_of_anything(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def failing(*_: object) -> None:
+        raise IndexError("of a fault")
+
+    monkeypatch.setattr(gain_map_layout, "located", failing)
+    (tmp_path / "a.jpg").write_bytes(b"\xff\xd8\xff")
+    assert gain_map.is_present(tmp_path / "a.jpg") is False
+    assert gain_map.is_present(tmp_path) is False
 
 
 def test_too_many_segments_are_refused(tmp_path: Path, whole: bytes) -> None:

@@ -78,6 +78,15 @@ def test_xmp_holds_scalars_lists_and_defaults() -> None:
     assert (told.base_headroom, told.bright_headroom) == (0.0, 1.3)
 
 
+def test_another_version_is_refused_and_a_missing_one_taken_for_the_first() -> None:
+    told = ADOBE.format(bright="False", maximum=MAXIMUM)
+    for version in ("99.0", "2.0", "", "10"):
+        with pytest.raises(ValueError, match=f'hdrgm:Version is "{version}"; expected 1.0'):
+            from_xmp(told.replace('Version="1.0"', f'Version="{version}"').encode())
+    for missing in ('hdrgm:Version="1.1"', ""):
+        assert from_xmp(told.replace('hdrgm:Version="1.0"', missing).encode()) == from_xmp(told.encode())
+
+
 def test_a_bright_base_is_told() -> None:
     assert from_xmp(ADOBE.format(bright="True", maximum=MAXIMUM).encode()).base_is_bright
     block = struct.pack(">HHBIIIIiIiIIIiIiI", 0, 0, 0x40, 3, 1, 0, 1, -3, 1, 0, 1, 1, 1, 0, 1, 0, 1)

@@ -373,6 +373,15 @@ def test_exif_that_is_damaged_is_told_in_a_line_about_the_file_and_the_rest_is_r
             assert (found.exposure, found.camera) == (None, "One")
 
 
+@pytest.mark.parametrize("big", [False, True])
+def test_exif_of_a_tiff_and_a_bigtiff_is_read(tmp_path, smooth, big):
+    # Pillow writes no EXIF folder into a TIFF; photographs are believed that tell it in their first.
+    path = saved(tmp_path / "a.tif", smooth, {0x0110: "One", 0x829A: IFDRational(1, 60)}, big_tiff=big)
+    assert path.read_bytes()[2] == (43 if big else 42)
+    for found in (read_photograph(path), read_facts(path)):
+        assert (found.exposure, found.camera, found.size) == (Exposure(1 / 60), "One", (64, 48))
+
+
 def test_warnings_of_others_meanwhile_are_passed_on():
     damage: list[str] = []
     with pytest.warns(UserWarning, match="^of another$") as told, exif.heard(damage):

@@ -113,7 +113,7 @@ def _colour(path: str | os.PathLike[str], raw: rawpy.RawPy, camera_name: str) ->
     matrix = np.asarray(raw.color_matrix, np.float64)[:, :3]
     daylight = np.asarray(raw.daylight_whitebalance[:3], np.float64)
     if not (np.allclose(matrix.sum(1), 1, atol=1e-3) and np.all(daylight > 0)):
-        named = f'"{camera_name}"' if camera_name else "which its tags 271 and 272 do not name"
+        named = repr(camera_name[:80]) if camera_name else "which its tags 271 and 272 do not name"
         raise UnreadableFile(f"{path}: no colour matrix is known for its camera, {named}; convert it to DNG")
     return matrix / matrix.sum(1, keepdims=True), daylight / daylight.min()
 

@@ -1,19 +1,64 @@
-"""EXIF and the attributes of a radiance map: the same facts by two names (`relume.image.files.attributes.EXIF`)."""
+"""EXIF and the attributes of a radiance map: the same facts by two names (`relume.image.files.attributes.EXIF`).
+
+`typed` and `told` are how text becomes the value of a tag and comes back, in a TIFF as in a JPEG.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
-from PIL import Image
-from PIL.TiffImagePlugin import IFDRational
+import numpy as np
 
 from relume.image.files.attributes import EXIF
 
-_FOLDER = 0x8769  # of EXIF's own tags; those below stand in the first folder, CIPA DC-008, 4.6.4
-_FIRST = {0x010E, 0x010F, 0x0110, 0x0131, 0x013B}
-_RATIONAL = {"exposure_time", "f_number", "focal_length"}
-_MOST_TEXT = 4096  # characters of one value; a whole segment holds 65,533 bytes
+ASCII, SHORT, RATIONAL = 2, 3, 5  # TIFF 6.0, section 2
+_RATIONALS = ("exposure_time", "f_number", "focal_length")
+_EXIF_FOLDER = 0x8769
+_FIRST = 0x8298  # tags from Copyright on, in `EXIF`, are of the EXIF folder; those before it of the first, as in a TIFF
+_MOST_TEXT = 4096  # characters of one value in a JPEG; a whole segment holds 65,533 bytes
+
+
+def is_of_exif(tag: int) -> bool:
+    """Whether a tag of `EXIF` stands in the EXIF folder, and not in the first (CIPA DC-008, 4.6.4)."""
+    return tag > _FIRST
+
+
+def typed(name: str, text: str) -> tuple[int, list[float] | bytes] | None:
+    """An attribute as the type and value of its tag; None where the tag cannot hold it."""
+    if name in _RATIONALS or name == "iso":
+        try:
+            number = float(text)
+        except ValueError:
+            return None
+        if name == "iso":
+            return (SHORT, [int(number)]) if 1 <= number <= 65535 and number == int(number) else None
+        return (RATIONAL, rationals([number])) if 2**-31 < number < 2**31 else None
+    encoded = text.encode("utf-8", "replace")
+    return (ASCII, encoded + b"\0") if encoded else None
+
+
+def told(name: str, values: Sequence[float] | bytes) -> str:
+    """The text that the values of a tag mean, "" for none; numbers with the digits that float32 holds."""
+    numeric = name in _RATIONALS or name == "iso"
+    if isinstance(values, bytes):
+        return "" if numeric else values.split(b"\0")[0].decode("utf-8", "replace").strip()
+    if not values or not numeric:
+        return ""
+    # A rational as it is written is two integers; as it is read it is one number.
+    number = values[0] / values[1] if name in _RATIONALS and len(values) == 2 else values[0]
+    with np.errstate(over="ignore"):
+        single = np.float32(number)
+    return str(single).removesuffix(".0") if 0 < single < np.inf else ""
+
+
+def rationals(numbers: Sequence[float]) -> list[float]:
+    """Numerators and denominators of the fractions nearest to the numbers whose terms fit 32 bits."""
+    terms: list[float] = []
+    for number in numbers:
+        fraction = Fraction(number).limit_denominator(max(1, int(2**31 / max(1.0, number))))
+        terms += [fraction.numerator, fraction.denominator]
+    return terms
 
 
 def attributes_of(tags: Mapping[int, object]) -> dict[str, str]:
@@ -21,46 +66,38 @@ def attributes_of(tags: Mapping[int, object]) -> dict[str, str]:
 
     tags : by number, as `exif.tags` gives them
     """
-    told: dict[str, str] = {}
-    for name, tag in EXIF.items():
-        value = tags.get(tag)
-        if isinstance(value, tuple) and value:
-            value = value[0]
-        if name in _RATIONAL or name == "iso":
-            try:
-                number = float(value)  # pyright: ignore[reportArgumentType]
-            except (TypeError, ValueError, ZeroDivisionError):
-                continue
-            if 0 < number < float("inf"):
-                told[name] = f"{number:.9g}"
-        elif isinstance(value, str) and (text := value.strip("\0 ")):
-            told[name] = text[:_MOST_TEXT]
-    return told
+    found = {name: _text(name, tags.get(tag)) for name, tag in EXIF.items()}
+    return {name: text[:_MOST_TEXT] for name, text in found.items() if text}
+
+
+def _text(name: str, value: object) -> str:
+    if isinstance(value, tuple) and value:
+        value = value[0]
+    if isinstance(value, str):
+        return told(name, value.strip("\0 ").encode("utf-8", "replace"))
+    try:
+        return told(name, [float(value)])  # pyright: ignore[reportArgumentType]
+    except (TypeError, ValueError, ZeroDivisionError, OverflowError):
+        return ""
 
 
 def encoded(attributes: Mapping[str, str]) -> bytes:
     """EXIF of those attributes that it has a tag for and that it can hold; b"" where there are none."""
+    from PIL import Image
+    from PIL.TiffImagePlugin import IFDRational
+
     exif = Image.Exif()
-    folder = exif.get_ifd(_FOLDER)
+    folder = exif.get_ifd(_EXIF_FOLDER)
     for name, tag in EXIF.items():
-        value = _value(name, attributes.get(name, ""))
-        if value is not None:
-            (exif if tag in _FIRST else folder)[tag] = value
+        text = attributes.get(name, "")
+        value = typed(name, text)
+        if value is None or not text.isascii() or "\0" in text or len(text) > _MOST_TEXT:
+            continue
+        kind, stored = value
+        target = folder if is_of_exif(tag) else exif
+        if kind == ASCII:
+            target[tag] = text
+        else:
+            numbers = [int(number) for number in stored]
+            target[tag] = IFDRational(*numbers) if kind == RATIONAL else numbers[0]
     return exif.tobytes() if len(exif) or len(folder) else b""
-
-
-def _value(name: str, text: str) -> object:
-    """A tag's value; None for a text that it cannot hold as it is."""
-    if name in _RATIONAL or name == "iso":
-        try:
-            number = float(text)
-            if not 0 < number < 2**31:
-                return None
-            if name == "iso":
-                return int(number) if number == int(number) and number < 2**16 else None
-            # The fraction nearest to it whose terms fit 32 bits, so that 1/60 s is written as 1/60.
-            fraction = Fraction(number).limit_denominator(max(1, min(10**6, int(2**31 / max(1.0, number)))))
-            return IFDRational(fraction.numerator, fraction.denominator) if fraction else None
-        except ValueError:
-            return None
-    return text if text and text.isascii() and "\0" not in text and len(text) <= _MOST_TEXT else None

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from xml.parsers import expat
 
 from relume.image.files.gain_map_metadata import GainMapMetadata, Three
+from relume.image.files.signatures import one_line
 
 HDRGM = "http://ns.adobe.com/hdr-gain-map/1.0/"
 CONTAINER = "http://ns.google.com/photos/1.0/container/"
@@ -32,7 +33,7 @@ def metadata_in(properties: Properties) -> GainMapMetadata:
     """
     version = properties.get(f"{HDRGM}Version", ("1.0",))[0].strip()
     if version.partition(".")[0] != "1":
-        raise ValueError(f'hdrgm:Version is "{version[:40]}"; expected 1.0')
+        raise ValueError(f'hdrgm:Version is "{one_line(version)[:40]}"; expected 1.0')
     low, high, gamma, base_offset, bright_offset = (_three(properties, *told) for told in _FIELDS.values())
     base = _three(properties, "HDRCapacityMin", 0.0)[0]
     bright = _three(properties, "HDRCapacityMax", max(high))[0]
@@ -50,7 +51,7 @@ def _three(properties: Properties, name: str, default: float | None) -> Three:
     try:
         numbers = [float(value) for value in values]
     except ValueError:
-        raise ValueError(f'hdrgm:{name} is "{" ".join(values)[:40]}"; expected a number or three') from None
+        raise ValueError(f'hdrgm:{name} is "{one_line(" ".join(values))[:40]}"; expected a number or three') from None
     if len(numbers) == 1:
         return numbers[0], numbers[0], numbers[0]
     if len(numbers) != 3:

@@ -225,7 +225,7 @@ def _description(profile: bytes) -> str:
 
 def _warn_of_profile(path: str | os.PathLike[str], description: str) -> None:
     if "srgb" not in description.lower():
-        warnings.warn(f'{path}: its colour profile is "{description}", not sRGB; not converted', stacklevel=6)
+        warnings.warn(f'{path}: its colour profile is "{one_line(description)}", not sRGB; not converted', stacklevel=6)
 
 
 def _refuse_truncated(path: str | os.PathLike[str], kind: str) -> None:

@@ -72,7 +72,7 @@ def whole_rows(path: str | os.PathLike[str], header: Header, chunks: Chunks) -> 
 
 @dataclass(frozen=True, eq=False)
 class _Inflated:
-    """Rows as they are stored: `filled` bytes of `lines` are there; `more` were to be had; `ended` tells the checksum."""
+    """Rows as they are stored: `filled` bytes of `lines` are there; `more` were to be had; `ended` with a checksum."""
 
     lines: np.ndarray
     filled: int
