@@ -175,7 +175,9 @@ def _openimageio(path: Path) -> np.ndarray:
     import OpenImageIO as oiio
 
     picture = oiio.ImageBuf(str(path))
-    return picture.get_pixels(oiio.FLOAT)[..., :3]
+    pixels = picture.get_pixels(oiio.FLOAT)
+    assert pixels is not None, oiio.geterror()
+    return pixels[..., :3]
 
 
 def _pillow(path: Path) -> np.ndarray:
