@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
@@ -43,8 +44,16 @@ def _cache_folder(module: str) -> str:
     digest = hashlib.sha1()
     for path in sorted(sources):
         digest.update(sources[path])
-    place = package / "__pycache__" if os.access(package, os.W_OK) else Path.home() / ".cache" / "relume"
-    return str(place / f"kernels-{own.stem}-{digest.hexdigest()[:12]}")
+    name = f"kernels-{own.stem}-{digest.hexdigest()[:12]}"
+    # An installation may be write-protected, and so may the home of a user on a render node.
+    for place in (package / "__pycache__", Path.home() / ".cache" / "relume"):
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(place, os.W_OK):
+            return str(place / name)
+    return str(Path(tempfile.gettempdir()) / f"relume-{os.getuid() if hasattr(os, 'getuid') else ''}" / name)
 
 
 def _compiled(fast: set[str] | bool) -> Callable[[Callable[..., Any]], Any]:

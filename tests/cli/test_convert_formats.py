@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,7 @@ import pytest
 
 from command_line import refused
 from relume.cli import main
+from relume.cli.convert_format import kept
 from relume.image import files
 from relume.image.files import read_photograph, read_radiance, write
 from relume.image.photograph import Exposure, Photograph
@@ -58,7 +61,7 @@ def test_halves_are_written_where_they_hold_the_picture(stored: Path, capsys: py
     out = stored.with_name("half.exr")
     told = made([stored, "-o", out, "--half", "--roi", "0,0,20,8"], capsys)
     assert "half" in told["format"] and told["size"] == [20, 8]
-    assert told["kept"]["error %"]["largest"] <= 100 * 2**-11
+    assert told["kept"]["error % of the largest channel"]["largest"] <= 100 * 2**-11
     assert main(["convert", str(stored), "-o", str(out), "--half"]) == 0
     assert "65504" in capsys.readouterr().err
     assert np.nanmax(read_radiance(out).radiance) == 1e6
@@ -97,9 +100,9 @@ def test_varieties_of_a_format_are_asked_for(
     ("words", "message"),
     [
         (["out.hdr", "--half"], "--half is for .exr; out.hdr is none"),
-        (["out.exr", "--as", "xyze"], "--as xyze is for .hdr and .pic"),
+        (["out.exr", "--as", "xyze"], "--as xyze is for .hdr, .pic"),
         (["out.exr", "--half", "--float"], "contradict"),
-        (["out.hdr", "--float"], ".hdr holds no floats"),
+        (["out.hdr", "--float"], "--float is for .exr, .tif"),
         (["out.png"], "develop it for a photograph"),
         (["out.dds"], "must end in"),
         (["out.exr", "--roi", "1,2,3"], "--roi"),
@@ -169,7 +172,7 @@ def test_a_gain_map_is_light_or_a_photograph_as_the_output_wants(
     ramp = (np.geomspace(0.02, 8, 64).astype(np.float32)[None, :, None] * np.ones((64, 1, 3), np.float32)).copy()
     write(tmp_path / "in.exr", RadianceMap(ramp))
     told = made([tmp_path / "in.exr", "-o", tmp_path / "a.jpg", "--tolerance", "8"], capsys)
-    assert told["kept"]["error %"]["99 of 100"] < 8
+    assert told["kept"]["error % of the largest channel"]["99 of 100"] < 8
     made([tmp_path / "a.jpg", "-o", tmp_path / "b.exr"], capsys)
     np.testing.assert_allclose(read_radiance(tmp_path / "b.exr").radiance, ramp, rtol=0.1)
     assert main(["convert", str(tmp_path / "a.jpg"), "-o", str(tmp_path / "b.png")]) == 0
@@ -183,3 +186,45 @@ def test_a_dry_run_writes_nothing(stored: Path, capsys: pytest.CaptureFixture[st
     out = stored.with_name("out.hdr")
     assert made([stored, "-o", out, "--dry-run"], capsys) == {"would write": [str(out)]}
     assert not out.exists()
+
+
+def test_the_input_is_never_written_over(stored: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = stored.read_bytes()
+    assert "the input itself" in refused(["convert", str(stored), "-o", str(stored)], capsys)
+    (stored.parent / "link.exr").symlink_to(stored)
+    out = str(stored.parent / "link.exr")
+    assert "the input itself" in refused(["convert", str(stored), "-o", out, "--size", "6"], capsys)
+    assert stored.read_bytes() == before
+
+
+def test_a_damaged_tiff_is_no_painting(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files.write(tmp_path / "a.tif", RadianceMap(np.ones((8, 8, 3), np.float32)), files.encodings.LogLuv())
+    (tmp_path / "short.tif").write_bytes((tmp_path / "a.tif").read_bytes()[:60])
+    told = refused(["convert", str(tmp_path / "short.tif"), "-o", str(tmp_path / "b.exr")], capsys)
+    assert "damaged TIFF" in told and "light" not in told
+
+
+def test_the_light_of_a_gain_map_is_cut_and_written_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ramp = np.repeat(np.geomspace(0.02, 8, 64).astype(np.float32)[None, :, None], 64, axis=0).repeat(3, axis=2)
+    with pytest.warns(UserWarning, match="keeps luminance to"):
+        write(tmp_path / "a.jpg", RadianceMap(ramp), files.encodings.GainMap(tolerance=0.2))
+    words = [tmp_path / "a.jpg", "-o", tmp_path / "b.jpg", "--as", "gainmap", "--tolerance", "20"]
+    told = made([*words, "--roi", "8,8,32,32", "--exposure", "1"], capsys)
+    assert told["size"] == [32, 32]
+    np.testing.assert_allclose(read_radiance(tmp_path / "b.jpg").radiance, 2 * ramp[8:40, 8:40], rtol=0.2)
+
+
+def test_what_is_told_of_a_copy_counts_every_kind_of_change() -> None:
+    before = np.array([[[0, 0, 0], [1, 1, 1], [2, 2, 2], [np.nan, 1, 1]]], np.float32)
+    after = np.array([[[0, 3, 0], [1, 1.5, 1], [np.inf, 2, 2], [np.nan, 1, 1]]], np.float32)
+    told = kept(RadianceMap(before), RadianceMap(after))
+    assert told["black becomes"] == 3 and told["no longer finite"] == 1 and not told["exact"]
+    assert told["error % of the largest channel"] == {"half": 50, "99 of 100": 50, "largest": 50}
+    assert told["mean change %"] == [0, 350, 0]
+    assert kept(RadianceMap(before), RadianceMap(before.copy())) == {"exact": True}
+
+
+def test_a_reader_that_has_seen_enough_is_no_fault(stored: Path) -> None:
+    command = f"{sys.executable} -c 'from relume.cli import main; raise SystemExit(main())' info {stored} -v | true"
+    done = subprocess.run(["bash", "-c", f"{command}; exit ${{PIPESTATUS[0]}}"], capture_output=True, text=True)
+    assert done.stderr == "" and done.returncode in (0, 141)

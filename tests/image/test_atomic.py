@@ -65,3 +65,28 @@ def test_a_folder_that_forbids_writing_is_told_in_one_line(tmp_path):
     tmp_path.chmod(0o500)
     with pytest.raises(OutputNotWritten, match="Permission denied"):
         write_text(tmp_path / "a.txt", "x")
+
+
+def test_a_write_protected_file_stays(tmp_path):
+    path = tmp_path / "a.txt"
+    write_text(path, "old")
+    path.chmod(0o444)
+    with pytest.raises(OutputNotWritten, match="write-protected; choose another place"):
+        write_text(path, "new")
+    assert path.read_text() == "old"
+
+
+def test_a_file_keeps_its_mode(tmp_path):
+    path = tmp_path / "a.txt"
+    write_text(path, "old")
+    path.chmod(0o600)
+    write_text(path, "new")
+    assert (path.read_text(), path.stat().st_mode & 0o777) == ("new", 0o600)
+
+
+def test_a_link_goes_on_pointing_to_what_is_written(tmp_path):
+    (tmp_path / "real").mkdir()
+    write_text(tmp_path / "real" / "a.txt", "old")
+    (tmp_path / "link.txt").symlink_to(tmp_path / "real" / "a.txt")
+    write_text(tmp_path / "link.txt", "new")
+    assert (tmp_path / "link.txt").is_symlink() and (tmp_path / "real" / "a.txt").read_text() == "new"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 
@@ -40,12 +41,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
         app(words, exit_on_error=False, print_error=False, result_action="return_value")
+        sys.stdout.flush()
     except CycloptsError as error:
         return console.refuse(
             str(error).strip() or "wrong arguments",
             2,
             hint=f"see relume {words[0]} --help" if words[:1] and words[0] in COMMANDS else "see relume --help",
         )
+    except BrokenPipeError:  # of a reader that has seen enough, like head
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
     except KeyboardInterrupt:
         return console.refuse("interrupted; kept stages will be used when the same command is given again", 130)
     except Exception as error:

@@ -51,9 +51,18 @@ def require_files(paths: Sequence[Path]) -> None:
             raise UnreadableFile(f"{path}: no such file; check the path")
 
 
+def refuse_input(out: Path, paths: Sequence[Path]) -> None:
+    """Refuse an output that is one of the inputs: an original stays as it was."""
+    for path in paths:
+        if out.exists() and path.exists() and out.samefile(path):
+            raise ValueError(f"-o {out}: the input itself; give another name, so that the original stays as it was")
+
+
 def require_suffix(out: Path, *suffixes: str, option: str = "-o") -> None:
     """Refuse an output that cannot be written, before any work is done."""
-    if out.suffix.lower() not in suffixes:
+    from relume.image.files.encodings import suffix_of
+
+    if suffix_of(out) not in suffixes:
         raise ValueError(f"{option} {out}: the file must end in {' or '.join(suffixes)}")
     if not out.parent.is_dir():
         raise OutputNotWritten(f"{option} {out}: no folder {out.parent}; make it first or choose another")

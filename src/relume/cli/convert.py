@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from relume.cli.arguments import DryRun, require_files, require_suffix
+from relume.cli.arguments import DryRun, refuse_input, require_files, require_suffix
 from relume.cli.console import Manner, note, speaking, tell
 from relume.cli.convert_format import FormatOptions, change_format, exposed
 from relume.cli.convert_input import read_faces, read_input, read_mapping
@@ -143,6 +143,7 @@ def convert(
             raise ValueError("--roi is for a change of format alone; crop the picture in a step of its own")
         encoding, reading = form.encoding(out), accepted.reading()
         require_files([*paths_in, *([put] if put else [])])
+        refuse_input(out, paths_in)
         if bool(paths_in) == labelled:
             raise ValueError("name a map to convert, or ask for --labelled")
         _refuse_mixtures(to, for_, view, put, size, rotate, field, pixels, gamma, hot)

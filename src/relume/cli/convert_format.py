@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -14,10 +15,8 @@ if TYPE_CHECKING:
     from relume.image.radiance import RadianceMap
 
 FORMAT = Group("The format of the output", sort_key=1)
-SUFFIXES = (".exr", ".hdr", ".pic", ".tif", ".tiff", ".pfm", ".float", ".gz", ".jpg", ".jpeg")
 PHOTOGRAPHS = (".png", ".tif", ".tiff", ".jpg", ".jpeg")
-_DIGITS = 1e-7
-"""Differences below this share are the last digit of a float."""
+FLOATS = (".exr", ".tif", ".tiff", ".pfm", ".float", ".float.gz")
 
 
 @Parameter(name="*")
@@ -38,12 +37,12 @@ class FormatOptions:
         ),
     ] = False
     as_: Annotated[
-        Literal["xyze", "logluv32", "logluv24", "logl16", "grey"] | None,
+        Literal["xyze", "logluv32", "logluv24", "logl16", "grey", "gainmap"] | None,
         Parameter(
             name="--as",
             group=FORMAT,
             help="xyze: a .hdr in CIE XYZ. logluv32, logluv24, logl16: a .tif of log luminance. grey: a .pfm of one "
-            "channel.",
+            "channel. gainmap: a .jpg with its light, also of another such .jpg.",
         ),
     ] = None
     roi: Annotated[
@@ -60,29 +59,27 @@ class FormatOptions:
         """How the output is written; None as its name says. Raises ValueError for options that do not fit it."""
         from relume.image.files.encodings import PFM, GainMap, LogLuv, OpenEXR, RadianceHDR, suffix_of
 
-        suffix = suffix_of(out)
-        if self.half and self.float_:
-            raise ValueError("--half and --float contradict each other; leave one out")
-        if self.float_ and suffix in (".hdr", ".pic", ".jpg", ".jpeg"):
-            raise ValueError(f"--float: {suffix} holds no floats; write .exr, .tif or .pfm")
-        chosen = {
-            "--half": (self.half, OpenEXR(half=True), (".exr",)),
-            "--as xyze": (self.as_ == "xyze", RadianceHDR(xyz=True), (".hdr", ".pic")),
-            "--as logluv32": (self.as_ == "logluv32", LogLuv(32), (".tif", ".tiff")),
-            "--as logluv24": (self.as_ == "logluv24", LogLuv(24), (".tif", ".tiff")),
-            "--as logl16": (self.as_ == "logl16", LogLuv(16), (".tif", ".tiff")),
-            "--as grey": (self.as_ == "grey", PFM(grey=True), (".pfm",)),
-            "--tolerance": (
-                self.tolerance is not None,
-                GainMap(tolerance=(self.tolerance or 5.0) / 100),
-                (".jpg", ".jpeg"),
-            ),
+        radiance, tiff, jpeg = (".hdr", ".pic", ".rgbe", ".xyze"), (".tif", ".tiff"), (".jpg", ".jpeg")
+        share = 0.05 if self.tolerance is None else self.tolerance / 100
+        choices: dict[str, tuple[bool, Callable[[], Encoding | None], tuple[str, ...]]] = {
+            "--half": (self.half, lambda: OpenEXR(half=True), (".exr",)),
+            "--float": (self.float_, lambda: None, FLOATS),
+            "--as xyze": (self.as_ == "xyze", lambda: RadianceHDR(xyz=True), radiance),
+            "--as logluv32": (self.as_ == "logluv32", lambda: LogLuv(32), tiff),
+            "--as logluv24": (self.as_ == "logluv24", lambda: LogLuv(24), tiff),
+            "--as logl16": (self.as_ == "logl16", lambda: LogLuv(16), tiff),
+            "--as grey": (self.as_ == "grey", lambda: PFM(grey=True), (".pfm",)),
+            "--as gainmap": (self.as_ == "gainmap", lambda: GainMap(tolerance=share), jpeg),
+            "--tolerance": (self.tolerance is not None, lambda: GainMap(tolerance=share), jpeg),
         }
-        asked = {option: (encoding, fits) for option, (given, encoding, fits) in chosen.items() if given}
-        for option, (_, fits) in asked.items():
-            if suffix not in fits:
-                raise ValueError(f"{option} is for {' and '.join(fits)}; {out.name} is none")
-        return next((encoding for encoding, _ in asked.values()), None)
+        asked = {option: choice for option, choice in choices.items() if choice[0]}
+        if len(asked) > 1 and asked.keys() != {"--as gainmap", "--tolerance"}:
+            raise ValueError(f"{' and '.join(asked)} contradict each other; keep one")
+        for option, (_, encoding, fits) in asked.items():
+            if suffix_of(out) not in fits:
+                raise ValueError(f"{option} is for {', '.join(fits)}; {out.name} is none")
+            return encoding()
+        return None
 
     def rectangle(self) -> tuple[int, int, int, int] | None:
         """Left, top, width and height of --roi."""
@@ -105,30 +102,35 @@ def change_format(
     dry_run: bool = False,
 ) -> dict[str, object]:
     """Write what a file holds in the format that `out` names, read it back, and tell how much of it was kept."""
-    from relume.cli.arguments import require_files, require_suffix
+    from relume.cli.arguments import refuse_input, require_files, require_suffix
     from relume.cli.convert_input import refuse_paintings
     from relume.cli.light_input import light_only
     from relume.image import files
+    from relume.image.files.encodings import SUFFIXES, suffix_of
     from relume.image.radiance import RadianceMap
 
-    require_suffix(out, *SUFFIXES, *PHOTOGRAPHS)
+    suffix = suffix_of(out)
+    require_suffix(out, *dict.fromkeys([*SUFFIXES, *PHOTOGRAPHS]))
     require_files([path])
+    refuse_input(out, [path])
     encoding, rectangle = form.encoding(out), form.rectangle()
-    if dry_run:
-        files.kind_of(path)
-        return {"would write": [str(out)]}
-    if out.suffix.lower() not in PHOTOGRAPHS:
+    if suffix not in PHOTOGRAPHS:
         refuse_paintings(path)
     # A JPEG with a gain map is both; to a format of both goes its base, unless floats are asked for.
-    as_photograph = out.suffix.lower() in PHOTOGRAPHS and encoding is None and not form.float_
+    as_photograph = suffix in PHOTOGRAPHS and encoding is None and not form.float_
     wants_light = files.has_radiance(path) and not (files.kind_of(path) == "JPEG" and as_photograph)
+    if wants_light and suffix not in SUFFIXES:
+        raise ValueError(f"{path}: radiance, which {suffix} does not hold; develop it for a photograph")
+    if not wants_light and (stops or clamp or encoding is not None or form.float_):
+        raise ValueError(f"{path}: a photograph; --exposure, --clamp, --float and formats of radiance are not for it")
+    if dry_run:
+        return {"would write": [str(out)]}
     image = files.read_radiance(path, reading) if wants_light else files.read(path, reading)
     image = cut(image, rectangle)
     if not isinstance(image, RadianceMap):
-        if stops or clamp or encoding is not None:
-            raise ValueError(f"{path}: a photograph; --exposure, --clamp and formats of radiance are not for it")
         files.write(out, image)
-        return {"written": [str(out)], "size": list(image.size), "bits": 8 * image.pixels.itemsize}
+        told = {"written": [str(out)], "size": list(image.size), "bits": 8 * image.pixels.itemsize}
+        return {**told, "kept": kept_codes(image, files.read_photograph(out, reading))}
     image = exposed(light_only(path, image, True) if clamp else image, stops)
     files.write(out, image, encoding)
     again = replace(reading, float_size=image.size, float_order=None)
@@ -185,31 +187,48 @@ def exposed(picture: RadianceMap, stops: float) -> RadianceMap:
 def kept(before: RadianceMap, after: RadianceMap) -> dict[str, object]:
     """How far the file, read back, is from what was to be written.
 
-    mean : change of each channel's mean, in percent
-    error : of each pixel's channels, as a share of its largest: in half of the pixels, in 99 of 100 and the largest,
-        in percent
-    exact : whether every value is the same, bit for bit
+    exact : whether every value is the same, bit for bit; nothing more is told then
+    mean change : of each channel's mean, in percent of the greatest of the means
+    error % of the largest channel : of each pixel, in half of those that are not black, in 99 of 100 and the largest
+    black becomes : the largest value of what was black, where it is above 0
+    no longer finite : pixels that were, and infinities and NaN that came out as numbers
     """
     import numpy as np
 
     first, second = before.radiance, after.radiance
-    exact = first.shape == second.shape and np.array_equal(first.view(np.uint32), second.view(np.uint32))
-    if exact:
+    if first.shape == second.shape and np.array_equal(first.view(np.uint32), second.view(np.uint32)):
         return {"exact": True}
-    finite = np.isfinite(first).all(-1) & np.isfinite(second).all(-1)
-    a, b = first[finite], second[finite]
-    means = a.mean(0, dtype=np.float64), b.mean(0, dtype=np.float64)
-    size = np.abs(a).max(-1)
+    was, still = np.isfinite(first).all(-1), np.isfinite(second).all(-1)
+    told: dict[str, object] = {"exact": False}
+    if changed := int(np.count_nonzero(was != still)):
+        told["no longer finite"] = changed
+    a, b = first[was & still], second[was & still]
+    size = np.abs(a).max(-1, initial=0)
     lit = size > 0
-    errors = np.abs(b - a).max(-1)[lit] / size[lit]
-    change = 100 * (means[1] - means[0]) / np.maximum(np.abs(means[0]), 1e-30)
-    half, most = np.quantile(errors, [0.5, 0.99]) if errors.size else (0.0, 0.0)
-    return {
-        "exact": False,
-        "mean change %": [float(f"{value:.3g}") for value in change],
-        "error %": {
-            "half": float(f"{100 * half:.3g}"),
-            "99 of 100": float(f"{100 * most:.3g}"),
-            "largest": float(f"{100 * errors.max(initial=0):.3g}"),
-        },
-    }
+    if lit.any():
+        means = a.mean(0, dtype=np.float64), b.mean(0, dtype=np.float64)
+        told["mean change %"] = [_short(100 * v) for v in (means[1] - means[0]) / np.abs(means[0]).max()]
+        errors = np.abs(b[lit] - a[lit]).max(-1) / size[lit]
+        half, most, largest = np.quantile(errors, [0.5, 0.99, 1.0])
+        told["error % of the largest channel"] = {
+            "half": _short(100 * half),
+            "99 of 100": _short(100 * most),
+            "largest": _short(100 * largest),
+        }
+    if (dark := float(np.abs(b[~lit]).max(initial=0))) > 0:
+        told["black becomes"] = _short(dark)
+    return told
+
+
+def kept_codes(before: Photograph, after: Photograph) -> dict[str, object]:
+    """The same of a photograph's code values: their mean change and their largest."""
+    import numpy as np
+
+    change = after.pixels.astype(np.int32) - before.pixels
+    if not change.any():
+        return {"exact": True}
+    return {"exact": False, "mean change": _short(change.mean()), "largest change": int(np.abs(change).max())}
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.3g}")

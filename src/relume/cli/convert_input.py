@@ -53,9 +53,10 @@ def read_input(
 
 def refuse_paintings(path: Path) -> None:
     """Refuse a photograph where radiance is needed, with what can be done about it."""
-    from relume.image.files import has_radiance
+    from relume.image.files import has_radiance, subtype
 
     if not has_radiance(path):
+        subtype(path)  # a damaged file is told as that
         raise UnreadableFile(
             f"{path}: a photograph or painting, whose values are no light yet; merge a bracket, or say for which "
             "display it was painted, like --gamma 2.2 or --gamma srgb"

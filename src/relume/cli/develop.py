@@ -12,7 +12,7 @@ from relume.cli.console import Manner, speaking, tell
 
 
 def develop(
-    picture: Annotated[Path, Parameter(help="The radiance map, .exr or .hdr.")],
+    picture: Annotated[Path, Parameter(help="The radiance map, .exr, .hdr or another format.")],
     /,
     *,
     out: Annotated[Path, Parameter(alias="-o", help="The picture to write, .png or .jpg.")],

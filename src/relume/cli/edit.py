@@ -17,7 +17,7 @@ MAPS = (".exr", ".hdr")
 
 
 def edit(
-    light: Annotated[Path, Parameter(name="MAP", help="The radiance map, .exr or .hdr.")],
+    light: Annotated[Path, Parameter(name="MAP", help="The radiance map, .exr, .hdr or another format.")],
     /,
     *,
     out: Annotated[Path, Parameter(alias="-o", help="The map to write, .exr or .hdr; with --slice a .png.")],

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from relume.sphere.audit import Audit
     from relume.sphere.illumination import IlluminationMap
 
-_LOOKS = ("mapping", "envmap", "orientation", "mirror", "face")
+_LOOKS = ("mapping", "envmap", "orientation", "mirror", "face", "view")
 """Attributes that tell where the pixels of a whole file look."""
 
 

@@ -30,7 +30,7 @@ Method = Literal["median-cut", "variance", "k-means"]
 
 
 def lights(
-    light_map: Annotated[Path, Parameter(name="MAP", help="The illumination map, .exr or .hdr.")],
+    light_map: Annotated[Path, Parameter(name="MAP", help="The illumination map, .exr, .hdr or another format.")],
     /,
     *,
     out: Annotated[

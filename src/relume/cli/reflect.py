@@ -32,7 +32,7 @@ PICTURES = (".png", ".jpg", ".jpeg")
 
 
 def reflect(
-    light_map: Annotated[Path, Parameter(name="MAP", help="The illumination map, .exr or .hdr.")],
+    light_map: Annotated[Path, Parameter(name="MAP", help="The illumination map, .exr, .hdr or another format.")],
     /,
     *,
     out: Annotated[

@@ -39,7 +39,7 @@ def render(
         ),
     ] = None,
     light: Annotated[
-        Path | None, Parameter(help="The illumination map, .exr or .hdr, instead of the scene file's.")
+        Path | None, Parameter(help="The illumination map, .exr, .hdr or another format, instead of the scene file's.")
     ] = None,
     size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT in pixels, instead of the scene file's.")] = None,
     filter: Annotated[

@@ -36,6 +36,9 @@ class RadianceMap:
             raise ValueError(f"variance is {self.variance.shape}; expected the radiance's {shape}")
         if self.clipped is not None and self.clipped.shape != shape[:2]:
             raise ValueError(f"clipped is {self.clipped.shape}; expected {shape[:2]}")
+        for key, text in self.attributes.items():
+            if not (isinstance(key, str) and isinstance(text, str)):
+                raise ValueError(f"the attribute {key!r} is {text!r}; attributes are texts: write it as one")
         if self.unit not in ("relative", "cd/m²"):
             raise ValueError(f'unit is "{self.unit}"; expected "relative" or "cd/m²"')
 

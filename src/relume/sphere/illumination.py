@@ -127,7 +127,7 @@ def as_illumination(picture: RadianceMap, mapping: Mapping | None = None) -> Ill
     return light
 
 
-_LAYOUT = ("mapping", "orientation", "mirror", "face")
+_LAYOUT = ("mapping", "envmap", "orientation", "mirror", "face", "view")
 """Attributes that tell where a file's pixels look."""
 
 

@@ -182,6 +182,8 @@ def write(path: str | os.PathLike[str], image: RadianceMap | Photograph, encodin
             raise ValueError(f'{path} ends in "{suffix}"; {type(chosen).__name__} is written to {" or ".join(wanted)}')
         import_module(f"relume.image.files.{_WRITERS[type(chosen)]}").write(path, image, chosen)
         return
+    if not isinstance(image, Photograph):
+        raise ValueError(f"{path}: the image is a {type(image).__name__}; expected a RadianceMap or a Photograph")
     if encoding is not None:
         raise ValueError(f"{type(encoding).__name__} holds radiance; a photograph goes to .png, .tif or .jpg as it is")
     from relume.image.files import photographs

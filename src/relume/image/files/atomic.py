@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import secrets
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,6 +25,10 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """
     path = Path(path)
     try:
+        if path.is_symlink():
+            path = path.resolve()  # what it points to is written, and it goes on pointing there
+        if path.exists() and not (path.stat().st_mode & 0o222 and os.access(path, os.W_OK)):
+            raise PermissionError(None, "it is there already and write-protected")
         if path.is_dir():
             raise IsADirectoryError(None, "a folder has that name")
         temporary = path.with_name(f".{path.stem[:80]}.{secrets.token_hex(4)}{path.suffix}")
@@ -31,6 +36,8 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
             pass
         try:
             yield temporary
+            if path.exists():
+                shutil.copymode(path, temporary)  # a file that only its owner may read stays so
             _flush(temporary)
             os.replace(temporary, path)
         except BaseException:

@@ -29,7 +29,7 @@ def describe(path: str | os.PathLike[str], reading: Reading = Reading()) -> dict
     Of every file: file, format, subtype (as told by the header), size [width, height], megapixels and kind.
 
     kind "radiance map" : unit; primaries of the pixels and primaries_of_file; attributes; channels and dtype as stored
-        in the first part, while `read` always gives three channels; parts of an EXR; minimum, maximum, mean of finite
+        in the first part of an EXR, as read of other formats; parts of an EXR; minimum, maximum, mean of finite
         values; luminance of lit pixels; dynamic_range in stops and as a ratio, of all of them and robust; brightest
         spot and a lone brighter pixel; how many values are nan, infinite, negative, how many pixels at_maximum, and
         clipped as the planes of the map say (see `relume.image.statistics`)
