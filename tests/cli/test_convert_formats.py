@@ -15,6 +15,7 @@ from relume.cli import main
 from relume.cli.convert_format import kept
 from relume.image import files
 from relume.image.files import read_photograph, read_radiance, write
+from relume.image.files.encodings import GainMap, LogLuv
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import OUTSIDE, RadianceMap
 
@@ -198,7 +199,7 @@ def test_the_input_is_never_written_over(stored: Path, capsys: pytest.CaptureFix
 
 
 def test_a_damaged_tiff_is_no_painting(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    files.write(tmp_path / "a.tif", RadianceMap(np.ones((8, 8, 3), np.float32)), files.encodings.LogLuv())
+    files.write(tmp_path / "a.tif", RadianceMap(np.ones((8, 8, 3), np.float32)), LogLuv())
     (tmp_path / "short.tif").write_bytes((tmp_path / "a.tif").read_bytes()[:60])
     told = refused(["convert", str(tmp_path / "short.tif"), "-o", str(tmp_path / "b.exr")], capsys)
     assert "damaged TIFF" in told and "light" not in told
@@ -207,7 +208,7 @@ def test_a_damaged_tiff_is_no_painting(tmp_path: Path, capsys: pytest.CaptureFix
 def test_the_light_of_a_gain_map_is_cut_and_written_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     ramp = np.repeat(np.geomspace(0.02, 8, 64).astype(np.float32)[None, :, None], 64, axis=0).repeat(3, axis=2)
     with pytest.warns(UserWarning, match="keeps luminance to"):
-        write(tmp_path / "a.jpg", RadianceMap(ramp), files.encodings.GainMap(tolerance=0.2))
+        write(tmp_path / "a.jpg", RadianceMap(ramp), GainMap(tolerance=0.2))
     words = [tmp_path / "a.jpg", "-o", tmp_path / "b.jpg", "--as", "gainmap", "--tolerance", "20"]
     told = made([*words, "--roi", "8,8,32,32", "--exposure", "1"], capsys)
     assert told["size"] == [32, 32]

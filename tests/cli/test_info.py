@@ -69,9 +69,10 @@ def test_a_map_is_told_in_the_words_of_a_photographer(tmp_path: Path, capsys: py
         "  holds          radiance in cd/m², Rec. 709",
         "  exposure       1/250 s, f/8, ISO 100",
         "  camera         Canon EOS 5D, EF24mm",
-        "  taken          2026:11:21 12:00:00",
-        "  dynamic range  0.0 stops (1 : 1) from percentile 0.1 to 99.9; 15.0 stops (32,800 : 1) in all",
-        "  luminance      0.25 to 8,192 cd/m², mean 4.35; 0.02 % of the pixels are not above 0",
+        "  taken          2026-11-21 12:00:00",
+        "  dynamic range  0.0 stops (1 : 1) from percentile 0.1 to 99.9 of the lit pixels; 15.0 stops (32,800 : 1) "
+        "in all",
+        "  luminance      0.25 to 8,192 cd/m² of the lit pixels, mean 4.35 of all; 0.02 % are not above 0",
         "  percentiles    1 % 0.25 · 5 % 0.25 · 25 % 0.25 · 50 % 0.25 · 75 % 0.25 · 95 % 0.25 · 99 % 0.25 · "
         "99.9 % 0.25",
         "  brightest      8,192 cd/m² at x 70, y 20: 74° to the right, 16° up if lat-long; R 8,192 G 8,192 B 8,192; "

@@ -4,23 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from relume.image.files.gps import text_of
 from relume.image.photograph import Photograph
 
 
 def provenance(photographs: Sequence[Photograph]) -> dict[str, str]:
     """Attributes of the radiance map of a bracket: what all its photographs share, when it began, and its exposures.
 
-    camera, lens, serial, iso, focal_length (mm) : where all photographs tell the same
+    camera, lens, serial, iso, focal_length (mm), owner, copyright, comments : where all photographs tell the same
+    camera_make : the make alike, where it is known; `camera` is then the model alone, as EXIF and other files have them
+    latitude, longitude : degrees north and east, alike
     taken : of the first photograph, YYYY:MM:DD hh:mm:ss
     exposure_times : s, from the least to the most exposed
     """
     first = photographs[0]
+    make, model = first.make_and_model if len({p.make_and_model for p in photographs}) == 1 else ("", "")
     shared: dict[str, str | None] = {
-        "camera": first.camera if all(p.camera == first.camera for p in photographs) else None,
+        "camera": model,
+        "camera_make": make,
         "lens": _one({p.settings.lens for p in photographs}),
         "serial": _one({p.settings.serial for p in photographs}),
         "focal_length": _one({_number(p.settings.focal_length) for p in photographs}),
         "iso": _one({_number(p.exposure.iso) if p.exposure else None for p in photographs}),
+        "owner": _one({p.settings.owner for p in photographs}),
+        "copyright": _one({p.settings.copyright for p in photographs}),
+        "comments": _one({p.settings.comments for p in photographs}),
+        "latitude": _one({_degrees(p.settings.latitude) for p in photographs}),
+        "longitude": _one({_degrees(p.settings.longitude) for p in photographs}),
     }
     taken = [p.settings.taken for p in photographs if p.settings.taken]
     if taken:
@@ -35,3 +45,7 @@ def _one(values: set[str | None]) -> str | None:
 
 def _number(value: float | None) -> str | None:
     return None if value is None else f"{value:g}"
+
+
+def _degrees(value: float | None) -> str | None:
+    return None if value is None else text_of(value)

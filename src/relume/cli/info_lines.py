@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -25,6 +26,8 @@ def lines_of(facts: Mapping[str, Any], *, whole: bool = False) -> dict[str, str]
     lines = {"format": f"{name}: {facts['subtype']}" if facts["subtype"] else name, "size": _size(facts)}
     if kind == "photograph":
         lines |= {"holds": "an encoded photograph", **_UNTOLD} | _captured(_of_photograph(facts)) | _codes(facts)
+        if facts["light"] is not None:
+            lines |= {f"light: {name}": text for name, text in _light(facts["light"]).items()}
     elif kind == "camera raw":
         lines |= {"holds": "a sensor's own values, one a photosite", **_UNTOLD}
         lines |= _captured(_of_photograph(facts)) | _sensor(facts)
@@ -104,7 +107,7 @@ def _captured(told: Mapping[str, str]) -> dict[str, str]:
         "exposure": ", ".join(exposure),
         "white balance": {"True": "automatic", "False": "set by hand"}.get(told.get("automatic_white", ""), ""),
         "camera": ", ".join(filter(None, camera)),
-        "taken": told.get("taken", ""),
+        "taken": re.sub(r"^(\d{4}):(\d\d):", r"\1-\2-", told.get("taken", "")),
     }
     return {label: _printable(text) for label, text in lines.items() if text}
 
@@ -117,13 +120,17 @@ def _light(facts: Mapping[str, Any]) -> dict[str, str]:
     width, height = facts["size"]
     pixels = width * height * (6 if facts["kind"] == "cube" else 1)
     dark = pixels - light["lit"]
+    where = " of the lit pixels" if dark else ""
+    even = light["minimum"] == light["maximum"]
     lines = {
-        "dynamic range": f"{_range(span['robust_stops'], span['robust_ratio'])} from percentile 0.1 to 99.9; "
+        "dynamic range": f"none: all{' lit' if dark else ''} pixels are alike"
+        if even
+        else f"{_range(span['robust_stops'], span['robust_ratio'])} from percentile 0.1 to 99.9{where}; "
         f"{_range(span['stops'], span['ratio'])} in all",
-        "luminance": f"{number(light['minimum'])} to {number(light['maximum'])}{unit}, mean {number(light['mean'])}"
-        + (f"; {_share(dark / pixels)} of the pixels are not above 0" if dark else ""),
+        "luminance": f"{number(light['minimum'])} to {number(light['maximum'])}{unit}{where}, mean "
+        f"{number(light['mean'])}" + (f" of all; {_share(dark / pixels)} are not above 0" if dark else ""),
     }
-    if light["minimum"] < light["maximum"]:
+    if not even:
         lines["percentiles"] = _percentiles(light["percentiles"], number)
     for label, place in (("brightest", facts.get("brightest")), ("lone pixel", facts.get("lone"))):
         if place is not None:

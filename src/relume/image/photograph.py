@@ -49,6 +49,9 @@ class Settings:
     lens : its model
     serial : of the body, so that two cameras of one model are told apart
     focal_length : of the lens, mm
+    make, model : of the camera, each as EXIF has it; `Photograph.camera` is both in one
+    owner, copyright, comments : who took it, who has the rights, what it shows
+    latitude, longitude : where it was taken, degrees north and east (WGS 84 unless the camera was set otherwise)
     """
 
     taken: datetime | None = None
@@ -57,6 +60,19 @@ class Settings:
     lens: str | None = None
     serial: str | None = None
     focal_length: float | None = None
+    make: str | None = None
+    model: str | None = None
+    owner: str | None = None
+    copyright: str | None = None
+    comments: str | None = None
+    latitude: float | None = None
+    longitude: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, most in (("latitude", 90), ("longitude", 180)):
+            value = getattr(self, name)
+            if value is not None and not -most <= value <= most:
+                raise ValueError(f"{name} is {value}; expected degrees from −{most} to {most}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +87,8 @@ class Photograph:
     outside : (H, W) bool, True where a pixel is not part of the picture (a border left by registration, alpha 0, a
         thing that moved through this frame alone); such pixels count nowhere. None where all are part
     settings : what else the file tells
+    profile : the ICC profile that the file says its values are of, as embedded; nothing here heeds it. None where it
+        has none
     """
 
     pixels: np.ndarray
@@ -80,6 +98,7 @@ class Photograph:
     focal_length: float | None = None
     outside: np.ndarray | None = None
     settings: Settings = Settings()
+    profile: bytes | None = None
 
     def __post_init__(self) -> None:
         if self.pixels.ndim != 3 or self.pixels.shape[2] != 3 or self.pixels.dtype not in (np.uint8, np.uint16):
@@ -95,3 +114,21 @@ class Photograph:
     def size(self) -> tuple[int, int]:
         """(width, height) in pixels."""
         return self.pixels.shape[1], self.pixels.shape[0]
+
+    @property
+    def make_and_model(self) -> tuple[str, str]:
+        """The camera's make and model apart, as EXIF has them; "" for each that is unknown.
+
+        Where `settings` tells another camera than `camera` does, `camera` is believed and the make is unknown.
+        """
+        make, model = self.settings.make or "", self.settings.model or ""
+        if not self.camera or self.camera == named(make, model):
+            return make, model
+        if make and not model and self.camera.startswith(make + " "):
+            return make, self.camera.removeprefix(make).strip()
+        return "", self.camera
+
+
+def named(make: str, model: str) -> str:
+    """A camera's make and model in one, the make once where the model repeats it; "" where both are."""
+    return model if model.startswith(make) else f"{make} {model}".strip()

@@ -32,7 +32,8 @@ EXR: Mapping[str, tuple[str, type]] = {
     "comments": ("comments", str),
 }
 
-# Our name → the variable of a Radiance header. PIXASPECT there is a pixel's height by its width: its inverse.
+# Our name → the variable of a Radiance header. PIXASPECT there is a pixel's height by its width: its inverse; LATLONG
+# is latitude and longitude in one.
 RADIANCE: Mapping[str, str] = {
     "camera": "CAMERA",
     "taken": "CAPDATE",
@@ -41,7 +42,7 @@ RADIANCE: Mapping[str, str] = {
     "view": "VIEW",
 }
 
-# Our name → the TIFF or EXIF tag.
+# Our name → the TIFF or EXIF tag. Latitude and longitude stand in a folder of their own: `gps`.
 EXIF: Mapping[str, int] = {
     "exposure_time": 0x829A,
     "f_number": 0x829D,
@@ -53,6 +54,7 @@ EXIF: Mapping[str, int] = {
     "lens": 0xA434,
     "taken": 0x9003,
     "owner": 0x013B,
+    "copyright": 0x8298,
     "comments": 0x010E,
     "software": 0x0131,
 }

@@ -34,7 +34,8 @@ def describe(path: str | os.PathLike[str], reading: Reading = Reading()) -> dict
         spot and a lone brighter pixel; how many values are nan, infinite, negative, how many pixels at_maximum, and
         clipped as the planes of the map say (see `relume.image.statistics`)
     kind "photograph" : exposure, camera, settings; focal_length in pixels; minimum, maximum, mean and percentiles of
-        codes, and the share of pixels at_black and at_white in each channel; gain_map as its header tells it
+        codes, and the share of pixels at_black and at_white in each channel; gain_map as its header tells it, and
+        light, the radiance map that it makes of the photograph
     kind "camera raw" : the same, with pattern, black, white, as_shot and daylight balance
     kind "cube" : levels, their sides in pixels; values, luminance and range of the largest
 
@@ -100,6 +101,7 @@ def _of_photograph(path: str | os.PathLike[str], kind: str, image: Photograph, r
         "nan": 0,
         "infinite": 0,
         "gain_map": gain_map,
+        "light": None if gain_map is None else _of_map(path, kind, files.read_radiance(path, reading), reading),
         "parts": [],
     }
 

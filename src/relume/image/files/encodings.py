@@ -11,8 +11,9 @@ from typing import Literal
 class OpenEXR:
     """An .exr; the one format that keeps everything.
 
-    half : store 16 bits a value, an error of at most 1/2048 of it, in half the space; a layer with a value that halves
-        cannot hold (beyond 65504, or of a picture so dim that they lose it) is stored as float, with a warning.
+    half : store 16 bits a value, in half the space, with an error of at most 1/2048 of it from 6.1e-5 to 65504; below,
+        of at most 3e-8, so that what is less than that becomes 0. A layer with a value beyond 65504, or that loses more
+        than 1/2048 of more than 1 value of 100, is stored as float; a warning counts what is lost, or would be.
         Off because nobody who did not ask should lose digits
     """
 
@@ -83,7 +84,7 @@ class GainMap:
     """A JPEG that every program shows, with a gain map that makes it radiance again (Ultra HDR, ISO 21496-1).
 
     quality : of the base picture, 1 to 100, and of the gain map where that is enough; 95 shows no blocks
-    exposure : stops that the base is brightened by; None sets the mean of the logarithms to middle grey
+    exposure : stops that the base is brightened by, −100 to 100; None sets the mean of the logarithms to middle grey
     tolerance : the largest error accepted, as a share of the luminance, in 99 of 100 pixels and in the sum of all
         light; more is refused
     """
@@ -93,8 +94,10 @@ class GainMap:
     tolerance: float = 0.05
 
     def __post_init__(self) -> None:
-        if not 1 <= self.quality <= 100:
-            raise ValueError(f"quality is {self.quality}; give 1 to 100")
+        if not 1 <= self.quality <= 100 or self.quality != int(self.quality):
+            raise ValueError(f"quality is {self.quality}; give a whole number, 1 to 100")
+        if self.exposure is not None and not abs(self.exposure) <= 100:
+            raise ValueError(f"exposure is {self.exposure}; give stops, -100 to 100, or None")
         if not self.tolerance > 0:
             raise ValueError(f"tolerance is {self.tolerance}; give a share above 0, like 0.05")
 

@@ -1,7 +1,8 @@
-"""What a photograph's EXIF tells: exposure, settings, camera, orientation; read and written through Pillow.
+"""What a photograph's EXIF tells: exposure, settings, camera, orientation; read through Pillow.
 
 Pillow and not OpenImageIO, because it keeps rationals exact (OpenImageIO hands 1/60 over as a 32-bit float, and a
-bracket written and read again would change its exposures). Tags and units: EXIF 2.32 (CIPA DC-008).
+bracket written and read again would change its exposures). `exif_writing` writes the same tags. Tags and units: EXIF
+2.32 (CIPA DC-008).
 """
 
 from __future__ import annotations
@@ -13,16 +14,15 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
-from fractions import Fraction
 from typing import BinaryIO
 
 import PIL
 from PIL import Image, JpegImagePlugin, PngImagePlugin
-from PIL.TiffImagePlugin import IFDRational
 
+from relume.image.files import gps
+from relume.image.files.exif_attributes import letters
 from relume.image.files.signatures import one_line
-from relume.image.files.tiff_writing import Tags
-from relume.image.photograph import Exposure, Photograph, Settings
+from relume.image.photograph import Exposure, Settings, named
 
 _MAKE, _MODEL, _ORIENTATION, _EXIF_IFD = 0x010F, 0x0110, 0x0112, 0x8769
 _EXPOSURE_TIME, _F_NUMBER, _ISO, _ISO_SPEED, _EXPOSURE_INDEX = 0x829A, 0x829D, 0x8827, 0x8833, 0x8832
@@ -30,6 +30,7 @@ _FOCAL_LENGTH, _FOCAL_LENGTH_35MM, _MAKER_NOTE, _PIXEL_WIDTH = 0x920A, 0xA405, 0
 _PLANE_RESOLUTION, _PLANE_UNIT = 0xA20E, 0xA210
 _TAKEN, _TAKEN_FRACTION, _WHITE_BALANCE, _BIAS = 0x9003, 0x9291, 0xA403, 0x9204
 _LENS, _SERIAL, _SHUTTER_SPEED = 0xA434, 0xA431, 0x9201
+_COMMENTS, _OWNER, _COPYRIGHT = 0x010E, 0x013B, 0x8298
 _MILLIMETRES = {2: 25.4, 3: 10.0, 4: 1.0}
 _SMALL_SENSOR, _SHORT_LENS = 6.0, 12.0  # mm
 _FULL_FRAME = 36.0  # mm, the longer side to which FocalLengthIn35mmFilm refers
@@ -45,6 +46,7 @@ _HEARING = threading.Lock()  # what is heard of warnings is one list of the whol
 def tags(path: str | os.PathLike[str], kind: str) -> dict[int, object]:
     """All tags of a JPEG, PNG, TIFF or raw TIFF by number, those of the EXIF folder among them.
 
+    The value of `gps.FOLDER` is that folder, tags by number. Texts are read as UTF-8, where they are none as Latin-1.
     Warns where they are damaged; what is not is still told.
     """
     damage: list[str] = []
@@ -59,12 +61,15 @@ def tags(path: str | os.PathLike[str], kind: str) -> dict[int, object]:
                 exif = _of_tiff(file)
             found.update(exif)
             found.update(exif.get_ifd(_EXIF_IFD))
+            if gps.FOLDER in exif:
+                found[gps.FOLDER] = exif.get_ifd(gps.FOLDER)
     except Exception as error:  # Pillow raises SyntaxError, struct.error, KeyError and others for damaged tags
         warnings.warn(f"{path}: its EXIF cannot be read ({one_line(error)}); exposure unknown", stacklevel=4)
         return {}
     if damage:
         warnings.warn(f"{path}: its EXIF is damaged ({one_line(damage[0])}); exposure may be missing", stacklevel=4)
-    return found
+    # Pillow takes every byte for a letter of Latin-1, so that none is lost.
+    return {tag: letters(v.encode("latin-1", "replace")) if isinstance(v, str) else v for tag, v in found.items()}
 
 
 def _of_tiff(file: BinaryIO) -> Image.Exif:
@@ -91,7 +96,8 @@ def exposure_of(tags: dict[int, object]) -> Exposure | None:
 
 def settings_of(tags: dict[int, object]) -> Settings:
     """When and how else the photograph was made; None for each thing that is missing or senseless."""
-    white = tags.get(_WHITE_BALANCE)
+    white, place = tags.get(_WHITE_BALANCE), tags.get(gps.FOLDER)
+    position = gps.position_of(place) if isinstance(place, dict) else {}
     return Settings(
         taken=_taken(tags),
         automatic_white={0: True, 1: False}.get(white) if isinstance(white, int) else None,
@@ -99,6 +105,13 @@ def settings_of(tags: dict[int, object]) -> Settings:
         lens=_text(tags, _LENS) or None,
         serial=_text(tags, _SERIAL) or None,
         focal_length=_positive(tags, _FOCAL_LENGTH),
+        make=_text(tags, _MAKE) or None,
+        model=_text(tags, _MODEL) or None,
+        owner=_text(tags, _OWNER) or None,
+        copyright=_text(tags, _COPYRIGHT) or None,
+        comments=_text(tags, _COMMENTS) or None,
+        latitude=position.get("latitude"),
+        longitude=position.get("longitude"),
     )
 
 
@@ -109,8 +122,7 @@ def shutter_speed_of(tags: dict[int, object]) -> float | None:
 
 def camera_of(tags: dict[int, object]) -> str:
     """Make and model, the make once where the model repeats it; "" where unknown."""
-    make, model = _text(tags, _MAKE), _text(tags, _MODEL)
-    return model if model.startswith(make) else f"{make} {model}".strip()
+    return named(_text(tags, _MAKE), _text(tags, _MODEL))
 
 
 def focal_length_of(tags: dict[int, object], width: int, height: int) -> float | None:
@@ -140,58 +152,6 @@ def orientation_of(tags: dict[int, object]) -> int:
     return value if value in range(1, 9) else 1
 
 
-def encoded(photograph: Photograph) -> bytes:
-    """EXIF of a photograph's exposure, settings, camera and focal length, such that reading gives the same again.
-
-    Raises ValueError for an ISO that is no whole number: the tag holds none.
-    """
-    return _exif_of(photograph).tobytes()
-
-
-def folders(photograph: Photograph) -> tuple[Tags, Tags]:
-    """As `encoded`, the tags of a TIFF's own folder and those of its EXIF folder."""
-    exif = _exif_of(photograph)
-    main = {tag: _typed(tag, value) for tag, value in exif.items() if tag != _EXIF_IFD}
-    return main, {tag: _typed(tag, value) for tag, value in exif.get_ifd(_EXIF_IFD).items()}
-
-
-def _typed(tag: int, value: object) -> tuple[int, list[float] | bytes]:
-    """A value with its TIFF type: text, signed or unsigned rational, or whole number."""
-    if isinstance(value, IFDRational):
-        return 10 if tag == _BIAS else 5, [int(value.numerator), int(value.denominator)]
-    if isinstance(value, int):
-        return (3, [value]) if value < 2**16 else (4, [value])
-    return 2, str(value).encode() + b"\0"
-
-
-def _exif_of(photograph: Photograph) -> Image.Exif:
-    """The tags of a photograph.
-
-    Where the focal length in pixels is known the file tells that of a full-frame camera of the same view, in place of
-    `Settings.focal_length`: only so does it keep more than its two leading digits.
-    """
-    exif = Image.Exif()
-    make, _, model = photograph.camera.partition(" ")
-    exif.update({tag: text for tag, text in ((_MAKE, make), (_MODEL, model)) if text})
-    folder = exif.get_ifd(_EXIF_IFD)
-    if exposure := photograph.exposure:
-        folder[_EXPOSURE_TIME] = _rational(exposure.seconds)
-        if exposure.f_number is not None:
-            folder[_F_NUMBER] = _rational(exposure.f_number)
-        if exposure.iso is not None:
-            if exposure.iso != int(exposure.iso):
-                raise ValueError(f"iso is {exposure.iso}; EXIF holds whole numbers only: round it first")
-            folder[_ISO] = min(int(exposure.iso), 65535)
-            if exposure.iso >= 65535:
-                folder[_ISO_SPEED] = int(exposure.iso)
-    _encode_settings(folder, photograph.settings)
-    if photograph.focal_length is not None:
-        millimetres = photograph.focal_length * _FULL_FRAME / max(photograph.size)
-        folder[_FOCAL_LENGTH] = _rational(millimetres)
-        folder[_FOCAL_LENGTH_35MM] = round(millimetres)
-    return exif
-
-
 @contextmanager
 def heard(damage: list[str]) -> Iterator[None]:
     """Add what Pillow warns of to `damage`, but for what does no harm; warnings of others meanwhile are passed on."""
@@ -209,20 +169,6 @@ def heard(damage: list[str]) -> Iterator[None]:
                 damage.append(text)
 
 
-def _encode_settings(folder: dict[int, object], settings: Settings) -> None:
-    if settings.taken is not None:
-        folder[_TAKEN] = settings.taken.strftime("%Y:%m:%d %H:%M:%S")
-        if settings.taken.microsecond:
-            folder[_TAKEN_FRACTION] = f"{settings.taken.microsecond:06d}".rstrip("0")
-    if settings.automatic_white is not None:
-        folder[_WHITE_BALANCE] = 0 if settings.automatic_white else 1
-    if settings.bias is not None:
-        folder[_BIAS] = IFDRational(Fraction(settings.bias).limit_denominator(1000))
-    folder.update({tag: text for tag, text in ((_LENS, settings.lens), (_SERIAL, settings.serial)) if text})
-    if settings.focal_length is not None:
-        folder[_FOCAL_LENGTH] = _rational(settings.focal_length)
-
-
 def _taken(tags: dict[int, object]) -> datetime | None:
     try:
         taken = datetime.strptime(_text(tags, _TAKEN), "%Y:%m:%d %H:%M:%S")
@@ -234,7 +180,9 @@ def _taken(tags: dict[int, object]) -> datetime | None:
 
 
 def _text(tags: dict[int, object], tag: int) -> str:
-    return str(tags.get(tag, "")).strip("\0 ")
+    text = str(tags.get(tag, "")).strip("\0 ")
+    # Photographer and editor, a NUL between them (CIPA DC-008, 4.6.4).
+    return "; ".join(filter(None, (part.strip() for part in text.split("\0")))) if tag == _COPYRIGHT else text
 
 
 def _number(tags: dict[int, object], tag: int) -> float | None:
@@ -251,9 +199,3 @@ def _number(tags: dict[int, object], tag: int) -> float | None:
 def _positive(tags: dict[int, object], tag: int) -> float | None:
     number = _number(tags, tag)
     return number if number is not None and number > 0 else None
-
-
-def _rational(value: float) -> IFDRational:
-    """The fraction nearest to `value` whose terms fit 32 bits, so that 1/60 s is written as 1/60."""
-    fraction = Fraction(value).limit_denominator(max(1, int(2**31 / max(1.0, value))))
-    return IFDRational(fraction.numerator, fraction.denominator)

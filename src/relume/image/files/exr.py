@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 
 from relume.errors import UnreadableFile
-from relume.image.files import exr_picture
+from relume.image.files import exr_half, exr_picture
 from relume.image.files.encodings import OpenEXR
-from relume.image.files.exr_attributes import attributes_of, header_of
+from relume.image.files.exr_attributes import attributes_of, header_of, storable
 from relume.image.files.exr_header import read_headers
-from relume.image.files.exr_parts import Part, read_parts, warn_of_overscan, write_parts
+from relume.image.files.exr_parts import Part, outside, read_parts, warn_of_overscan, write_parts
 from relume.image.files.reading import Reading
 from relume.image.primaries import EQUAL_ENERGY, REC709, Primaries, adaptation, mixed
 from relume.image.radiance import OUTSIDE, RadianceMap
@@ -28,19 +28,16 @@ from relume.image.radiance import OUTSIDE, RadianceMap
 __all__ = ["attributes_of", "radiance_map", "read", "read_layers", "subtype", "write", "write_layers"]
 
 _XYZ = Primaries((1.0, 0.0), (0.0, 1.0), (0.0, 0.0), EQUAL_ENERGY)
-_LARGEST_HALF = 65504
-_SMALLEST_HALF = 2**-14  # below, halves have fewer than eleven digits
-_HALF_STEP = 2**-11  # the largest error of rounding to half, by the value
-_DIM = 0.01  # the share of values that halves may lose; a photograph's darkest noise is less
 
 
 def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> RadianceMap:
     """The radiance map in an EXR file: its first part with R, G, B, else with Y.
 
     Half and float files are read alike, to float32; luminance and chroma (Y, RY, BY) become colours, a lone Y grey; of
-    several views the first is read. Other primaries than Rec. 709 are converted. Warns of that, of alpha that is left
-    out and not 1 (the pixels, premultiplied, are as over black), and of rows missing in a file read with
-    `reading.salvage`. Raises FormatError, UnreadableFile.
+    several views the first is read. Other primaries than Rec. 709 are converted. The picture is the display window;
+    what of it the data window does not cover is 0 and marked OUTSIDE. Warns of both, of parts and channels that are
+    left out, of alpha that is left out and not 1 (the pixels, premultiplied, are as over black), and of rows missing in
+    a file read with `reading.salvage`. Raises FormatError, UnreadableFile.
     """
     return _radiance_map(path, read_parts(path, reading))
 
@@ -71,19 +68,14 @@ def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
 def write(path: str | os.PathLike[str], image: RadianceMap, encoding: OpenEXR = OpenEXR()) -> None:
     """Write a radiance map with all that it knows; NaN and infinity are stored as they are.
 
-    encoding : where it asks for half, planes that halves hold to 1/2048 of each value are stored so, and those that
-        they do not are stored as float, with a warning that says why; the marks of clipped pixels are exact in both
+    encoding : where it asks for half, layers of which halves hold 99 of 100 values to 1/2048 are stored so, and others
+        as float; a warning counts the values that are lost, or would be. The marks of clipped pixels are exact in both
 
     Raises OutputNotWritten.
     """
     layers = {"radiance": image.radiance, "variance": image.variance, "clipped": image.clipped}
     present = {name: layer for name, layer in layers.items() if layer is not None}
-    halves = set[str]()
-    for name, layer in present.items() if encoding.half else ():
-        if reason := _why_not_half(layer):
-            warnings.warn(f"{path}: {name} is stored as float, not half: {reason}", stacklevel=3)
-        else:
-            halves.add(name)
+    halves = {name for name, layer in present.items() if encoding.half and exr_half.holds(path, name, layer)}
     _write_layers(path, present, image.unit, image.attributes, halves)
 
 
@@ -118,7 +110,7 @@ def _write_layers(
     if unit not in ("relative", "cd/m²"):
         raise ValueError(f'unit is "{unit}"; expected "relative" or "cd/m²"')
     # OpenEXR wants the same primaries in every part; they say nothing of a part without R, G, B.
-    header = {"chromaticities": REC709.values, **header_of(attributes)}
+    header = {"chromaticities": REC709.values, **header_of(storable(path, attributes))}
     lit = {"whiteLuminance": 1.0, **header} if unit == "cd/m²" else header
     parts = []
     for name, layer in layers.items():
@@ -130,7 +122,8 @@ def _write_layers(
 def read_layers(path: str | os.PathLike[str], reading: Reading = Reading()) -> dict[str, np.ndarray]:
     """Every part of an EXR file by its name, as stored: (H, W, 3) float32 for R, G, B, (H, W) for one channel.
 
-    A part without a name, as in a single-part file of another program, is called "part 0". Raises UnreadableFile.
+    A part without a name, as in a single-part file of another program, is called "part 0". What the data window does
+    not cover is 0. Warns of that, and of channels left out. Raises UnreadableFile.
     """
     layers = {}
     for index, part in enumerate(read_parts(path, reading)):
@@ -139,6 +132,9 @@ def read_layers(path: str | os.PathLike[str], reading: Reading = Reading()) -> d
             pixels = exr_picture.plane(path, part, lone).astype(np.float32)
         else:
             pixels = exr_picture.pixels(path, part, exr_picture.colours(part, ""), _primaries(path, part))
+            exr_picture.warn_of_alpha(path, part, "")
+            exr_picture.warn_of_left_out(path, {}, part.channels)
+        _padding(path, part, "0")
         warn_of_overscan(path, part.header)
         _warn_of_missing(path, exr_picture.missing(part))
         layers[part.name or f"part {index}"] = pixels
@@ -148,9 +144,14 @@ def read_layers(path: str | os.PathLike[str], reading: Reading = Reading()) -> d
 def _radiance_map(path: str | os.PathLike[str], parts: list[Part]) -> RadianceMap:
     """The radiance map in `parts`, whose planes are given up one by one: a picture may fill half the memory."""
     part, view = exr_picture.picture(path, parts)
+    left_out = exr_picture.left_out(part, view, parts)
     others = {other.name: other for other in parts} if part.name == "radiance" else {}
     parts.clear()
+    padding = _padding(path, part, "0 and marked as outside")
+    if padding is not None and padding.all():
+        raise UnreadableFile(f"{path}: no pixel of its data window lies in its display window; correct one of them")
     warn_of_overscan(path, part.header)
+    exr_picture.warn_of_left_out(path, *left_out)
     missing = exr_picture.missing(part)
     primaries = _primaries(path, part)
     exr_picture.warn_of_alpha(path, part, view)
@@ -161,14 +162,16 @@ def _radiance_map(path: str | os.PathLike[str], parts: list[Part]) -> RadianceMa
     if "clipped" in others and _whole(path, others["clipped"]):
         marks = exr_picture.plane(path, others["clipped"], "Y")
         clipped = np.clip(np.nan_to_num(marks), 0, OUTSIDE).astype(np.uint8)
-    if missing is not None:
-        _warn_of_missing(path, missing)
-        clipped = np.zeros(missing.shape, np.uint8) if clipped is None else clipped
-        clipped[missing] = OUTSIDE
+    _warn_of_missing(path, missing)
+    for unknown in (padding, missing):
+        if unknown is not None:
+            clipped = np.zeros(unknown.shape, np.uint8) if clipped is None else clipped
+            clipped[unknown] = OUTSIDE
     unit, scale = _unit(path, part)
     if scale != 1:
-        radiance = radiance * np.float32(scale)  # not in place: it may be the planes of the caller's parts
-        variance = None if variance is None else variance * np.float32(scale**2)
+        radiance = _scaled(path, radiance, scale)
+        # By the scale twice, as its square may be beyond float32 where the product is not.
+        variance = None if variance is None else _scaled(path, _scaled(path, variance, scale), scale)
     image = RadianceMap(radiance, variance, clipped, unit, attributes_of(part.header))
     if primaries.is_close(REC709):
         return image
@@ -211,22 +214,6 @@ def _planes(name: str, layer: np.ndarray, kind: type) -> dict[str, np.ndarray]:
     return stored
 
 
-def _why_not_half(layer: np.ndarray) -> str:
-    """Why halves do not hold a layer, or nothing where they do."""
-    beyond = lit = lost = 0
-    for row in layer:
-        sizes = np.abs(row[np.isfinite(row)].astype(np.float32))
-        beyond += np.count_nonzero(sizes > _LARGEST_HALF)
-        lit += np.count_nonzero(sizes)
-        dim = sizes[(sizes < _SMALLEST_HALF) & (sizes > 0)]
-        lost += np.count_nonzero(np.abs(dim.astype(np.float16).astype(np.float32) - dim) > dim * _HALF_STEP)
-    if beyond:
-        return f"{beyond} values are beyond {_LARGEST_HALF}, the largest half"
-    if lost > _DIM * lit:
-        return f"{lost} of its {lit} values other than 0 are so small that halves lose more than 1/2048 of them"
-    return ""
-
-
 def _primaries(path: str | os.PathLike[str], part: Part) -> Primaries:
     values = part.header.get("chromaticities")
     if values is None:
@@ -246,6 +233,27 @@ def _unit(path: str | os.PathLike[str], part: Part) -> tuple[str, float]:
     if isinstance(scale, float) and np.isfinite(scale) and scale > 0:
         return "cd/m²", scale
     raise UnreadableFile(f"{path}: whiteLuminance is {scale}; remove the attribute or give RGB 1 in cd/m²")
+
+
+def _scaled(path: str | os.PathLike[str], plane: np.ndarray, scale: float) -> np.ndarray:
+    """A plane times `scale`, a new one: it may be of the caller's parts."""
+    with np.errstate(over="ignore"):
+        scaled = plane * np.float32(scale)
+    if beyond := np.count_nonzero(np.isinf(scaled)) - np.count_nonzero(np.isinf(plane)):
+        told = f"times its whiteLuminance of {scale:g}, {beyond} values are beyond float32"
+        raise UnreadableFile(f"{path}: {told}; correct it")
+    return scaled
+
+
+def _padding(path: str | os.PathLike[str], part: Part, shown: str) -> np.ndarray | None:
+    """What of the display window has no pixels, told in a warning as `shown`; None where there is nothing."""
+    padding = outside(part.header)
+    if padding is not None:
+        count = np.count_nonzero(padding)
+        warnings.warn(
+            f"{path}: {count} of its {padding.size} pixels lie outside its data window; they are {shown}", stacklevel=5
+        )
+    return padding
 
 
 def _neutral(value: object) -> tuple[float, float] | None:

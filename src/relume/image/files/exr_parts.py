@@ -2,8 +2,9 @@
 
 The library's wheel prints decoding errors and *leaves out* the part they are in; a part missing after reading means a
 damaged file here. Headers and tables are read first (`exr_header`, `exr_chunks`), so that their claims are judged
-before anything is allocated. Pixels outside the data window are 0, and those outside the display window are left out
-with a warning: the display window is the picture (OpenEXR technical introduction, "Display window and data window").
+before anything is allocated. Pixels outside the data window are 0 and marked, and those outside the display window are
+left out, with a warning: the display window is the picture (OpenEXR technical introduction, "Display window and data
+window").
 """
 
 from __future__ import annotations
@@ -112,6 +113,20 @@ def placed(header: Mapping[str, Any], planes: Mapping[str, np.ndarray]) -> dict[
         for name, plane in planes.items():
             canvases[name][y : y + h, x : x + w] = plane[v : v + h, u : u + w]
     return canvases
+
+
+def outside(header: Mapping[str, Any]) -> np.ndarray | None:
+    """(H, W) bool over the display window, True where the data window has no pixels; None where it covers it."""
+    display = header["displayWindow"]
+    width, height = _extent(display)
+    low, high, inside = _common(header)
+    if inside == width * height:
+        return None
+    padding = np.ones((height, width), bool)
+    if inside:
+        (left, top), (right, bottom) = low - display[0], high - display[0]
+        padding[top:bottom, left:right] = False
+    return padding
 
 
 def warn_of_overscan(path: str | os.PathLike[str], header: Mapping[str, Any]) -> None:

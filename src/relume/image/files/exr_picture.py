@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Collection
 
 import numpy as np
 
@@ -15,22 +16,62 @@ from relume.image.primaries import Primaries
 
 def picture(path: str | os.PathLike[str], parts: list[Part]) -> tuple[Part, str]:
     """The part that holds the picture and what its channels' names begin with: "", or a view and a dot."""
-    views = {part.header["view"]: None for part in parts if isinstance(part.header.get("view"), str)}
-    for part in parts:
-        views |= dict.fromkeys(_views(part))
+    views = _all_views(parts)
     for prefix in ("", *(f"{view}." for view in views)):
         for wanted in (("R", "G", "B"), ("Y", "RY", "BY"), ("Y",)):
             for part in parts:
                 if {prefix + name for name in wanted} <= part.channels.keys():
-                    chosen = prefix[:-1] or part.header.get("view") or next(iter(_views(part)), "")
+                    chosen = _view(part, prefix)
                     if len(views) > 1:
                         warnings.warn(
                             f"{path}: holds the views {', '.join(views)}; {chosen or 'the first'} is read", stacklevel=5
                         )
                     return part, prefix
-    names = sorted({name for part in parts for name in part.channels})
-    held = ", ".join(names[:16]) + (f" and {len(names) - 16} more" if len(names) > 16 else "")
+    held = _listed(sorted({name for part in parts for name in part.channels}))
     raise UnreadableFile(f"{path}: holds the channels {held}; relume needs R, G, B or Y: save that layer on its own")
+
+
+def left_out(part: Part, prefix: str, parts: list[Part]) -> tuple[list[str], list[str]]:
+    """Names of the parts, and of the channels of `part`, that are neither the picture nor known of beside it.
+
+    Our own variance and marks are read, alpha and other views have warnings of their own.
+    """
+    others = _all_views(parts).keys() - {_view(part, prefix)}
+    ours = ("variance", "clipped") if part.name == "radiance" else ()
+    beside = [
+        other.name
+        for other in parts
+        if other is not part and other.name not in ours and other.header.get("view") not in others
+    ]
+    read = {*colours(part, prefix), prefix + "A"}
+    return beside, [name for name in part.channels if name not in read and others.isdisjoint(name.split(".")[:-1])]
+
+
+def warn_of_left_out(path: str | os.PathLike[str], parts: Collection[str], channels: Collection[str]) -> None:
+    """Say in one warning which parts and channels are not read."""
+    kinds = (("part", parts), ("channel", channels))
+    told = [f"the {kind}{'s' * (len(names) > 1)} {_listed(names)}" for kind, names in kinds if names]
+    if told:
+        warnings.warn(f"{path}: left out: {' and '.join(told)}; save each on its own to read it", stacklevel=5)
+
+
+def _listed(names: Collection[str]) -> str:
+    """At most 16 names in one line; those of damaged files may hold anything."""
+    shown = [name[:40] if name.isprintable() else ascii(name[:40]) for name in list(names)[:16]]
+    return ", ".join(shown) + (f" and {len(names) - 16} more" if len(names) > 16 else "")
+
+
+def _all_views(parts: list[Part]) -> dict[str, None]:
+    """The names of all views, each once and in their order."""
+    views = {part.header["view"]: None for part in parts if isinstance(part.header.get("view"), str)}
+    for part in parts:
+        views |= dict.fromkeys(_views(part))
+    return views
+
+
+def _view(part: Part, prefix: str) -> str:
+    """The view that the channels of `part` which begin with `prefix` are of; "" where there are none."""
+    return prefix[:-1] or part.header.get("view") or next(iter(_views(part)), "")
 
 
 def _views(part: Part) -> list[str]:

@@ -19,7 +19,7 @@ from relume.image.files.atomic import replacing
 from relume.image.files.attributes import warn_of_losses
 from relume.image.files.encodings import GainMap
 from relume.image.files.gain_map_layout import Layout
-from relume.image.files.gain_map_xmp import SCALE, UNIT
+from relume.image.files.gain_map_xmp import LARGEST_SCALE, SCALE, UNIT
 from relume.image.files.reading import Reading, refuse_absurd_amount, refuse_absurd_size
 from relume.image.files.signatures import one_line
 from relume.image.radiance import RadianceMap
@@ -102,8 +102,10 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: GainMap = 
     The base is the picture at `encoding.exposure`, its highlights rolled off. Where `encoding.quality` loses more than
     is accepted, the gain map alone is written at 98 or 100. Black stays black but for the least step of gain; the
     warning tells what it becomes. Other programs may stop at 10,000 cd/m² for a base white of 203 (libultrahdr does).
+    Attributes named "unit" and "gain_map_scale" are not kept: the file has its own.
 
-    Raises ValueError for negative, NaN and infinite pixels (counted), and where more than `encoding.tolerance` of the
+    Raises ValueError for negative, NaN and infinite pixels (counted), for a picture so bright or dark that its base is
+    more than 100 stops away, and where more than `encoding.tolerance` of the
     luminance is lost in more than one pixel of a hundred or in all together; OutputNotWritten.
     """
     from relume.image.files import gain_map_encoding
@@ -154,7 +156,8 @@ def _own(packet: bytes | None, reading: Reading) -> dict[str, str]:
     """What a writer of ours told; nothing where the packet is damaged or its scale makes no sense."""
     try:
         own = xmp.attributes(packet, reading) if packet is not None else {}
-        if SCALE in own and not (2.0**-100 < float(own[SCALE]) < 2.0**100 and own.get(UNIT) in ("relative", "cd/m²")):
+        known = own.get(UNIT) in ("relative", "cd/m²")
+        if SCALE in own and not (known and 1 / LARGEST_SCALE <= float(own[SCALE]) <= LARGEST_SCALE):
             return {}
     except ValueError:
         return {}

@@ -94,6 +94,12 @@ def encoded(path: str | os.PathLike[str], image: RadianceMap, encoding: GainMap)
     pixels = image.radiance
     _refuse_unusable(path, pixels)
     scale = _scale(pixels, encoding.exposure)
+    if not 1 / gain_map_xmp.LARGEST_SCALE <= scale <= gain_map_xmp.LARGEST_SCALE:
+        stops = math.log2(scale)
+        raise ValueError(
+            f"{path}: middle grey is {abs(stops):.0f} stops {'above' if stops > 0 else 'below'} this picture's mean, "
+            "and a gain map holds 100; write .exr, or scale it first"
+        )
     with np.errstate(over="ignore"):
         base_jpeg = _jpeg(_base(pixels, scale), encoding.quality)
     base = _decoded(base_jpeg)
@@ -274,9 +280,10 @@ def _stops(pixels: np.ndarray) -> float:
 
 
 def _fitting(attributes: Mapping[str, str]) -> dict[str, str]:
-    """As many attributes, the shortest first, as one segment holds beside the directory."""
+    """As many attributes, the shortest first, as one segment holds beside the directory; none with a name of ours."""
     kept: dict[str, str] = {}
-    for name, value in sorted(attributes.items(), key=lambda item: len(item[0]) + len(item[1])):
+    free = [item for item in attributes.items() if item[0] not in (gain_map_xmp.SCALE, gain_map_xmp.UNIT)]
+    for name, value in sorted(free, key=lambda item: len(item[0]) + len(item[1])):
         if len(xmp.packet({**kept, name: value})) > _MOST_PACKET:
             break
         kept[name] = value

@@ -15,6 +15,7 @@ HDRGM = "http://ns.adobe.com/hdr-gain-map/1.0/"
 CONTAINER = "http://ns.google.com/photos/1.0/container/"
 ITEM = "http://ns.google.com/photos/1.0/container/item/"
 SCALE, UNIT = "gain_map_scale", "unit"  # our own: what radiance was multiplied by, and its unit
+LARGEST_SCALE = 2.0**100  # and the inverse of the smallest; beyond, float32 runs out of digits or of range
 Properties = Mapping[str, tuple[str, ...]]
 _FIELDS = {
     "low": ("GainMapMin", 0.0),

@@ -1,7 +1,8 @@
 """LogLuv TIFF: log luminance and CIE u′v′ of every pixel in 32 or 24 bits, or luminance alone in 16 (Larson 1998).
 
 A luminance step is 0.27 % (1.1 % in 24 bits) and a code stands for its middle, so that nothing is off by more than half
-of that, nor biased; u′ and v′ are off by at most 0.00122 (0.00175). The pixels are CIE XYZ in the file: on reading they
+of that, nor biased over many values; u′ and v′ are off by at most 0.00122 (0.00175), evenly over many colours but one
+and the same way for each: see `logluv_codes`. The pixels are CIE XYZ in the file: on reading they
 become Rec. 709, and the file's white, where it tells one, becomes D65. STONITS makes luminance cd/m².
 """
 

@@ -65,6 +65,8 @@ def form_of(path: str | os.PathLike[str], kind: str, reading: Reading) -> Form:
         with open(path, "rb") as file:
             form = _jpeg(path, file, size, reading)
     refuse_absurd_size(path, form.width, form.height, reading)
+    if form.channels > reading.channels:
+        raise UnreadableFile(f"{path}: its header claims {form.channels} channels; relume reads {reading.channels}")
     refuse_absurd_amount(path, form.width * form.height * max(form.channels, 3) * -(-form.bits // 8), size, reading)
     return form
 

@@ -26,10 +26,12 @@ class Salvaged:
 
     pixels : (rows, W, channels) uint8 or uint16
     height : of the whole picture
+    profile : the ICC profile, None where there is none
     """
 
     pixels: np.ndarray
     height: int
+    profile: bytes | None = None
 
 
 def salvaged(path: str | os.PathLike[str], kind: str, form: Form) -> Salvaged | None:

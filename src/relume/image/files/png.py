@@ -181,17 +181,19 @@ def _where(name: bytes, place: int) -> str:
     return f"the chunk {name.decode('latin-1')!r} at byte {place}"
 
 
-def encode(pixels: np.ndarray, exif: bytes) -> bytes:
-    """A PNG of (H, W, 3) uint8 or uint16 pixels, with EXIF as Pillow encodes it."""
-    height, width, _ = pixels.shape
+def encode(pixels: np.ndarray, exif: bytes, profile: bytes | None = None) -> bytes:
+    """A PNG of (H, W, 3) uint8 or uint16 pixels, or of four channels, the last alpha, with EXIF and an ICC profile."""
+    height, width, channels = pixels.shape
     rows = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder(">")).view(np.uint8).reshape(height, -1)
-    step = 3 * pixels.itemsize
+    step = channels * pixels.itemsize
     # Each byte as its difference from the same byte one pixel to the left: filter 1, "Sub".
     filtered = np.concatenate([np.ones((height, 1), np.uint8), rows], axis=1)
     filtered[:, 1 + step :] -= rows[:, :-step]
-    fields = struct.pack(">IIBBBBB", width, height, 8 * pixels.itemsize, 2, 0, 0, 0)
+    colour = 2 if channels == 3 else 6
     chunks = {
-        b"IHDR": fields,
+        b"IHDR": struct.pack(">IIBBBBB", width, height, 8 * pixels.itemsize, colour, 0, 0, 0),
+        # A name, a zero, and the number of the compression (11.3.2.3).
+        **({b"iCCP": b"ICC profile\0\0" + zlib.compress(profile)} if profile else {}),
         **({b"eXIf": exif.removeprefix(b"Exif\0\0")} if exif else {}),
         b"IDAT": zlib.compress(filtered.tobytes()),
         b"IEND": b"",

@@ -21,7 +21,7 @@ from relume.image.files.atomic import replacing
 from relume.image.files.attributes import warn_of_losses
 from relume.image.files.encodings import RadianceHDR
 from relume.image.files.radiance_header import FORMAT, Header, header_of, kept_attributes, read_header
-from relume.image.files.radiance_scanlines import along, decode, encoded
+from relume.image.files.radiance_scanlines import DARKEST, along, decode, encoded
 from relume.image.files.reading import Reading, refuse_absurd_amount, refuse_absurd_size
 from relume.image.primaries import EQUAL_ENERGY, REC709, adaptation, between
 from relume.image.radiance import OUTSIDE, RadianceMap
@@ -87,18 +87,21 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: RadianceHD
 
     encoding : RGBE or XYZE, in new runs or flat
     All attributes but those with "=" in their name are kept, on one line each. Warns of what is not: planes of variance
-    and of clipped pixels.
+    and of clipped pixels; and counts the pixels darker than RGBE holds, which become 0.
 
     Raises ValueError for a map without pixels and for pixels that the format cannot hold: negative, NaN, infinite or
     above 1.7e38; OutputNotWritten.
     """
     if 0 in image.size:
         raise ValueError(f"the map has {image.size[0]} x {image.size[1]} pixels; a .hdr file has one or more")
-    pieces, unfit = encoded(
+    pieces, unfit, dark = encoded(
         image.radiance, matrix=_FROM_REC709 if encoding.xyz else None, compressed=encoding.compressed
     )
     if unfit:
         raise ValueError(_cannot_hold(unfit, image.radiance[..., 0].size, xyz=encoding.xyz))
+    if dark:
+        what = f"{dark} of {image.radiance[..., 0].size} pixels are darker than {DARKEST:.2g} and become 0"
+        warnings.warn(f"{path}: {what}; .exr keeps them", stacklevel=3)
     warn_of_losses(path, image, kept_attributes(image))
     with replacing(path) as temporary, open(temporary, "wb") as file:
         file.write(header_of(image, xyz=encoding.xyz))
@@ -126,7 +129,7 @@ def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
 
 def encode(radiance: np.ndarray) -> np.ndarray:
     """(..., 4) uint8 RGBE of (..., 3) float32, rounded to nearest; raises ValueError for pixels it cannot hold."""
-    pieces, unfit = encoded(np.reshape(radiance, (-1, 1, 3)), compressed=False)
+    pieces, unfit, _ = encoded(np.reshape(radiance, (-1, 1, 3)), compressed=False)
     if unfit:
         raise ValueError(_cannot_hold(unfit, np.size(radiance) // 3, xyz=False))
     return np.concatenate([*pieces, np.empty(0, np.uint8)]).reshape(*np.shape(radiance)[:-1], 4)

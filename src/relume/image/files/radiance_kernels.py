@@ -189,7 +189,7 @@ def _write_runs(codes, begin, end, out, used):
 
 @exact_kernel
 def encode_lines(pixels, bits, lines, length, compressed, steps, slack, out):
-    """RGBE bytes of lines of pixels into `out`, and (how many bytes, how many pixels RGBE cannot hold).
+    """RGBE bytes of lines of pixels into `out`; how many bytes, and how many pixels RGBE cannot hold or blackens.
 
     pixels, bits : the same flat float32, as numbers and as int32
     compressed : with new runs, where the length of a line allows them
@@ -202,6 +202,7 @@ def encode_lines(pixels, bits, lines, length, compressed, steps, slack, out):
     codes = np.empty(4 * length, np.uint8)
     used = 0
     unfit = 0
+    dark = 0
     for line in range(lines):
         for i in range(length):
             at = 3 * (line * length + i)
@@ -221,6 +222,7 @@ def encode_lines(pixels, bits, lines, length, compressed, steps, slack, out):
                 codes[to + channel * plane_step] = code
             codes[to + 3 * plane_step] = exponent & 255
             unfit += 0 if fits else 1
+            dark += 1 if fits and exponent == 0 and largest > 0 else 0
         if not runs:
             out[used : used + 4 * length] = codes
             used += 4 * length
@@ -229,4 +231,4 @@ def encode_lines(pixels, bits, lines, length, compressed, steps, slack, out):
         used += 4
         for plane in range(4):
             used = _write_runs(codes, plane * length, (plane + 1) * length, out, used)
-    return used, unfit
+    return used, unfit, dark

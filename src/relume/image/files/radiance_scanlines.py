@@ -16,6 +16,7 @@ from relume.image.files.radiance_header import FORMAT
 from relume.image.primaries import mixed
 
 _STEPS = {"-Y": 1, "+Y": -1, "+X": 1, "-X": -1}  # our rows go down, our columns right
+DARKEST = 127.5 * 2.0**-135  # the largest channel of a pixel with the smallest codes, 128 and 1, before rounding
 _TOGETHER = 2**18  # pixels that one thread takes at a time
 _ROUNDING = 1e-6  # of float32, when channels are mixed: a colour of one wavelength may come out as negative as this
 
@@ -79,8 +80,8 @@ def decode(
 
 def encoded(
     radiance: np.ndarray, *, matrix: np.ndarray | None = None, compressed: bool
-) -> tuple[list[np.ndarray], int]:
-    """Bytes of the scan lines, in pieces one after the other, and how many pixels RGBE cannot hold.
+) -> tuple[list[np.ndarray], int, int]:
+    """Bytes of the scan lines, in pieces in their order; how many pixels RGBE cannot hold, and how many it blackens.
 
     radiance : (lines, pixels, 3) float32
     matrix : (3, 3) that its channels are mixed by first; None to leave them
@@ -94,18 +95,19 @@ def encoded(
     steps[0] = 0  # the code of black
     slack = 0.0 if matrix is None else _ROUNDING
 
-    def work(begin: int, end: int) -> tuple[np.ndarray, int]:
+    def work(begin: int, end: int) -> tuple[np.ndarray, int, int]:
         pixels = np.ascontiguousarray(radiance[begin:end], np.float32)
         if matrix is not None:
             pixels = mixed(pixels, matrix)
         pixels = pixels.reshape(-1)
         # A plane costs a byte more for every 128 of it, and each line four.
         out = np.empty((end - begin) * (4 * length + 4 * (length // 128 + 1) + 4), np.uint8)
-        used, unfit = encode_lines(pixels, pixels.view(np.int32), end - begin, length, compressed, steps, slack, out)
-        return out[:used], unfit
+        bits = pixels.view(np.int32)
+        used, unfit, dark = encode_lines(pixels, bits, end - begin, length, compressed, steps, slack, out)
+        return out[:used], unfit, dark
 
     done = in_threads(work, lines, chunk=max(1, _TOGETHER // length))
-    return [piece for piece, _ in done], sum(unfit for _, unfit in done)
+    return [piece for piece, *_ in done], sum(unfit for _, unfit, _ in done), sum(dark for *_, dark in done)
 
 
 def _refuse_damage(

@@ -34,13 +34,17 @@ _RUNS, _RUN = 64, 1024  # runs of values, evenly spread, and values in each, tha
 # A value read in the wrong order has its last bits for an exponent, out of this range in seven of ten cases.
 _SMALLEST, _LARGEST = 2.0**-40, 2.0**40
 _MOST = 0.9  # of the values that are not 0
+# A guess is clear where all but stray values make sense in one order and less than half in the other, and where there
+# are so many that chance cannot do it: 0.3^16 is 4e-9.
+_CLEAR, _UNCLEAR, _MANY = 0.99, 0.5, 16
 
 
 def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> RadianceMap:
     """The radiance map in a raw float file, bit for bit; grey in three equal channels.
 
     reading : `float_size` and `float_order` where they are known. Without a size the picture must be square: of three
-        channels, or of one where no picture of three has that length
+        channels, or of one where no picture of three has that length. Without an order it is guessed, with a warning
+        where few different values tell it, or values that light seldom has
     Raises FormatError, UnreadableFile, which tells the pixels to share out or asks for the byte order; ValueError for a
     size below 1.
     """
@@ -188,21 +192,34 @@ def _order(path: str | os.PathLike[str], values: np.ndarray) -> str:
     if not bits.any():
         return "little"  # zeros, in whatever order
     values = bits.view("<f4")
-    orders = _sensible(values)
+    shares = _shares(values)
+    orders = [order for order, share in shares.items() if share >= _MOST]
     if len(orders) != 1:
         which = "both byte orders" if orders else "neither byte order"
         packed = " (.gz is for gzipped ones)" if values[:1].tobytes().startswith(_GZIP) else ""
         raise UnreadableFile(f'{path}: its values make sense in {which}{packed}; give float_order="little" or "big"')
-    return orders[0]
+    (guess,) = orders
+    (other,) = shares.keys() - {guess}
+    different = len(np.unique(bits[bits != 0]))
+    if shares[guess] < _CLEAR or shares[other] >= _UNCLEAR or different < _MANY:
+        told = f"{shares[guess]:.0%} of {different} different values make sense so, {shares[other]:.0%} in the other"
+        warnings.warn(
+            f'{path}: {guess}-endian by a guess: {told}; give float_order="{guess}" or "{other}"', stacklevel=5
+        )
+    return guess
 
 
 def _sensible(values: np.ndarray) -> list[str]:
     """The byte orders in which nearly all values that are not 0 are finite and of a magnitude that light has."""
-    orders = []
+    return [order for order, share in _shares(values).items() if share >= _MOST]
+
+
+def _shares(values: np.ndarray) -> dict[str, float]:
+    """Of the values that are not 0, how many are finite and of a magnitude that light has in each byte order."""
+    shares = dict[str, float]()
     for order, seen in (("little", values), ("big", values.byteswap())):
         with np.errstate(all="ignore"):
             magnitudes = np.abs(seen[seen != 0])
             sensible = np.count_nonzero((magnitudes >= _SMALLEST) & (magnitudes <= _LARGEST))
-        if sensible >= _MOST * len(magnitudes):
-            orders.append(order)
-    return orders
+        shares[order] = sensible / len(magnitudes) if len(magnitudes) else 1.0
+    return shares

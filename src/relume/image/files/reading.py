@@ -63,7 +63,7 @@ def refuse_absurd_size(
     if max(width, height) > reading.side or width * height > reading.pixels:
         raise UnreadableFile(
             f"{path}: {where} claims {width} x {height} pixels; relume reads sides up to {reading.side}"
-            f" and {reading.pixels} pixels in all: scale it down, or copy it again if that is not its size"
+            f" and {reading.pixels} pixels in all: copy it again, or raise that (--largest MEGAPIXELS) if that is so"
         )
 
 

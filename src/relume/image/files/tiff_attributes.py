@@ -12,8 +12,8 @@ from typing import BinaryIO
 
 from relume.errors import FormatError
 from relume.image.files import attributes as names
-from relume.image.files import xmp
-from relume.image.files.exif_attributes import ASCII, RATIONAL, is_of_exif, rationals, told, typed
+from relume.image.files import gps, xmp
+from relume.image.files.exif_attributes import ASCII, RATIONAL, is_of_exif, position_in, rationals, told, typed
 from relume.image.files.reading import Reading
 from relume.image.files.tiff_folders import Folder, folder_at
 from relume.image.files.tiff_writing import EXIF_FOLDER, Tags
@@ -26,19 +26,24 @@ _BYTE, _DOUBLE = 1, 12
 
 def tags_of(image: RadianceMap) -> tuple[Tags, Tags]:
     """The tags of a map's unit, primaries and attributes: those of its folder, and those of its EXIF folder."""
-    main: dict[int, tuple[int, list[float] | bytes]] = {
+    main: dict[int, tuple[int, list[float] | bytes] | Tags] = {
         names.EXIF["software"]: (ASCII, b"relume\0"),
         WHITE_POINT: (RATIONAL, rationals(REC709.white)),
         PRIMARIES: (RATIONAL, rationals((*REC709.red, *REC709.green, *REC709.blue))),
     }
     if image.unit == "cd/m²":
         main[STONITS] = (_DOUBLE, [1.0])
-    exif: dict[int, tuple[int, list[float] | bytes]] = {}
+    exif: dict[int, tuple[int, list[float] | bytes] | Tags] = {}
+    position = gps.of_texts(image.attributes)
+    if position:
+        main[gps.FOLDER] = gps.tags_of(**position)
     rest = {}
     for name, text in image.attributes.items():
         tag, value = names.EXIF.get(name, 0), typed(name, text)
         if tag and value is not None:
             (exif if is_of_exif(tag) else main)[tag] = value
+        if name in position and gps.text_of(position[name]) == text:
+            continue
         if not tag or value is None or told(name, value[1]) != text:
             rest[name] = text
     if rest:
@@ -50,19 +55,29 @@ def attributes_of(
     path: str | os.PathLike[str], file: BinaryIO, folder: Folder, reading: Reading = Reading()
 ) -> dict[str, str]:
     """The attributes in a TIFF that is open; warns where its EXIF or XMP is damaged and left out."""
-    exif = None
-    if places := folder.integers(EXIF_FOLDER):
-        try:
-            exif = folder_at(path, file, places[0], reading)
-        except FormatError as error:
-            warnings.warn(f"{path}: its EXIF is left out: {error.where} is damaged", stacklevel=4)
+    exif = _folder_of(path, file, folder, EXIF_FOLDER, "EXIF", reading)
+    position = _folder_of(path, file, folder, gps.FOLDER, "GPS position", reading)
     found = {}
     for name, tag in names.EXIF.items():
         source = exif if is_of_exif(tag) and exif is not None else folder
         text = told(name, source.values.get(tag, ()))
         if text and (name, text) != ("software", "relume"):
             found[name] = text
+    if position is not None:
+        found |= position_in(position.values)
     return found | _in_packet(path, folder, reading)
+
+
+def _folder_of(
+    path: str | os.PathLike[str], file: BinaryIO, folder: Folder, tag: int, what: str, reading: Reading
+) -> Folder | None:
+    """The folder to which a tag leads; None where there is none or, with a warning, a damaged one."""
+    if places := folder.integers(tag):
+        try:
+            return folder_at(path, file, places[0], reading)
+        except FormatError as error:
+            warnings.warn(f"{path}: its {what} is left out: {error.where} is damaged", stacklevel=5)
+    return None
 
 
 def primaries_of(path: str | os.PathLike[str], folder: Folder) -> Primaries:

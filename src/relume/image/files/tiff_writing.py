@@ -1,4 +1,4 @@
-"""A TIFF of one picture, written: its tags, then its strips. BigTIFF where 4 GiB do not suffice."""
+"""A TIFF of one picture, written: its tags, then its strips. BigTIFF where 4 GiB do not suffice. EXIF is one of none."""
 
 from __future__ import annotations
 
@@ -12,8 +12,11 @@ from relume.image.files.tiff_folders import LETTERS
 STRIP_OFFSETS, STRIP_COUNTS, EXIF_FOLDER = 273, 279, 34665
 _LARGEST = 2**32 - 2**20  # bytes of pixels in a TIFF that is not Big
 
-Tags = Mapping[int, tuple[int, Sequence[float] | bytes]]
-"""Tag → (type, values): numbers, or bytes for ASCII (with its last NUL) and UNDEFINED; rationals as two integers."""
+Tags = Mapping[int, "tuple[int, Sequence[float] | bytes] | Tags"]
+"""Tag → (type, values): numbers, or bytes for ASCII (with its last NUL) and UNDEFINED; rationals as two integers.
+
+In place of these, the tags of a folder of their own, to which the tag leads, such as that of EXIF or of GPS.
+"""
 
 
 def write_tiff(
@@ -32,25 +35,41 @@ def write_tiff(
     for length in lengths:
         places.append(place)
         place += length + length % 2
-    after = place
-    folder: dict[int, tuple[int, Sequence[float] | bytes]] = dict(tags)
-    folder[STRIP_OFFSETS], folder[STRIP_COUNTS] = (offset_type, places), (offset_type, lengths)
-    exif_bytes = b""
-    if exif:
-        exif_bytes = _folder(exif, after, big)
-        folder[EXIF_FOLDER] = (offset_type, [after])
-    main = _folder(folder, after + len(exif_bytes), big)
-    first = after + len(exif_bytes)
+    told = {STRIP_OFFSETS: (offset_type, places), STRIP_COUNTS: (offset_type, lengths)}
+    nested, main = _folders({**tags, **told, **({EXIF_FOLDER: exif} if exif else {})}, place, big)
+    first = place + len(nested)
     start = b"II" + (struct.pack("<HHHQ", 43, 8, 0, first) if big else struct.pack("<HI", 42, first))
     with replacing(path) as temporary, open(temporary, "wb") as file:
         file.write(start)
         for strip, length in zip(strips, lengths, strict=True):
             file.write(strip)
             file.write(bytes(length % 2))
-        file.write(exif_bytes + main)
+        file.write(nested + main)
 
 
-def _folder(tags: Tags, offset: int, big: bool) -> bytes:
+def exif_block(tags: Tags) -> bytes:
+    """The EXIF of a JPEG or PNG, a TIFF without a picture (CIPA DC-008, 4.5.2); b"" for no tags."""
+    if not tags:
+        return b""
+    nested, main = _folders(tags, 8, False)
+    return b"II" + struct.pack("<HI", 42, 8 + len(nested)) + nested + main
+
+
+def _folders(tags: Tags, offset: int, big: bool) -> tuple[bytes, bytes]:
+    """Folders from byte `offset` on: all those to which tags lead, and behind them the one of `tags`."""
+    nested = b""
+    flat: dict[int, tuple[int, Sequence[float] | bytes]] = {}
+    for tag, value in tags.items():
+        if isinstance(value, tuple):
+            flat[tag] = value
+            continue
+        deeper, folder = _folders(value, offset + len(nested), big)
+        flat[tag] = (16 if big else 4, [offset + len(nested) + len(deeper)])
+        nested += deeper + folder
+    return nested, _folder(flat, offset + len(nested), big)
+
+
+def _folder(tags: Mapping[int, tuple[int, Sequence[float] | bytes]], offset: int, big: bool) -> bytes:
     """A folder at byte `offset` with its values behind it, its length even."""
     count_letter, number_letter, width = ("<Q", "Q", 8) if big else ("<H", "I", 4)
     entry = 2 + 2 + 2 * width

@@ -1,0 +1,42 @@
+"""Whether halves hold a layer, and what they lose of it."""
+
+from __future__ import annotations
+
+import os
+import warnings
+
+import numpy as np
+
+_LARGEST = 65504
+_SMALLEST = 2**-14  # below, halves have fewer than eleven digits
+_STEP = 2**-11  # the largest error of rounding to half, by the value
+_DIM = 0.01  # the share of values that halves may lose; a photograph's darkest noise is less
+
+
+def holds(path: str | os.PathLike[str], name: str, layer: np.ndarray) -> bool:
+    """Whether a layer is to be stored as half; warns where it is not, and of the values that halves lose where it is.
+
+    layer : any shape, any float; a value is lost where half differs from it by more than 1/2048 of it
+    """
+    beyond = lit = lost = black = 0
+    for row in layer:
+        sizes = np.abs(row[np.isfinite(row)].astype(np.float32))
+        beyond += np.count_nonzero(sizes > _LARGEST)
+        lit += np.count_nonzero(sizes)
+        dim = sizes[(sizes < _SMALLEST) & (sizes > 0)]
+        stored = dim.astype(np.float16).astype(np.float32)
+        lost += np.count_nonzero(np.abs(stored - dim) > dim * _STEP)
+        black += np.count_nonzero(stored == 0)
+    if beyond:
+        reason = f"{beyond} values are beyond {_LARGEST}, the largest half"
+        warnings.warn(f"{path}: {name} is stored as float, not half: {reason}", stacklevel=4)
+        return False
+    if not lost:
+        return True
+    what = f"{lost} of its {lit} values other than 0 are so small that halves lose more than 1/2048 of them"
+    if lost > _DIM * lit:
+        warnings.warn(f"{path}: {name} is stored as float, not half: {what}", stacklevel=4)
+        return False
+    nothing = f", and {black} become 0" if black else ""
+    warnings.warn(f"{path}: {name} is stored as half, though {what}{nothing}; store float to keep them", stacklevel=4)
+    return True
