@@ -75,6 +75,7 @@ def test_good_files_hold_what_they_were_made_of(corpora, tmp_path, name):
         with warnings.catch_warnings():
             if name == "gain map":  # that it is made for displays
                 warnings.simplefilter("ignore", UserWarning)
+            warnings.filterwarnings("ignore", message=".*left out: the part ")  # of an EXR of two
             assert_holds(good, path, name)
 
 

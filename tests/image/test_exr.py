@@ -15,7 +15,7 @@ from relume.image.files import describe, read_layers, read_radiance, write, writ
 from relume.image.files.exr import radiance_map
 from relume.image.files.exr_parts import read_parts
 from relume.image.primaries import REC709, Primaries
-from relume.image.radiance import RadianceMap
+from relume.image.radiance import OUTSIDE, RadianceMap
 
 BT2020 = (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290)
 
@@ -76,6 +76,33 @@ def test_white_luminance_scales_to_candela(tmp_path, numbered):
     assert image.radiance[1, 2].tolist() == [100200.0, 100225.0, 100250.0]
 
 
+@pytest.mark.parametrize(("scale", "pixel", "variance"), [(2e38, 10, None), (1e20, 1, 1)])
+def test_white_luminance_never_makes_infinities(tmp_path, scale, pixel, variance):
+    planes = {"radiance": np.full((2, 2, 3), pixel, np.float32)}
+    planes["radiance"][0, 0, 0] = np.inf
+    planes |= {} if variance is None else {"variance": np.full((2, 2, 3), variance, np.float32)}
+    header = {"type": OpenEXR.scanlineimage, "whiteLuminance": scale}
+    OpenEXR.File([OpenEXR.Part(dict(header), {"RGB": p}, name) for name, p in planes.items()]).write(
+        str(tmp_path / "a.exr")
+    )
+    beyond = 11 if variance is None else 12
+    with pytest.raises(
+        UnreadableFile, match=rf"times its whiteLuminance of {re.escape(f'{scale:g}')}, {beyond} values .*; correct it"
+    ):
+        read_radiance(tmp_path / "a.exr")
+
+
+def test_a_variance_within_float32_is_scaled_though_the_square_of_the_scale_is_not(tmp_path):
+    header = {"type": OpenEXR.scanlineimage, "whiteLuminance": 2.0**70}
+    planes = {"radiance": np.ones((1, 1, 3), np.float32), "variance": np.full((1, 1, 3), 2.0**-100, np.float32)}
+    OpenEXR.File([OpenEXR.Part(dict(header), {"RGB": p}, name) for name, p in planes.items()]).write(
+        str(tmp_path / "a.exr")
+    )
+    image = read_radiance(tmp_path / "a.exr")
+    assert image.variance is not None
+    assert (image.radiance[0, 0, 0], image.variance[0, 0, 0]) == (2.0**70, 2.0**40)
+
+
 def test_half_rgba_is_read_as_float_rgb(tmp_path, numbered):
     rgba = np.concatenate([numbered[:2], np.ones((2, 7, 1))], axis=2).astype(np.float16)
     image = read_radiance(foreign(tmp_path / "a.exr", {"RGBA": rgba}))
@@ -112,7 +139,33 @@ def test_a_data_window_inside_the_display_window_is_placed_there(tmp_path, numbe
     )
     expected = np.zeros_like(numbered)
     expected[1:3, 2:5] = small
-    np.testing.assert_array_equal(read_radiance(path).radiance, expected)
+    with pytest.warns(UserWarning, match="29 of its 35 pixels lie outside its data window; they are 0 and marked"):
+        image = read_radiance(path)
+    np.testing.assert_array_equal(image.radiance, expected)
+    assert image.clipped is not None
+    np.testing.assert_array_equal(image.clipped, np.where(expected.any(2), 0, OUTSIDE))
+    with pytest.warns(UserWarning, match="29 of its 35 pixels lie outside its data window; they are 0$"):
+        np.testing.assert_array_equal(read_layers(path)["part 0"], expected)
+
+
+def test_marks_of_a_file_stay_beside_those_of_its_padding(tmp_path):
+    windows = {"dataWindow": window(1, 0, 2, 0), "displayWindow": window(0, 0, 3, 0), "type": OpenEXR.scanlineimage}
+    planes = {"radiance": ("RGB", np.ones((1, 2, 3), np.float32)), "clipped": ("Y", np.array([[0, 1]], np.float32))}
+    parts = [OpenEXR.Part(dict(windows), {letters: plane}, name) for name, (letters, plane) in planes.items()]
+    OpenEXR.File(parts).write(str(tmp_path / "a.exr"))
+    with pytest.warns(UserWarning, match="2 of its 4 pixels lie outside"):
+        image = read_radiance(tmp_path / "a.exr")
+    assert image.clipped is not None
+    assert image.clipped.tolist() == [[OUTSIDE, 0, 1, OUTSIDE]]
+
+
+def test_windows_that_do_not_meet_are_no_picture(tmp_path, numbered):
+    path = foreign(
+        tmp_path / "a.exr", {"RGB": numbered}, dataWindow=window(7, 0, 13, 4), displayWindow=window(0, 0, 6, 4)
+    )
+    with pytest.warns(UserWarning, match="35 of its 35 pixels"):
+        with pytest.raises(UnreadableFile, match="no pixel of its data window lies in its display window; correct"):
+            read_radiance(path)
 
 
 def test_a_data_window_as_large_as_the_display_window_but_beside_it_is_moved(tmp_path, numbered):
@@ -120,7 +173,8 @@ def test_a_data_window_as_large_as_the_display_window_but_beside_it_is_moved(tmp
         tmp_path / "a.exr", {"RGB": numbered}, dataWindow=window(2, 1, 8, 5), displayWindow=window(0, 0, 6, 4)
     )
     with pytest.warns(UserWarning, match="15 pixels around the display window"):
-        image = read_radiance(path)
+        with pytest.warns(UserWarning, match="15 of its 35 pixels lie outside"):
+            image = read_radiance(path)
     expected = np.zeros_like(numbered)
     expected[1:, 2:] = numbered[:-1, :-2]
     np.testing.assert_array_equal(image.radiance, expected)
@@ -223,6 +277,36 @@ def test_of_several_views_in_a_part_the_first_is_read(tmp_path, numbered, plain)
         np.testing.assert_array_equal(read_radiance(path).radiance, numbered)
 
 
+def test_channels_beside_the_picture_are_named(tmp_path, numbered):
+    planes = {name: numbered[..., i % 3] for i, name in enumerate(("R", "G", "B", "diffuse.R", "diffuse.G", "Z"))}
+    planes["A"] = np.ones((5, 7), np.float32)
+    path = foreign(tmp_path / "a.exr", planes)
+    for reader in (read_radiance, read_layers):
+        with pytest.warns(UserWarning) as told:
+            reader(path)
+        (warning,) = told
+        left = "left out: the channels Z, diffuse.G, diffuse.R; save each on its own to read it"
+        assert str(warning.message) == f"{path}: {left}"
+
+
+def test_parts_beside_the_picture_are_named_but_not_our_own(tmp_path, numbered):
+    write_layers(tmp_path / "a.exr", {"beauty": numbered, "diffuse": numbered, "variance": numbered})
+    with pytest.warns(UserWarning, match=r"a\.exr: left out: the parts diffuse, variance; save each on its own"):
+        assert read_radiance(tmp_path / "a.exr").variance is None
+    layers = {"radiance": numbered, "variance": numbered, "clipped": numbered[..., 0] * 0, "line\nbreak": numbered}
+    write_layers(tmp_path / "b.exr", layers)
+    with pytest.warns(UserWarning, match=r"b\.exr: left out: the part 'line\\nbreak'; save"):
+        assert read_radiance(tmp_path / "b.exr").variance is not None
+
+
+def test_layers_of_the_view_that_is_read_are_named_and_those_of_others_are_not(tmp_path, numbered):
+    names = ["R", "G", "B", "right.R", "right.G", "right.B", "shadow.right.R", "shadow.left.R", "right.A"]
+    path = foreign(tmp_path / "a.exr", {name: numbered[..., 0] for name in names}, multiView=["left", "right"])
+    with pytest.warns(UserWarning, match="holds the views left, right; left is read"):
+        with pytest.warns(UserWarning, match="left out: the channel shadow.left.R; save"):
+            read_radiance(path)
+
+
 def test_integers_are_refused(tmp_path):
     path = foreign(tmp_path / "a.exr", {letter: np.zeros((2, 2), np.uint32) for letter in "RGB"})
     with pytest.raises(UnreadableFile, match="its colours are integers"):
@@ -252,7 +336,8 @@ def test_layers_come_back_by_name_shape_and_value(tmp_path, numbered):
         "depth": None,
         "matte": None,
     }
-    image = read_radiance(tmp_path / "layers.exr")
+    with pytest.warns(UserWarning, match="left out: the parts depth, matte"):
+        image = read_radiance(tmp_path / "layers.exr")
     assert (image.unit, image.attributes, image.variance) == ("cd/m²", {"seed": "7"}, None)
 
 
@@ -328,13 +413,20 @@ def read_layers_rgb(path):
     return read_layers(path)["part 0"]
 
 
+@pytest.mark.filterwarnings("ignore:.*alpha is left out")
 def test_a_cropped_file_holds_its_part_of_the_uncropped_picture(shared):
     folder = shared / "data/formats/exr_hdr_pair"
+    path = folder / "cropping - data window differs display window.exr"
     whole = read_layers(folder / "cropping - uncropped original.exr")["part 0"]
-    part = read_layers(folder / "cropping - data window differs display window.exr")["part 0"]
-    expected = np.zeros_like(whole)
-    expected[1097:1197, 1012:1327] = whole[1097:1197, 1012:1327]
+    expected, inside = np.zeros_like(whole), (slice(1097, 1197), slice(1012, 1327))
+    expected[inside] = whole[inside]
+    count = whole.shape[0] * whole.shape[1] - 100 * 315
+    with pytest.warns(UserWarning, match=f"{count} of its {count + 100 * 315} pixels lie outside its data window"):
+        part, image = read_layers(path)["part 0"], read_radiance(path)
     np.testing.assert_array_equal(part, expected)
+    np.testing.assert_array_equal(image.radiance, expected)
+    assert image.clipped is not None
+    assert not image.clipped[inside].any() and np.count_nonzero(image.clipped == OUTSIDE) == count
 
 
 def test_deep_files_and_those_without_colours_are_refused_by_name(shared):
@@ -345,7 +437,7 @@ def test_deep_files_and_those_without_colours_are_refused_by_name(shared):
         read_radiance(folder / "compression/v1.7.test.interleaved.exr")
 
 
-@pytest.mark.filterwarnings("ignore:.*are left out", "ignore:.*alpha is left out")
+@pytest.mark.filterwarnings("ignore:.*outside its data window", "ignore:.*left out")
 def test_the_first_colour_part_of_a_stereo_file_is_read(shared):
     with pytest.warns(UserWarning, match="holds the views right, left; right is read"):
         image = read_radiance(shared / "data/formats/openexr/multipart/multipart.0006.exr")

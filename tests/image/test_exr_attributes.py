@@ -88,6 +88,36 @@ def test_what_a_type_cannot_hold_to_the_last_digit_comes_back_as_it_was(tmp_path
     assert header[f"relume:{name}"] == text
 
 
+@pytest.mark.parametrize(("kind", "typed"), [("latlong", OpenEXR.ENVMAP_LATLONG), ("cube", OpenEXR.ENVMAP_CUBE)])
+def test_a_map_of_surroundings_is_told_to_other_programs(tmp_path, numbered, kind, typed):
+    foreign = {"type": OpenEXR.scanlineimage, "envmap": typed}
+    OpenEXR.File([OpenEXR.Part(foreign, {"RGB": numbered}, "")]).write(str(tmp_path / "a.exr"))
+    image = read_radiance(tmp_path / "a.exr")
+    assert image.attributes == {"envmap": kind}
+    write(tmp_path / "b.exr", image)
+    header = OpenEXR.File(str(tmp_path / "b.exr"), header_only=True).header()
+    assert header["envmap"] == typed and "relume:envmap" not in header
+    assert read_radiance(tmp_path / "b.exr").attributes == {"envmap": kind}
+    write(tmp_path / "c.exr", RadianceMap(numbered, attributes={"envmap": "sphere"}))
+    assert read_radiance(tmp_path / "c.exr").attributes == {"envmap": "sphere"}
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "1e-7", "1e30"])
+def test_an_aspect_that_no_pixel_has_is_kept_as_a_text(tmp_path, numbered, text):
+    write(tmp_path / "a.exr", RadianceMap(numbered, attributes={"pixel_aspect": text}))
+    header = OpenEXR.File(str(tmp_path / "a.exr"), header_only=True).header()
+    assert (header["pixelAspectRatio"], header["relume:pixel_aspect"]) == (1, text)
+    assert read_radiance(tmp_path / "a.exr").attributes == {"pixel_aspect": text}
+
+
+def test_a_text_that_utf_8_does_not_hold_gets_question_marks_and_a_warning(tmp_path, numbered):
+    attributes = {"owner": "B\udce4r", "\udc80": "x", "a\0b": "y", "name": "Bär"}
+    with pytest.warns(UserWarning, match=r"attributes a\\x00b, owner, \\udc80 hold characters .*; each becomes \?"):
+        write(tmp_path / "a.exr", RadianceMap(numbered, attributes=attributes))
+    expected = {"owner": "B?r", "?": "x", "a?b": "y", "name": "Bär"}
+    assert read_radiance(tmp_path / "a.exr").attributes == expected
+
+
 def test_numbers_are_told_with_the_digits_that_they_have():
     assert header_of({"exposure_time": "0.008"}) == {"expTime": 0.008}
     assert attributes_of({"expTime": 0.00800000037997961, "isoSpeed": 200, "aperture": np.array([2.8])}) == {

@@ -70,15 +70,21 @@ def test_a_picture_so_dim_that_halves_lose_it_is_float(tmp_path, dim, kind):
         warnings.simplefilter("always")
         write(tmp_path / "a.exr", RadianceMap(pixels), HALF)
     assert kinds(tmp_path / "a.exr") == [kind]
-    texts = [str(warning.message) for warning in told]
-    assert texts == (
-        []
-        if kind == "float16"
-        else [
-            f"{tmp_path}/a.exr: radiance is stored as float, not half: 2 of its 150 values other than 0 are so small "
-            "that halves lose more than 1/2048 of them"
-        ]
-    )
+    lost = f"{dim} of its 150 values other than 0 are so small that halves lose more than 1/2048 of them"
+    texts = [f"stored as half, though {lost}; store float to keep them", f"stored as float, not half: {lost}"]
+    assert [str(warning.message) for warning in told] == [
+        f"{tmp_path}/a.exr: radiance is {t}" for t in texts[dim - 1 : dim] if dim
+    ]
+
+
+def test_values_that_half_makes_0_are_counted(tmp_path):
+    pixels = np.ones((20, 20, 3), np.float32)
+    pixels[5, 5] = 1e-9, 2e-8, 1e-6
+    with pytest.warns(UserWarning, match="half, though 3 of its 1200 values .* 1/2048 of them, and 2 become 0; store"):
+        write(tmp_path / "a.exr", RadianceMap(pixels), HALF)
+    found = read_radiance(tmp_path / "a.exr").radiance
+    assert (np.count_nonzero(found == 0), kinds(tmp_path / "a.exr")) == (2, ["float16"])
+    assert np.abs(found - pixels).max() <= 3e-8  # as `half` says
 
 
 def test_each_plane_is_judged_on_its_own_and_marks_are_exact(tmp_path):

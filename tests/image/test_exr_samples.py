@@ -8,9 +8,10 @@ import pytest
 
 from relume.errors import UnreadableFile
 from relume.image.files import read_layers, read_radiance
-from relume.image.radiance import RadianceMap
+from relume.image.radiance import OUTSIDE, RadianceMap
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*alpha is left out", "ignore:.*(overscan)")
+of_padding = pytest.mark.filterwarnings("ignore:.*outside its data window")
 
 F32 = "openexr/exrs_f32"
 
@@ -55,6 +56,7 @@ def test_a_gradient_is_the_same_in_exr_and_in_radiance(formats):
     assert np.all(np.abs(found - expected) <= step)
 
 
+@of_padding
 @pytest.mark.parametrize(
     ("name", "size", "corner"),
     [
@@ -69,7 +71,7 @@ def test_a_gradient_is_the_same_in_exr_and_in_radiance(formats):
     ],
 )
 def test_one_picture_lies_where_its_windows_say(formats, name, size, corner):
-    """`corner` is where the picture begins in the display window; what it does not cover is 0."""
+    """`corner` is where the picture begins in the display window; what it does not cover is 0 and marked."""
     whole = read_radiance(formats / "openexr/display_window/t01.exr").radiance
     image = read_radiance(formats / f"openexr/display_window/{name}.exr")
     assert image.size == size
@@ -77,6 +79,11 @@ def test_one_picture_lies_where_its_windows_say(formats, name, size, corner):
     x, y = corner[0] + 100, corner[1] + 100
     canvas[y : y + 300, x : x + 400] = whole
     np.testing.assert_array_equal(image.radiance, canvas[100 : 100 + size[1], 100 : 100 + size[0]])
+    marks = np.full((1000, 1000), OUTSIDE, np.uint8)
+    marks[y : y + 300, x : x + 400] = 0
+    found = np.zeros(size[::-1], np.uint8) if image.clipped is None else image.clipped
+    np.testing.assert_array_equal(found, marks[100 : 100 + size[1], 100 : 100 + size[0]])
+    assert (image.clipped is None) == (name in ("t01", "t03", "t04", "t05"))
 
 
 def test_the_order_of_lines_does_not_matter(formats):
@@ -147,6 +154,7 @@ def test_both_eyes_of_the_fog_are_there(formats):
     assert not np.array_equal(both[..., 0], both[..., 1])
 
 
+@of_padding
 def test_a_part_without_colours_is_named(formats):
     with pytest.raises(UnreadableFile, match=r'its part "forward_left" has no channel Y; save it as R, G, B or Y'):
         read_layers(formats / "openexr/multipart/multipart.0006.exr")

@@ -185,7 +185,7 @@ def test_a_range_beyond_it_is_refused_and_told(tmp_path: Path) -> None:
     pixels = (2 ** noise.uniform(-14, 14, (64, 64, 1)) * np.ones(3)).astype(np.float32)
     with pytest.raises(ValueError, match=r"off by \d.*accepted: the picture spans 28 stops; write \.exr"):
         gain_map.write(tmp_path / "a.jpg", RadianceMap(pixels))
-    with pytest.raises(ValueError, match=r"a range of \d+ stops; write \.exr"):
+    with pytest.raises(ValueError, match=r"brightest pixel would be 84 stops above the base's white.*write \.exr"):
         gain_map.write(tmp_path / "a.jpg", RadianceMap(pixels * np.float32(2.0**70)), GainMap(exposure=0.0))
     assert not list(tmp_path.iterdir())
     loose = RadianceMap(landscape(20))
@@ -373,3 +373,74 @@ def test_adobe_s_file_agrees_with_its_bright_twin(shared: Path) -> None:
     ratio = np.median(image.radiance / np.maximum(twin, 1e-3), axis=(0, 1))
     assert ratio == pytest.approx(np.ones(3), abs=0.02)
     assert np.median(np.abs(luminance(image.radiance) / np.maximum(luminance(twin), 1e-3) - 1)) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"exposure": 2000}, "exposure is 2000; give stops, -100 to 100, or None"),
+        ({"exposure": math.nan}, "exposure is nan"),
+        ({"exposure": math.inf}, "exposure is inf"),
+        ({"quality": 95.5}, "quality is 95.5; give a whole number, 1 to 100"),
+        ({"quality": 95.0}, "quality is 95.0"),
+        ({"quality": math.nan}, "quality is nan"),
+    ],
+)
+def test_options_that_make_no_file_are_refused_before_there_is_one(wrong: dict[str, float], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        GainMap(**wrong)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize(
+    ("scale", "said"),
+    [
+        (1e-32, "middle grey is 10[0-9] stops above this picture's mean, and a gain map holds 100"),
+        (1e-45, "middle grey is 14[0-9] stops above"),
+        (1e37, "middle grey is 12[0-9] stops below"),
+    ],
+)
+def test_light_so_far_from_one_that_it_would_not_be_read_again_is_refused(
+    tmp_path: Path, scale: float, said: str
+) -> None:
+    image = RadianceMap((landscape(3).astype(float) * scale).astype(np.float32))
+    with pytest.raises(ValueError, match=rf"a\.jpg: {said}"):
+        gain_map.write(tmp_path / "a.jpg", image)
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("stops", [-99.5, 99.5])
+def test_scales_within_a_hundred_stops_come_back(tmp_path: Path, stops: float) -> None:
+    image = RadianceMap(np.full((16, 16, 3), 0.18 * 2.0**-stops, np.float32))
+    written(tmp_path / "a.jpg", image)
+    back = gain_map.read(tmp_path / "a.jpg")
+    assert back.attributes == {}
+    np.testing.assert_allclose(back.radiance, image.radiance, rtol=0.02)
+
+
+@pytest.mark.parametrize("stops", [-100, 100])
+def test_an_exposure_at_its_limit_is_one_that_is_read(tmp_path: Path, stops: int) -> None:
+    image = RadianceMap(np.full((16, 16, 3), 2.0**-stops, np.float32))
+    written(tmp_path / "a.jpg", image, GainMap(exposure=stops))
+    assert gain_map.read(tmp_path / "a.jpg").attributes == {}
+
+
+@pytest.mark.parametrize(("value", "exposure"), [(3.4e38, None), (3.4e38, 0.0), (1e30, 60.0)])
+def test_a_pixel_far_above_white_is_refused_by_what_it_is(tmp_path: Path, value: float, exposure: float | None) -> None:
+    image = RadianceMap(landscape(3))
+    image.radiance[3, 3] = value
+    with pytest.raises(ValueError, match=r"the brightest pixel would be 1\d\d stops above the base's white"):
+        gain_map.write(tmp_path / "a.jpg", image, GainMap(exposure=exposure, tolerance=math.inf))
+
+
+def test_pixels_too_dark_for_float32_s_digits_are_lost_in_words(tmp_path: Path) -> None:
+    image = RadianceMap(landscape(3))
+    image.radiance[3, 3] = 1e-45
+    assert "more than 1e38 times in all" in written(tmp_path / "a.jpg", image, GainMap(exposure=0))
+
+
+def test_attributes_with_the_names_of_our_own_are_told_as_lost(tmp_path: Path) -> None:
+    image = RadianceMap(landscape(3), unit="cd/m²", attributes={"unit": "lux", "gain_map_scale": "7", "owner": "me"})
+    with pytest.warns(UserWarning, match="does not keep the attributes gain_map_scale, unit; .exr keeps"):
+        written(tmp_path / "a.jpg", image)
+    back = gain_map.read(tmp_path / "a.jpg")
+    assert (back.attributes, back.unit) == ({"owner": "me"}, "cd/m²")

@@ -455,3 +455,14 @@ def test_damage_anywhere_is_an_error_of_one_line_or_a_picture(tmp_path):
 def test_the_subtype_is_told_from_the_header(tmp_path, bits, told):
     write(tmp_path / "a.tif", RadianceMap(np.ones((2, 2, 3), np.float32)), LogLuv(bits))
     assert subtype(tmp_path / "a.tif") == told
+
+
+@pytest.mark.parametrize(("bits", "red", "blue"), [(32, 0.0154, -0.0178), (24, -0.0095, 0.0235)])
+def test_one_colour_is_off_alike_in_every_pixel(tmp_path, bits, red, blue):
+    """Grey of any luminance: by what the code nearest to D65 is off, as the documentation of the codes says."""
+    grey = np.geomspace(0.01, 10, 64, dtype=np.float32).reshape(8, 8, 1)
+    write(tmp_path / "a.tif", RadianceMap(np.repeat(grey, 3, axis=2)), LogLuv(bits=bits))
+    found = read(tmp_path / "a.tif").radiance.astype(float)
+    shares = found / (found @ TO_XYZ[1])[..., None] - 1
+    assert np.ptp(shares, axis=(0, 1)).max() < 1e-6
+    assert shares[0, 0, ::2].tolist() == [pytest.approx(red, abs=2e-4), pytest.approx(blue, abs=2e-4)]

@@ -10,6 +10,7 @@ from relume.errors import FormatError, OutputNotWritten, UnreadableFile
 from relume.image.files import Reading, read, read_radiance, write
 from relume.image.files.encodings import RadianceHDR
 from relume.image.files.radiance_hdr import encode, subtype
+from relume.image.files.radiance_scanlines import DARKEST, encoded
 from relume.image.primaries import EQUAL_ENERGY, REC709, Primaries, between
 from relume.image.radiance import OUTSIDE, RadianceMap
 
@@ -392,7 +393,8 @@ def test_a_photograph_of_2018_keeps_its_camera_view_and_exposure(shared):
         "camera": "Nikon D700 version dcraw v9.28",
         "view": "-vta -vh 180 -vv 180",
         "taken": "2018:11:06 17:03:12",
-        "LATLONG": "37.896408 -122.259972",
+        "latitude": "37.896408",
+        "longitude": "-122.259972",
         "primaries": "0.64 0.33 0.29 0.6 0.15 0.06 0.3333 0.3333",
     }
     stored = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)  # heeds neither exposure nor primaries
@@ -420,3 +422,23 @@ def test_the_same_picture_as_exr_and_hdr_has_the_same_values(shared):
     hdr = read_radiance(folder / "overexposed gradient.hdr").radiance
     exr = read_radiance(folder / "overexposed gradient - data window equals display window.exr").radiance
     assert hdr == pytest.approx(exr, abs=float(exr.max()) / 128)
+
+
+@pytest.mark.parametrize("xyz", [False, True])
+def test_pixels_darker_than_the_least_code_are_counted(tmp_path, xyz):
+    """The least code is 128 at exponent 1, 2⁻¹²⁸: from half a step less on, 2.93e-39, nothing is lost to black."""
+    pixels = np.zeros((4, 5, 3), np.float32)
+    pixels[0] = 1
+    pixels[1, :3] = 1e-39
+    pixels[2, :4] = 1e-38
+    with pytest.warns(UserWarning, match=r"a\.hdr: 3 of 20 pixels are darker than 2\.9e-39 and become 0; .exr keeps"):
+        write(tmp_path / "a.hdr", RadianceMap(pixels), RadianceHDR(xyz=xyz))
+    found = read_radiance(tmp_path / "a.hdr").radiance
+    assert np.count_nonzero(found.any(2)) == 9
+
+
+@pytest.mark.parametrize(("steps", "dark"), [(127.4, 1), (127.6, 0)])
+def test_what_is_black_ends_half_a_step_below_the_least_code(steps, dark):
+    _, unfit, found = encoded(np.full((1, 1, 3), steps * 2.0**-135, np.float32), compressed=True)
+    assert (unfit, found) == (0, dark)
+    assert (steps * 2.0**-135 < DARKEST) == bool(dark)

@@ -43,8 +43,9 @@ def test_what_radiance_has_names_for_is_kept_under_them(tmp_path):
         "owner": "G. Ward",
         "view": "-vta -vh 180 -vv 180",
         "pixel_aspect": "2",
-        "LATLONG": "37.896408 -122.259972",
         "exposure_time": "0.01",
+        "latitude": "37.896408",
+        "longitude": "-122.259972",
     }
     write(tmp_path / "a.hdr", RadianceMap(np.ones((1, 1, 3), np.float32), attributes=attributes))
     assert read_radiance(tmp_path / "a.hdr").attributes == attributes
@@ -56,8 +57,8 @@ def test_what_radiance_has_names_for_is_kept_under_them(tmp_path):
         "OWNER= G. Ward",
         "VIEW= -vta -vh 180 -vv 180",
         "PIXASPECT= 0.5",
-        "LATLONG= 37.896408 -122.259972",
         "relume:exposure_time=0.01",
+        "LATLONG= 37.896408 -122.259972",
     ]
 
 

@@ -2,8 +2,10 @@
 
 import gzip
 import struct
+import warnings
 import zlib
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -163,16 +165,54 @@ def test_a_gzip_file_without_its_ending_is_told(tmp_path, square):
 def test_the_order_is_told_by_one_lit_pixel_in_a_black_picture(tmp_path):
     radiance = np.zeros((400, 400, 3), np.float32)
     radiance[123, 321] = 0.3, 17, 1 / 3
-    for order in ("<", ">"):
+    orders: tuple[tuple[str, Literal["little", "big"]], ...] = (("<", "little"), (">", "big"))
+    for order, name in orders:
         path = saved(tmp_path, radiance.astype(f"{order}f4").tobytes())
+        with pytest.warns(UserWarning, match=f"{name}-endian by a guess: of its values, 3 different ones, 100% make"):
+            np.testing.assert_array_equal(files.read_radiance(path).radiance, radiance)
+        np.testing.assert_array_equal(files.read_radiance(path, Reading(float_order=name)).radiance, radiance)
+
+
+def test_a_picture_that_was_written_here_and_is_taken_for_the_other_order_is_told(tmp_path):
+    """Light of 1e-20, which as big-endian is more likely than it is as it was written."""
+    value = np.frombuffer(bytes.fromhex("3f80601e"), "<f4")[0]  # 1.2e-20, or 1.003 from the other end
+    files.write(tmp_path / "a.float", RadianceMap(np.full((40, 40, 3), value, np.float32)))
+    with pytest.warns(UserWarning, match='big-endian by a guess: of its values, 1 different ones, 100%.*"little"$'):
+        assert files.read_radiance(tmp_path / "a.float").radiance[0, 0, 0] > 1
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_an_even_picture_is_clear_where_its_value_is_no_number_the_other_way(tmp_path, order):
+    path = saved(tmp_path, np.full(48, 0.5, f"{order}f4").tobytes())
+    assert files.read_radiance(path).radiance.min() == 0.5  # and no warning
+
+
+@pytest.mark.parametrize(("share", "clear"), [(0.005, True), (0.05, False)])
+def test_a_few_stray_values_leave_the_order_clear_and_more_do_not(tmp_path, share, clear):
+    random = np.random.default_rng(7)
+    radiance = random.lognormal(0, 2, (64, 64, 3)).astype(np.float32)
+    radiance[random.random(radiance.shape) < share] = 1e-30
+    path = saved(tmp_path, radiance.astype("<f4").tobytes())
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
         np.testing.assert_array_equal(files.read_radiance(path).radiance, radiance)
+    assert len(told) == (0 if clear else 1)
+
+
+def test_values_of_which_half_make_sense_in_the_other_order_are_told(tmp_path):
+    radiance = np.random.default_rng(8).lognormal(0, 2, (32, 32, 3)).astype(np.float32)
+    both = radiance.reshape(-1)[: 32 * 32 * 3 // 5 * 3]
+    both[:] = (both.view(np.uint32) & 0xFFFFFF00 | 0x3F).view(np.float32)
+    with pytest.warns(UserWarning, match="little-endian by a guess: .* 100% make sense so, [67].% the other way"):
+        files.read_radiance(saved(tmp_path, radiance.astype("<f4").tobytes()))
 
 
 def test_some_values_that_no_light_has_do_not_hide_the_order(tmp_path, square):
     square[0, 0] = np.nan, np.inf, 1e-40
-    for order in ("<", ">"):
+    for order, name in (("<", "little"), (">", "big")):
         path = saved(tmp_path, square.astype(f"{order}f4").tobytes())
-        assert bits(files.read_radiance(path).radiance) == bits(square)
+        with pytest.warns(UserWarning, match=f"{name}-endian by a guess: of its values, 48 different ones, 94% make"):
+            assert bits(files.read_radiance(path).radiance) == bits(square)
 
 
 def test_what_is_not_kept_is_said(tmp_path, square):

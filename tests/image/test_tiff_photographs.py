@@ -18,7 +18,7 @@ from relume.image.files import facts, photographs, png, read_photograph, write
 from relume.image.files.reading import Reading
 from relume.image.files.tiff_folders import read_folders
 from relume.image.files.tiff_writing import write_tiff
-from relume.image.photograph import Exposure, Photograph
+from relume.image.photograph import Exposure, Photograph, Settings
 
 
 @pytest.fixture
@@ -70,7 +70,8 @@ def test_a_tiff_is_written_in_bytes_that_differ_from_the_pixel_before(tmp_path):
 
 
 def test_another_reader_finds_the_exposure_in_a_tiff(tmp_path, noisy):
-    write(tmp_path / "a.tif", Photograph(noisy, exposure=Exposure(1 / 60, 5.6, 204800), camera="Virtual curve_a"))
+    settings = Settings(make="Virtual", model="curve_a")
+    write(tmp_path / "a.tif", Photograph(noisy, exposure=Exposure(1 / 60, 5.6, 204800), settings=settings))
     source = oiio.ImageInput.open(str(tmp_path / "a.tif"))
     assert source is not None
     told = [source.spec().getattribute(name) for name in ("ExposureTime", "FNumber", "Make", "Model")]

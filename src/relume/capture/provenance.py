@@ -15,10 +15,13 @@ def provenance(photographs: Sequence[Photograph]) -> dict[str, str]:
     camera_make : the make alike, where it is known; `camera` is then the model alone, as EXIF and other files have them
     latitude, longitude : degrees north and east, alike
     taken : of the first photograph, YYYY:MM:DD hh:mm:ss
-    exposure_times : s, from the least to the most exposed
+    exposure_times : s, from the least to the most exposed; exposure_ratios to the least where they were estimated
     """
     first = photographs[0]
-    make, model = first.make_and_model if len({p.make_and_model for p in photographs}) == 1 else ("", "")
+    # Photographs of one camera may differ in what they tell of its make: one that an editor stripped.
+    make, model = "", first.camera if all(p.camera == first.camera for p in photographs) else ""
+    if len({p.make_and_model for p in photographs}) == 1:
+        make, model = first.make_and_model
     shared: dict[str, str | None] = {
         "camera": model,
         "camera_make": make,
@@ -35,7 +38,12 @@ def provenance(photographs: Sequence[Photograph]) -> dict[str, str]:
     taken = [p.settings.taken for p in photographs if p.settings.taken]
     if taken:
         shared["taken"] = min(taken).strftime("%Y:%m:%d %H:%M:%S")
-    shared["exposure_times"] = " ".join(f"{p.exposure.seconds:.6g}" for p in photographs if p.exposure)
+    told = [p.exposure for p in photographs if p.exposure]
+    # Of estimated exposures only their ratios are known.
+    guessed = any(exposure.source == "estimated" for exposure in told)
+    least = told[0].seconds if guessed else 1.0
+    name = "exposure_ratios" if guessed else "exposure_times"
+    shared[name] = " ".join(f"{exposure.seconds / least:.6g}" for exposure in told)
     return {key: value for key, value in shared.items() if value}
 
 

@@ -98,7 +98,7 @@ class Photograph:
     focal_length: float | None = None
     outside: np.ndarray | None = None
     settings: Settings = Settings()
-    profile: bytes | None = None
+    profile: bytes | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if self.pixels.ndim != 3 or self.pixels.shape[2] != 3 or self.pixels.dtype not in (np.uint8, np.uint16):

@@ -94,7 +94,7 @@ class GainMap:
     tolerance: float = 0.05
 
     def __post_init__(self) -> None:
-        if not 1 <= self.quality <= 100 or self.quality != int(self.quality):
+        if not isinstance(self.quality, int) or not 1 <= self.quality <= 100:
             raise ValueError(f"quality is {self.quality}; give a whole number, 1 to 100")
         if self.exposure is not None and not abs(self.exposure) <= 100:
             raise ValueError(f"exposure is {self.exposure}; give stops, -100 to 100, or None")

@@ -62,7 +62,7 @@ def tags(path: str | os.PathLike[str], kind: str) -> dict[int, object]:
             found.update(exif)
             found.update(exif.get_ifd(_EXIF_IFD))
             if gps.FOLDER in exif:
-                found[gps.FOLDER] = exif.get_ifd(gps.FOLDER)
+                found[gps.FOLDER] = _position_in(exif, damage)
     except Exception as error:  # Pillow raises SyntaxError, struct.error, KeyError and others for damaged tags
         warnings.warn(f"{path}: its EXIF cannot be read ({one_line(error)}); exposure unknown", stacklevel=4)
         return {}
@@ -70,6 +70,15 @@ def tags(path: str | os.PathLike[str], kind: str) -> dict[int, object]:
         warnings.warn(f"{path}: its EXIF is damaged ({one_line(damage[0])}); exposure may be missing", stacklevel=4)
     # Pillow takes every byte for a letter of Latin-1, so that none is lost.
     return {tag: letters(v.encode("latin-1", "replace")) if isinstance(v, str) else v for tag, v in found.items()}
+
+
+def _position_in(exif: Image.Exif, damage: list[str]) -> dict[int, object]:
+    """The GPS folder; a damaged one costs no other tag."""
+    try:
+        return exif.get_ifd(gps.FOLDER)
+    except Exception as error:  # as in `tags`
+        damage.append(one_line(error))
+        return {}
 
 
 def _of_tiff(file: BinaryIO) -> Image.Exif:

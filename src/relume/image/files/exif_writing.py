@@ -26,7 +26,8 @@ _Values = dict[int, tuple[int, list[float] | bytes]]
 def encoded(photograph: Photograph) -> bytes:
     """EXIF of a photograph's exposure, settings, camera and focal length, such that reading gives the same again.
 
-    As a PNG holds it, so without `exif_attributes.HEAD`; b"" where nothing is known. Raises ValueError for an ISO that is no whole number: the tag holds none.
+    As a PNG holds it, without `exif_attributes.HEAD`; b"" where nothing is known. Raises ValueError for an ISO that is
+    no whole number: the tag holds none.
     """
     main, folder = folders(photograph)
     return exif_block({**main, **({EXIF_FOLDER: folder} if folder else {})})
@@ -35,8 +36,8 @@ def encoded(photograph: Photograph) -> bytes:
 def folders(photograph: Photograph) -> tuple[Tags, Tags]:
     """As `encoded`, the tags of a TIFF's own folder and those of its EXIF folder.
 
-    Where the focal length in pixels is known the file tells that of a full-frame camera of the same view, in place of
-    `Settings.focal_length`: only so does it keep more than its two leading digits.
+    The focal length in pixels is told as that of a full-frame camera of the same view, a whole number of mm. Where the
+    lens's own is not known it takes its place too: only so are more than two leading digits kept.
     """
     make, model = photograph.make_and_model
     settings = photograph.settings
@@ -56,7 +57,7 @@ def folders(photograph: Photograph) -> tuple[Tags, Tags]:
     folder |= _of_exposure(photograph.exposure) | _of_settings(settings)
     if photograph.focal_length is not None:
         millimetres = photograph.focal_length * _FULL_FRAME / max(photograph.size)
-        folder[_FOCAL_LENGTH] = (RATIONAL, rationals([millimetres]))
+        folder.setdefault(_FOCAL_LENGTH, (RATIONAL, rationals([millimetres])))
         folder[_FOCAL_LENGTH_35MM] = _whole(round(millimetres))
     if position := gps.tags_of(settings.latitude, settings.longitude):
         main[gps.FOLDER] = position

@@ -88,7 +88,8 @@ def losses(given: Pictures, wanted: np.ndarray, scale: float) -> tuple[np.ndarra
         _rows(given, tables, begin, end, rows)
         found, true = luminance(rows) / np.float32(scale), luminance(wanted[begin:end])
         seen = true > 0
-        shares = np.abs(found[seen] / true[seen] - 1)
+        with np.errstate(over="ignore"):  # light of 1e-40 may come back as any number of times as much
+            shares = np.minimum(np.abs(found[seen] / true[seen] - 1), np.finfo(np.float32).max)
         return shares, float(found.sum(dtype=float)), float(true.sum(dtype=float)), float(found[~seen].max(initial=0))
 
     parts = in_threads(work, height, chunk=_ROWS)

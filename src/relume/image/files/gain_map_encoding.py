@@ -43,6 +43,7 @@ _GAMMAS = (1.0, 0.75, 0.5, 0.375, 0.25)  # fractions that both forms hold exactl
 _LEAST = 1e-6  # stops
 _BETTER = (98, 100)  # qualities of the gain map's JPEG that are tried where the picture's own loses too much
 _MOST_PACKET = 60000  # bytes; the segment holds 65,533 with the directory
+_HIGHEST = 63.0  # stops above the base's white: a gain of 64 is the most there is, and of 2¹²⁸ the squares are infinite
 _LONGEST = 65500  # pixels a side that libjpeg writes
 _ROWS = 64
 
@@ -99,6 +100,12 @@ def encoded(path: str | os.PathLike[str], image: RadianceMap, encoding: GainMap)
         raise ValueError(
             f"{path}: middle grey is {abs(stops):.0f} stops {'above' if stops > 0 else 'below'} this picture's mean, "
             "and a gain map holds 100; write .exr, or scale it first"
+        )
+    highest = math.log2(max(float(pixels.max()) * scale, 1.0))
+    if highest > _HIGHEST:
+        raise ValueError(
+            f"{path}: the brightest pixel would be {highest:.0f} stops above the base's white, and a gain map holds "
+            f"{_HIGHEST:.0f}; write .exr, or give a lower exposure"
         )
     with np.errstate(over="ignore"):
         base_jpeg = _jpeg(_base(pixels, scale), encoding.quality)
@@ -193,7 +200,7 @@ def _metadata(
     """
     step = max(1, math.isqrt(pixels.shape[0] * pixels.shape[1] // _SAMPLES))
     wanted, shown = pixels[::step, ::step] * np.float32(scale), linear[base[::step, ::step]]
-    light = luminance(wanted)
+    light = luminance(wanted).astype(float)  # the loss of light of 1e-40 is beyond float32
     seen = light > 0
 
     def foretold(choice: tuple[float, float]) -> float:
@@ -269,6 +276,8 @@ def _losses(given: Pictures, pixels: np.ndarray, scale: float) -> Losses:
 
 def _share(value: float) -> str:
     """In per cent; as a factor where that would be a long number."""
+    if value > 1e38:
+        return "more than 1e38 times"
     return f"{value:.1%}" if value < 10 else f"{value:.2g} times"
 
 

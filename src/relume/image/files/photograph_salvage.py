@@ -12,11 +12,13 @@ import OpenImageIO as oiio
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files import png, png_pixels
 from relume.image.files.photograph_form import Form
+from relume.image.files.reading import Reading
 from relume.image.files.signatures import one_line
 from relume.image.files.tiff_folders import read_folders
 from relume.image.files.tiff_layout import NONE
 from relume.image.files.tiff_pixels import pieces
 
+_PROFILE = 34675  # ICC.1:2022, B.3
 _CUT_JPEG = "Premature end of JPEG file"
 
 
@@ -34,18 +36,18 @@ class Salvaged:
     profile: bytes | None = None
 
 
-def salvaged(path: str | os.PathLike[str], kind: str, form: Form) -> Salvaged | None:
+def salvaged(path: str | os.PathLike[str], kind: str, form: Form, reading: Reading) -> Salvaged | None:
     """The rows of a photograph that ends early; None of one that does not, which is read as any other.
 
     Raises UnreadableFile where no row is there, or nobody can tell which are: a progressive JPEG, an interlaced PNG.
     """
-    found = {"JPEG": _jpeg, "PNG": _png, "TIFF": _tiff}[kind](path, form)
+    found = {"JPEG": _jpeg, "PNG": _png, "TIFF": _tiff}[kind](path, form, reading)
     if found is not None and not len(found.pixels):
         raise UnreadableFile(f"{path}: ends before its first rows are whole; copy it again from where it came")
     return found
 
 
-def _jpeg(path: str | os.PathLike[str], form: Form) -> Salvaged | None:
+def _jpeg(path: str | os.PathLike[str], form: Form, reading: Reading) -> Salvaged | None:
     """Row after row, until the decoder says that the data is at its end.
 
     It says so when it asks for data that is not there, before it makes a row of what it fills in.
@@ -69,10 +71,11 @@ def _jpeg(path: str | os.PathLike[str], form: Form) -> Salvaged | None:
             rows.append(row.reshape(spec.width, spec.nchannels))
     finally:
         source.close()
-    return Salvaged(np.array(rows).reshape(len(rows), form.width, -1 if rows else 3), form.height)
+    pixels = np.array(rows).reshape(len(rows), form.width, -1 if rows else 3)
+    return Salvaged(pixels, form.height, embedded_profile(spec))
 
 
-def _png(path: str | os.PathLike[str], form: Form) -> Salvaged | None:
+def _png(path: str | os.PathLike[str], form: Form, reading: Reading) -> Salvaged | None:
     """What the data inflates to, as far as it goes."""
     header, chunks = png.header(path), png.chunks(path)
     if chunks.end is None:
@@ -80,24 +83,33 @@ def _png(path: str | os.PathLike[str], form: Form) -> Salvaged | None:
     if header.interlaced:
         raise _untold(path, "an interlaced PNG")
     rows = png_pixels.whole_rows(path, header, chunks)
-    return None if rows is None else Salvaged(rows, form.height)
+    return None if rows is None else Salvaged(rows, form.height, png.profile(chunks, reading))
 
 
-def _tiff(path: str | os.PathLike[str], form: Form) -> Salvaged | None:
+def _tiff(path: str | os.PathLike[str], form: Form, reading: Reading) -> Salvaged | None:
     layout = form.layout
     assert layout is not None
     rows = layout.rows_within(os.path.getsize(path))
     if rows == form.height:
         return None
+    folder = read_folders(path, reading)[0]
+    profile = folder.values.get(_PROFILE)
+    profile = profile if isinstance(profile, bytes) else None
     plain = layout.sample_format == 1 and layout.bits in (8, 16) and layout.photometric in (1, 2)
     if plain and layout.compression == NONE:
         pixels = np.empty((rows, form.width, form.channels), f"u{layout.bits // 8}")
-        for piece in pieces(path, read_folders(path)[0].order, layout, rows):
+        for piece in pieces(path, folder.order, layout, rows):
             deep, wide, samples = piece.values.shape
             target = pixels[piece.top : piece.top + deep, piece.left : piece.left + wide]
             target[..., piece.first : piece.first + samples] = piece.values
-        return Salvaged(pixels, form.height)
-    return Salvaged(_rows(path, _opened(path), 0, rows // layout.block[1] * layout.block[1]), form.height)
+        return Salvaged(pixels, form.height, profile)
+    return Salvaged(_rows(path, _opened(path), 0, rows // layout.block[1] * layout.block[1]), form.height, profile)
+
+
+def embedded_profile(spec: oiio.ImageSpec) -> bytes | None:
+    """The ICC profile of a file that OpenImageIO has opened, None where it has none."""
+    found = spec.getattribute("ICCProfile")
+    return None if found is None else np.asarray(found, np.uint8).tobytes()
 
 
 def _rows(path: str | os.PathLike[str], source: oiio.ImageInput, begin: int, end: int) -> np.ndarray:

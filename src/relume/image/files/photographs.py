@@ -28,7 +28,7 @@ from relume.image.files.jpeg_decoding import decoded
 from relume.image.files.jpeg_segments import header_at, length_of
 from relume.image.files.orientation import UPRIGHT
 from relume.image.files.photograph_form import Form, form_of
-from relume.image.files.photograph_salvage import Salvaged, salvaged
+from relume.image.files.photograph_salvage import Salvaged, embedded_profile, salvaged
 from relume.image.files.reading import Reading
 from relume.image.files.signatures import kind_of, one_line
 from relume.image.files.tiff_layout import ZIP
@@ -49,9 +49,9 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Photogra
 
     Grey becomes three equal channels. Where alpha is 0 the picture is `outside`. Of a JPEG with a gain map it is the
     base picture; of a TIFF the first page. Warns of other pages, where alpha is dropped that was neither 0 nor opaque,
-    where an embedded profile is not sRGB (it is kept as it is), and where a PNG says that its values are encoded otherwise. With
-    `reading.salvage` the rows that a file lacks are 0 and `outside`. Raises UnreadableFile for damaged files, those
-    beyond the limits of `reading`, and camera raw.
+    where an embedded profile is not sRGB (it is kept, and not heeded), and where a PNG says that its values are encoded
+    otherwise. With `reading.salvage` the rows that a file lacks are 0 and `outside`. Raises UnreadableFile for damaged
+    files, those beyond the limits of `reading`, and camera raw.
     """
     kind = kind_of(path)
     form = form_of(path, kind, reading)
@@ -59,7 +59,7 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Photogra
         png.warn_of_other_encoding(path, png.header(path))
     if form.pages > 1:
         warnings.warn(f"{path}: only the first of its {form.pages} pages is read", stacklevel=4)
-    found = salvaged(path, kind, form) if reading.salvage else None
+    found = salvaged(path, kind, form, reading) if reading.salvage else None
     pixels, outside, profile = _decoded(path, kind, form, reading) if found is None else _placed(path, found)
     tags = exif.tags(path, kind)
     height, width = pixels.shape[:2]
@@ -221,7 +221,7 @@ def _decoded(
         _warn_of_stray_bytes(path)
     pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
     outside = _transparent(path, pixels[..., -1]) if spec.nchannels in (2, 4) else None
-    return _three(pixels), outside, _profile_in(spec)
+    return _three(pixels), outside, embedded_profile(spec)
 
 
 def _of_png(path: str | os.PathLike[str], reading: Reading) -> tuple[np.ndarray, np.ndarray | None, bytes | None]:
@@ -232,11 +232,6 @@ def _of_png(path: str | os.PathLike[str], reading: Reading) -> tuple[np.ndarray,
     pixels = png_pixels.decoded(path, png.header(path), chunks)
     outside = _transparent(path, pixels[..., -1]) if pixels.shape[2] in (2, 4) else None
     return _three(pixels), outside, profile
-
-
-def _profile_in(spec: oiio.ImageSpec) -> bytes | None:
-    found = spec.getattribute("ICCProfile")
-    return None if found is None else np.asarray(found, np.uint8).tobytes()
 
 
 def _base_of_gain_map(path: str | os.PathLike[str], reading: Reading) -> tuple[np.ndarray, None, bytes | None]:
@@ -270,6 +265,8 @@ def _placed(path: str | os.PathLike[str], found: Salvaged) -> tuple[np.ndarray, 
     outside = np.ones((height, width), bool)
     seen = _transparent(path, found.pixels[..., -1]) if channels in (2, 4) else None
     outside[:rows] = False if seen is None else seen
+    if found.profile is not None:
+        _warn_of_profile(path, _description(found.profile))
     return pixels, outside, found.profile
 
 

@@ -10,12 +10,14 @@ from __future__ import annotations
 import math
 import os
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import BinaryIO
 
 import numpy as np
 
 from relume.errors import FormatError
+from relume.image.files import gps
 from relume.image.files.attributes import PREFIX, RADIANCE
 from relume.image.files.reading import Reading
 from relume.image.primaries import REC709, Primaries
@@ -31,7 +33,8 @@ _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 _CONTROL = re.compile(r"[\0-\x09\x0b-\x1f\x7f]")
 _KEY = re.compile(r"[A-Z][A-Z0-9_]*")  # as Radiance writes its own
 _UNIT = "unit"  # under "relume:"
-_UNDERSTOOD = ("FORMAT", "EXPOSURE", "COLORCORR", "PRIMARIES", "PIXASPECT")
+_POSITION = "LATLONG"  # degrees north and east, in one line
+_UNDERSTOOD = ("FORMAT", "EXPOSURE", "COLORCORR", "PRIMARIES", "PIXASPECT", _POSITION)
 _FIRST_READ = 2**16  # bytes; no header of a program is as long
 _MOST_LINES = 2**16  # each costs a microsecond or two; no program writes as many
 _MEND = "mend the line or remove it"
@@ -111,7 +114,11 @@ def read_header(path: str | os.PathLike[str], file: BinaryIO, reading: Reading =
 def header_of(image: RadianceMap, *, xyz: bool) -> bytes:
     """The header of a picture, its pixels in rows from the top, each from the left."""
     kept = kept_attributes(image)
-    lines = [_variable_of(name, value) for name, value in image.attributes.items() if name in kept]
+    position = _position_of(image.attributes)
+    lines = [
+        _variable_of(name, value) for name, value in image.attributes.items() if name in kept and name not in position
+    ]
+    lines += [f"{_POSITION}= {' '.join(position.values())}"] if position else []
     lines += [f"{PREFIX}{_UNIT}=cd/m2"] if image.unit == "cd/m²" else []
     # X, Y, Z have no primaries, and their white is always that of equal energy.
     lines += [] if xyz else [f"PRIMARIES= {' '.join(f'{value:.4f}' for value in REC709.values)}"]
@@ -160,7 +167,17 @@ def _attributes(path: str | os.PathLike[str], values: dict[str, list[str]]) -> d
         raise FormatError(path, FORMAT, "PIXASPECT line", "a pixel's height by its width", f"{aspect:g}", _MEND)
     if "PIXASPECT" in values:
         attributes["pixel_aspect"] = f"{1 / aspect:.7g}"
-    return attributes
+    return {**_position_in(values.get(_POSITION, [])), **attributes}
+
+
+def _position_in(said: list[str]) -> dict[str, str]:
+    """Latitude and longitude, by the last line that has them; lines that make no sense as they are."""
+    for words in (line.split() for line in reversed(said)):
+        if all(map(_NUMBER.fullmatch, words)) and len(words) == 2:
+            position = {"latitude": words[0], "longitude": words[1]}
+            if len(gps.of_texts(position)) == 2:
+                return position
+    return {_POSITION: "; ".join(dict.fromkeys(said))} if said else {}
 
 
 def _scale(path: str | os.PathLike[str], values: dict[str, list[str]]) -> np.ndarray:
@@ -191,6 +208,13 @@ def _numbers(path: str | os.PathLike[str], key: str, value: str, count: int) -> 
     if len(words) != count or not all(map(_NUMBER.fullmatch, words)):
         raise FormatError(path, FORMAT, f"{key} line", f"{count} number(s)", repr(value[:40]), _MEND)
     return np.array([float(word) for word in words])
+
+
+def _position_of(attributes: Mapping[str, str]) -> dict[str, str]:
+    """The texts of latitude and longitude where both are numbers that a line can hold; else none."""
+    position = {name: attributes.get(name, "") for name in ("latitude", "longitude")}
+    numbers = all(map(_NUMBER.fullmatch, position.values()))
+    return position if numbers and len(gps.of_texts(position)) == 2 else {}
 
 
 def _variable_of(name: str, value: str) -> str:

@@ -35,7 +35,7 @@ _RUNS, _RUN = 64, 1024  # runs of values, evenly spread, and values in each, tha
 _SMALLEST, _LARGEST = 2.0**-40, 2.0**40
 _MOST = 0.9  # of the values that are not 0
 # A guess is clear where all but stray values make sense in one order and less than half in the other, and where there
-# are so many that chance cannot do it: 0.3^16 is 4e-9.
+# are so many that chance cannot do it (0.3^16 is 4e-9) or no value is a number in the other, as of ½, 1 and 2.
 _CLEAR, _UNCLEAR, _MANY = 0.99, 0.5, 16
 
 
@@ -201,12 +201,20 @@ def _order(path: str | os.PathLike[str], values: np.ndarray) -> str:
     (guess,) = orders
     (other,) = shares.keys() - {guess}
     different = len(np.unique(bits[bits != 0]))
-    if shares[guess] < _CLEAR or shares[other] >= _UNCLEAR or different < _MANY:
-        told = f"{shares[guess]:.0%} of {different} different values make sense so, {shares[other]:.0%} in the other"
+    few = different < _MANY and _any_number(bits if other == "little" else bits.byteswap())
+    if shares[guess] < _CLEAR or shares[other] >= _UNCLEAR or few:
+        sense = f"{shares[guess]:.0%} make sense so, {shares[other]:.0%} the other way"
+        told = f"of its values, {different} different ones, {sense}"
         warnings.warn(
             f'{path}: {guess}-endian by a guess: {told}; give float_order="{guess}" or "{other}"', stacklevel=5
         )
     return guess
+
+
+def _any_number(bits: np.ndarray) -> bool:
+    """Whether any value is a normal number, not 0, infinite, NaN, or so small that floats lose digits."""
+    exponents = bits >> 23 & 255
+    return bool(np.any((exponents > 0) & (exponents < 255)))
 
 
 def _sensible(values: np.ndarray) -> list[str]:

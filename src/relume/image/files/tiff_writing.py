@@ -1,4 +1,7 @@
-"""A TIFF of one picture, written: its tags, then its strips. BigTIFF where 4 GiB do not suffice. EXIF is one of none."""
+"""A TIFF of one picture, written: its tags, then its strips. BigTIFF where 4 GiB do not suffice.
+
+EXIF in other formats is a TIFF of tags alone.
+"""
 
 from __future__ import annotations
 
