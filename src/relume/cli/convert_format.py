@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -129,6 +130,8 @@ def change_format(
     image = cut(image, rectangle)
     if not isinstance(image, RadianceMap):
         files.write(out, image)
+        if held := _blocks_of_others(path):
+            warnings.warn(f"{out}: does not keep the {' and '.join(held)} of {path.name}", stacklevel=2)
         told = {"written": [str(out)], "size": list(image.size), "bits": 8 * image.pixels.itemsize}
         return {**told, "kept": kept_codes(image, files.read_photograph(out, reading))}
     image = exposed(light_only(path, image, True) if clamp else image, stops)
@@ -138,6 +141,14 @@ def change_format(
     told = {"written": [str(out)], "format": files.subtype(out, again), "size": list(image.size), "unit": image.unit}
     near = kept(image, back)
     return {**told, **({} if near["exact"] else _audited(image, back)), "kept": near}
+
+
+def _blocks_of_others(path: Path) -> list[str]:
+    """Blocks of metadata in a photograph that relume does not carry over, by their marks near its beginning."""
+    with open(path, "rb") as file:
+        head = file.read(2**20)
+    marks = {"XMP": (b"http://ns.adobe.com/xap/1.0/", b"<x:xmpmeta"), "IPTC": (b"Photoshop 3.0\0", b"8BIM\x04\x04")}
+    return [name for name, known in marks.items() if any(mark in head for mark in known)]
 
 
 def _audited(before: RadianceMap, after: RadianceMap) -> dict[str, object]:
@@ -171,8 +182,6 @@ def cut(image: RadianceMap | Photograph, rectangle: tuple[int, int, int, int] | 
 
 def exposed(picture: RadianceMap, stops: float) -> RadianceMap:
     """The map brightened; what was calibrated no longer is, and a warning says so."""
-    import warnings
-
     from relume.image.arithmetic import multiplied
 
     if not abs(stops) <= 100:

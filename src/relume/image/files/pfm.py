@@ -119,7 +119,7 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: PFM = PFM(
         raise ValueError(f"the map is {width} x {height} pixels; a .pfm file holds at least one")
     if encoding.grey and (coloured := sum(_coloured(row) for row in radiance)):
         raise ValueError(
-            f"{coloured} of {width * height} pixels have channels that differ, which grey cannot hold; leave --as grey out"
+            f"{coloured} of {width * height} pixels have channels that differ, which grey cannot hold; write colour"
         )
     warn_of_losses(path, image, (), unit=False)
     kind, scale = "Pf" if encoding.grey else "PF", "1.0" if encoding.big_endian else "-1.0"
