@@ -314,7 +314,7 @@ def test_codes_that_no_colour_has_are_neutral_and_told(tmp_path):
         (24, (1, math.inf, 0), "1 of 2 pixels are NaN or infinite"),
         (16, (0, 0, -math.inf), "1 of 2 pixels are NaN or infinite"),
         (32, (2e19, 2e19, 2e19), r"brighter than 1\.845e\+19.*write \.exr"),
-        (24, (16.5, 16.5, 16.5), r"brighter than 16.*lower its exposure, or write LogLuv\(bits=32\)"),
+        (24, (16.5, 16.5, 16.5), r"brighter than 16.*lower its exposure, or write 32 bits \(--as logluv32\)"),
         (24, (-0.1, -0.1, -0.1), "negative luminance"),
     ],
 )
@@ -332,7 +332,11 @@ def test_what_no_code_holds_is_refused(tmp_path, bits, pixel, message):
     ("bits", "pixel", "message"),
     [
         (32, (1e-25, 1e-25, 1e-25), "1 of 2 pixels are darker than 5.421e-20 and become 0"),
-        (24, (1e-4, 1e-4, 1e-4), r"1 of 2 pixels are darker than 0.0002441 and become 0; write LogLuv\(bits=32\)"),
+        (
+            24,
+            (1e-4, 1e-4, 1e-4),
+            r"1 of 2 pixels are darker than 0.0002441 and become 0; write 32 bits \(--as logluv32\)",
+        ),
         (24, (-2, 1, -2), "1 of 2 pixels have a colour that LogLuv does not hold"),
         (32, (-2, 1, -2), "1 of 2 pixels have a colour that LogLuv does not hold"),
         (16, (1, 2, 1), "1 of 2 pixels have a colour, of which 16 bits keep nothing"),

@@ -34,10 +34,11 @@ def picture(path: str | os.PathLike[str], parts: list[Part]) -> tuple[Part, str]
 def left_out(part: Part, prefix: str, parts: list[Part]) -> tuple[list[str], list[str]]:
     """Names of the parts, and of the channels of `part`, that are neither the picture nor known of beside it.
 
-    Our own variance and marks are read, alpha and other views have warnings of their own.
+    Our own variance and marks are read, and the confidence of a probe is no light; alpha and other views have warnings
+    of their own.
     """
     others = _all_views(parts).keys() - {_view(part, prefix)}
-    ours = ("variance", "clipped") if part.name == "radiance" else ()
+    ours = ("variance", "clipped", "confidence") if part.name == "radiance" else ()
     beside = [
         other.name
         for other in parts

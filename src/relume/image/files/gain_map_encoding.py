@@ -41,6 +41,7 @@ _SAMPLES = 65536  # pixels by which offsets are chosen
 _OFFSETS = tuple(2.0**-power for power in range(6, 21, 2))  # from that of Ultra HDR 1.1, 1/64, to its square and less
 _GAMMAS = (1.0, 0.75, 0.5, 0.375, 0.25)  # fractions that both forms hold exactly
 _LEAST = 1e-6  # stops
+_GOOD = 0.05  # of luminance: what is aimed at, however much more is accepted
 _BETTER = (98, 100)  # qualities of the gain map's JPEG that are tried where the picture's own loses too much
 _MOST_PACKET = 60000  # bytes; the segment holds 65,533 with the directory
 _HIGHEST = 63.0  # stops above the base's white: a gain of 64 is the most there is, and of 2¹²⁸ the squares are infinite
@@ -119,9 +120,9 @@ def encoded(path: str | os.PathLike[str], image: RadianceMap, encoding: GainMap)
         codes = _decoded(map_jpeg)
         given = Pictures(base, codes, icc_profile.srgb().curves, REC709, REC709, metadata)
         losses = _losses(given, pixels, scale)
-        if max(losses.most, losses.whole) <= encoding.tolerance:
+        if max(losses.most, losses.whole) <= min(encoding.tolerance, _GOOD):
             break
-    else:
+    if max(losses.most, losses.whole) > encoding.tolerance:
         raise ValueError(
             f"{path}: a gain map would be off by {_share(losses.most)} of the luminance in 1 of 100 pixels, and by "
             f"{_share(losses.whole)} in their sum, where {_share(encoding.tolerance)} is accepted: the picture spans "

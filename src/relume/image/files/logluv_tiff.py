@@ -191,11 +191,11 @@ def _words(path: str | os.PathLike[str], radiance: np.ndarray, bits: int, scale:
 
     doubts = np.sum(in_threads(encode, len(pixels)), axis=0).tolist()
     most, least = scale * 2.0 ** (levels.codes / levels.steps - levels.lowest), scale * 2.0**-levels.lowest
-    wider = "write LogLuv(bits=32)" if bits == 24 else "write .exr"
+    wider = "write 32 bits (--as logluv32)" if bits == 24 else "write .exr"
     for doubt, what, remedy in (
         (kernels.NOT_FINITE, "are NaN or infinite", "write .exr"),
         (kernels.TOO_BRIGHT, f"are brighter than {most:.4g}", f"lower its exposure, or {wider}"),
-        (kernels.NEGATIVE, "have a negative luminance", "write LogLuv(bits=32)"),
+        (kernels.NEGATIVE, "have a negative luminance", "write 32 bits (--as logluv32)"),
     ):
         if doubts[doubt]:
             raise ValueError(
@@ -203,7 +203,7 @@ def _words(path: str | os.PathLike[str], radiance: np.ndarray, bits: int, scale:
             )
     for doubt, what in (
         (kernels.TOO_DARK, f"are darker than {least:.4g} and become 0; {wider} to keep them"),
-        (kernels.COLOURED, "have a colour, of which 16 bits keep nothing; write LogLuv(bits=32)"),
+        (kernels.COLOURED, "have a colour, of which 16 bits keep nothing; write 32 bits (--as logluv32)"),
         (kernels.NO_SUCH_COLOUR, "have a colour that LogLuv does not hold, and get the nearest; .exr keeps it"),
     ):
         if doubts[doubt] and not (doubt == kernels.COLOURED and bits != 16):

@@ -105,7 +105,7 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: RawFloat =
     warn_of_losses(path, image, (), unit=False)
     if width != height:
         warnings.warn(
-            f"{path}: does not tell its size; to read it again give float_size=({width}, {height})", stacklevel=3
+            f"{path}: does not tell its size; to read it again give it, --float-size {width}x{height}", stacklevel=3
         )
     number = ">f4" if encoding.big_endian else "<f4"
     packer = zlib.compressobj(_LEVEL, wbits=_WINDOW) if _is_packed(path) else None
@@ -159,7 +159,9 @@ def _shape(path: str | os.PathLike[str], there: int, reading: Reading) -> tuple[
         return side, side, 1
     shared = f"{values} pixels of one channel" if values % 3 else f"{values // 3} pixels of three channels"
     shared += f", or {values} of one" if values % 3 == 0 and math.isqrt(values) ** 2 == values else ""
-    raise UnreadableFile(f"{path}: {shared}, no square, and nothing tells the shape; give float_size=(width, height)")
+    raise UnreadableFile(
+        f"{path}: {shared}, no square, and nothing tells the shape; give it, --float-size WIDTHxHEIGHT"
+    )
 
 
 def _unpack(path: str | os.PathLike[str], file: BinaryIO, data: memoryview) -> int:
@@ -197,7 +199,10 @@ def _order(path: str | os.PathLike[str], values: np.ndarray) -> str:
     if len(orders) != 1:
         which = "both byte orders" if orders else "neither byte order"
         packed = " (.gz is for gzipped ones)" if values[:1].tobytes().startswith(_GZIP) else ""
-        raise UnreadableFile(f'{path}: its values make sense in {which}{packed}; give float_order="little" or "big"')
+        sense = " and ".join(f"{share:.0%} as {order}-endian" for order, share in shares.items())
+        raise UnreadableFile(
+            f"{path}: its values make sense in {which} ({sense}){packed}; give --float-order little or big"
+        )
     (guess,) = orders
     (other,) = shares.keys() - {guess}
     different = len(np.unique(bits[bits != 0]))
@@ -205,9 +210,7 @@ def _order(path: str | os.PathLike[str], values: np.ndarray) -> str:
     if shares[guess] < _CLEAR or shares[other] >= _UNCLEAR or few:
         sense = f"{shares[guess]:.0%} make sense so, {shares[other]:.0%} the other way"
         told = f"of its values, {different} different ones, {sense}"
-        warnings.warn(
-            f'{path}: {guess}-endian by a guess: {told}; give float_order="{guess}" or "{other}"', stacklevel=5
-        )
+        warnings.warn(f"{path}: {guess}-endian by a guess: {told}; give --float-order {guess} or {other}", stacklevel=5)
     return guess
 
 
