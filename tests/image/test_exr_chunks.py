@@ -30,7 +30,9 @@ def test_a_cut_file_names_the_first_row_that_is_missing(tmp_path, numbered):
     data = scan_lines(7, 5, [("Y", np.ascontiguousarray(numbered[..., 0]), 1)])
     path = tmp_path / "a.exr"
     path.write_bytes(data[:-1])
-    with pytest.raises(FormatError, match=r"row 4: expected 5 chunks of pixels, found 4; .*or salvage what is there$"):
+    with pytest.raises(
+        FormatError, match=r"row 4: expected 5 chunks of pixels, found 4; .*or salvage what is there \(--salvage\)$"
+    ):
         read_radiance(path)
     with pytest.warns(UserWarning, match="ends early; pixels of 1 of 5 rows are missing, and 0, marked as outside"):
         image = read_radiance(path, SALVAGE)

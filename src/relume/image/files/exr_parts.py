@@ -27,7 +27,7 @@ from relume.errors import FormatError, OutputNotWritten
 from relume.image.files import exr_chunks
 from relume.image.files.atomic import replacing
 from relume.image.files.exr_header import Headers, read_headers, refuse_beyond
-from relume.image.files.reading import Reading
+from relume.image.files.reading import OR_SALVAGE, Reading
 from relume.image.files.signatures import one_line
 
 if TYPE_CHECKING:
@@ -63,10 +63,8 @@ def read_parts(path: str | os.PathLike[str], reading: Reading = Reading()) -> li
     lost = exr_chunks.first_missing(headers, chunks)
     if lost and (not reading.salvage or lost[1] == lost[2]):
         where, missing, number = lost
-        remedy = "copy it again from where it came"
-        if missing < number:
-            remedy += ", or salvage what is there"
-        raise FormatError(path, "EXR", where, f"{number} chunks of pixels", f"{number - missing}", remedy)
+        told = (path, "EXR", where, f"{number} chunks of pixels", f"{number - missing}")
+        raise FormatError(*told, *([OR_SALVAGE] if missing < number else []))
     _warn_of_contradiction(path, headers)
     if lost or any(header.foreign for header in headers.parts):
         with exr_chunks.mended(path, headers, chunks, end) as copy:

@@ -16,7 +16,7 @@ from relume.errors import FormatError, UnreadableFile
 from relume.image.files.attributes import warn_of_losses
 from relume.image.files.encodings import FloatTIFF
 from relume.image.files.orientation import UPRIGHT
-from relume.image.files.reading import Reading
+from relume.image.files.reading import OR_SALVAGE, Reading
 from relume.image.files.tiff_attributes import attributes_of, primaries_of, scale_of, tags_of
 from relume.image.files.tiff_folders import Folder, read_folders
 from relume.image.files.tiff_layout import LZW, NONE, OLD_ZIP, ORIENTATION, PACKBITS, ZIP, Layout, layout_of, pages_of
@@ -43,7 +43,7 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Radiance
     rows = layout.rows_within(size)
     if rows < layout.height and not reading.salvage:
         found = f"the end of the file, after {rows} of {layout.height} rows"
-        raise FormatError(path, "TIFF", f"byte {size}", "more pixels", found, "read it with salvage, or copy it again")
+        raise FormatError(path, "TIFF", f"byte {size}", "more pixels", found, OR_SALVAGE)
     pixels = _pixels(path, folder, layout, rows)
     scale = scale_of(path, folder)
     if scale not in (None, 1):

@@ -15,7 +15,7 @@ import numpy as np
 from relume.errors import FormatError
 from relume.image.files.logluv_blocks import FORMAT, Blocks, span
 from relume.image.files.logluv_gamut import CODES
-from relume.image.files.reading import Reading
+from relume.image.files.reading import OR_SALVAGE, Reading
 
 _WORDS = 2**16  # of a piece of work: 256 KiB, which stay in a core's own cache
 
@@ -112,7 +112,7 @@ def find(path: str | os.PathLike[str], blocks: Blocks, reading: Reading) -> Rows
         if filled > blocks.block_width:
             raise FormatError(path, FORMAT, where, expected, f"a run that makes them {filled}")
         if not reading.salvage:
-            raise FormatError(path, FORMAT, where, expected, f"{filled} until the end of its block")
+            raise FormatError(path, FORMAT, where, expected, f"{filled} until the end of its block", OR_SALVAGE)
     return Rows(blocks, data, places, firsts)
 
 

@@ -23,7 +23,7 @@ from relume.errors import FormatError, UnreadableFile
 from relume.image.files.atomic import replacing
 from relume.image.files.attributes import warn_of_losses
 from relume.image.files.encodings import PFM
-from relume.image.files.reading import Reading, refuse_absurd_amount, refuse_absurd_size
+from relume.image.files.reading import OR_SALVAGE, Reading, refuse_absurd_amount, refuse_absurd_size
 from relume.image.radiance import OUTSIDE, RadianceMap
 
 _HEADER = 2**14  # bytes in which a header ends; with comments, which Debevec's has not, but some readers take
@@ -173,11 +173,13 @@ def _start(path: str | os.PathLike[str], file: BinaryIO, header: _Header, size: 
 
 def _refuse_short(path: str | os.PathLike[str], header: _Header, size: int, start: int) -> None:
     there, needed = max(0, size - start), header.row * header.height
-    raise _damaged(
+    raise FormatError(
         path,
+        "PFM",
         f"byte {size}",
         f"{needed} bytes of pixels from byte {start} on",
         f"the end of the file after {there} of them, {there // header.row} of {header.height} rows",
+        OR_SALVAGE,
     )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from relume.errors import FormatError
 from relume.image.files.radiance_header import FORMAT
+from relume.image.files.reading import OR_SALVAGE
 from relume.image.primaries import mixed
 
 _STEPS = {"-Y": 1, "+Y": -1, "+X": 1, "-X": -1}  # our rows go down, our columns right
@@ -125,4 +126,7 @@ def _refuse_damage(
         kernels.NOTHING_TO_REPEAT: ("the first pixel of the line", "a run that repeats it"),
         kernels.OTHER_LENGTH: (f"a line of {length} pixels", "the mark of another length"),
     }[why]
-    raise FormatError(path, FORMAT, f"scan line {line + 1} of {lines}, byte {place}", expected, found)
+    where = f"scan line {line + 1} of {lines}, byte {place}"
+    if why == kernels.ENDS_EARLY and line > 0:
+        raise FormatError(path, FORMAT, where, expected, found, OR_SALVAGE)
+    raise FormatError(path, FORMAT, where, expected, found)

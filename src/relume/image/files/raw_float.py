@@ -22,7 +22,7 @@ from relume.errors import FormatError, UnreadableFile
 from relume.image.files.atomic import replacing
 from relume.image.files.attributes import warn_of_losses
 from relume.image.files.encodings import RawFloat
-from relume.image.files.reading import Reading, refuse_absurd_amount, refuse_absurd_size
+from relume.image.files.reading import OR_SALVAGE, Reading, refuse_absurd_amount, refuse_absurd_size
 from relume.image.radiance import OUTSIDE, RadianceMap
 
 _GZIP = b"\x1f\x8b\x08"  # RFC 1952, which knows no other method than 8
@@ -59,7 +59,9 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Radiance
     rows = found // (4 * channels * width)
     if rows == 0 or (rows < height and not reading.salvage):
         what = "raw float in gzip" if _is_packed(path) else "raw float"
-        raise FormatError(path, what, f"byte {found} of the pixels", f"{len(data)} bytes", "the end of the file")
+        raise FormatError(
+            path, what, f"byte {found} of the pixels", f"{len(data)} bytes", "the end of the file", OR_SALVAGE
+        )
     order = reading.float_order or _order(path, values[:rows].reshape(-1))
     if (order == "little") != (np.dtype("<f4") == np.float32):
         values[:rows].byteswap(inplace=True)

@@ -12,6 +12,8 @@ from typing import Literal
 
 from relume.errors import UnreadableFile
 
+OR_SALVAGE = "copy it again from where it came, or salvage what is there (--salvage)"
+"""What to do about a file that ends early."""
 _SMALL = 2**26  # bytes decoded; below, no ratio is absurd
 
 
