@@ -28,7 +28,7 @@ def picture(path: str | os.PathLike[str], parts: list[Part]) -> tuple[Part, str]
                         )
                     return part, prefix
     held = _listed(sorted({name for part in parts for name in part.channels}))
-    raise UnreadableFile(f"{path}: holds the channels {held}; relume needs R, G and B, or Y: save that layer on its own")
+    raise UnreadableFile(f"{path}: holds the channels {held}; relume needs R, G and B, or Y: save that on its own")
 
 
 def left_out(part: Part, prefix: str, parts: list[Part]) -> tuple[list[str], list[str]]:
