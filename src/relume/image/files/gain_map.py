@@ -100,13 +100,13 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: GainMap = 
     """Write a JPEG with a gain map, and say in a warning how much luminance it loses.
 
     The base is the picture at `encoding.exposure`, its highlights rolled off. Where `encoding.quality` loses more than
-    is accepted, the gain map alone is written at 98 or 100. Black stays black but for the least step of gain; the
+    5 %, the gain map alone is written at 98 or 100. Black stays black but for the least step of gain; the
     warning tells what it becomes. Other programs may stop at 10,000 cd/m² for a base white of 203 (libultrahdr does).
     Attributes named "unit" and "gain_map_scale" are not kept: the file has its own.
 
     Raises ValueError for negative, NaN and infinite pixels (counted), for a picture so bright or dark that its base is
-    more than 100 stops away, and where more than `encoding.tolerance` of the
-    luminance is lost in more than one pixel of a hundred or in all together; OutputNotWritten.
+    more than 100 stops away, and where more than `encoding.tolerance` of the luminance is lost in more than one pixel
+    of a hundred or in all together; OutputNotWritten.
     """
     from relume.image.files import gain_map_encoding
 
