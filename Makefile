@@ -8,7 +8,7 @@ demo: $(READY)            ## insert the objects of examples/room and say where t
 	$(VENV)/bin/relume demo -o out/demo
 
 test: $(READY)            ## the whole suite
-	$(VENV)/bin/pytest -q -n 2 --dist loadfile
+	$(VENV)/bin/pytest -q -n 2 --dist loadfile --no-loadscope-reorder
 
 check: $(READY)           ## style and types
 	$(VENV)/bin/ruff check .
