@@ -77,8 +77,9 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Photogra
     reading : limits, and how what a file leaves open is understood
     Raises UnreadableFile, in one line, for anything missing, damaged or beyond the limits.
     """
-    image = _read(path, kind_of(path), reading)
-    if isinstance(image, Photograph) and _has_gain_map(path):
+    kind = kind_of(path)
+    image = _read(path, kind, reading)
+    if _has_gain_map(path, kind):
         warnings.warn(
             f"{path}: only its base picture is read, though it has a gain map too; read_radiance gives its light",
             stacklevel=2,
@@ -99,7 +100,7 @@ def read_photograph(path: str | os.PathLike[str], reading: Reading = Reading()) 
 def read_radiance(path: str | os.PathLike[str], reading: Reading = Reading()) -> RadianceMap:
     """The radiance map in a file, also that of a JPEG with a gain map; raises UnreadableFile for a photograph."""
     kind = kind_of(path)
-    if kind == "JPEG" and _has_gain_map(path):
+    if _has_gain_map(path, kind):
         return _decoded(path, "gain_map", reading)
     if kind in ("JPEG", "PNG", "TIFF"):
         raise UnreadableFile(
@@ -112,13 +113,16 @@ def read_radiance(path: str | os.PathLike[str], reading: Reading = Reading()) ->
 
 def has_radiance(path: str | os.PathLike[str]) -> bool:
     """Whether `read_radiance` would find any: not in a photograph without a gain map; raises UnreadableFile."""
-    return kind_of(path) not in ("JPEG", "PNG", "TIFF") or _has_gain_map(path)
+    kind = kind_of(path)
+    return kind not in ("JPEG", "PNG", "TIFF") or _has_gain_map(path, kind)
 
 
-def _has_gain_map(path: str | os.PathLike[str]) -> bool:
+def _has_gain_map(path: str | os.PathLike[str], kind: str) -> bool:
+    if kind != "JPEG":
+        return False
     from relume.image.files import gain_map
 
-    return kind_of(path) == "JPEG" and gain_map.is_present(path)
+    return gain_map.is_present(path)
 
 
 def _read(path: str | os.PathLike[str], kind: str, reading: Reading) -> Photograph | RadianceMap:
@@ -241,7 +245,7 @@ def read_layers(path: str | os.PathLike[str], reading: Reading = Reading()) -> d
 def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
     """The variety of a file's format in a few words, from its header: "half, PIZ, tiled"; raises UnreadableFile."""
     kind = kind_of(path)
-    module = "gain_map" if kind == "JPEG" and _has_gain_map(path) else _READERS.get(kind)
+    module = "gain_map" if _has_gain_map(path, kind) else _READERS.get(kind)
     return "" if module is None else import_module(f"relume.image.files.{module}").subtype(path, reading)
 
 
