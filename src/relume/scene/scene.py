@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
+from relume.scene.distant import Distant, Infinite, Point
 from relume.scene.lights import Light
 from relume.scene.shapes import Shape, Solid
 from relume.sphere.illumination import IlluminationMap
@@ -14,16 +15,20 @@ from relume.sphere.illumination import IlluminationMap
 class Scene:
     """What a renderer renders.
 
-    light : the distant scene, at infinity
+    light : the distant scene, as `probe` sees it
     local : real surfaces that the objects affect
     objects : what is added; a renderer's matte is their coverage
     lights : others than the distant scene
+    distant : onto what the light is projected; at infinity, where every place sees the same, unless given
+    probe : where the light was measured, metres, world; means nothing for a distant scene at infinity
     """
 
     light: IlluminationMap
     local: tuple[Shape, ...] = ()
     objects: tuple[Solid, ...] = ()
     lights: tuple[Light, ...] = ()
+    distant: Distant = Infinite()
+    probe: Point = (0.0, 0.0, 0.0)
 
     def adding(self, *objects: Solid) -> Scene:
         """The same scene with more objects."""
