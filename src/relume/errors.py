@@ -13,6 +13,8 @@
     ├── InvalidShot         the shot file has an unknown key, a missing one or a wrong value
     ├── InvalidScene        the scene file has an unknown key, a missing one or a wrong value
     ├── UnsupportedScene    a renderer was given something it cannot render
+    ├── CannotResume        what an interrupted render kept belongs to another render
+    ├── Interrupted         a long job was stopped from outside; what was done is kept
     ├── DoubtfulResult      all was done and written, but the result should not be used unseen
     └── OutputNotWritten    a file or folder could not be written
 
@@ -92,6 +94,34 @@ class InvalidScene(RelumeError):
 
 class UnsupportedScene(RelumeError):
     """A renderer was given something it cannot render."""
+
+
+class CannotResume(RelumeError):
+    """What an interrupted render kept belongs to another render; the message names what differs."""
+
+
+class Interrupted(RelumeError):
+    """A long job was stopped from outside, by Ctrl-C or a request to end; what was done is kept.
+
+    passes, of : how many of how many passes are done
+    signal : the number of the signal that stopped it, 2 for Ctrl-C and 15 for a request to end
+    kept : where what was done lies, or None where nothing was kept
+    """
+
+    def __init__(self, passes: int, of: int, signal: int, kept: object | None) -> None:
+        state = (
+            f"{passes} of {of} passes are kept in {kept}; give the same command again" if kept else "nothing is kept"
+        )
+        super().__init__(f"interrupted; {state}")
+        self.passes, self.of, self.signal, self.kept = passes, of, signal, kept
+
+    @property
+    def exit_code(self) -> int:
+        """What a shell expects of a program that a signal ended: 130 after Ctrl-C, 143 after SIGTERM."""
+        return 128 + self.signal
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        return Interrupted, (self.passes, self.of, self.signal, self.kept)
 
 
 class DoubtfulResult(RelumeError):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from relume.scene.camera import Camera
+from relume.scene.distortion import Distortion
 from relume.sphere.directions import rotation_about
 
 ASKEW = Camera(7, 5, 9.0, np.array([1.0, 2.0, 3.0]), rotation_about([1, -2, 0.5], 2.1))
@@ -57,3 +58,43 @@ def test_looking_at_puts_the_target_in_the_middle_with_a_level_horizon():
 def test_an_impossible_camera_is_refused_with_its_numbers(width, height, focal):
     with pytest.raises(ValueError, match=f"{width}×{height} pixels and focal length {focal}"):
         Camera(width, height, focal, np.zeros(3), np.eye(3))
+
+
+def test_the_principal_point_is_where_the_axis_meets_the_picture():
+    camera = Camera(8, 6, 10.0, np.zeros(3), np.eye(3), centre=(3.0, 4.5))
+    assert camera.project(np.array([0, 0, -5.0])).tolist() == [3, 4.5]
+    assert camera.project(np.array([1.0, 1.0, -5.0])).tolist() == [5, 2.5]  # f X/Z = 2 to the right and up
+    np.testing.assert_allclose(camera.rays_through(np.array([3.0, 4.5])), [0, 0, -1], atol=1e-15)
+    np.testing.assert_allclose(camera.project(camera.rays()), pixel_centres(camera), atol=1e-12)
+    assert camera.principal_point == (3.0, 4.5) and ASKEW.principal_point == (3.5, 2.5)
+
+
+def test_a_resized_camera_sees_the_same_through_other_pixels():
+    camera = Camera(8, 6, 10.0, np.zeros(3), np.eye(3), centre=(3.0, 4.5), distortion=Distortion(k1=-0.1), focus=2.0)
+    points = np.array([[0.1, 0.2, -1.0], [-0.2, 0.1, -1.0]])
+    np.testing.assert_allclose(camera.resized(24, 18).project(points), 3 * camera.project(points), rtol=1e-14)
+    # Two rows more above and below.
+    np.testing.assert_allclose(
+        camera.resized(8, 10).project(points), camera.project(points) + np.array([0, 2]), rtol=1e-14
+    )
+    assert ASKEW.resized(14, 10).focal_length == 18 and ASKEW.resized(14, 10).centre is None
+    assert camera.resized(24, 18).focus == 2.0
+
+
+def test_a_pinhole_is_the_same_camera_without_distortion():
+    camera = Camera(8, 6, 10.0, np.zeros(3), np.eye(3), (3.0, 4.5), Distortion(k1=-0.1), aperture=0.01, focus=2.0)
+    assert camera.pinhole().distortion is None
+    assert (camera.pinhole().centre, camera.pinhole().aperture, camera.pinhole().focus) == ((3.0, 4.5), 0.01, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"centre": (1.0, float("nan"))}, "principal point is"),
+        ({"aperture": -0.1}, "aperture -0.1 and focus inf"),
+        ({"focus": 0.0}, "aperture 0.0 and focus 0.0"),
+    ],
+)
+def test_an_impossible_lens_is_refused_with_its_numbers(change, message):
+    with pytest.raises(ValueError, match=message):
+        Camera(8, 6, 10.0, np.zeros(3), np.eye(3), **change)

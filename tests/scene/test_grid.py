@@ -1,6 +1,7 @@
 """The camera's pose from a photographed board: photographs computed through a known camera give it back."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,8 @@ from relume.errors import GridNotFound
 from relume.image.files import read_photograph
 from relume.image.photograph import Photograph
 from relume.scene.camera import Camera
-from relume.scene.grid import camera_from_grid
+from relume.scene.distortion import Distortion
+from relume.scene.grid import camera_from_grid, fit_corners, fit_grid
 
 ROOM = Path(__file__).resolve().parents[3] / "shared" / "shoots" / "room"
 SQUARE, SQUARES = 0.03, (9, 6)
@@ -29,9 +31,7 @@ def camera_at(azimuth, elevation, target=(0.01, 0, -0.02)):
 
 def photograph_of_the_board(camera, cells=4, **details):
     """Every pixel is the mean of cells × cells rays: black and white squares on a light table."""
-    fine = Camera(
-        camera.width * cells, camera.height * cells, camera.focal_length * cells, camera.position, camera.rotation
-    )
+    fine = camera.resized(camera.width * cells, camera.height * cells)
     rays = fine.rays()
     points = fine.position - (fine.position[1] / rays[..., 1])[..., None] * rays
     x, z = points[..., 0] / SQUARE, points[..., 2] / SQUARE
@@ -128,3 +128,117 @@ def test_the_camera_of_the_room_shoot_is_found_within_three_millimetres():
     ours_from_theirs = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
     turned = found.rotation.T @ (ours_from_theirs @ pose)
     assert np.degrees(np.arccos((np.trace(turned) - 1) / 2)) < 0.15  # 3 mm at 1.2 m
+
+
+def board_seen_by(camera, noise=0.0, seed=0, columns=8, rows=5, square=SQUARE):
+    """The board's inner corners (rows, columns, 2) as the camera has them, with noise of a standard deviation."""
+    x, z = (np.arange(columns) - (columns - 1) / 2) * square, (np.arange(rows) - (rows - 1) / 2) * square
+    corners = camera.project(np.stack(np.broadcast_arrays(x[None, :], 0.0, z[:, None]), -1))
+    return corners + np.random.default_rng(seed).normal(0, noise, corners.shape)
+
+
+def angle_between(first, second):
+    return np.arccos(np.clip((np.trace(first.rotation.T @ second.rotation) - 1) / 2, -1, 1))
+
+
+BARREL = Distortion(-0.25, 0.08, 0.002, -0.001, 0.01)
+
+
+@pytest.mark.parametrize(("centre", "distortion"), [(None, None), ((230.0, 190.0), None), ((230.0, 190.0), BARREL)])
+def test_exact_corners_give_back_the_camera_through_any_known_lens(centre, distortion):
+    true = replace(camera_at(20, 35), centre=centre, distortion=distortion)
+    fit = fit_corners(
+        board_seen_by(true), (480, 360), square=SQUARE, focal_length=720.0, centre=centre, distortion=distortion
+    )
+    assert np.linalg.norm(fit.camera.position - true.position) < 1e-8 and angle_between(fit.camera, true) < 1e-7
+    assert fit.residual is not None and fit.residual < 1e-6 and len(fit.points) == 40
+    assert (fit.camera.centre, fit.camera.distortion) == (centre, distortion)
+
+
+def test_the_residual_is_that_of_the_noise():
+    true = camera_at(20, 35)
+    noise, fits = 0.3, []
+    for seed in range(20):
+        fits.append(fit_corners(board_seen_by(true, noise, seed), (480, 360), square=SQUARE, focal_length=720.0))
+    # 80 coordinates less 6 unknowns; the mean of 20 such roots deviates by 0.3·√(74/80)·√2/√(2·74·20) ≈ 2 %.
+    expected = noise * np.sqrt(2 * 74 / 80)
+    assert np.mean([fit.residual for fit in fits]) == pytest.approx(expected, rel=0.08)
+    assert all(fit.worst > fit.residual for fit in fits)
+    np.testing.assert_allclose(fits[0].camera.project(CORNERS.reshape(8, 5, 3).transpose(1, 0, 2).reshape(-1, 3)),
+                               fits[0].points + fits[0].offsets, atol=1e-9)  # fmt: skip
+
+
+def test_a_photographed_board_behind_a_distorting_lens_gives_back_the_camera():
+    true = replace(camera_at(20, 40), distortion=Distortion(k1=-0.4))
+    photograph = photograph_of_the_board(true)
+    fit = fit_grid(photograph, squares=SQUARES, square=SQUARE, focal_length=720.0, distortion=true.distortion)
+    corners = fit.points.reshape(5, 8, 2)
+    assert np.linalg.norm(fit.camera.position - true.position) < 0.002
+    assert fit.residual is not None and fit.worst is not None and fit.residual < 0.05 and fit.worst < 0.15
+    blind = fit_corners(corners, (480, 360), square=SQUARE, focal_length=720.0)
+    assert blind.residual is not None and blind.residual > 2 * fit.residual
+
+
+def test_a_slanted_board_tells_the_focal_length_with_its_uncertainty():
+    true = replace(camera_at(35, 30, target=(0, 0, 0)), position=camera_at(35, 30, target=(0, 0, 0)).position * 0.6)
+    found = []
+    for seed in range(10):
+        with pytest.warns(UserWarning, match=r"from one flat board is \d+\.\d ± \d+\.\d pixels") as caught:
+            fit = fit_corners(board_seen_by(true, 0.1, seed), (480, 360), square=SQUARE, focal_length=None)
+        told = float(str(caught[0].message).split("± ")[1].split(" pixels")[0])
+        found.append((fit.camera.focal_length - 720) / told)
+        assert np.linalg.norm(fit.camera.position - true.position) < 0.03
+    # Ten draws of a unit normal: their root mean square leaves [0.4, 1.8] once in a thousand.
+    assert 0.4 < np.sqrt(np.mean(np.square(found))) < 1.8
+
+
+def test_exact_corners_give_back_focal_length_and_k1():
+    true = replace(camera_at(35, 30, target=(0, 0, 0)), distortion=Distortion(k1=-0.3))
+    with pytest.warns(UserWarning) as caught:
+        fit = fit_corners(
+            board_seen_by(true, square=0.045), (480, 360), square=0.045, focal_length=None, estimate_k1=True
+        )
+    assert fit.camera.focal_length == pytest.approx(720, rel=1e-6)
+    assert fit.camera.distortion is not None and fit.camera.distortion.k1 == pytest.approx(-0.3, abs=1e-6)
+    assert [("k1" in str(w.message), "focal length" in str(w.message)) for w in caught] == [
+        (True, False),
+        (False, True),
+    ]
+
+
+def test_a_k1_that_noise_could_have_made_is_left_out():
+    true = camera_at(20, 35)
+    with pytest.warns(UserWarning, match="not told from 0; it is left out"):
+        fit = fit_corners(board_seen_by(true, 0.1), (480, 360), square=SQUARE, focal_length=720.0, estimate_k1=True)
+    plain = fit_corners(board_seen_by(true, 0.1), (480, 360), square=SQUARE, focal_length=720.0)
+    assert fit.camera.distortion is None and np.array_equal(fit.camera.position, plain.camera.position)
+
+
+def test_a_board_seen_from_straight_above_does_not_tell_the_focal_length():
+    above = Camera(480, 360, 720.0, np.array([0, 0.8, 0]), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
+    with pytest.raises(GridNotFound, match=r"top\.jpg: the board does not tell the focal length .*give camera\.focal"):
+        fit_corners(board_seen_by(above, 0.1), (480, 360), square=SQUARE, focal_length=None, name="top.jpg")
+
+
+def test_what_contradicts_itself_is_refused():
+    with pytest.raises(ValueError, match="both a focal_length and estimate_focal_length"):
+        fit_grid(
+            photograph_of_the_board(camera_at(0, 40), 1),
+            squares=SQUARES, square=SQUARE, focal_length=720.0, estimate_focal_length=True,
+        )  # fmt: skip
+    corners, lens = board_seen_by(camera_at(0, 40)), Distortion(k1=-0.1)
+    with pytest.raises(ValueError, match="both a distortion and estimate_k1"):
+        fit_corners(corners, (480, 360), square=SQUARE, focal_length=720.0, distortion=lens, estimate_k1=True)
+    with pytest.raises(ValueError, match="a distortion without focal_length"):
+        fit_corners(corners, (480, 360), square=SQUARE, focal_length=None, distortion=lens)
+
+
+@pytest.mark.skipif(not ROOM.is_dir(), reason=f"the room shoot is not in {ROOM}")
+def test_the_room_shoot_tells_its_focal_length_and_its_residual():
+    truth = json.loads((ROOM / "truth" / "shoot.json").read_text())["plate_camera"]
+    photograph = read_photograph(ROOM / "plate_grid.jpg")
+    with pytest.warns(UserWarning, match="focal length from one flat board"):
+        fit = fit_grid(photograph, squares=SQUARES, square=SQUARE, estimate_focal_length=True)
+    focal_length = truth["width"] / 2 / np.tan(np.radians(truth["hfov_deg"]) / 2)
+    assert fit.camera.focal_length == pytest.approx(focal_length, rel=0.02)  # three of its deviations, 0.7 % each
+    assert fit.residual is not None and fit.residual < 0.15  # corners of 28 pixels in a noisy JPEG

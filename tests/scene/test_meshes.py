@@ -133,12 +133,10 @@ def test_index_of_refraction_and_transmission_are_read(written):
 @pytest.mark.parametrize(
     ("extra", "said"),
     [
-        ({"extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1}}}, "KHR_materials_clearcoat"),
         ({"extensions": {"KHR_materials_unlit": {}}}, "KHR_materials_unlit"),
-        ({"extensions": {"KHR_materials_transmission": {"transmissionTexture": {}}}}, "transmissionTexture"),
-        ({"pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 1]}, "normalTexture": {}}, "normalTexture"),
-        ({"emissiveFactor": [1, 1, 0]}, "emission"),
-        ({"alphaMode": "BLEND"}, "alpha"),
+        ({"extensions": {"KHR_materials_iridescence": {}}}, "KHR_materials_iridescence"),
+        ({"extensions": {"KHR_materials_clearcoat": {"clearcoatNormalTexture": {}}}}, "clearcoatNormalTexture"),
+        ({"extensions": {"KHR_materials_anisotropy": {"anisotropyTexture": {}}}}, "anisotropyTexture"),
     ],
 )
 def test_what_is_not_rendered_is_warned_of_by_name(written, extra, said):

@@ -2,7 +2,108 @@
 
 from __future__ import annotations
 
+import warnings
+from dataclasses import dataclass
+from typing import Protocol
+
 import numpy as np
+
+from relume.composite.mattes import solid_foreground
+from relume.render.change import Change
+
+ROUNDING = 1e-6
+"""Share of the plate's largest radiance below which a negative value is float32's own rounding."""
+
+
+class Compositing(Protocol):
+    """How a rendered change is carried over to the plate: `Additive`, `Ratio`."""
+
+    def gain(self, plate: np.ndarray) -> np.ndarray | float:
+        """Factor on the rendered difference, (H, W, 3) or one for all pixels, of a plate (H, W, 3)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Additive:
+    """Plate + (with − without), the paper's: right where the model has the plate's reflectance."""
+
+    def gain(self, plate: np.ndarray) -> float:
+        """1: the difference is added as it was rendered."""
+        return 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Ratio:
+    """Plate · with / without: a shadow takes the same share of the light everywhere.
+
+    The plate keeps its texture in the shadow, because what was rendered cancels but for the share. Right where the
+    model has the place's light and shape, but not the detail of its reflectance; wrong for what a smooth surface
+    mirrors, which does not depend on the reflectance (there `Additive` is right).
+
+    without : (H, W, 3) radiance of the local scene without the objects, of the scale of the plate
+    floor : share of the median of `without` at which ratio and addition have equal say. With the default the gain
+        plate / without is within 1 % of its own way to 1 where `without` is its median; far below the floor, where a
+        quotient would be of noise alone, the difference is added
+    Raises ValueError for a floor that is not positive.
+    """
+
+    without: np.ndarray
+    floor: float = 0.1
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.floor) and self.floor > 0):
+            raise ValueError(f"floor is {self.floor}; expected a positive share of the median of `without`")
+
+    def gain(self, plate: np.ndarray) -> np.ndarray:
+        """The g that minimizes (plate − g·without)² + floor²·(g − 1)², so it goes smoothly from the quotient to 1."""
+        if self.without.shape != plate.shape:
+            raise ValueError(f"without is {self.without.shape}; expected the plate's {plate.shape}")
+        without = np.maximum(self.without.astype(np.float64), 0)
+        lit = without[without > 0]
+        square = (self.floor * float(np.median(lit))) ** 2 if lit.size else 1.0
+        return (np.maximum(plate, 0) * without + square) / (without**2 + square)
+
+
+def composed(
+    plate: np.ndarray,
+    change: Change,
+    *,
+    mode: Compositing = Additive(),
+    occluder: np.ndarray | None = None,
+) -> np.ndarray:
+    """The plate with the objects: plate · (1 − matte) + gain · difference + objects, (H, W, 3) float32, never below 0.
+
+    plate : (H, W, 3) radiance
+    change : what the objects change, of the plate's size and scale
+    mode : `Additive()` unless given: it is the paper's, and right for mirrored as for scattered light
+    occluder : (H, W), 0 to 1, the share of each pixel that real things in front of the objects cover. With a the
+        occluder's share and F its radiance, the plate is a·F + (1 − a)·behind, and only what is behind is changed;
+        F at soft edges is that of the nearest pixels the occluder fills (`mattes.solid_foreground`)
+
+    A pixel that is neither covered nor changed, or that an occluder fills, keeps the plate's value to the bit. Warns of
+    pixels that had to be held at 0 (the paper's "LS_final negative").
+    Raises ValueError when sizes differ.
+    """
+    if not plate.shape == change.objects.shape == change.difference.shape or change.matte.shape != plate.shape[:2]:
+        raise ValueError(
+            f"plate {plate.shape}, objects {change.objects.shape}, difference {change.difference.shape} and matte "
+            f"{change.matte.shape} differ in size; render with a camera of the plate's size"
+        )
+    if occluder is not None and occluder.shape != plate.shape[:2]:
+        raise ValueError(
+            f"occluder is {occluder.shape}, the plate {plate.shape[:2]}; paint it over a picture of the plate's size"
+        )
+    gain = mode.gain(plate)
+    with np.errstate(invalid="ignore"):  # 0 · ∞ where nothing changes
+        difference = np.where(change.difference != 0, change.difference.astype(np.float64) * gain, 0.0)
+    picture, below = _joined(plate, change.objects, difference, change.matte, occluder)
+    if below:
+        warnings.warn(
+            f"{below} pixels ({100 * below / change.matte.size:.2g} %) came out below 0 and were held there: the "
+            "shadows are rendered darker than the plate is bright; check the reflectance, or composite by ratio",
+            stacklevel=2,
+        )
+    return picture
 
 
 def differential(plate: np.ndarray, with_: np.ndarray, without: np.ndarray, matte: np.ndarray) -> np.ndarray:
@@ -21,7 +122,23 @@ def differential(plate: np.ndarray, with_: np.ndarray, without: np.ndarray, matt
             "render with a camera of the plate's size"
         )
     cover = matte[..., None].astype(np.float64)
-    change = with_.astype(np.float64) - without
-    picture = cover * with_ + (1 - cover) * (plate + change)
-    touched = (cover > 0) | (change != 0)
-    return np.where(touched, np.maximum(picture, 0), plate).astype(np.float32)
+    return _joined(plate, cover * with_, (1 - cover) * (with_.astype(np.float64) - without), matte, None)[0]
+
+
+def _joined(
+    plate: np.ndarray, objects: np.ndarray, difference: np.ndarray, matte: np.ndarray, occluder: np.ndarray | None
+) -> tuple[np.ndarray, int]:
+    """The picture, and how many of its pixels were held at 0."""
+    cover = matte[..., None].astype(np.float64)
+    touched = (cover > 0) | (difference != 0)
+    if occluder is None:
+        picture = (1 - cover) * plate + (objects + difference)
+    else:
+        front = occluder[..., None].astype(np.float64)
+        # What is in front stays; of what is behind, plate − front, the objects hide their share.
+        hidden = cover * (plate - solid_foreground(plate, occluder))
+        picture = plate - hidden + (1 - front) * (objects + difference)
+        touched &= front < 1
+    smallest = -ROUNDING * float(np.max(plate, initial=0, where=np.isfinite(plate)))
+    below = int(np.count_nonzero(((picture < smallest) & touched).any(-1)))
+    return np.where(touched, np.maximum(picture, 0), plate).astype(np.float32), below

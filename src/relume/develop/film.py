@@ -48,12 +48,15 @@ def develop(radiance: np.ndarray, film: Film) -> Photograph:
 
     Exposure beyond the film's range saturates at 0 and 255, as it does in a camera.
     """
+    return Photograph(np.rint(developed_values(radiance, film)).astype(np.uint8), "developed picture")
+
+
+def developed_values(radiance: np.ndarray, film: Film) -> np.ndarray:
+    """The pixel values (H, W, 3) float64, 0 to 255, that `develop` rounds."""
     exposed = np.asarray(radiance, np.float64) * film.exposure
     if film.response is None:
-        values = 255 * encode_srgb(np.clip(exposed, 0, 1))
-    else:
-        values = film.response.pixel_values(exposed) * (255 / (film.response.levels - 1))
-    return Photograph(np.rint(np.clip(values, 0, 255)).astype(np.uint8), "developed picture")
+        return 255 * encode_srgb(np.clip(exposed, 0, 1))
+    return np.clip(film.response.pixel_values(exposed) * (255 / (film.response.levels - 1)), 0, 255)
 
 
 def virtual_photograph(

@@ -50,7 +50,7 @@ def layers_of(material: Material | Diffuse | Reflective) -> tuple[ShadedLayer, .
     """The layers that a material adds up."""
     if isinstance(material, Diffuse):
         lambert = Layer(Lambert(), Towards.NORMAL)
-        return (ShadedLayer(lambert, _shade(material.reflectance), _shade(0.0)),)
+        return (ShadedLayer(lambert, _shade(material.reflectance), _shade(0.0), np.ndim(material.reflectance) > 1),)
     if isinstance(material, Reflective):
         return tuple(
             ShadedLayer(layer, _shade(layer.colour), _shade(1.0), np.ndim(layer.colour) > 1)

@@ -6,7 +6,7 @@ Only `render/mitsuba*` imports Mitsuba and Dr.Jit, and only when something is re
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -15,7 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from relume.render.mitsuba_scene import matte_dictionary, scene_dictionary
+from relume.render.accumulation import ALONE, Watch, accumulate, pass_seed
+from relume.render.convergence import StandardError, Target
+from relume.render.fingerprint import render_key
+from relume.render.mitsuba_scene import matte_dictionary, scene_dictionary, surfaces_dictionary
 from relume.render.mitsuba_variant import choose_variant
 from relume.render.renderer import Progress, Render
 from relume.scene.camera import Camera
@@ -57,55 +60,38 @@ class Mitsuba:
         if self.threads is not None and self.threads < 1:
             raise ValueError(f"threads is {self.threads}; expected at least 1, or none for all cores")
 
-    def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
-        """Render in passes of equal size; the passes' scatter is the variance."""
+    def render(
+        self,
+        scene: Scene,
+        camera: Camera,
+        *,
+        seed: int = 0,
+        progress: Progress | None = None,
+        watch: Watch = ALONE,
+    ) -> Render:
+        """Render in passes of equal size; the passes' scatter is the variance.
+
+        watch : what goes on around it: a state kept on disk, previews
+        """
         with _mitsuba(self.variant, self.threads) as mi:
             side = _side(camera, max(self.samples // PASSES, 1))
             world = mi.load_dict(scene_dictionary(mi, scene, _finer(camera, side)))
             path = mi.load_dict({"type": "path", "max_depth": self.depth + 1, "rr_depth": 8})
-            radiance, variance, samples, passes = self._accumulated(
-                lambda s: _cells_mean(_traced(mi, world, path, s), side), side, seed, progress or (lambda share: None)
+            early = self.noise is not None and self.passes is None
+            sums = accumulate(
+                lambda s: {"radiance": _cells_mean(_traced(mi, world, path, s), side)},
+                passes=self.passes or max(self.samples // side**2, 2),
+                seed=seed,
+                target=Target(self.noise or 1, StandardError(), confirmations=1) if early else None,
+                key=render_key(scene, camera, self, seed) if watch.checkpoint is not None else None,
+                watch=watch,
+                progress=progress,
             )
-            world = mi.load_dict(scene_dictionary(mi, scene, _finer(camera, _side(camera, MATTE_SAMPLES))))
+            world = mi.load_dict(surfaces_dictionary(mi, scene, _finer(camera, _side(camera, MATTE_SAMPLES))))
             depth, normal, albedo = _planes(mi, world, camera, seed)
             matte = _matte(mi, scene, camera, seed)
-        return Render(radiance, variance, matte, depth, normal, albedo, samples, passes)
-
-    def _accumulated(
-        self, trace: Callable[[int], np.ndarray], side: int, seed: int, progress: Progress
-    ) -> tuple[np.ndarray, np.ndarray, int, int]:
-        """Mean, variance of the mean, rays a pixel and number of passes of side² rays a pixel."""
-        passes = self.passes or max(self.samples // side**2, 2)
-        total = squares = np.zeros(())
-        done = 0
-        for index in range(passes):
-            picture = trace(_pass_seed(seed, index))
-            total = total + picture
-            squares = squares + picture**2
-            done = index + 1
-            progress(done / passes)
-            if (
-                self.noise is not None
-                and self.passes is None
-                and done >= 4
-                and _relative_error(total, squares, done) < self.noise
-            ):
-                break
-        mean = total / done
-        variance = np.maximum(squares / done - mean**2, 0) / max(done - 1, 1)
-        progress(1.0)
-        return mean.astype(np.float32), variance.astype(np.float32), done * side**2, done
-
-
-def _relative_error(total: np.ndarray, squares: np.ndarray, count: int) -> float:
-    mean = total / count
-    error = np.sqrt(np.maximum(squares / count - mean**2, 0) / (count - 1))
-    return float(error.mean() / max(mean.mean(), 1e-30))
-
-
-def _pass_seed(seed: int, index: int) -> int:
-    """One seed a pass, the same with and without objects, far from those of neighbouring seeds."""
-    return int(np.random.SeedSequence([seed, index]).generate_state(1)[0])
+        radiance, variance = (p.astype(np.float32) for p in (sums.mean("radiance"), sums.variance("radiance")))
+        return Render(radiance, variance, matte, depth, normal, albedo, sums.passes * side**2, sums.passes)
 
 
 def _side(camera: Camera, samples: int) -> int:
@@ -141,7 +127,7 @@ def _planes(mi: Any, world: Any, camera: Camera, seed: int) -> tuple[np.ndarray,
     integrator = mi.load_dict({"type": "aov", "aovs": "depth:depth,normal:sh_normal,albedo:albedo"})
     side = _side(camera, MATTE_SAMPLES)
     # The first three channels are the nested integrator's picture where there is one.
-    planes = _traced(mi, world, integrator, _pass_seed(seed, 0))[..., -7:]
+    planes = _traced(mi, world, integrator, pass_seed(seed, 0))[..., -7:]
     depth = _cells_mean(planes[..., 0], side, planes[..., 0] > 0)
     normal, albedo = np.split(_cells_mean(planes[..., 1:], side), 2, axis=-1)
     return depth.astype(np.float32), normal.astype(np.float32), albedo.astype(np.float32)
@@ -154,7 +140,7 @@ def _matte(mi: Any, scene: Scene, camera: Camera, seed: int) -> np.ndarray:
     world = mi.load_dict(matte_dictionary(mi, scene, _finer(camera, side)))
     whiteness = mi.load_dict({"type": "aov", "aovs": "albedo:albedo"})
     passes = -(-MATTE_SAMPLES // side**2)
-    pictures = (_traced(mi, world, whiteness, _pass_seed(seed, index))[..., -3] for index in range(passes))
+    pictures = (_traced(mi, world, whiteness, pass_seed(seed, index))[..., -3] for index in range(passes))
     matte = sum(_cells_mean(picture, side) for picture in pictures) / passes
     return np.clip(matte, 0, 1).astype(np.float32)
 

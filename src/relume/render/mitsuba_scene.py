@@ -12,9 +12,12 @@ import numpy as np
 
 from relume.errors import UnsupportedScene
 from relume.light.convolution import as_latlong
+from relume.render.mitsuba_distant import distant_shape, require_inside
+from relume.render.mitsuba_materials import bsdf, emission
 from relume.scene.camera import Camera
-from relume.scene.lights import AmbientLight, Light, PointLight, SquareLaw
-from relume.scene.materials import Colour, Diffuse, Material
+from relume.scene.distant import Infinite
+from relume.scene.lights import AmbientLight, Light, PointLight, SphereLight, SquareLaw
+from relume.scene.materials import Colour, Diffuse, Material, Ward
 from relume.scene.patches import Patches
 from relume.scene.reflective import Reflective
 from relume.scene.scene import Scene
@@ -28,15 +31,27 @@ def scene_dictionary(mi: Any, scene: Scene, camera: Camera) -> dict[str, Any]:
     """The whole scene, lit, as seen by the camera."""
     if (reason := why_not(scene)) is not None:
         raise UnsupportedScene(reason)
-    dictionary: dict[str, Any] = {"type": "scene", "sensor": sensor(mi, camera)}
+    dictionary = surfaces_dictionary(mi, scene, camera)
+    require_inside(scene.distant, scene.probe, scene.objects)
     # Of a black map no direction is likelier than another, and it adds nothing to other lights.
     if np.any(scene.light.radiance) or not scene.lights:
-        dictionary["light"] = {"type": "envmap", "bitmap": mi.Bitmap(envmap_pixels(scene.light)), "scale": 1.0}
+        near = not isinstance(scene.distant, Infinite)
+        dictionary["light"] = distant_shape(mi, scene) if near else _envmap(mi, scene.light)
     for index, light in enumerate(scene.lights):
         dictionary[f"light_{index:04d}"] = _light(light)
-    for index, shape in enumerate((*scene.local, *scene.objects)):
-        dictionary[f"shape_{index:04d}"] = _shape(mi, shape, _bsdf(mi, shape.material))
     return dictionary
+
+
+def surfaces_dictionary(mi: Any, scene: Scene, camera: Camera) -> dict[str, Any]:
+    """Its surfaces without any light: for depth, normals and albedo, which the distant scene has none of."""
+    dictionary: dict[str, Any] = {"type": "scene", "sensor": sensor(mi, camera)}
+    for index, shape in enumerate((*scene.local, *scene.objects)):
+        dictionary[f"shape_{index:04d}"] = _shape(mi, shape, _bsdf(mi, shape.material), emission(mi, shape.material))
+    return dictionary
+
+
+def _envmap(mi: Any, light: IlluminationMap) -> dict[str, Any]:
+    return {"type": "envmap", "bitmap": mi.Bitmap(envmap_pixels(light)), "scale": 1.0}
 
 
 def why_not(scene: Scene) -> str | None:
@@ -124,6 +139,10 @@ def _light(light: Light) -> dict[str, Any]:
     assert not isinstance(light, AmbientLight)
     if isinstance(light, PointLight):
         return {"type": "point", "position": list(light.position), "intensity": _rgb(light.intensity)}
+    if isinstance(light, SphereLight):
+        # A shape, but of the light: the planes of surfaces do not show it.
+        glow = {"type": "area", "radiance": _rgb(light.radiance)}
+        return {"type": "sphere", "center": list(light.position), "radius": light.radius, "emitter": glow}
     # Mitsuba's direction is the light's way; ours points towards where it comes from.
     way = [-float(part) for part in light.towards]
     return {"type": "directional", "direction": way, "irradiance": _rgb(light.irradiance)}
@@ -133,28 +152,30 @@ def _rgb(colour: Colour | np.ndarray) -> dict[str, Any]:
     return {"type": "rgb", "value": [float(channel) for channel in colour]}
 
 
-def _shape(mi: Any, shape: Shape, bsdf: dict[str, Any]) -> Any:
+def _shape(mi: Any, shape: Shape, bsdf: dict[str, Any], emitter: dict[str, Any] | None = None) -> Any:
+    parts = {"bsdf": bsdf} if emitter is None else {"bsdf": bsdf, "emitter": emitter}
     if isinstance(shape, Plane):
         x, z = shape.extent
         pose = np.eye(4)
         # Mitsuba's rectangle spans ±1 in x and y and faces +Z; ours lies down and faces up.
         pose[:3, :3] = np.array([[x / 2, 0, 0], [0, 0, 1], [0, -z / 2, 0]])
         pose[1, 3] = shape.height
-        return {"type": "rectangle", "to_world": mi.ScalarTransform4f(pose), "bsdf": bsdf}
+        return {"type": "rectangle", "to_world": mi.ScalarTransform4f(pose)} | parts
     if isinstance(shape, Sphere):
         # Mitsuba's own sphere has its texture's poles on the z axis; ours stand up.
         upright = np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]])
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = shape.radius * upright, shape.centre
-        return {"type": "sphere", "to_world": mi.ScalarTransform4f(pose), "bsdf": bsdf}
+        return {"type": "sphere", "to_world": mi.ScalarTransform4f(pose)} | parts
     if isinstance(shape, Patches):
-        return _mesh(mi, tessellated(shape), bsdf)
-    return _mesh(mi, triangulated(shape) if isinstance(shape, Polygon) else shape, bsdf)
+        return _mesh(mi, tessellated(shape), parts)
+    return _mesh(mi, triangulated(shape) if isinstance(shape, Polygon) else shape, parts)
 
 
-def _mesh(mi: Any, mesh: Mesh, bsdf: dict[str, Any]) -> Any:
+def _mesh(mi: Any, mesh: Mesh, parts: dict[str, Any]) -> Any:
     properties = mi.Properties()
-    properties["bsdf"] = mi.load_dict(bsdf)
+    for name, words in parts.items():
+        properties[name] = mi.load_dict(words)
     built = mi.Mesh(
         mesh.name,
         len(mesh.vertices),
@@ -175,53 +196,7 @@ def _mesh(mi: Any, mesh: Mesh, bsdf: dict[str, Any]) -> Any:
     return built
 
 
-def _bsdf(mi: Any, material: AnyMaterial) -> dict[str, Any]:
+def _bsdf(mi: Any, material: AnyMaterial) -> Any:
     """Of a material that `why_not` has nothing against."""
-    assert isinstance(material, Diffuse | Material)
-    if isinstance(material, Diffuse):
-        diffuse = {"type": "diffuse", "reflectance": _rgb(material.reflectance)}
-        return {"type": "twosided", "bsdf": diffuse}
-    opaque = _opaque(mi, material)
-    # Light goes through the dielectric share alone; a metal is opaque whatever its transmission.
-    through = material.transmission * (1 - np.asarray(material.metallic))
-    if not np.any(through):
-        return opaque
-    clear = _clear(mi, material)
-    if np.all(through == 1):
-        return clear
-    return {"type": "blendbsdf", "weight": _texture(mi, through), "first": opaque, "second": clear}
-
-
-def _opaque(mi: Any, material: Material) -> dict[str, Any]:
-    plain = isinstance(material.metallic, float | int) and isinstance(material.roughness, float | int)
-    if plain and material.metallic == 1 and material.roughness == 0:
-        mirror = {"type": "conductor", "material": "none", "specular_reflectance": _texture(mi, material.base_color)}
-        return {"type": "twosided", "bsdf": mirror}
-    principled = {
-        "type": "principled",
-        "base_color": _texture(mi, material.base_color),
-        "metallic": _texture(mi, material.metallic),
-        "roughness": _texture(mi, material.roughness),
-        "eta": max(material.ior, 1.0001),
-    }
-    return {"type": "twosided", "bsdf": principled}
-
-
-def _clear(mi: Any, material: Material) -> dict[str, Any]:
-    dielectric: dict[str, Any] = {"type": "dielectric", "int_ior": max(material.ior, 1.0001), "ext_ior": 1.0}
-    roughness = float(np.mean(np.asarray(material.roughness)))
-    if roughness > 0.03:
-        dielectric |= {"type": "roughdielectric", "distribution": "ggx", "alpha": roughness**2}
-    # Light crosses a closed body twice; the tint of both crossings together is the base colour.
-    tint = np.sqrt(np.asarray(material.base_color, np.float32))
-    return dielectric | {"specular_transmittance": _texture(mi, tint if tint.ndim > 1 else tuple(map(float, tint)))}
-
-
-def _texture(mi: Any, value: Any) -> Any:
-    array = np.asarray(value, np.float32)
-    if array.ndim == 0:
-        return float(array)
-    if array.ndim == 1:
-        return _rgb(array)
-    image = array if array.ndim == 3 else array[..., None]
-    return {"type": "bitmap", "bitmap": mi.Bitmap(np.ascontiguousarray(image)), "raw": True}
+    assert isinstance(material, Diffuse | Material | Ward)
+    return bsdf(mi, material)

@@ -14,7 +14,7 @@ from relume.light.brdf import PhongReflectance, Reflectance
 from relume.light.lobes import Lambert, Lobe, Mirror, Phong
 from relume.light.weights import Complement, Even, Fresnel, Schlick, Weight
 from relume.scene.bumps import BumpMap, Bumps, Wrinkles
-from relume.scene.materials import Colour, Diffuse, Material
+from relume.scene.materials import Colour, Diffuse, Material, Ward
 from relume.scene.reflective import Reflective, Towards
 from relume.scene.shapes import AnyMaterial
 from relume.scene.whitted import Checks, WhittedMaterial
@@ -138,13 +138,17 @@ def as_whitted(material: AnyMaterial) -> Model:
         return Model(material, FRESNEL if material.fresnel else CONSTANT)
     if isinstance(material, Diffuse):
         return Model(WhittedMaterial(material.reflectance))
+    if isinstance(material, Ward):
+        raise UnsupportedScene(
+            f"Whitted's model cannot shade the Ward surface {material.name!r}; use rl.Mitsuba (--renderer mitsuba)"
+        )
     return _metallic_roughness(material) if isinstance(material, Material) else _of_layers(material)
 
 
 def _metallic_roughness(material: Material) -> Model:
     """glTF's model: smooth mirrors, glass and plastic exactly; rough ones by GGX facets, which scatter rays where they
     are narrow or let light through, and else reflect all lights."""
-    for name in ("metallic", "roughness"):
+    for name in ("metallic", "roughness", "transmission"):
         if np.ndim(getattr(material, name)):
             warnings.warn(
                 f"the {name} image of {material.name!r} is taken at its mean; Whitted's model has one for a surface",
@@ -155,11 +159,12 @@ def _metallic_roughness(material: Material) -> Model:
     base = np.asarray(material.base_color, np.float64)
     image = base.ndim > 1
     dielectric = ((material.ior - 1) / (material.ior + 1)) ** 2
-    through = material.transmission * (1 - metallic)
+    clear = float(np.mean(material.transmission))
+    through = clear * (1 - metallic)
     plain = np.ones(3) if image else base
     normal = dielectric * (1 - metallic) + (0 if image else metallic * base)
     law = FRESNEL if metallic == 0 else CONSTANT if metallic == 1 and not alpha else SCHLICK
-    share = (1 - metallic) * (1 - material.transmission)
+    share = (1 - metallic) * (1 - clear)
     surface = WhittedMaterial(
         (0.0, 0.0, 0.0) if image else _triple(share * base),
         _triple(np.ones(3) if law == FRESNEL else normal),

@@ -82,6 +82,26 @@ class DistantLight:
 
 
 @dataclass(frozen=True)
+class SphereLight:
+    """A lamp that has a size: a sphere that shines evenly, takes no light and throws no shadow.
+
+    position : of its middle, metres, world
+    radius : metres
+    radiance : per channel, of its surface, in the light's unit
+    """
+
+    position: tuple[float, float, float]
+    radius: float
+    radiance: Colour
+
+    def __post_init__(self) -> None:
+        _check_vector("position of a sphere of light", self.position)
+        _check_colour("radiance of a sphere of light", self.radiance)
+        if not 0 < self.radius < np.inf:
+            raise ValueError(f"radius of a sphere of light is {self.radius}; expected a positive length in metres")
+
+
+@dataclass(frozen=True)
 class AmbientLight:
     """The same light from everywhere that nothing shadows: I_a of eq. 1 and 2.
 
@@ -94,7 +114,7 @@ class AmbientLight:
         _check_colour("radiance of ambient light", self.radiance)
 
 
-Light = PointLight | DistantLight | AmbientLight
+Light = PointLight | DistantLight | SphereLight | AmbientLight
 
 
 def _check_vector(what: str, value: tuple[float, float, float]) -> None:

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.scene.materials import Diffuse, Material
+from relume.scene.materials import Diffuse, Material, Ward
 from relume.scene.patches import Patches
 from relume.scene.reflective import Reflective
 from relume.scene.whitted import WhittedMaterial
 
-AnyMaterial = Material | Diffuse | Reflective | WhittedMaterial
+AnyMaterial = Material | Diffuse | Ward | Reflective | WhittedMaterial
 
 
 @dataclass(frozen=True, eq=False)

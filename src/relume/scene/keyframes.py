@@ -1,0 +1,229 @@
+"""Values that change with time: keys, and what lies between them. Before the first and after the last the ends hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from relume.sphere.directions import rotation_about
+
+
+class Interpolation(Protocol):
+    """A frozen value; what lies between two keys."""
+
+    def between(self, times: np.ndarray, values: np.ndarray, index: int, time: float) -> np.ndarray:
+        """The value at a time from times[index] to times[index + 1]."""
+        ...
+
+
+@dataclass(frozen=True)
+class Step:
+    """The value of the key before."""
+
+    def between(self, times: np.ndarray, values: np.ndarray, index: int, time: float) -> np.ndarray:
+        """The value at `time`."""
+        return values[index + 1] if time >= times[index + 1] else values[index]
+
+
+@dataclass(frozen=True)
+class Linear:
+    """A straight line from key to key."""
+
+    def between(self, times: np.ndarray, values: np.ndarray, index: int, time: float) -> np.ndarray:
+        """The value at `time`."""
+        share = (time - times[index]) / (times[index + 1] - times[index])
+        return (1 - share) * values[index] + share * values[index + 1]
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """A cubic through all keys without corners; each key is passed with the speed from the key before to that after it.
+
+    (Catmull & Rom 1974, for keys that need not be evenly spaced.) At the ends the speed is that of the straight line.
+    """
+
+    def between(self, times: np.ndarray, values: np.ndarray, index: int, time: float) -> np.ndarray:
+        """The value at `time`."""
+        slopes = [self._slope(times, values, key) for key in (index, index + 1)]
+        return _hermite(times, values[index], values[index + 1], slopes[0], slopes[1], index, time)
+
+    def _slope(self, times: np.ndarray, values: np.ndarray, key: int) -> np.ndarray:
+        first, last = max(key - 1, 0), min(key + 1, len(times) - 1)
+        return (values[last] - values[first]) / (times[last] - times[first])
+
+
+@dataclass(frozen=True, eq=False)
+class Tangents:
+    """A cubic whose slopes are given at each key (glTF 2.0, CUBICSPLINE).
+
+    arriving, leaving : (N, …) like the values, per second
+    """
+
+    arriving: np.ndarray
+    leaving: np.ndarray
+
+    def between(self, times: np.ndarray, values: np.ndarray, index: int, time: float) -> np.ndarray:
+        """The value at `time`."""
+        return _hermite(
+            times, values[index], values[index + 1], self.leaving[index], self.arriving[index + 1], index, time
+        )
+
+
+@dataclass(frozen=True)
+class Slerp:
+    """Unit quaternions (x, y, z, w): the shorter way round at an even speed (Shoemake 1985)."""
+
+    def between(self, times: np.ndarray, values: np.ndarray, index: int, time: float) -> np.ndarray:
+        """The value at `time`, a unit quaternion."""
+        share = (time - times[index]) / (times[index + 1] - times[index])
+        first, second = unit(values[index]), unit(values[index + 1])
+        cosine = float(first @ second)
+        if cosine < 0:  # the same rotation by the other sign, and nearer
+            second, cosine = -second, -cosine
+        angle = np.arccos(min(cosine, 1.0))
+        if angle < 1e-6:  # sines of so small angles are as their angles
+            return unit((1 - share) * first + share * second)
+        return unit((np.sin((1 - share) * angle) * first + np.sin(share * angle) * second) / np.sin(angle))
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A value that changes with time.
+
+    times : (N,) rising, in frames or seconds
+    values : (N, …), float64
+    interpolation : what lies between the keys; straight lines unless given
+
+    Raises ValueError for no keys, times that do not rise, or as many values as there are not times.
+    """
+
+    times: np.ndarray
+    values: np.ndarray
+    interpolation: Interpolation = Linear()
+
+    def __post_init__(self) -> None:
+        times, values = np.asarray(self.times, np.float64), np.asarray(self.values, np.float64)
+        if times.ndim != 1 or not len(times) or len(values) != len(times):
+            raise ValueError(f"{len(values)} values at times of shape {times.shape}; expected one each, and at least 1")
+        if not np.all(np.isfinite(times)) or not np.all(np.diff(times) > 0):
+            raise ValueError(f"times {times.tolist()}; expected each later than the one before")
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "values", values)
+
+    def at(self, time: float) -> np.ndarray:
+        """The value at a time; the first key's before it, the last one's after it."""
+        if time <= self.times[0]:
+            return self.values[0]
+        if time >= self.times[-1]:
+            return self.values[-1]
+        index = int(np.searchsorted(self.times, time, side="right")) - 1
+        return self.interpolation.between(self.times, self.values, index, time)
+
+
+@dataclass(frozen=True, eq=False)
+class Turning:
+    """A rotation given in degrees about x, then y, then z, that changes with time.
+
+    times : (N,) rising
+    degrees : (N, 3)
+    interpolation : of a single angle between two keys that differ in it alone, so that 0 and 360 are a full turn;
+        rotations that differ in more take the shorter way round: straight lines as `Slerp`, at an even speed
+
+    Where a single angle changes by less than half a turn, both are the same.
+    """
+
+    times: np.ndarray
+    degrees: np.ndarray
+    interpolation: Interpolation = Linear()
+
+    def at(self, time: float) -> np.ndarray:
+        """The three angles at a time, degrees."""
+        track = Track(self.times, self.degrees, self.interpolation)
+        if not track.times[0] < time < track.times[-1]:
+            return track.at(time)
+        index = int(np.searchsorted(track.times, time, side="right")) - 1
+        pair = track.values[index : index + 2]
+        if np.count_nonzero(pair[0] != pair[1]) <= 1 or isinstance(self.interpolation, Step):
+            return track.at(time)
+        ends = _nearest_signs(np.stack([quaternion(rotation_of(each)) for each in track.values]))
+        between = Slerp() if isinstance(self.interpolation, Linear) else self.interpolation
+        return degrees_of(rotation(Track(track.times, ends, between).at(time)))
+
+
+def rotation_of(degrees: np.ndarray) -> np.ndarray:
+    """(3, 3), active: by three angles about x, then y, then z."""
+    x, y, z = np.radians(degrees)
+    return rotation_about([0, 0, 1], z) @ rotation_about([0, 1, 0], y) @ rotation_about([1, 0, 0], x)
+
+
+def degrees_of(rotation: np.ndarray) -> np.ndarray:
+    """The angles that `rotation_of` makes it from; z is 0 where y is a right angle and both turn about one axis."""
+    sine = float(np.clip(-rotation[2, 0], -1, 1))
+    if abs(sine) > 1 - 1e-12:
+        about_x = np.arctan2(-rotation[1, 2], rotation[1, 1])
+        return np.degrees(np.array([about_x, np.arcsin(sine), 0.0]))
+    about_x, about_z = np.arctan2(rotation[2, 1], rotation[2, 2]), np.arctan2(rotation[1, 0], rotation[0, 0])
+    return np.degrees(np.array([about_x, np.arcsin(sine), about_z]))
+
+
+def rotation(quaternion: np.ndarray) -> np.ndarray:
+    """(3, 3) of a unit quaternion (x, y, z, w)."""
+    x, y, z, w = unit(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def quaternion(rotation: np.ndarray) -> np.ndarray:
+    """The unit quaternion (x, y, z, w) of a rotation: the eigenvector of Bar-Itzhack (2000), stable for every angle."""
+    (a, b, c), (d, e, f), (g, h, i) = rotation
+    matrix = np.array(
+        [
+            [a - e - i, d + b, g + c, h - f],
+            [d + b, e - a - i, h + f, c - g],
+            [g + c, h + f, i - a - e, d - b],
+            [h - f, c - g, d - b, a + e + i],
+        ]
+    )
+    found = np.linalg.eigh(matrix / 3)[1][:, -1]
+    return found if found[3] >= 0 else -found
+
+
+def _nearest_signs(quaternions: np.ndarray) -> np.ndarray:
+    """The same rotations, each with that of its two signs that is nearer to the one before."""
+    result = quaternions.copy()
+    for index in range(1, len(result)):
+        if result[index] @ result[index - 1] < 0:
+            result[index] = -result[index]
+    return result
+
+
+def unit(vector: np.ndarray) -> np.ndarray:
+    """The vector, of length 1."""
+    return vector / np.linalg.norm(vector)
+
+
+def _hermite(
+    times: np.ndarray,
+    first: np.ndarray,
+    second: np.ndarray,
+    leaving: np.ndarray,
+    arriving: np.ndarray,
+    index: int,
+    time: float,
+) -> np.ndarray:
+    """The cubic with given ends and slopes."""
+    span = times[index + 1] - times[index]
+    t = (time - times[index]) / span
+    return (
+        (2 * t**3 - 3 * t**2 + 1) * first
+        + (t**3 - 2 * t**2 + t) * span * leaving
+        + (3 * t**2 - 2 * t**3) * second
+        + (t**3 - t**2) * span * arriving
+    )

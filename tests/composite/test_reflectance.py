@@ -1,0 +1,154 @@
+"""Un-lighting: photographs rendered from known surfaces give them back."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from relume.composite.clean_pixels import filled_in, trustworthy
+from relume.composite.projection import box_mesh
+from relume.composite.reflectance import Even, Given, RecoveredLocal, Wanted, recover
+from relume.image.radiance import SATURATED, RadianceMap
+from relume.render.mitsuba import Mitsuba
+from relume.scene.camera import Camera
+from relume.scene.distant import Box
+from relume.scene.materials import Diffuse
+from relume.scene.scene import Scene
+from relume.scene.shapes import Mesh, Plane
+from relume.sphere.illumination import IlluminationMap
+from relume.sphere.mappings import LatLong, pixel_directions
+
+CAMERA = Camera.looking_at(np.array([0.1, 0.6, 1.2]), np.zeros(3), width=96, height=64, focal_length=90.0)
+QUICK = Mitsuba(samples=64, depth=6)
+BARE = Plane(Diffuse((0.5, 0.5, 0.5)), (1.7, 1.0))
+
+
+def light(strength: float = 1.0) -> IlluminationMap:
+    up = pixel_directions(LatLong(), 32)[..., 1:2]
+    return IlluminationMap((strength * np.array([1.0, 0.9, 0.7]) * (1 + 0.6 * up)).astype(np.float32))
+
+
+def striped() -> Mesh:
+    """The table with stripes of two albedos, as a mesh with its own texture."""
+    image = np.where(((np.arange(128) // 16) % 2 == 0)[None, :, None], [0.6, 0.4, 0.2], [0.3, 0.25, 0.15])
+    x, z = 0.85, 0.5
+    vertices = np.array([[-x, 0, z], [x, 0, z], [x, 0, -z], [-x, 0, -z]], np.float32)
+    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    picture = np.broadcast_to(image, (4, 128, 3)).astype(np.float32)
+    return Mesh(vertices, faces, Diffuse(np.ascontiguousarray(picture)), None, uv)
+
+
+def photograph(scene: Scene, samples: int = 256) -> RadianceMap:
+    return RadianceMap(Mitsuba(samples=samples, depth=6).render(scene, CAMERA, seed=77).radiance)
+
+
+def expected_stripes() -> tuple[np.ndarray, np.ndarray]:
+    """The albedo at pixel centres and where it is even for two pixels round about."""
+    rays = CAMERA.rays()
+    points = CAMERA.position + (-CAMERA.position[1] / rays[..., 1])[..., None] * rays
+    column = (points[..., 0] / 1.7 + 0.5) * 128 / 16
+    on = (np.abs(points[..., 0]) < 0.75) & (np.abs(points[..., 2]) < 0.3) & (rays[..., 1] < 0)
+    truth = np.where((np.floor(column) % 2 == 0)[..., None], [0.6, 0.4, 0.2], [0.3, 0.25, 0.15])
+    return truth, on & (np.abs(column - np.round(column)) > 0.3)
+
+
+@pytest.fixture(scope="module")
+def room() -> Scene:
+    return Scene(light(), (BARE,), distant=Box((-2, -0.5, -2), (2, 2, 2)), probe=(0.0, 0.05, 0.0))
+
+
+@pytest.fixture(scope="module")
+def stripes(room: Scene) -> tuple[RadianceMap, RecoveredLocal]:
+    plate = photograph(room.with_local([striped()]))
+    return plate, recover(plate, CAMERA, room, [Wanted()], renderer=QUICK)
+
+
+def test_a_patterned_plane_gives_its_pattern_back(stripes):
+    truth, sure = expected_stripes()
+    _, found = stripes
+    assert sure.sum() > 500
+    error = np.abs(found.albedo - truth)[sure] / truth[sure]
+    assert np.median(error) < 0.02 and np.percentile(error, 95) < 0.08
+    assert np.abs((found.albedo[sure] / truth[sure]).mean(0) - 1).max() < 0.01
+    assert found.iterations == 1 and found.notes == ()
+    surface = found.surfaces[0]
+    assert surface.gloss is None and len(surface.shapes) == 2
+    assert surface.reflectance is not None and 0.3 < surface.reflectance[0] < 0.6
+
+
+def test_the_model_without_objects_is_the_photograph(stripes, room):
+    plate, found = stripes
+    _, sure = expected_stripes()
+    assert found.without[sure] == pytest.approx(plate.radiance[sure], rel=1e-4)
+    # Rendered anew from the shapes, not only computed: within the renderer's noise and the texture's pixels.
+    again = Mitsuba(samples=64, depth=6).render(room.with_local(found.shapes), CAMERA, seed=3).radiance
+    ratio = again[sure] / plate.radiance[sure]
+    assert np.abs(ratio.mean(0) - 1).max() < 0.01
+    assert np.percentile(np.abs(ratio - 1), 95) < 0.12
+
+
+def test_surfaces_that_light_one_another_are_iterated_until_the_light_stays():
+    """A bright red wall on the table reddens it: dividing once would give the table its colour."""
+    wall = box_mesh((-0.6, 0.0, -0.45), (0.6, 0.5, -0.4), Diffuse((0.5, 0.5, 0.5)), "wall")
+    table, paint = Diffuse((0.7, 0.7, 0.7)), Diffuse((0.85, 0.1, 0.1))
+    room = Scene(light())
+    scene = room.with_local([BARE, wall])
+    truth = room.with_local([replace(BARE, material=table), replace(wall, material=paint)])
+    plate = photograph(truth)
+    found = recover(plate, CAMERA, scene, [Wanted(), Wanted(Even())], renderer=QUICK)
+    assert 2 <= found.iterations < 8 and found.change < 0.005
+    assert found.surfaces[0].reflectance == pytest.approx((0.7, 0.7, 0.7), rel=0.02)
+    assert found.surfaces[1].reflectance == pytest.approx((0.85, 0.1, 0.1), rel=0.03)
+    assert len(found.surfaces[1].shapes) == 2 and not isinstance(found.surfaces[1].shapes[0].material, np.ndarray)
+
+
+def test_a_given_surface_stays_and_what_is_clipped_is_filled_from_beside(room):
+    truth = replace(BARE, material=Diffuse((0.4, 0.3, 0.2)))
+    plate = photograph(room.with_local([truth]))
+    clipped = np.zeros((64, 96), np.uint8)
+    clipped[30:40, 40:50] = SATURATED
+    radiance = plate.radiance.copy()
+    radiance[clipped > 0] = 99.0
+    found = recover(RadianceMap(radiance, None, clipped), CAMERA, room, [Wanted()], renderer=QUICK)
+    assert found.albedo[clipped > 0] == pytest.approx(np.broadcast_to([0.4, 0.3, 0.2], (100, 3)), rel=0.05)
+    kept = recover(plate, CAMERA, room.with_local([truth]), [Wanted(Given())], renderer=QUICK)
+    assert kept.shapes == (truth,) and kept.surfaces[0].reflectance is None
+
+
+def test_an_albedo_above_one_is_told_with_its_place(room):
+    truth = replace(BARE, material=Diffuse((0.8, 0.5, 0.5)))
+    plate = photograph(room.with_local([truth]), 64)
+    dim = replace(room, light=light(0.5))
+    with pytest.warns(
+        UserWarning, match=r"albedo of local surface 1 .* above 1, up to 1\.[5-9]\d, in \d+ pixels .*x \d"
+    ):
+        found = recover(plate, CAMERA, dim, [Wanted()], renderer=QUICK)
+    measured = found.surfaces[0].measured
+    assert measured is not None and measured[0] == pytest.approx(1.6, rel=0.03)
+    assert found.albedo.max() <= 1
+
+
+def test_no_light_no_view_and_wrong_numbers_are_refused(room):
+    plate = RadianceMap(np.ones((64, 96, 3), np.float32))
+    below = pixel_directions(LatLong(), 32)[..., 1:2] < -0.1
+    from_below = IlluminationMap(np.where(below, [1.0, 1.0, 1.0], 0).astype(np.float32))
+    with pytest.raises(ValueError, match="no light arrives at local surface 1"):
+        recover(plate, CAMERA, replace(room, light=from_below), [Wanted()], renderer=QUICK)
+    away = Camera.looking_at(np.array([0.0, 0.6, 0.0]), np.array([0, 2.0, 1.0]), width=96, height=64, focal_length=90.0)
+    with pytest.raises(ValueError, match="the camera sees 0 measured pixels"):
+        recover(plate, away, room, [Wanted()], renderer=QUICK)
+    with pytest.raises(ValueError, match="0 choices for 1 local surfaces"):
+        recover(plate, CAMERA, room, [], renderer=QUICK)
+
+
+def test_pixels_at_outlines_are_not_trusted_and_are_filled_from_their_own_surface():
+    shown = np.zeros((20, 30), bool)
+    shown[5:, :15] = True
+    sure = trustworthy(shown, None)
+    assert sure[7:, :13].all() and sure.sum() == 13 * 13
+    parts = np.where(shown, 0, 1)
+    values = np.where((parts == 0)[..., None], [0.2, 0.4, 0.6], [0.9, 0.8, 0.7]).astype(np.float32)
+    known = sure | trustworthy(~shown, None)
+    spoiled = np.where(known[..., None], values, 5.0).astype(np.float32)
+    assert filled_in(spoiled, known, parts) == pytest.approx(values, abs=1e-5)
