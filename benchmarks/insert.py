@@ -73,7 +73,7 @@ def denoised_difference(change) -> np.ndarray:
 
     guides = [np.ascontiguousarray(np.clip(change.albedo, 0, 1)), np.ascontiguousarray(change.normal)]
     more, less = (np.ascontiguousarray(np.maximum(sign * change.difference, 0)) for sign in (1, -1))
-    smooth = mitsuba_oidn.denoise(more, *guides, hdr=True) - mitsuba_oidn.denoise(less, *guides, hdr=True)
+    smooth = np.subtract(*(np.asarray(mitsuba_oidn.denoise(part, *guides, hdr=True)) for part in (more, less)))
     return np.where(np.any(change.difference != 0, axis=-1, keepdims=True), smooth, 0)
 
 
@@ -226,8 +226,9 @@ def main(python: str | None) -> None:
                 first.error * first.net / (row.error * row.net),
                 first.typical * first.net / (row.typical * row.net),
             ]
-            print(f"| {each.name} | {each.samples} | {row.seconds:.1f} ({row.net:.1f}) | {row.error:.3g} | {row.typical:.3g} "
-                  f"| {shares[0]:.3g} = 1/{1 / shares[0]:.3g} | {shares[1]:.3g} = 1/{1 / shares[1]:.3g} |", flush=True)  # fmt: skip
+            times = f"{row.seconds:.1f} ({row.net:.1f}) | {row.error:.3g} | {row.typical:.3g}"
+            told = " | ".join(f"{share:.3g} = 1/{1 / share:.3g}" for share in shares)
+            print(f"| {each.name} | {each.samples} | {times} | {told} |", flush=True)
     for name, truth in truths.items():
         print(f"mean difference beside the objects, {name}: {truth[matte == 0].mean(0).round(4).tolist()}")
 

@@ -3,9 +3,9 @@
     BPY_PYTHON benchmarks/insert_cycles.py FOLDER
 
 FOLDER holds scene.npz as `insert_scenes.pack` writes it and jobs.json, a list of
-    {"name", "samples", "seed", "objects": bool, "catcher": bool, "denoise": bool, "bounces", "adaptive": noise or null}
-Written there: NAME.exr, all layers, for each job, and seconds.json: of each job's render call, writing included. The scene
-stays loaded from one job to the next. +Y up becomes Blender's +Z up: (x, y, z) is (x, −z, y) there.
+    {"name", "samples", "seed", "objects": bool, "catcher": bool, "denoise": bool, "bounces", "adaptive": noise or none}
+Written there: NAME.exr, all layers, for each job, and seconds.json: of each job's render call, writing included. The
+scene stays loaded from one job to the next. +Y up becomes Blender's +Z up: (x, y, z) is (x, −z, y) there.
 """
 
 from __future__ import annotations
@@ -13,15 +13,16 @@ from __future__ import annotations
 import json
 import sys
 import time
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 try:
-    import bpy
+    bpy: Any = import_module("bpy")
 except ImportError:  # as `make bench` runs it, from relume's own environment
-    bpy: Any = None
+    bpy = None
 
 UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 """Blender-from-ours."""
@@ -104,9 +105,8 @@ def _lamp(scene: Any, table: dict[str, Any]) -> None:
         made.location = (UP @ np.array(table["position"])).tolist()
     else:
         data.energy, data.angle = float(colour.max()), 0.0
-        from mathutils import Vector
-
-        made.rotation_euler = Vector(UP @ np.array(table["towards"])).to_track_quat("Z", "Y").to_euler()
+        vector = import_module("mathutils").Vector
+        made.rotation_euler = vector(UP @ np.array(table["towards"])).to_track_quat("Z", "Y").to_euler()
     scene.collection.objects.link(made)
 
 

@@ -21,7 +21,7 @@ HERE = Path(__file__).parent
 
 
 def room(width: int = 384) -> tuple[rl.Scene, rl.Camera]:
-    """The measured room: light at infinity, the table one diffuse reflectance, five objects; seen `width` pixels wide."""
+    """The measured room: light at infinity, the table of one diffuse reflectance, five objects; `width` pixels wide."""
     shot = rl.read_shot(ROOM / "shot.toml")
     with tempfile.TemporaryDirectory() as folder:
         done = rl.insert(shot, folder, renderer=Constant())

@@ -70,6 +70,8 @@ def traced(text: str, width: int, height: int, options: tuple[str, ...] = ADAPTI
 
 def scene_text(scene: rl.Scene, camera: rl.Camera, depth: int) -> str:
     """A scene in POV-Ray's language; raises ValueError for what has no twin."""
+    if camera.centre is not None or camera.distortion is not None or camera.aperture > 0:
+        raise ValueError("the camera has a principal point, a distortion or an aperture; only a plain one has a twin")
     ambient = np.zeros(3)
     for light in scene.lights:
         if isinstance(light, AmbientLight):

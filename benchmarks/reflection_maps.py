@@ -78,7 +78,7 @@ def antialiasing(material: Reflective, light: rl.IlluminationMap, title: str) ->
     seen = stage.samples(camera, camera.position, np.eye(3), corners[None], None)
     plain = Shading.of([material] * len(balls), light, Plain())
     truth, cover = np.zeros((400, 560, 3)), np.zeros((400, 560))
-    fine = replace(camera, width=560 * FINE, height=400 * FINE, focal_length=camera.focal_length * FINE)
+    fine = camera.resized(560 * FINE, 400 * FINE)
     for row in range(0, 400, 4):
         x, y = np.meshgrid(np.arange(560 * FINE) + 0.5, np.arange(row * FINE, (row + 4) * FINE) + 0.5)
         rays = fine.rays_through(np.stack([x, y], axis=-1).reshape(-1, 2))

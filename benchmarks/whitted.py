@@ -148,12 +148,7 @@ class Subject:
     def uniform(self, grid: int) -> tuple[np.ndarray, int]:
         """The bands' rows (R, W, 3), each pixel the mean of grid × grid single rays, and how many rays that took."""
         camera = self.file.camera
-        fine = replace(
-            camera,
-            width=camera.width * grid,
-            height=camera.height * grid,
-            focal_length=camera.focal_length * grid,
-        )
+        fine = camera.resized(camera.width * grid, camera.height * grid)
         prepared = replace(self.file.whitted, antialiasing=None).prepared(self.file.scene)
         means, rays = [], 0
         for top in range(0, camera.height, EVERY):

@@ -59,6 +59,24 @@ def shot(**changes):
     return HandOver(replace(scene, **{k: v for k, v in changes.items() if k not in fields and k != "keys"}), **fields)
 
 
+def found(pattern, text):
+    match = re.search(pattern, text, re.DOTALL)
+    assert match is not None
+    return ast.literal_eval(match.group(1))
+
+
+def under(root, path):
+    element = root.find(path)
+    assert element is not None
+    return element
+
+
+def value_of(element):
+    told = element.get("value")
+    assert told is not None
+    return told
+
+
 def quietly(value, folder, name):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -103,10 +121,10 @@ def test_blender_finds_the_strength_of_each_wall(tmp_path):
     value = shot(light=bright, distant=BOX, probe=(0.0, 0.2, 0.0))
     quietly(value, tmp_path / "out", "blender")
     text = (tmp_path / "out" / "shot.py").read_text(encoding="utf-8")
-    steps = ast.literal_eval(re.search(r"'steps': (\[[^\]]*\])", text, re.DOTALL).group(1))
+    steps = found(r"'steps': (\[[^\]]*\])", text)
     meshes = read_meshes(tmp_path / "out" / "distant.glb")
     assert len(meshes) == len(steps) > 1
-    assert np.all(np.diff(steps) > 0) and 500 < steps[-1] < 2000
+    assert np.all(np.diff(steps) > 0) and 500 <= steps[-1] <= 2000
     # All walls, once: 256 rows of 512 cells of two triangles, one at the poles.
     assert sum(len(mesh.faces) for mesh in meshes) == 2 * 512 * 255
 
@@ -122,9 +140,10 @@ def test_glb_keeps_meshes_and_materials(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         first, second = read_meshes(tmp_path / "out" / "objects.glb")
+    assert first.uv is not None and isinstance(first.material, Material) and isinstance(second.material, Material)
     assert (first.name, second.name) == ("object_00_a_square", "object_01_a_square")
     assert np.array_equal(first.vertices, SQUARE.vertices) and np.array_equal(first.faces, SQUARE.faces)
-    assert np.allclose(first.uv, SQUARE.uv)
+    assert np.allclose(first.uv, [[0, 0], [1, 0], [1, 1], [0, 1]])
     assert first.material.base_color == pytest.approx((0.9, 0.8, 0.7))
     assert (first.material.transmission, first.material.ior) == pytest.approx((1.0, 1.33))
     # 8 bits of sRGB: half a code value, which is steepest at white.
@@ -141,7 +160,7 @@ def test_usd_holds_the_camera_and_the_surfaces(tmp_path):
     assert number["verticalAperture"] == pytest.approx(0.24)
     assert number["horizontalApertureOffset"] == pytest.approx(-0.015)
     assert number["verticalApertureOffset"] == pytest.approx(-0.015)
-    matrix = np.array(ast.literal_eval(re.search(r"matrix4d xformOp:transform = (\(.*\))\n", text).group(1)))
+    matrix = np.array(found(r"matrix4d xformOp:transform = (\([^\n]*\))\n", text))
     assert np.allclose(matrix[:3, :3], camera.rotation.T) and np.allclose(matrix[3, :3], camera.position)
     assert text.count('def Mesh "') == 2 and text.count("custom bool relume:shadowCatcher = 1") == 1
     assert text.count("{") == text.count("}") and "{path}" not in text
@@ -167,11 +186,11 @@ def test_mitsuba_reads_the_scene_that_is_rendered_here(walls, tmp_path):
     with _mitsuba(None, None) as mi:
         for file, scene in (("shot", value.scene), ("place", value.scene.without_objects())):
             here = mi.load_dict(scene_dictionary(mi, scene, value.camera))
-            there = mi.load_file(str(tmp_path / "out" / f"{file}.xml"), samples=256)
+            there = mi.load_file(str(tmp_path / "out" / f"{file}.xml"), samples=64)
             path = mi.load_dict({"type": "path", "max_depth": 13})
-            ours = np.array(mi.render(here, integrator=path, spp=256, seed=1))
+            ours = np.array(mi.render(here, integrator=path, spp=64, seed=1))
             read = np.array(mi.render(there, seed=2))
-            # 400 pixels of 256 rays: the mean of the smooth light is known to far better than a hundredth.
+            # 384 pixels of 64 rays: the mean of a light without lamps in it is known to better than a hundredth.
             assert np.allclose(read.mean((0, 1)), ours.mean((0, 1)), rtol=0.01)
             assert np.corrcoef(read.ravel(), ours.ravel())[0, 1] > 0.98
 
@@ -180,12 +199,13 @@ def test_mitsuba_gets_what_fills_a_body(tmp_path):
     water = Material(transmission=1.0, roughness=0.0, attenuation_color=(0.5, 0.25, 1.0), attenuation_distance=0.1)
     quietly(shot(objects=(Sphere((0.2, 0.2, 0.5), 0.15, water),)), tmp_path / "out", "mitsuba")
     root = ET.fromstring((tmp_path / "out" / "shot.xml").read_bytes())
-    medium = root.find("shape/medium[@name='interior']")
+    medium = under(root, "shape/medium[@name='interior']")
     # −ln ½ / 0.1 m
-    told = medium.find("rgb[@name='sigma_t']").get("value").split(", ")
-    assert [float(part) for part in told] == pytest.approx([6.93147, 13.86294, 0.0], abs=1e-4)
+    told = value_of(under(medium, "rgb[@name='sigma_t']")).split(", ")
+    scale = float(value_of(under(medium, "float[@name='scale']")))
+    assert [scale * float(part) for part in told] == pytest.approx([6.93147, 13.86294, 0.0], abs=1e-4)
     place = ET.fromstring((tmp_path / "out" / "place.xml").read_bytes())
-    assert place.find("integrator").get("type") == "volpath"
+    assert under(place, "integrator").get("type") == "volpath"
 
 
 def test_key_lights_stand_at_the_walls_and_give_the_probe_what_they_gave():
@@ -230,11 +250,13 @@ def test_plate_is_drawn_without_distortion():
 def test_what_is_not_held_is_said(name, tmp_path):
     ward = replace(SQUARE, material=Ward((0.5, 0.5, 0.5), 0.1, 0.4))
     camera = replace(shot().camera, distortion=Distortion(k1=-0.1))
-    with pytest.warns(UserWarning, match="Ward") as caught:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
         notes = hand_over(shot(objects=(ward,), camera=camera), tmp_path / "out", FORMATS[name])
     assert [str(each.message) for each in caught] == [f"{name}: {note}" for note in notes]
     readme = (tmp_path / "out" / "README.txt").read_text(encoding="utf-8")
-    assert len(notes) >= 2 and all(f"- {note}\n" in readme for note in notes)
+    assert any("Ward" in note for note in notes) and any("distortion" in note for note in notes)
+    assert all(f"- {note}\n" in readme for note in notes)
 
 
 @EACH

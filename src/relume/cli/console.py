@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import traceback
 import warnings
@@ -10,11 +11,14 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version as _version
-from typing import Annotated, Any
+from typing import Annotated, Any, TYPE_CHECKING
 
 from cyclopts import Parameter
 
-from relume.errors import DoubtfulResult, OutputNotWritten, RelumeError
+from relume.errors import DoubtfulResult, Interrupted, OutputNotWritten, RelumeError
+
+if TYPE_CHECKING:
+    from relume.render.interruption import Force
 
 _LONG = 96
 """Characters of a fact that a terminal shows on one line, beside its name."""
@@ -50,6 +54,8 @@ def refuse_error(error: Exception, *, verbose: bool) -> int:
         return refuse(str(error), 3)
     if isinstance(error, DoubtfulResult):
         return refuse(str(error), 4)
+    if isinstance(error, Interrupted):
+        return refuse(str(error), error.exit_code)
     if isinstance(error, RelumeError | ValueError):
         return refuse(str(error), 2)
     if isinstance(error, MemoryError):
@@ -66,6 +72,18 @@ def speaking(manner: Manner) -> Iterator[None]:
         warnings.simplefilter("always", UserWarning)
         warnings.showwarning = lambda message, *_, **__: note(manner, str(message))
         yield
+
+
+def force() -> Force:
+    """How a long render is ended in time: by this process's own end, said in one line."""
+    from relume.render.interruption import Force
+
+    def end(number: int, words: str) -> None:
+        if words:
+            print(f"relume: {words}", file=sys.stderr, flush=True)
+        os._exit(128 + number)
+
+    return Force(end)
 
 
 def note(manner: Manner, line: str) -> None:

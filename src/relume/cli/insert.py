@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, Threads, require_files
-from relume.cli.console import Manner, note, progress, speaking, tell
+from relume.cli.console import Manner, force, note, progress, speaking, tell
 
 if TYPE_CHECKING:
     from relume.shot.project import Shot
@@ -25,24 +25,35 @@ def insert(
     seed: Annotated[
         int | None, Parameter(help="Another seed for the renderer's noise, instead of the shot file's.")
     ] = None,
+    noise: Annotated[
+        float | None, Parameter(help="Stop once the error to be expected is below this share, like 0.01.")
+    ] = None,
+    to: Annotated[
+        Literal["blender", "usd", "mitsuba"] | None,
+        Parameter(help="Hand the shot over to this program instead of rendering it: its files go to the folder."),
+    ] = None,
+    restart: Annotated[bool, Parameter(negative="", help="Forget what an interrupted render kept.")] = False,
     threads: Threads = None,
     dry_run: DryRun = False,
     manner: Manner = Manner(),
 ) -> None:
     """Insert the objects of a shot into its photograph, lit by the light photographed there.
 
-    Stages are kept in the output folder: a second run redoes only what changed.
+    Stages are kept in the output folder: a second run redoes only what changed, and a render that was interrupted goes
+    on where it stopped. A shot with a [sequence] is made frame by frame.
     """
     from relume.shot.project import read_shot
 
     with speaking(manner):
         table = read_shot(shot)
-        changes = {k: v for k, v in (("samples", samples), ("seed", seed)) if v is not None}
+        changes = {k: v for k, v in (("samples", samples), ("seed", seed), ("noise", noise)) if v is not None}
         if changes:
             if samples is not None and samples < 2:
                 raise ValueError(f"--samples is {samples}; give at least 2")
             if seed is not None and seed < 0:
                 raise ValueError(f"--seed is {seed}; give 0 or more")
+            if noise is not None and not noise > 0:
+                raise ValueError(f"--noise is {noise}; give a share above 0, like 0.01")
             render = type(table.render).model_validate(table.render.model_dump() | changes)
             table = table.model_copy(update={"render": render})
         if dry_run:
@@ -59,18 +70,58 @@ def insert(
                 },
             )
             return
-        run(table, out, manner, threads)
+        if to is not None:
+            _hand_over(table, out, manner, to)
+        elif table.sequence is not None:
+            _sequence(table, out, manner, threads, restart)
+        else:
+            run(table, out, manner, threads, restart)
 
 
-def run(shot: Shot, out: Path, manner: Manner, threads: int | None) -> None:
+def _hand_over(shot: Shot, out: Path, manner: Manner, to: str) -> None:
+    """Do all but the render and write the shot for another program."""
+    from relume.shot.exports import FORMATS, hand_over
+    from relume.shot.insert import prepared
+
+    if shot.sequence is not None:
+        raise ValueError("--to hands one picture over, not a sequence; take [sequence] out of the shot file")
+    with progress(manner) as report:
+        value = prepared(shot, out, report=report)
+    lacking = hand_over(value, out, FORMATS[to])
+    form = FORMATS[to]
+    tell(manner, {"written": str(out / form.main), **({"not held": list(lacking)} if manner.json else {})})
+
+
+def _sequence(shot: Shot, out: Path, manner: Manner, threads: int | None, restart: bool) -> None:
+    """Make every frame that is not there yet."""
+    from relume.shot.frames import insert_frames
+
+    with progress(manner) as report:
+        made = insert_frames(shot, out, threads=threads, report=report, restart=restart, force=force())
+    for line in made.notes:
+        note(manner, line)
+    tell(
+        manner,
+        {
+            "frames": len(made.frames),
+            "kept from before": sum(frame.kept for frame in made.frames),
+            "movie": str(made.movie) if made.movie is not None else "none",
+            "report": str(out / "report.html"),
+            "seconds": round(sum(frame.seconds for frame in made.frames), 1),
+        },
+    )
+
+
+def run(shot: Shot, out: Path, manner: Manner, threads: int | None, restart: bool = False) -> None:
     """Do the job and tell what came of it."""
     from relume.shot.insert import insert as inserted
 
     with progress(manner) as report:
-        result = inserted(shot, out, threads=threads, report=report)
+        result = inserted(shot, out, threads=threads, report=report, restart=restart, force=force())
     for line in result.notes:
         note(manner, line)
-    recovered = [r.reflectance for r in result.recovered if r is not None]
+    surfaces = result.recovered.surfaces if result.recovered is not None else ()
+    recovered = [surface.reflectance for surface in surfaces if surface.reflectance is not None]
     tell(
         manner,
         {
@@ -80,7 +131,7 @@ def run(shot: Shot, out: Path, manner: Manner, threads: int | None) -> None:
             "light": str(out / "light.exr"),
             "report": str(out / "report.html"),
             "reflectance": [[round(v, 4) for v in r] for r in recovered],
-            "rays a pixel": result.with_.samples,
+            "rays a pixel": result.change.samples,
             "seconds": round(sum(result.seconds.values()), 1),
             "kept from before": list(result.kept),
             **({"notes": list(result.notes)} if manner.json else {}),

@@ -212,7 +212,7 @@ def read_region(text: str, camera: Camera) -> Region:
 def _resized(camera: Camera, size: str) -> Camera:
     """The same field of view across, in other pixels."""
     width, height = read_size(size)
-    return replace(camera, width=width, height=height, focal_length=camera.focal_length * width / camera.width)
+    return camera.resized(width, height)
 
 
 def read_size(size: str) -> tuple[int, int]:

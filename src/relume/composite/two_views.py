@@ -9,6 +9,7 @@ import numpy as np
 from relume.composite.projection import triangles_of_shape
 from relume.image.radiance import RadianceMap
 from relume.image.resample import bilinear
+from relume.light.convolution import as_latlong
 from relume.render.raycast import RayCaster
 from relume.scene.camera import Camera
 from relume.scene.scene import Scene
@@ -22,6 +23,8 @@ SURE = 0.3
 """Confidence from which on the probe's map is sharp enough to be compared."""
 CELL = 12
 """Grid steps (22°) along each side of a group of places whose errors may go together."""
+BLUR = 1.5
+"""Pixels of the probe's map that its outline of the surface blurs over: a half of the pixel and one of the look-up."""
 MOST = 900
 """Places of a photograph without a probe."""
 
@@ -53,6 +56,8 @@ def common_points(
 ) -> Shared:
     """Places of local surface `index` that the probe sees surely and the plate shows at usable pixels.
 
+    Where the map's pixels mix the surface with what is beside it, no place is taken: seen at a grazing angle the outline
+    is near, and a tenth of the bright floor behind a table looks like gloss.
     clear : metres round the foot of the probe that are left out
     """
     fine = LatLong().directions(pixel_points(LatLong(), ROWS * FINER))
@@ -60,7 +65,7 @@ def common_points(
     probe = np.array(scene.probe, np.float64)
     hits = caster.nearest(probe, fine.reshape(-1, 3))
     distance = hits.distance.reshape(fine.shape[:2])
-    on_it = (hits.shape == index).reshape(distance.shape)
+    on_it = _well_inside((hits.shape == index).reshape(distance.shape), as_latlong(scene.light).size)
     points = probe + np.where(on_it, distance, 1.0)[..., None] * fine
     on_it &= np.linalg.norm((points - probe)[..., [0, 2]], axis=-1) > clear
     sure = _at(confidence[..., None].astype(np.float64), LatLong().image_points(fine))[..., 0]
@@ -95,6 +100,14 @@ def plate_points(plate: RadianceMap, camera: Camera, scene: Scene, index: int, u
     side = max(1, max(usable.shape) // 8)
     cells = np.unique((row[on_it] // side) * 64 + column[on_it] // side, return_inverse=True)[1]
     return Shared(points, _normals(scene, index, eye, points), seen, seen, cells)
+
+
+def _well_inside(shown: np.ndarray, rows: int) -> np.ndarray:
+    """(h, w) bool: what of a surface in a lat-long grid lies off its outline in a map of so many rows."""
+    from scipy.ndimage import minimum_filter
+
+    reach = int(np.ceil(BLUR * len(shown) / rows))
+    return minimum_filter(shown, 2 * reach + 1, mode=("nearest", "wrap"))
 
 
 def _normals(scene: Scene, index: int, eye: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -6,6 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.render.renderer import Progress, Renderer
+from relume.scene.camera import Camera
+from relume.scene.scene import Scene
+
 
 @dataclass(frozen=True, eq=False)
 class Change:
@@ -33,3 +37,28 @@ class Change:
     difference_variance: np.ndarray
     samples: int = 1
     passes: int = 1
+
+
+def subtracted(
+    renderer: Renderer, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None
+) -> Change:
+    """The change as the difference of two pictures with the same random numbers (Debevec 1998, §6).
+
+    What the objects leave alone cancels to the bit where a renderer's paths are the same in both.
+    """
+    tell = progress or (lambda share: None)
+    with_ = renderer.render(scene, camera, seed=seed, progress=lambda share: tell(share / 2))
+    without = renderer.render(scene.without_objects(), camera, seed=seed, progress=lambda share: tell(0.5 + share / 2))
+    cover = with_.matte[..., None]
+    return Change(
+        objects=cover * with_.radiance,
+        difference=(1 - cover) * (with_.radiance - without.radiance),
+        matte=with_.matte,
+        depth=with_.depth,
+        normal=with_.normal,
+        albedo=with_.albedo,
+        objects_variance=cover**2 * with_.variance,
+        difference_variance=(1 - cover) ** 2 * (with_.variance + without.variance),
+        samples=with_.samples,
+        passes=with_.passes,
+    )

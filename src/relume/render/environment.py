@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from relume.render.renderer import Progress, Renderer
 from relume.scene.camera import Camera
-from relume.scene.lights import AmbientLight, DistantLight
+from relume.scene.lights import AmbientLight, DistantLight, SphereLight
 from relume.scene.materials import Material
 from relume.scene.scene import Scene
 from relume.scene.shapes import Shape
@@ -63,7 +63,7 @@ def environment(
     are added at the direction they come from: their irradiance at the point, intensity/distance² for the square law,
     over the solid angle of the pixels about it, so that the map's total grows by exactly that much. Those behind a
     shape are left out, wholly, however clear it is: a warning tells. Ambient light is in the map as far as surfaces
-    show it.
+    show it, and lamps that have a size, spheres of light, are seen in the pictures.
     Raises UnsupportedScene where the renderer cannot shade the scene, ValueError for a lamp at the point.
     """
     place = np.asarray(point, np.float64)
@@ -106,11 +106,14 @@ def face_camera(face: int, point: np.ndarray, side: int) -> Camera:
 
 
 def arrivals(scene: Scene, point: np.ndarray) -> list[Arrival]:
-    """What the scene's points of light and suns send to a point, but for those behind a shape."""
+    """What the scene's points of light and suns send to a point, but for those behind a shape.
+
+    Spheres of light are not among them: renderers that know them show them.
+    """
     found: list[Arrival] = []
     distances: list[float] = []
     for light in scene.lights:
-        if isinstance(light, AmbientLight):
+        if isinstance(light, AmbientLight | SphereLight):
             continue
         if isinstance(light, DistantLight):
             found.append(Arrival(normalised(light.towards), np.asarray(light.irradiance, np.float64)))

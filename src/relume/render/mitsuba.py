@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from math import isqrt
 from typing import Any
@@ -18,10 +18,12 @@ import numpy as np
 from relume.render.accumulation import ALONE, Watch, accumulate, pass_seed
 from relume.render.convergence import StandardError, Target
 from relume.render.fingerprint import render_key
-from relume.render.mitsuba_scene import matte_dictionary, scene_dictionary, surfaces_dictionary
+from relume.render.coverage import coverage, is_pierced
+from relume.render.mitsuba_scene import fills, matte_dictionary, scene_dictionary, surfaces_dictionary
 from relume.render.mitsuba_variant import choose_variant
 from relume.render.renderer import Progress, Render
 from relume.scene.camera import Camera
+from relume.scene.lights import SphereLight
 from relume.scene.scene import Scene
 
 PASS_RAYS = 4_000_000
@@ -30,6 +32,10 @@ PASSES = 16
 """Passes at least, where the samples allow it: the scatter of 16 tells a pixel's variance to a third of itself."""
 MATTE_SAMPLES = 64
 """Rays a pixel for the matte and the other planes: coverage to about a hundredth at edges."""
+WALK = 10_000
+"""Scatterings inside a body, at most: a white ball 70 mean free paths across keeps 0.98 of its light in 1000."""
+FAIR = 1000
+"""Of them before chance ends a path: ended earlier, a few lucky paths carry all the light and most pictures are dark."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +45,8 @@ class Mitsuba:
     samples : rays a pixel, at most; 256 shows little noise on what the light reaches directly
     noise : stop earlier, once the standard error of the picture's mean pixel is below this share of it; None traces
         all samples
-    depth : bounces before a path ends; 12 lets light into and out of glass before and behind glass
+    depth : bounces before a path ends; 12 lets light into and out of glass before and behind glass. Where bodies
+        scatter light inside, whose scatterings Mitsuba counts alike, `WALK` more
     variant : Mitsuba's variant; chosen for this machine unless given
     threads : all cores unless given; the pixels do not depend on it
     passes : exactly this many passes of the `samples` are traced, to repeat what a render with `noise` traced
@@ -75,8 +82,8 @@ class Mitsuba:
         """
         with _mitsuba(self.variant, self.threads) as mi:
             side = _side(camera, max(self.samples // PASSES, 1))
-            world = mi.load_dict(scene_dictionary(mi, scene, _finer(camera, side)))
-            path = mi.load_dict({"type": "path", "max_depth": self.depth + 1, "rr_depth": 8})
+            world = mi.load_dict(scene_dictionary(mi, scene, _finer(camera, side), media=True))
+            path = mi.load_dict(self._integrator(scene))
             early = self.noise is not None and self.passes is None
             sums = accumulate(
                 lambda s: {"radiance": _cells_mean(_traced(mi, world, path, s), side)},
@@ -87,11 +94,21 @@ class Mitsuba:
                 watch=watch,
                 progress=progress,
             )
-            world = mi.load_dict(surfaces_dictionary(mi, scene, _finer(camera, _side(camera, MATTE_SAMPLES))))
+            finer = _finer(camera, _side(camera, MATTE_SAMPLES))
+            world = mi.load_dict(surfaces_dictionary(mi, scene, finer, media=True))
             depth, normal, albedo = _planes(mi, world, camera, seed)
             matte = _matte(mi, scene, camera, seed)
         radiance, variance = (p.astype(np.float32) for p in (sums.mean("radiance"), sums.variance("radiance")))
         return Render(radiance, variance, matte, depth, normal, albedo, sums.passes * side**2, sums.passes)
+
+    def _integrator(self, scene: Scene) -> dict[str, Any]:
+        """Mitsuba's path tracer, or the one that also goes through what fills bodies and through lamps."""
+        media = [medium for shape in (*scene.local, *scene.objects) if (medium := fills(shape.material)) is not None]
+        if not media and not any(isinstance(light, SphereLight) for light in scene.lights):
+            return {"type": "path", "max_depth": self.depth + 1, "rr_depth": 8}
+        if any(any(medium.scattering) for medium in media):
+            return {"type": "volpathmis", "max_depth": self.depth + 1 + WALK, "rr_depth": FAIR}
+        return {"type": "volpathmis", "max_depth": self.depth + 1, "rr_depth": 8}
 
 
 def _side(camera: Camera, samples: int) -> int:
@@ -104,8 +121,7 @@ def _finer(camera: Camera, side: int) -> Camera:
 
     One ray goes through each of them, so that no two threads ever add to the same pixel, in whatever order.
     """
-    width, height, focal_length = camera.width * side, camera.height * side, camera.focal_length * side
-    return replace(camera, width=width, height=height, focal_length=focal_length)
+    return camera.resized(camera.width * side, camera.height * side)
 
 
 def _traced(mi: Any, world: Any, integrator: Any, seed: int) -> np.ndarray:
@@ -137,6 +153,8 @@ def _matte(mi: Any, scene: Scene, camera: Camera, seed: int) -> np.ndarray:
     if not scene.objects:
         return np.zeros((camera.height, camera.width), np.float32)
     side = _side(camera, MATTE_SAMPLES)
+    if any(is_pierced(shape.material) for shape in scene.objects):
+        return coverage(scene, camera, MATTE_SAMPLES, seed)
     world = mi.load_dict(matte_dictionary(mi, scene, _finer(camera, side)))
     whiteness = mi.load_dict({"type": "aov", "aovs": "albedo:albedo"})
     passes = -(-MATTE_SAMPLES // side**2)

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from relume.errors import UnsupportedScene
 from relume.render.accumulation import ALONE, Watch, accumulate, pass_seed
-from relume.render.change import Change
+from relume.render.change import Change, subtracted
 from relume.render.convergence import ChangeError, Target
 from relume.render.fingerprint import render_key
 from relume.render.mitsuba import MATTE_SAMPLES, PASSES, Mitsuba, _mitsuba
@@ -89,7 +88,8 @@ class Differential:
             return _nothing(camera)
         with _mitsuba(self.variant, self.threads) as mi:
             if "_ad_" not in mi.variant():
-                return self._subtracted(scene, camera, seed, progress, watch)
+                plain = Mitsuba(self.samples, None, self.depth, self.variant, self.threads)
+                return subtracted(plain, scene, camera, seed=seed, progress=progress)
             from relume.render.mitsuba_estimator import Estimator
 
             samples = _samples_a_pass(self.samples, camera)
@@ -122,28 +122,6 @@ class Differential:
             **{name: plane.astype(np.float32) for name, plane in planes.items()},
             samples=sums.passes * samples,
             passes=sums.passes,
-        )
-
-    def _subtracted(
-        self, scene: Scene, camera: Camera, seed: int, progress: Progress | None, watch: Watch
-    ) -> Change:
-        """Two pictures with the same random numbers: what the objects leave alone cancels to the bit."""
-        renderer = Mitsuba(self.samples, None, self.depth, self.variant, self.threads)
-        tell = progress or (lambda share: None)
-        with_ = renderer.render(scene, camera, seed=seed, progress=lambda share: tell(share / 2), watch=watch)
-        without = renderer.render(scene.without_objects(), camera, seed=seed, progress=lambda s: tell(0.5 + s / 2))
-        cover = with_.matte[..., None]
-        return Change(
-            objects=cover * with_.radiance,
-            difference=(1 - cover) * (with_.radiance - without.radiance),
-            matte=with_.matte,
-            depth=with_.depth,
-            normal=with_.normal,
-            albedo=with_.albedo,
-            objects_variance=cover**2 * with_.variance,
-            difference_variance=(1 - cover) ** 2 * (with_.variance + without.variance),
-            samples=with_.samples,
-            passes=with_.passes,
         )
 
 

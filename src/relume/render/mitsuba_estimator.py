@@ -42,10 +42,12 @@ class Estimator:
         materials = [solid.material for solid in scene.objects]
         media = [m.medium if isinstance(m, Material) else None for m in materials]
         smooth = [_sends_on(shape.bsdf()) for shape in objects.shapes()]
+        light = SceneLight(scene)
+        caught = any(smooth) and not light.even
         self.world = World(
-            local, objects, SceneLight(scene),
+            local, objects, light,
             Media(objects.shapes_dr(), media) if any(m is not None for m in media) else None,
-            any(isinstance(m, Material) and m.emits for m in materials), depth, any(smooth),
+            any(isinstance(m, Material) and m.emits for m in materials), depth, caught,
         )  # fmt: skip
         self.camera, self.lens, self.guide = camera, Lens(camera), Guide(scene.objects)
         round_them = (bounding_sphere(solid) for solid, sent in zip(scene.objects, smooth, strict=True) if sent)
@@ -83,7 +85,7 @@ class Estimator:
         objects = dr.select(on_object, found, 0)
         difference += dr.select(on_object, 0, found)
         planes = self._summed({"objects": objects, "difference": difference, "matte": mi.Float(on_object)}, samples)
-        if self.spheres:
+        if world.smooth:
             for name, light in self._lit(max(count // RAYS_OF_LIGHT, 1), seed).items():
                 planes[name] = planes[name] + light
         return planes
@@ -123,7 +125,9 @@ class Estimator:
         shape, planes = (self.camera.height, self.camera.width), {}
         for name, value in values.items():
             channels = [np.array(dr.block_sum(c, samples)) / samples for c in _channels(value)]
-            planes[name] = channels[0].reshape(shape) if len(channels) == 1 else np.stack(channels, -1).reshape(*shape, 3)
+            planes[name] = (
+                channels[0].reshape(shape) if len(channels) == 1 else np.stack(channels, -1).reshape(*shape, 3)
+            )
         return planes
 
     def _lit(self, count: int, seed: int) -> Planes:
@@ -151,7 +155,10 @@ def _built(shapes: tuple[Shape, ...]) -> Any:
         return None
     parts = {
         f"shape_{index:06d}": _shape(
-            mi, shape, bsdf(mi, shape.material, media=True), emission(mi, shape.material)  # pyright: ignore[reportArgumentType]
+            mi,
+            shape,
+            bsdf(mi, shape.material, media=True),
+            emission(mi, shape.material),  # pyright: ignore[reportArgumentType]
         )
         for index, shape in enumerate(shapes)
     }

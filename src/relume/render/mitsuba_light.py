@@ -93,6 +93,11 @@ class SceneLight:
         return shares / shares.sum()
 
     @property
+    def even(self) -> bool:
+        """Whether nothing in it is bright enough to be followed from where it begins."""
+        return not self.emitting.any()
+
+    @property
     def dark(self) -> bool:
         """Whether there is no light at all."""
         return not self.shares.any()
@@ -155,6 +160,8 @@ class SceneLight:
         low = 0.0
         for index, source in enumerate(self._emitters()):
             share = float(self.emitting[index])
+            if share == 0:
+                continue
             mine = active & (choice >= low) & ((choice < low + share) | (index == len(self.emitting) - 1))
             low += share
             begin, sent, fine = source(spheres, which, mi.Point2f(first, second), mi.Point2f(third, fourth), mine)
@@ -220,7 +227,9 @@ class _Map:
         if not flux.any():
             return 0.0
         self.bright, self.emissions = bright, mi.DiscreteDistribution2D((flux / flux.sum()).astype(np.float32))
-        self.emission = mi.Float(np.ascontiguousarray(flux / flux.sum() / LatLong().solid_angles(self.rows), np.float32).ravel())
+        self.emission = mi.Float(
+            np.ascontiguousarray(flux / flux.sum() / LatLong().solid_angles(self.rows), np.float32).ravel()
+        )
         return float(flux.sum() / max(float(self.flux), 1e-300))
 
     def emit(self, spheres: Spheres, which: Any, point: Any, aim: Any, active: Any) -> tuple[Any, Any, Any]:
@@ -233,7 +242,9 @@ class _Map:
         outward = mi.Vector3f(flat * sine, up, -flat * cosine)
         radiance = self.look_up(outward, active)
         radiance *= dr.maximum(1 - self.bright / dr.maximum(dr.mean(radiance), 1e-30), 0)
-        density = dr.gather(mi.Float, self.emission, mi.UInt32(mi.Int32(pixel.y) * self.columns + mi.Int32(pixel.x)), active)
+        density = dr.gather(
+            mi.Float, self.emission, mi.UInt32(mi.Int32(pixel.y) * self.columns + mi.Int32(pixel.x)), active
+        )
         if isinstance(self.distant, Infinite):
             return _parallel(spheres, which, aim, outward, radiance / density)
         reach, normal = self._reach(self.probe, outward, active)

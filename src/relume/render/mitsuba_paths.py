@@ -277,7 +277,8 @@ def _from_objects(
     wo = si.to_local(direction.d)
     value, chance = bsdf.eval_pdf(context, si, wo, active & (direction.pdf > 0))
     lit = active & (direction.pdf > 0) & (dr.max(value) > 0)
-    lit &= ~world.hidden(_towards(si, direction.d, direction.dist), lit)
+    # Mitsuba's own way to a point ends far enough before the surface that shines.
+    lit &= ~world.hidden(si.spawn_ray_to(direction.p), lit)
     if guide is not None:
         chance = (1 - guided) * chance + guided * guide.density(cones, direction.d)
     return dr.select(lit, value * weight * mitigated(direction.pdf, chance), 0)

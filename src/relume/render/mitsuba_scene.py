@@ -13,11 +13,12 @@ import numpy as np
 from relume.errors import UnsupportedScene
 from relume.light.convolution import as_latlong
 from relume.render.mitsuba_distant import distant_shape, require_inside
-from relume.render.mitsuba_materials import bsdf, emission
+from relume.render.mitsuba_materials import bsdf, emission, interior
 from relume.scene.camera import Camera
 from relume.scene.distant import Infinite
 from relume.scene.lights import AmbientLight, Light, PointLight, SphereLight, SquareLaw
 from relume.scene.materials import Colour, Diffuse, Material, Ward
+from relume.scene.media import Medium
 from relume.scene.patches import Patches
 from relume.scene.reflective import Reflective
 from relume.scene.scene import Scene
@@ -26,12 +27,18 @@ from relume.scene.tessellation import tessellated, triangulated
 from relume.scene.whitted import WhittedMaterial
 from relume.sphere.illumination import IlluminationMap
 
+FAR = 1e5
+"""Metres: nothing farther is drawn, and a lens whose focus is farther is in focus there."""
 
-def scene_dictionary(mi: Any, scene: Scene, camera: Camera) -> dict[str, Any]:
-    """The whole scene, lit, as seen by the camera."""
+
+def scene_dictionary(mi: Any, scene: Scene, camera: Camera, *, media: bool = False) -> dict[str, Any]:
+    """The whole scene, lit, as seen by the camera.
+
+    media : fill bodies with what their materials are filled with, for an integrator that goes through it
+    """
     if (reason := why_not(scene)) is not None:
         raise UnsupportedScene(reason)
-    dictionary = surfaces_dictionary(mi, scene, camera)
+    dictionary = surfaces_dictionary(mi, scene, camera, media=media)
     require_inside(scene.distant, scene.probe, scene.objects)
     # Of a black map no direction is likelier than another, and it adds nothing to other lights.
     if np.any(scene.light.radiance) or not scene.lights:
@@ -42,12 +49,21 @@ def scene_dictionary(mi: Any, scene: Scene, camera: Camera) -> dict[str, Any]:
     return dictionary
 
 
-def surfaces_dictionary(mi: Any, scene: Scene, camera: Camera) -> dict[str, Any]:
+def surfaces_dictionary(mi: Any, scene: Scene, camera: Camera, *, media: bool = False) -> dict[str, Any]:
     """Its surfaces without any light: for depth, normals and albedo, which the distant scene has none of."""
     dictionary: dict[str, Any] = {"type": "scene", "sensor": sensor(mi, camera)}
     for index, shape in enumerate((*scene.local, *scene.objects)):
-        dictionary[f"shape_{index:04d}"] = _shape(mi, shape, _bsdf(mi, shape.material), emission(mi, shape.material))
+        material = shape.material
+        inside = interior(material) if media else None
+        dictionary[f"shape_{index:04d}"] = _shape(
+            mi, shape, _bsdf(mi, material, media), emission(mi, material), inside
+        )
     return dictionary
+
+
+def fills(material: AnyMaterial) -> Medium | None:
+    """What fills a body of this material; None where it is empty."""
+    return material.medium if isinstance(material, Material) else None
 
 
 def _envmap(mi: Any, light: IlluminationMap) -> dict[str, Any]:
@@ -92,16 +108,36 @@ def matte_dictionary(mi: Any, scene: Scene, camera: Camera) -> dict[str, Any]:
 
 
 def sensor(mi: Any, camera: Camera) -> dict[str, Any]:
-    """Mitsuba's camera looks along +Z with +X to its left: ours, turned half a turn about +Y."""
+    """Mitsuba's camera looks along +Z with +X to its left: ours, turned half a turn about +Y.
+
+    Raises UnsupportedScene for a distorting lens, and for an aperture whose axis does not meet the picture's middle.
+    """
+    if camera.distortion is not None:
+        raise UnsupportedScene(
+            "Mitsuba's cameras have no lens distortion; use rl.Differential (relume insert), or "
+            "relume.scene.straightening.straightened"
+        )
+    across, down = 0.5 - np.array(camera.principal_point) / [camera.width, camera.height]
+    if camera.aperture > 0 and max(abs(across), abs(down)) > 1e-9:
+        raise UnsupportedScene(
+            "Mitsuba's thin lens stands before the picture's middle, and this one's principal point is elsewhere; "
+            "use rl.Differential (relume insert), or an aperture of 0"
+        )
     pose = np.eye(4)
     pose[:3, :3] = camera.rotation @ np.diag([-1.0, 1.0, -1.0])
     pose[:3, 3] = camera.position
-    return {
+    lens: dict[str, Any] = {
         "type": "perspective",
+        "principal_point_offset_x": float(across),
+        "principal_point_offset_y": float(down),
+    }
+    if camera.aperture > 0:
+        lens = {"type": "thinlens", "aperture_radius": camera.aperture, "focus_distance": float(min(camera.focus, FAR))}
+    return lens | {
         "fov": float(np.degrees(2 * np.arctan(camera.width / 2 / camera.focal_length))),
         "fov_axis": "x",
         "near_clip": 1e-3,
-        "far_clip": 1e5,
+        "far_clip": FAR,
         "to_world": mi.ScalarTransform4f(pose),
         # The box filter keeps every sample in its pixel, so that sums do not depend on the order of threads.
         "film": {
@@ -140,9 +176,10 @@ def _light(light: Light) -> dict[str, Any]:
     if isinstance(light, PointLight):
         return {"type": "point", "position": list(light.position), "intensity": _rgb(light.intensity)}
     if isinstance(light, SphereLight):
-        # A shape, but of the light: the planes of surfaces do not show it.
+        # A shape, but of the light: the planes of surfaces do not show it, and other light passes it.
         glow = {"type": "area", "radiance": _rgb(light.radiance)}
-        return {"type": "sphere", "center": list(light.position), "radius": light.radius, "emitter": glow}
+        parts = {"emitter": glow, "bsdf": {"type": "null"}}
+        return {"type": "sphere", "center": list(light.position), "radius": light.radius} | parts
     # Mitsuba's direction is the light's way; ours points towards where it comes from.
     way = [-float(part) for part in light.towards]
     return {"type": "directional", "direction": way, "irradiance": _rgb(light.irradiance)}
@@ -152,8 +189,15 @@ def _rgb(colour: Colour | np.ndarray) -> dict[str, Any]:
     return {"type": "rgb", "value": [float(channel) for channel in colour]}
 
 
-def _shape(mi: Any, shape: Shape, bsdf: dict[str, Any], emitter: dict[str, Any] | None = None) -> Any:
-    parts = {"bsdf": bsdf} if emitter is None else {"bsdf": bsdf, "emitter": emitter}
+def _shape(
+    mi: Any,
+    shape: Shape,
+    bsdf: dict[str, Any],
+    emitter: dict[str, Any] | None = None,
+    interior: dict[str, Any] | None = None,
+) -> Any:
+    parts = {"bsdf": bsdf, "emitter": emitter, "interior": interior}
+    parts = {name: words for name, words in parts.items() if words is not None}
     if isinstance(shape, Plane):
         x, z = shape.extent
         pose = np.eye(4)
@@ -196,7 +240,7 @@ def _mesh(mi: Any, mesh: Mesh, parts: dict[str, Any]) -> Any:
     return built
 
 
-def _bsdf(mi: Any, material: AnyMaterial) -> Any:
+def _bsdf(mi: Any, material: AnyMaterial, media: bool) -> Any:
     """Of a material that `why_not` has nothing against."""
     assert isinstance(material, Diffuse | Material | Ward)
-    return bsdf(mi, material)
+    return bsdf(mi, material, media=media)

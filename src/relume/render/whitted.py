@@ -26,7 +26,8 @@ from relume.render.whitted_materials import MaterialTables
 from relume.render.whitted_record import Record, Settings, empty_record
 from relume.scene.bounds import bounding_sphere
 from relume.scene.camera import Camera
-from relume.scene.lights import Attenuation, Unattenuated
+from relume.scene.distant import Infinite
+from relume.scene.lights import Attenuation, SphereLight, Unattenuated
 from relume.scene.scene import Scene
 from relume.scene.shapes import Mesh, Shape, Sphere
 from relume.sphere.polar import padded
@@ -85,7 +86,12 @@ class Whitted:
         return self.prepared(scene).render(camera, seed=seed, progress=progress)
 
     def prepared(self, scene: Scene) -> PreparedWhitted:
-        """Everything that does not depend on the camera, for many pictures of one scene."""
+        """Everything that does not depend on the camera, for many pictures of one scene.
+
+        Raises UnsupportedScene for a distant scene that is not at infinity, and for spheres of light.
+        """
+        if (reason := why_not(scene)) is not None:
+            raise UnsupportedScene(reason)
         return PreparedWhitted(self, scene)
 
 
@@ -265,10 +271,34 @@ class PreparedWhitted:
         return [shape for shape in set(met) - {-1} if met.count(shape) >= 4]
 
 
+def why_not(scene: Scene) -> str | None:
+    """What of a scene's light Whitted's method cannot show, in one line with the remedy; None where it shows all."""
+    if not isinstance(scene.distant, Infinite):
+        return (
+            "Whitted's method sees its light map at infinity, and this scene's is on walls; use rl.Mitsuba "
+            "(--renderer mitsuba), or an Infinite distant scene"
+        )
+    if any(isinstance(light, SphereLight) for light in scene.lights):
+        return (
+            "Whitted's lights have no size, and one of the scene's is a sphere; use rl.Mitsuba (--renderer mitsuba), "
+            "or a PointLight of intensity π·radius² times its radiance"
+        )
+    return None
+
+
 def view_of(camera: Camera) -> np.ndarray:
-    """The camera as sixteen numbers: eye, rotation in rows, focal length, the middle of the picture."""
-    middle = (camera.width / 2, camera.height / 2)
-    return np.array([*camera.position, *np.ravel(camera.rotation), camera.focal_length, *middle, 0.0], np.float64)
+    """The camera as sixteen numbers: eye, rotation in rows, focal length, principal point.
+
+    Raises UnsupportedScene for a lens that distorts or has an aperture.
+    """
+    if camera.distortion is not None or camera.aperture > 0:
+        what = "distorts" if camera.distortion is not None else "has an aperture"
+        raise UnsupportedScene(
+            f"Whitted's camera is a pinhole, and this one's lens {what}; use rl.Differential (relume insert), or a "
+            "camera without"
+        )
+    point = camera.principal_point
+    return np.array([*camera.position, *np.ravel(camera.rotation), camera.focal_length, *point, 0.0], np.float64)
 
 
 def _holds(shape: Shape, point: np.ndarray) -> TypeGuard[Sphere]:

@@ -49,7 +49,7 @@ class Plane:
     height : y, metres
     """
 
-    material: Diffuse | WhittedMaterial
+    material: Diffuse | Material | WhittedMaterial
     size: tuple[float, float] | None = None
     height: float = 0.0
 

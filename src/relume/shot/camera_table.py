@@ -21,6 +21,7 @@ from relume.scene.grid import fit_grid
 from relume.scene.known_lengths import CameraHeight, GroundLength, KnownLength, UprightLength
 from relume.scene.vanishing import AxisLines, fit_vanishing_lines
 from relume.shot.schema import Positive, Table, Vector
+from relume.shot.sequence_table import CameraKey, require_rising
 
 Pixel = tuple[float, float]
 """A point of the photograph: x right and y down from its upper left corner."""
@@ -117,9 +118,11 @@ class CameraTable(Table):
     distortion: DistortionTable | None = None
     aperture: Annotated[float, Field(ge=0)] | None = None
     focus: Positive | None = None
+    keyframes: tuple[CameraKey, ...] = ()
 
     @model_validator(mode="after")
     def _one_source(self) -> CameraTable:
+        require_rising(self.keyframes)
         if self.grid is not None and self.grid.squares[0] <= self.grid.squares[1]:
             raise ValueError(
                 f"grid.squares is {list(self.grid.squares)}; the long side comes first, and must be longer"

@@ -7,7 +7,7 @@ import numpy as np
 from relume.develop.film import Film
 from relume.image.colour import luminance
 from relume.scene.bounds import bounds
-from relume.scene.lights import AmbientLight, Light, PointLight
+from relume.scene.lights import AmbientLight, DistantLight, Light, SphereLight
 from relume.scene.scene import Scene
 
 
@@ -30,9 +30,12 @@ def _shown_by_white(light: Light, middle: np.ndarray, radius: float) -> float:
     """The luminance of a white card that faces a light; one within the objects is metered at their border."""
     if isinstance(light, AmbientLight):
         return _luminance(light.radiance)
-    if not isinstance(light, PointLight):
+    if isinstance(light, DistantLight):
         return _luminance(light.irradiance) / np.pi
     distance = max(float(np.linalg.norm(np.asarray(light.position) - middle)), radius)
+    if isinstance(light, SphereLight):
+        # What faces a sphere of light gets π L (r/d)²; on the sphere itself, and from within, π L.
+        return _luminance(light.radiance) * min(light.radius / max(distance, light.radius), 1.0) ** 2
     share = float(light.falloff.at(np.array(distance))) if distance > 0 else np.inf
     return _luminance(light.intensity) * share / np.pi
 

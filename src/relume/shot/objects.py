@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 
-from relume.scene.materials import Material
+from relume.errors import InvalidShot
+from relume.scene.animation import posed
+from relume.scene.animation_file import read_animation
+from relume.scene.camera import Camera
+from relume.scene.closedness import bodied, inside
 from relume.scene.meshes import read_meshes
-from relume.scene.patches import Patches
-from relume.scene.shapes import Mesh
-from relume.shot.project import Object, Placement, Shot
-from relume.sphere.directions import rotation_about
+from relume.scene.shapes import Mesh, Plane, Shape
+from relume.shot.placement import placed
+from relume.shot.project import Object, Shot
 
 
 def placed_meshes(shot: Shot) -> tuple[Mesh, ...]:
@@ -20,32 +24,42 @@ def placed_meshes(shot: Shot) -> tuple[Mesh, ...]:
     return tuple(
         _overridden(placed(mesh, table), table)
         for table in shot.objects
-        for mesh in read_meshes(shot.folder / table.mesh)
+        for mesh in _at_rest_or_moved(shot.folder / table.mesh, table.time)
     )
 
 
-def placed(mesh: Mesh, placement: Placement) -> Mesh:
-    """The mesh scaled, then turned about x, then y, then z, then moved."""
-    turn = _turn(placement)
-    vertices = placement.scale * (mesh.vertices @ turn.T) + np.array(placement.translate)
-    normals = None if mesh.normals is None else (mesh.normals @ turn.T).astype(np.float32)
-    return replace(mesh, vertices=vertices.astype(np.float32), normals=normals)
-
-
-def placed_patches(patches: Patches, placement: Placement) -> Patches:
-    """The patches placed as a mesh is."""
-    control = placement.scale * (patches.control @ _turn(placement).T) + np.array(placement.translate)
-    return replace(patches, control=control)
-
-
-def _turn(placement: Placement) -> np.ndarray:
-    x, y, z = np.radians(placement.rotate)
-    return rotation_about([0, 0, 1], z) @ rotation_about([0, 1, 0], y) @ rotation_about([1, 0, 0], x)
+def _at_rest_or_moved(path: Path, time: float | None) -> tuple[Mesh, ...]:
+    """The file's meshes, where its own motion has them at a time in seconds."""
+    meshes = read_meshes(path)
+    motion = read_animation(path) if time is not None else None
+    if motion is None or time is None:
+        return meshes
+    try:
+        return posed(meshes, motion, time)
+    except ValueError as error:
+        raise InvalidShot(f"objects.mesh: {error}") from None
 
 
 def _overridden(mesh: Mesh, table: Object) -> Mesh:
-    """The mesh with what the shot changes of its own material."""
-    changes: dict[str, Any] = table.material.model_dump(exclude_none=True)
-    if not isinstance(mesh.material, Material):
-        return mesh
-    return replace(mesh, material=replace(mesh.material, **changes))
+    """The mesh with the material that the shot gives it; what holds light inside is checked to be a body."""
+    try:
+        material = table.material.applied(mesh.material)
+    except ValueError as error:
+        raise InvalidShot(f"objects.material: {error}") from None
+    return bodied(replace(mesh, material=material))
+
+
+def doubts_about(meshes: Sequence[Mesh], camera: Camera, local: Sequence[Shape]) -> tuple[str, ...]:
+    """Where the objects stand strangely: under a surface, behind the camera, or around it; a line each."""
+    found = []
+    floor = min((shape.height for shape in local if isinstance(shape, Plane)), default=None)
+    for mesh in meshes:
+        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        if floor is not None and high[1] < floor:
+            found.append(f"object {mesh.name!r} lies under the plane, {floor - high[1]:.3g} m below it; move it up")
+        ahead = (mesh.vertices - camera.position) @ -camera.rotation[:, 2]
+        if ahead.max() <= 0:
+            found.append(f"object {mesh.name!r} is behind the camera; it can only be seen in mirrors and by its shadow")
+        elif np.all(camera.position > low) and np.all(camera.position < high) and inside(mesh, camera.position):
+            found.append(f"the camera is inside object {mesh.name!r}; move one of them")
+    return tuple(found)

@@ -9,14 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from relume.capture.calibration import DOUBTFUL_MISFIT, Calibration
-from relume.composite.local_scene import Recovered
+from relume.composite.reflectance import RecoveredLocal
+from relume.develop.matching import Match
 from relume.errors import OutputNotWritten
 from relume.image import files
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.probe.blending import Probe
-from relume.render.renderer import Render
+from relume.render.change import Change
 from relume.scene.camera import Camera
+from relume.scene.camera_fit import CameraFit
 from relume.sphere.illumination import as_radiance_map
 
 
@@ -26,7 +28,11 @@ class Inserted:
 
     composite : (H, W, 3) float32 scene-linear
     picture, before : the developed composite and the plate developed alike
-    plate, camera, probe, calibrations, recovered, with_, without : what it was made from
+    plate, camera, fit, probe, calibrations : what it was made from; `fit` tells how well the camera agrees
+    recovered : the real surfaces, or None where there are none
+    change : what the objects change, as it was composited
+    without : (H, W, 3) the model of the place without objects
+    match : what of the plate's look the objects were given
     seconds : of each stage; kept stages take next to none
     kept : the stages that an earlier run had made
     notes : what the user should know, a line each
@@ -37,11 +43,13 @@ class Inserted:
     before: Photograph
     plate: RadianceMap
     camera: Camera
+    fit: CameraFit
     probe: Probe
     calibrations: dict[str, Calibration]
-    recovered: tuple[Recovered | None, ...]
-    with_: Render
-    without: Render
+    recovered: RecoveredLocal | None
+    change: Change
+    without: np.ndarray
+    match: Match
     seconds: dict[str, float]
     kept: tuple[str, ...]
     notes: tuple[str, ...]
@@ -50,7 +58,7 @@ class Inserted:
 def notes_on(
     plate: RadianceMap,
     probe: Probe,
-    recovered: tuple[Recovered | None, ...],
+    recovered: RecoveredLocal | None,
     calibrations: dict[str, Calibration],
     matte_of_objects: np.ndarray | None = None,
 ) -> tuple[str, ...]:
@@ -63,13 +71,14 @@ def notes_on(
             f"{probe.clipped_solid_angle:.2g} sr of the light are saturated in every photograph: the light is a lower "
             "bound there; add shorter exposures of the ball"
         )
-    for found in recovered:
-        if found is not None and max(found.measured) < 0.01:
+    notes += recovered.notes if recovered is not None else ()
+    for found in recovered.surfaces if recovered is not None else ():
+        if found.measured is not None and max(found.measured) < 0.01:
             notes.append(
                 f"the surface reflects only {max(found.measured):.2g} of the light that was measured; the light is far "
                 "too strong for the plate (are the exposures of both right?)"
             )
-        if found is not None and max(found.measured) > 1:
+        if found.measured is not None and max(found.measured) > 1:
             notes.append(
                 f"the surface reflects {max(found.measured):.2f} times the light that was measured; the light is too "
                 "weak (was the ball's reflectance given? were its lamps saturated?)"
@@ -98,7 +107,8 @@ def require_folder(out: Path) -> None:
 
 def write_outcome(result: Inserted, out: Path) -> None:
     """Write everything but the report."""
-    unit, with_, without = result.plate.unit, result.with_, result.without
+    unit, change = result.plate.unit, result.change
+    model = (1 - change.matte[..., None]) * result.without + change.difference + change.objects
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -108,14 +118,16 @@ def write_outcome(result: Inserted, out: Path) -> None:
     files.write_layers(
         out / "layers.exr",
         {
-            "with": with_.radiance,
-            "without": without.radiance,
-            "difference": with_.radiance - without.radiance,
-            "matte": with_.matte,
-            "depth": with_.depth,
-            "normal": with_.normal,
-            "albedo": with_.albedo,
-            "variance": with_.variance,
+            "with": model.astype(np.float32),
+            "without": result.without.astype(np.float32),
+            "objects": change.objects,
+            "difference": change.difference,
+            "matte": change.matte,
+            "depth": change.depth,
+            "normal": change.normal,
+            "albedo": change.albedo,
+            "variance": change.objects_variance + change.difference_variance,
+            **({} if result.recovered is None else {"reflectance": result.recovered.albedo}),
         },
         unit=unit,
     )

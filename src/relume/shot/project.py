@@ -13,7 +13,14 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from relume.errors import InvalidShot, UnreadableFile
-from relume.shot.schema import Names, Positive, Share, Table, Vector, checked, read_toml
+from relume.shot.camera_table import CameraTable
+from relume.shot.distant_table import DistantTable
+from relume.shot.local_table import LocalTable
+from relume.shot.match_table import MatchTable
+from relume.shot.material_table import MaterialTable
+from relume.shot.placement import Placement
+from relume.shot.schema import Names, Positive, Table, Vector, checked, read_toml
+from relume.shot.sequence_table import LightKey, ObjectKey, SequenceTable, require_rising
 
 Mirrored = Annotated[float, Field(gt=0, le=1)]
 
@@ -24,39 +31,6 @@ class Plate(Table):
     photographs: Names = Field(min_length=1)
     times: list[Positive] | None = None
     denoise: bool = False
-
-
-class Grid(Table):
-    """A chequered board on the ground, photographed by the plate's camera."""
-
-    photograph: str
-    squares: tuple[Annotated[int, Field(ge=3)], Annotated[int, Field(ge=3)]]
-    square: Positive
-
-
-class Pose(Table):
-    """Where the plate's camera stood and looked, horizon level."""
-
-    position: Vector
-    look_at: Vector
-
-
-class CameraTable(Table):
-    """The plate's camera: from a grid, or given."""
-
-    grid: Grid | None = None
-    pose: Pose | None = None
-    focal_length: Positive | None = None
-
-    @model_validator(mode="after")
-    def _one_source(self) -> CameraTable:
-        if self.grid is not None and self.grid.squares[0] <= self.grid.squares[1]:
-            raise ValueError(
-                f"grid.squares is {list(self.grid.squares)}; the long side comes first, and must be longer"
-            )
-        if (self.grid is None) == (self.pose is None):
-            raise ValueError("give one of grid and pose")
-        return self
 
 
 class BallPhotographs(Table):
@@ -76,60 +50,38 @@ class Ball(Table):
     reflectance: Mirrored | tuple[Mirrored, Mirrored, Mirrored] = 1.0
 
 
-class Distant(Table):
-    """The shape of the distant scene."""
-
-    shape: Literal["infinite"] = "infinite"
-
-
 class Light(Table):
-    """The light of the place: photographs of a mirrored ball, or a finished map."""
+    """The light of the place: photographs of a mirrored ball, or a finished map.
+
+    distant : the shape of the distant scene, onto which the light is projected
+    probe : where a finished map was taken, metres; the ball's centre is known
+    lamps : places of lamps that hang in the room, before its walls
+    turn, exposure : degrees about +Y and stops, to change what was measured
+    """
 
     balls: list[BallPhotographs] | None = None
     ball: Ball | None = None
     map: str | None = None
     size: Annotated[int, Field(ge=16, le=8192)] = 512
-    distant: Distant = Distant()
+    distant: DistantTable = DistantTable()
+    probe: Vector | None = None
+    lamps: list[Vector] = Field(default_factory=list)
+    turn: float = 0.0
+    exposure: float = 0.0
+    keyframes: tuple[LightKey, ...] = ()
 
     @model_validator(mode="after")
     def _one_source(self) -> Light:
+        require_rising(self.keyframes)
         if (self.balls is None) == (self.map is None):
             raise ValueError("give one of balls and map")
         if self.balls is not None and (self.ball is None or not self.balls):
             raise ValueError("balls need ball = { centre, radius }")
+        if self.map is None and self.probe is not None:
+            raise ValueError("probe is for a finished map; of a ball the centre is known: leave it out")
+        if self.map is not None and self.probe is None and (self.distant.shape != "infinite" or self.lamps):
+            raise ValueError("a near distant scene needs probe = [x, y, z], the place the map was taken at, metres")
         return self
-
-
-class Surface(Table):
-    """The shape of a real surface."""
-
-    shape: Literal["plane"]
-    size: tuple[Positive, Positive] | None = None
-    height: float = 0.0
-
-
-class Local(Surface):
-    """A real surface that the objects affect."""
-
-    reflectance: Literal["recover"] | tuple[Share, Share, Share] = "recover"
-
-
-class MaterialTable(Table):
-    """What to change of a mesh's own material."""
-
-    base_color: tuple[Share, Share, Share] | None = None
-    metallic: Share | None = None
-    roughness: Share | None = None
-    transmission: Share | None = None
-    ior: Annotated[float, Field(ge=1)] | None = None
-
-
-class Placement(Table):
-    """How a mesh is scaled, then turned about x, y and z, then moved, after its own transform."""
-
-    scale: Positive = 1.0
-    rotate: Vector = (0.0, 0.0, 0.0)
-    translate: Vector = (0.0, 0.0, 0.0)
 
 
 class Object(Placement):
@@ -137,6 +89,13 @@ class Object(Placement):
 
     mesh: str
     material: MaterialTable = MaterialTable()
+    time: float | None = None
+    keyframes: tuple[ObjectKey, ...] = ()
+
+    @model_validator(mode="after")
+    def _keys_rise(self) -> Object:
+        require_rising(self.keyframes)
+        return self
 
 
 class RenderTable(Table):
@@ -147,6 +106,7 @@ class RenderTable(Table):
     depth: Annotated[int, Field(ge=1, le=1000)] = 12
     seed: Annotated[int, Field(ge=0)] = 0
     denoise: bool = False
+    preview: bool = True
 
 
 class DevelopTable(Table):
@@ -162,10 +122,12 @@ class Shot(Table):
     plate: Plate
     camera: CameraTable
     light: Light
-    local: list[Local] = Field(default_factory=lambda: [Local(shape="plane")])
+    local: list[LocalTable] = Field(default_factory=lambda: [LocalTable(shape="plane")])
     objects: list[Object] = Field(default_factory=list)
+    match: MatchTable = MatchTable()
     render: RenderTable = RenderTable()
     develop: DevelopTable = DevelopTable()
+    sequence: SequenceTable | None = None
     folder: Path = Field(default=Path("."), exclude=True)
 
     def files(self, patterns: Sequence[str]) -> list[Path]:

@@ -26,6 +26,8 @@ def _page(result: Inserted) -> str:
         slide(before, after, "Before, to the left of the handle; after, to the right."),
         heading("What the objects changed"),
         _difference(result),
+        heading("The real surfaces"),
+        _surfaces(result),
         heading("The light"),
         _light(result),
         heading("The camera's response"),
@@ -40,17 +42,42 @@ def _page(result: Inserted) -> str:
 
 
 def _difference(result: Inserted) -> str:
-    difference = (result.with_.radiance - result.without.radiance) * (1 - result.with_.matte[..., None])
-    scale = float(np.percentile(np.abs(difference), 99.5))
+    change = result.change
+    scale = float(np.percentile(np.abs(change.difference), 99.5))
     return side_by_side(
         [
             figure(
-                plots.signed(difference, scale),
+                plots.signed(change.difference, scale),
                 "With − without, about grey: dark is light taken, bright is light added.",
             ),
-            figure(plots.grey(result.with_.matte), "Matte: the share of each pixel that the objects cover."),
+            figure(plots.grey(change.matte), "Matte: the share of each pixel that the objects cover."),
         ]
     )
+
+
+def _surfaces(result: Inserted) -> str:
+    found = result.recovered
+    if found is None:
+        return paragraph("None: the objects throw no shadow and no light on anything.")
+    white = float(np.percentile(result.plate.radiance, 99))
+    shown = [
+        figure(plots.exposed(found.albedo, 1.0), "Diffuse reflectance, recovered from the plate: the light taken out."),
+        figure(plots.exposed(found.without, white), "The model without objects; it should look like the plate."),
+    ]
+    rows: list[tuple[str, str]] = []
+    for index, surface in enumerate(found.surfaces):
+        name = f"surface {index + 1}"
+        if surface.reflectance is not None and surface.spread is not None:
+            rows.append((f"{name}: reflectance", f"{triple(surface.reflectance)}, varies by {triple(surface.spread)}"))
+        if surface.gloss is not None:
+            errors = surface.fitted
+            f0, roughness = f"{surface.gloss.f0:.3f}", f"{surface.gloss.roughness:.3f}"
+            if errors is not None:
+                f0, roughness = f"{f0} ± {errors.f0_error:.3f}", f"{roughness} ± {errors.roughness_error:.3f}"
+                views = "probe and plate" if errors.views == 2 else "the plate alone"
+                rows.append((f"{name}: gloss found from", f"{errors.points} places, {views}"))
+            rows.append((f"{name}: gloss", f"F₀ {f0}, roughness {roughness}"))
+    return side_by_side(shown) + table(rows)
 
 
 def _light(result: Inserted) -> str:
@@ -93,10 +120,11 @@ def _audit(result: Inserted) -> str:
     ]
     if plate.clipped is not None:
         rows.append(("plate pixels clipped in every photograph", str(int((plate.clipped > 0).sum()))))
-    for found in result.recovered:
-        if found is not None:
-            rows.append(("recovered reflectance", f"{triple(found.reflectance)} ± {triple(found.spread)}"))
-    change = (result.with_.radiance - result.without.radiance)[result.with_.matte == 0]
+    if result.fit.agreement:
+        rows.append(("camera", result.fit.agreement))
+    sharpness = result.match.sharpness
+    rows.append(("sharpness of the plate", "not matched" if sharpness is None else f"σ {sharpness.sigma:.2f} pixels"))
+    change = result.change.difference[result.change.matte == 0]
     rows.append(("light taken from the surroundings", triple(-np.minimum(change, 0).sum(0))))
     rows.append(("light added to them", triple(np.maximum(change, 0).sum(0))))
     return table(rows)

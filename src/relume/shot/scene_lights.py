@@ -17,6 +17,7 @@ from relume.scene.lights import (
     Light,
     Linear,
     PointLight,
+    SphereLight,
     SquareLaw,
     Unattenuated,
 )
@@ -84,6 +85,15 @@ class DistantTable(Table):
     irradiance: GreyOrColour
 
 
+class SphereTable(Table):
+    """A lamp that has a size: a sphere that shines evenly."""
+
+    kind: Literal["sphere"]
+    position: Vector
+    radius: Positive
+    radiance: GreyOrColour
+
+
 class AmbientTable(Table):
     """The same light from everywhere that nothing shadows."""
 
@@ -91,7 +101,7 @@ class AmbientTable(Table):
     radiance: GreyOrColour
 
 
-AnyLightTable = Annotated[PointTable | DistantTable | AmbientTable, Field(discriminator="kind")]
+AnyLightTable = Annotated[PointTable | DistantTable | AmbientTable | SphereTable, Field(discriminator="kind")]
 
 
 def distant_light(table: LightTable | None, path: Path) -> IlluminationMap:
@@ -111,7 +121,7 @@ def distant_light(table: LightTable | None, path: Path) -> IlluminationMap:
         return _adjusted(light, table)
 
 
-def light_of(table: PointTable | DistantTable | AmbientTable, place: str) -> Light:
+def light_of(table: PointTable | DistantTable | AmbientTable | SphereTable, place: str) -> Light:
     """The light that a table stands for; raises InvalidScene naming the key below `place`."""
     with naming(place):
         match table:
@@ -119,6 +129,8 @@ def light_of(table: PointTable | DistantTable | AmbientTable, place: str) -> Lig
                 return PointLight(table.position, table.intensity, attenuation(table.falloff, f"{place}.falloff"))
             case DistantTable():
                 return DistantLight(table.towards, table.irradiance)
+            case SphereTable():
+                return SphereLight(table.position, table.radius, table.radiance)
             case AmbientTable():
                 return AmbientLight(table.radiance)
 

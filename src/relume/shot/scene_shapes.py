@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from pydantic import model_validator
@@ -16,10 +17,9 @@ from relume.scene.moving import ObjectOrbit
 from relume.scene.patches import Patches, read_patches
 from relume.scene.shapes import AnyMaterial, Plane, Polygon, Solid, Sphere
 from relume.scene.whitted import WhittedMaterial
-from relume.shot.objects import placed, placed_patches
-from relume.shot.project import Placement, Surface
+from relume.shot.placement import Placement, placed, placed_patches
 from relume.shot.scene_materials import has_images, naming
-from relume.shot.schema import Share, Table, Vector
+from relume.shot.schema import Positive, Share, Table, Vector
 
 PLACED_BY = {"sphere": "its centre and radius", "polygon": "its vertices"}
 """Objects that are not scaled, rotated and translated, and why."""
@@ -65,6 +65,14 @@ class ObjectTable(Placement):
         if shape in PLACED_BY and moved:
             raise ValueError(f"has {moved[0]}, but a {shape} is placed by {PLACED_BY[shape]}; remove {moved[0]}")
         return self
+
+
+class Surface(Table):
+    """The shape of a real surface."""
+
+    shape: Literal["plane"]
+    size: tuple[Positive, Positive] | None = None
+    height: float = 0.0
 
 
 class LocalTable(Surface):

@@ -33,6 +33,8 @@ USE = """    blender --python shot.py                          opens the shot in
 light.py alone sets world and lamps; keep the files together. Real surfaces are shadow catchers with the reflectance
 that was recovered. The compositor multiplies the plate by what the objects change (the "Shadow Catcher" pass) and puts
 the objects over it; Cycles' viewport shows shadows alone, no light that the objects throw."""
+ROWS = 256
+"""Of the walls' grid: cells of 0.7°, of which few hold both a lamp and what is beside it."""
 STOPS = 2
 """Of luminance a class of walls: within one no triangle is sampled more than four times too often or too seldom."""
 
@@ -114,7 +116,7 @@ def _walls(value: HandOver, radiance: np.ndarray) -> tuple[list[Part], list[floa
     Cycles chooses among shining triangles by their area and the strength of their material, not by what their texture
     has there: with a material a step it finds windows and lamps.
     """
-    built = walls(value.scene.distant, value.scene.probe)
+    built = walls(value.scene.distant, value.scene.probe, ROWS)
     rows, columns = radiance.shape[:2]
     middles = built.uv[built.faces].mean(axis=1)
     row = np.clip((middles[:, 1] * rows).astype(int), 0, rows - 1)

@@ -101,7 +101,8 @@ def set_distant():
     found = imported(SHOT["distant"])
     for index, strength in enumerate(SHOT["steps"]):
         wall = named(found, f"distant_{index:02d}")
-        wall.visible_camera = False
+        # Lamps stand in the walls, half of each behind: they are not to hide them.
+        wall.visible_camera = wall.visible_shadow = False
         # What catches no shadow counts as added: its light would be missing from the place without the objects.
         wall.is_shadow_catcher = True
         material = wall.active_material

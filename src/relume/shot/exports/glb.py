@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import struct
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from relume.image.colour import encode_srgb
+from relume.image.files import png
 from relume.scene.materials import Diffuse, Material
 from relume.shot.exports.parts import Part, base_colour, is_image, mean_colour, mean_number
 
@@ -105,12 +105,9 @@ class _Writer:
 
     def image(self, values: np.ndarray, *, colour: bool) -> dict[str, int]:
         """A texture of values from 0 to 1, (H, W, 3); colours are encoded by the sRGB curve."""
-        from PIL import Image
-
         codes = encode_srgb(np.clip(values, 0, 1)) if colour else np.clip(values, 0, 1)
-        stream = io.BytesIO()
-        Image.fromarray(np.rint(255 * codes).astype(np.uint8)).save(stream, "PNG")
-        self.images.append({"bufferView": self.view(stream.getvalue()), "mimeType": "image/png"})
+        data = png.encode(np.rint(255 * codes).astype(np.uint8), b"")
+        self.images.append({"bufferView": self.view(data), "mimeType": "image/png"})
         return {"index": len(self.images) - 1}
 
     def colour(self, value: Any, factor: str, texture: str) -> dict[str, Any]:

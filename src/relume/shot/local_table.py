@@ -1,0 +1,93 @@
+"""The shot file's [[local]]: the real surfaces that the objects affect, and what is to be recovered of each."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from relume.composite.gloss import Gloss, glossy
+from relume.composite.projection import box_mesh
+from relume.composite.reflectance import Even, Fit, Given, Varying, Wanted
+from relume.scene.materials import Diffuse, Material
+from relume.scene.meshes import read_meshes
+from relume.scene.shapes import Plane, Shape
+from relume.shot.placement import Placement, placed
+from relume.shot.schema import Positive, Share, Table, Vector
+
+GREY = Diffuse((0.5, 0.5, 0.5))
+"""What a surface is made of until its reflectance is recovered."""
+
+
+class GlossTable(Table):
+    """A gloss that is known: its reflectance at normal incidence, 0.04 of most things that are not metals."""
+
+    strength: Annotated[float, Field(ge=0, le=1)] = 0.04
+    roughness: Annotated[float, Field(gt=0, le=1)]
+
+
+class LocalTable(Placement):
+    """A real surface that the objects affect.
+
+    shape : a horizontal plane of a size at a height, a box from one corner to the other, or a mesh, which is placed as
+        objects are
+    reflectance : "recover" for every pixel of the plate, "recover even" for one colour, or a colour that is known
+    gloss : "recover" to find it from what plate and probe show of the same places; a known one; false for a matte surface
+    mirror : it is a mirror of this reflectance
+    """
+
+    shape: Literal["plane", "box", "mesh"]
+    size: tuple[Positive, Positive] | None = None
+    height: float = 0.0
+    low: Vector | None = None
+    high: Vector | None = None
+    mesh: str | None = None
+    reflectance: Literal["recover", "recover even"] | tuple[Share, Share, Share] = "recover"
+    gloss: Literal[False, "recover"] | GlossTable = False
+    mirror: bool = False
+
+    @model_validator(mode="after")
+    def _what_the_shape_needs(self) -> LocalTable:
+        needs = {"plane": (), "box": ("low", "high"), "mesh": ("mesh",)}[self.shape]
+        if lacking := [name for name in needs if getattr(self, name) is None]:
+            raise ValueError(f"a {self.shape} needs {' and '.join(lacking)}")
+        if self.low is not None and self.high is not None and not np.all(np.less(self.low, self.high)):
+            raise ValueError(
+                f"the box goes from {list(self.low)} to {list(self.high)}; each of low lies below its high"
+            )
+        if self.mirror and isinstance(self.reflectance, str):
+            raise ValueError("a mirror's reflectance is given, not recovered, like [0.9, 0.9, 0.9]")
+        if self.mirror and self.gloss:
+            raise ValueError("a mirror has no gloss beside; leave gloss out")
+        return self
+
+    def shapes(self, folder: Path) -> tuple[Shape, ...]:
+        """The surface with its own material, or grey where that is to be recovered; raises UnreadableFile."""
+        material = self._material()
+        if self.shape == "plane":
+            return (Plane(material, self.size, self.height),)
+        if self.shape == "box":
+            assert self.low is not None and self.high is not None  # _what_the_shape_needs
+            return (box_mesh(self.low, self.high, material),)
+        assert self.mesh is not None
+        return tuple(replace(placed(m, self), material=material) for m in read_meshes(folder / self.mesh))
+
+    def wanted(self, seen_by_probe: bool) -> Wanted:
+        """What is to be recovered; without a probe that shows the surface its gloss comes from the plate alone."""
+        if not isinstance(self.reflectance, str):
+            return Wanted(Given())
+        gloss = Gloss(self.gloss.strength, self.gloss.roughness) if isinstance(self.gloss, GlossTable) else None
+        albedo = Varying() if self.reflectance == "recover" else Even()
+        return Wanted(albedo, Fit() if self.gloss == "recover" else gloss)
+
+    def _material(self) -> Diffuse | Material:
+        if isinstance(self.reflectance, str):
+            return GREY
+        if self.mirror:
+            return Material(self.reflectance, metallic=1.0, roughness=0.0, name="mirror")
+        if isinstance(self.gloss, GlossTable):
+            return glossy(self.reflectance, Gloss(self.gloss.strength, self.gloss.roughness))
+        return Diffuse(self.reflectance)
