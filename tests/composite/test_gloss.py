@@ -5,6 +5,7 @@ import pytest
 
 from relume.composite.gloss import FittedGloss, Gloss, ViewOfProbe, fit_gloss, glossy
 from relume.composite.reflectance import Wanted, recover
+from relume.composite.two_views import common_points
 from relume.image.radiance import RadianceMap
 from relume.render.mitsuba import Mitsuba
 from relume.render.mitsuba_lobes import arriving
@@ -16,13 +17,20 @@ from relume.scene.shapes import Mesh, Plane
 from relume.sphere.illumination import IlluminationMap
 from relume.sphere.mappings import LatLong, pixel_directions
 
-CAMERA = Camera.looking_at(np.array([0.25, 0.55, 1.15]), np.zeros(3), width=192, height=128, focal_length=220.0)
-pytestmark = pytest.mark.slow
+WIDTH, HEIGHT = 96, 64
+CAMERA = Camera.looking_at(
+    np.array([0.25, 0.55, 1.15]), np.zeros(3), width=WIDTH, height=HEIGHT, focal_length=110.0
+)  # fmt: skip
 TABLE = Plane(Diffuse((0.5, 0.5, 0.5)), (1.7, 1.0))
 ROOM = Box((-2.5, -0.75, -2.0), (2.5, 1.95, 2.0))
 PROBE = (0.0, 0.05, 0.0)
 TRUE = Gloss(0.05, 0.35)
 ROWS = 64
+VIEW = ViewOfProbe(np.ones((ROWS, 2 * ROWS), np.float32), 0.05)
+USABLE = np.zeros((HEIGHT, WIDTH), bool)
+USABLE[2:-2, 2:-2] = True
+PATTERN = np.where(np.random.default_rng(3).random((10, 17, 1)) < 0.5, [0.5, 0.3, 0.2], [0.35, 0.22, 0.15])
+"""Of the table: two albedos in squares of 10 cm."""
 
 
 def surroundings() -> np.ndarray:
@@ -33,101 +41,139 @@ def surroundings() -> np.ndarray:
     return np.where(window[..., None], [6.0, 7.0, 9.0], light).astype(np.float32)
 
 
-def table(gloss: Gloss) -> Mesh:
-    """With a pattern of two albedos."""
-    random = np.random.default_rng(3)
-    image = np.where(random.random((10, 17, 1)) < 0.5, [0.5, 0.3, 0.2], [0.35, 0.22, 0.15]).astype(np.float32)
-    x, z = 0.85, 0.5
-    vertices = np.array([[-x, 0, z], [x, 0, z], [x, 0, -z], [-x, 0, -z]], np.float32)
-    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
-    return Mesh(vertices, np.array([[0, 1, 2], [0, 2, 3]], np.int32), glossy(image, gloss), None, uv)
+def on_table(place: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where rays (N, 3) meet the table, and which do."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        points = place + (-place[1] / rays[:, 1])[:, None] * rays
+    met = (rays[:, 1] < 0) & (np.abs(points[:, 0]) < 0.85) & (np.abs(points[:, 2]) < 0.5)
+    return points[met], met
+
+
+def sent(points: np.ndarray, place: np.ndarray, real: Scene, seeds: range) -> np.ndarray:
+    """What points of the true table send to a place: sums over drawn directions, with little noise."""
+    normals = np.broadcast_to([0.0, 1.0, 0.0], points.shape)
+    drawn = [arriving(real, points, normals, place, seed=seed) for seed in seeds]
+    gloss, base = np.mean([light.gloss_and_base(glossy((1.0, 1.0, 1.0), TRUE)) for light in drawn], axis=0)
+    row, column = ((points[:, 2] + 0.5) * 10).astype(int), ((points[:, 0] / 1.7 + 0.5) * 17).astype(int)
+    return gloss + PATTERN[row, column] * base
 
 
 @pytest.fixture(scope="module")
 def taken() -> tuple[RadianceMap, Scene]:
     """The photograph, and the scene whose light shows the table below the horizon as a probe would see it."""
     light = surroundings()
-    real = Scene(IlluminationMap(light), (table(TRUE),), distant=ROOM, probe=PROBE)
-    plate = Mitsuba(samples=64, depth=2).render(real, CAMERA, seed=5).radiance
-    # Four faces of a cube look down on the table from the probe's place; each pixel of the map takes its own.
-    directions = pixel_directions(LatLong(), ROWS)
+    real = Scene(IlluminationMap(light), (TABLE,), distant=ROOM, probe=PROBE)
+    plate = np.full((HEIGHT, WIDTH, 3), 0.5, np.float32)
+    points, met = on_table(np.array(CAMERA.position), CAMERA.rays().reshape(-1, 3))
+    plate.reshape(-1, 3)[met] = sent(points, np.array(CAMERA.position), real, range(100, 101))
     seen = light.copy()
-    for turn in range(4):
-        angle = np.pi / 2 * turn
-        forward = np.array([np.sin(angle), -0.35, -np.cos(angle)])
-        face = Camera.looking_at(np.array(PROBE), np.array(PROBE) + forward, width=128, height=96, focal_length=60.0)
-        picture = Mitsuba(samples=64, depth=2).render(real, face, seed=9 + turn)
-        at = face.project(np.array(PROBE) + directions)
-        nearest = np.round(np.arctan2(directions[..., 0], -directions[..., 2]) / (np.pi / 2)) % 4 == turn
-        with np.errstate(invalid="ignore"):
-            inside = nearest & (directions[..., 1] < 0) & np.all((at > 1) & (at < [127, 95]), axis=-1)
-        x, y = np.nan_to_num(at[inside]).T.astype(int)
-        hit = picture.depth[y, x] > 0
-        rows, columns = np.nonzero(inside)
-        seen[rows[hit], columns[hit]] = picture.radiance[y[hit], x[hit]]
+    # Steeper than 22° below the horizon lies what is not compared: 0.12 m round the foot of the ball.
+    directions = pixel_directions(LatLong(), ROWS)[:40]
+    points, met = on_table(np.array(PROBE), directions.reshape(-1, 3))
+    seen[:40].reshape(-1, 3)[met] = sent(points, np.array(PROBE), real, range(200, 206))
     return RadianceMap(plate), Scene(IlluminationMap(seen), (TABLE,), distant=ROOM, probe=PROBE)
 
 
-@pytest.fixture(scope="module")
-def found(taken: tuple[RadianceMap, Scene]) -> FittedGloss:
+def test_two_views_give_the_gloss_back_within_its_error(taken):
     plate, scene = taken
-    view = ViewOfProbe(np.ones((ROWS, 2 * ROWS), np.float32), 0.05)
-    usable = np.zeros((128, 192), bool)
-    usable[3:-3, 3:-3] = True
-    return fit_gloss(plate, CAMERA, scene, 0, usable, view)
-
-
-def test_two_views_give_the_roughness_back_within_its_error(found: FittedGloss):
+    found = fit_gloss(plate, CAMERA, scene, 0, USABLE, VIEW)
     assert found.views == 2 and found.points > 200 and found.notes == ()
-    assert abs(found.gloss.roughness - TRUE.roughness) < 2.5 * found.roughness_error
-    assert found.f0_error < 0.02 and found.roughness_error < 0.03
+    assert_true_within(found)
 
 
-@pytest.mark.xfail(strict=True, reason="F0 comes out at 0.031 ± 0.006 where it is 0.05; the cause is not known")
-def test_two_views_give_the_reflectance_along_the_normal_back_within_its_error(found: FittedGloss):
-    assert abs(found.gloss.f0 - TRUE.f0) < 2.5 * found.f0_error
+def assert_true_within(found: FittedGloss, errors: float = 2.5) -> None:
+    assert abs(found.gloss.f0 - TRUE.f0) < errors * found.f0_error
+    assert abs(found.gloss.roughness - TRUE.roughness) < errors * found.roughness_error
+    assert found.f0_error < 0.01 and found.roughness_error < 0.02
 
 
+def test_places_whose_pixels_mix_the_table_with_the_floor_are_not_compared():
+    """An even table before a floor that shines: all that is compared shows the table's radiance and nothing else."""
+    light = np.full((8 * ROWS, 16 * ROWS, 3), 5.0, np.float32)
+    _, met = on_table(np.array(PROBE), pixel_directions(LatLong(), 8 * ROWS).reshape(-1, 3))
+    light.reshape(-1, 3)[met] = 0.2
+    seen = light.reshape(ROWS, 8, 2 * ROWS, 8, 3).mean((1, 3))
+    scene = Scene(IlluminationMap(seen), (TABLE,), distant=ROOM, probe=PROBE)
+    plate = RadianceMap(np.full((HEIGHT, WIDTH, 3), 0.2, np.float32))
+    shared = common_points(plate, CAMERA, scene, 0, USABLE, VIEW.confidence, 0.15)
+    assert len(shared.points) > 200
+    assert shared.probe == pytest.approx(np.full_like(shared.probe, 0.2), rel=1e-5)
+    foot = np.linalg.norm(shared.points[:, [0, 2]], axis=-1)
+    assert foot.min() > 0.15 and shared.points[:, 1] == pytest.approx(0, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_pictures_of_a_path_tracer_give_the_gloss_back():
+    """The same table and room, photographed by Mitsuba: what the pictures hold besides the sums' model is noise."""
+    light = surroundings()
+    x, z = 0.85, 0.5
+    corners = np.array([[-x, 0, -z], [-x, 0, z], [x, 0, z], [x, 0, -z]], np.float32)
+    uv = np.array([[0, 1], [0, 0], [1, 0], [1, 1]], np.float32)
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    table = Mesh(corners, faces, glossy(PATTERN.astype(np.float32), TRUE), None, uv)
+    real = Scene(IlluminationMap(light), (table,), distant=ROOM, probe=PROBE)
+    plate = Mitsuba(samples=1024, depth=1).render(real, CAMERA, seed=5).radiance
+    seen, directions = light.copy(), pixel_directions(LatLong(), ROWS)
+    for turn in range(4):
+        angle = np.pi / 2 * turn
+        ahead = np.add(PROBE, (np.sin(angle), -0.25, -np.cos(angle)))
+        face = Camera.looking_at(np.array(PROBE), ahead, width=128, height=40, focal_length=60.0)
+        picture = Mitsuba(samples=1024, depth=1).render(real, face, seed=9 + turn)
+        at = face.project(np.array(PROBE) + directions)
+        nearest = np.round(np.arctan2(directions[..., 0], -directions[..., 2]) / (np.pi / 2)) % 4 == turn
+        with np.errstate(invalid="ignore"):
+            inside = nearest & (directions[..., 1] < 0) & np.all((at > 1) & (at < [127, 39]), axis=-1)
+        column, row = np.nan_to_num(at[inside]).T.astype(int)
+        hit = picture.depth[row, column] > 0
+        seen[tuple(axis[hit] for axis in np.nonzero(inside))] = picture.radiance[row, column][hit]
+    scene = Scene(IlluminationMap(seen), (TABLE,), distant=ROOM, probe=PROBE)
+    assert_true_within(fit_gloss(RadianceMap(plate), CAMERA, scene, 0, USABLE, VIEW))
+
+
+@pytest.mark.slow
 def test_the_photograph_alone_says_less_and_says_so(taken):
     plate, scene = taken
-    usable = np.zeros((128, 192), bool)
-    usable[40:-3, 3:-3] = True
+    usable = USABLE.copy()
+    usable[:20] = False
     alone = fit_gloss(plate, CAMERA, scene, 0, usable, None)
     assert alone.views == 1 and any("photograph alone" in note for note in alone.notes)
     assert abs(alone.gloss.f0 - TRUE.f0) < 2.5 * alone.f0_error
     assert abs(alone.gloss.roughness - TRUE.roughness) < 2.5 * alone.roughness_error
 
 
+@pytest.mark.slow
 def test_what_arrives_is_what_the_path_tracer_sees(taken):
-    """The sums over kept directions, beside a render of the same table."""
+    """The sums over kept directions, beside renders of the same table: from the camera, and grazing from the probe."""
     _, scene = taken
     even = glossy((0.4, 0.3, 0.2), TRUE)
-    flat = Mesh(*_rectangle(), even)
-    picture = Mitsuba(samples=256, depth=1).render(scene.with_local([flat]), CAMERA, seed=2).radiance
-    rows, columns = np.mgrid[50:120:10, 20:180:10]
-    rays = CAMERA.rays()[rows, columns].reshape(-1, 3)
-    points = CAMERA.position + (-CAMERA.position[1] / rays[:, 1])[:, None] * rays
-    normals = np.broadcast_to([0.0, 1.0, 0.0], points.shape)
-    sent = arriving(scene, points, normals, np.array(CAMERA.position)).reflected(even)
-    ratio = sent / picture[rows, columns].reshape(-1, 3)
-    assert np.abs(ratio.mean(0) - 1).max() < 0.01 and np.percentile(np.abs(ratio - 1), 90) < 0.1
+    local = scene.with_local([Plane(even, TABLE.extent)])
+    grazing = Camera.looking_at(np.array(PROBE), np.array([-1.0, -0.15, 0.0]), width=64, height=40, focal_length=60.0)
+    for camera, rows in ((CAMERA, slice(25, 60, 4)), (grazing, slice(24, 38, 2))):
+        picture = Mitsuba(samples=2048, depth=1).render(local, camera, seed=2).radiance
+        place, chosen = np.array(camera.position), camera.rays()[rows, 4:-4:4].reshape(-1, 3)
+        points, met = on_table(place, chosen)
+        normals = np.broadcast_to([0.0, 1.0, 0.0], points.shape)
+        # Eight draws: one alone has some 10 % of noise a point.
+        summed = np.mean([arriving(scene, points, normals, place, seed=s).reflected(even) for s in range(8)], axis=0)
+        ratio = summed / picture[rows, 4:-4:4].reshape(-1, 3)[met]
+        assert len(points) > 80
+        assert np.abs(ratio.mean(0) - 1).max() < 0.02 and np.percentile(np.abs(ratio - 1), 90) < 0.1
 
 
+@pytest.mark.slow
 def test_a_gloss_is_taken_out_before_the_albedo(taken):
     plate, scene = taken
-    told = recover(plate, CAMERA, scene, [Wanted(gloss=TRUE)], renderer=Mitsuba(samples=64, depth=2))
-    values = told.albedo[50:120, 20:180].reshape(-1, 3)
-    high, low = np.percentile(values, 90, axis=0), np.percentile(values, 10, axis=0)
-    assert high == pytest.approx([0.5, 0.3, 0.2], rel=0.05) and low == pytest.approx([0.35, 0.22, 0.15], rel=0.05)
+    told = recover(plate, CAMERA, scene, [Wanted(gloss=TRUE)], renderer=Mitsuba(samples=256, depth=2))
+    points, met = on_table(np.array(CAMERA.position), CAMERA.rays().reshape(-1, 3))
+    truth = PATTERN[((points[:, 2] + 0.5) * 10).astype(int), ((points[:, 0] / 1.7 + 0.5) * 17).astype(int)]
+    near = points[:, 2] > -0.4  # the outline is not trusted
+    truth, ratio = truth[near], (told.albedo.reshape(-1, 3)[met] / truth)[near]
+    assert len(ratio) > 2000
+    for patches in (truth[:, 0] > 0.4, truth[:, 0] < 0.4):
+        assert np.median(ratio[patches], axis=0) == pytest.approx(np.ones(3), rel=0.03)
     assert told.surfaces[0].gloss == TRUE and told.surfaces[0].fitted is None
 
 
 def test_a_gloss_beyond_all_light_is_refused():
     with pytest.raises(ValueError, match="expected 0 to 1"):
         Gloss(1.2, 0.5)
-
-
-def _rectangle() -> tuple[np.ndarray, np.ndarray]:
-    x, z = 0.85, 0.5
-    vertices = np.array([[-x, 0, z], [x, 0, z], [x, 0, -z], [-x, 0, -z]], np.float32)
-    return vertices, np.array([[0, 1, 2], [0, 2, 3]], np.int32)

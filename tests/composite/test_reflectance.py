@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from relume.composite.clean_pixels import filled_in, trustworthy
+from relume.composite.gloss import Gloss, glossy
 from relume.composite.projection import box_mesh
 from relume.composite.reflectance import Even, Given, RecoveredLocal, Wanted, recover
 from relume.image.radiance import SATURATED, RadianceMap
@@ -20,6 +21,8 @@ from relume.sphere.mappings import LatLong, pixel_directions
 
 CAMERA = Camera.looking_at(np.array([0.1, 0.6, 1.2]), np.zeros(3), width=96, height=64, focal_length=90.0)
 QUICK = Mitsuba(samples=64, depth=6)
+ROUGH = Mitsuba(samples=16, depth=2)
+"""For a lone plane, that sees none of itself, where a few per cent of noise do not matter."""
 BARE = Plane(Diffuse((0.5, 0.5, 0.5)), (1.7, 1.0))
 
 
@@ -39,7 +42,7 @@ def striped() -> Mesh:
     return Mesh(vertices, faces, Diffuse(np.ascontiguousarray(picture)), None, uv)
 
 
-def photograph(scene: Scene, samples: int = 256) -> RadianceMap:
+def photograph(scene: Scene, samples: int = 128) -> RadianceMap:
     return RadianceMap(Mitsuba(samples=samples, depth=6).render(scene, CAMERA, seed=77).radiance)
 
 
@@ -105,28 +108,54 @@ def test_surfaces_that_light_one_another_are_iterated_until_the_light_stays():
 
 def test_a_given_surface_stays_and_what_is_clipped_is_filled_from_beside(room):
     truth = replace(BARE, material=Diffuse((0.4, 0.3, 0.2)))
-    plate = photograph(room.with_local([truth]))
+    plate = photograph(room.with_local([truth]), 32)
     clipped = np.zeros((64, 96), np.uint8)
     clipped[30:40, 40:50] = SATURATED
     radiance = plate.radiance.copy()
     radiance[clipped > 0] = 99.0
-    found = recover(RadianceMap(radiance, None, clipped), CAMERA, room, [Wanted()], renderer=QUICK)
+    found = recover(RadianceMap(radiance, None, clipped), CAMERA, room, [Wanted()], renderer=ROUGH)
     assert found.albedo[clipped > 0] == pytest.approx(np.broadcast_to([0.4, 0.3, 0.2], (100, 3)), rel=0.05)
-    kept = recover(plate, CAMERA, room.with_local([truth]), [Wanted(Given())], renderer=QUICK)
+    kept = recover(plate, CAMERA, room.with_local([truth]), [Wanted(Given())], renderer=ROUGH)
     assert kept.shapes == (truth,) and kept.surfaces[0].reflectance is None
 
 
 def test_an_albedo_above_one_is_told_with_its_place(room):
     truth = replace(BARE, material=Diffuse((0.8, 0.5, 0.5)))
-    plate = photograph(room.with_local([truth]), 64)
+    plate = photograph(room.with_local([truth]), 32)
     dim = replace(room, light=light(0.5))
     with pytest.warns(
         UserWarning, match=r"albedo of local surface 1 .* above 1, up to 1\.[5-9]\d, in \d+ pixels .*x \d"
     ):
-        found = recover(plate, CAMERA, dim, [Wanted()], renderer=QUICK)
+        found = recover(plate, CAMERA, dim, [Wanted()], renderer=ROUGH)
     measured = found.surfaces[0].measured
     assert measured is not None and measured[0] == pytest.approx(1.6, rel=0.03)
     assert found.albedo.max() <= 1
+
+
+def test_a_few_pixels_of_another_thing_are_noted_and_not_warned_of(stripes, room):
+    """Some 4 % of the table show something that shines on it."""
+    plate, _ = stripes
+    radiance = plate.radiance.copy()
+    radiance[30:40, 40:52] = 20
+    (note,) = recover(RadianceMap(radiance), CAMERA, room, [Wanted()], renderer=ROUGH).notes
+    assert "local surface 1 ('plane') comes out above 1, up to" in note
+    assert "in 120 pixels (4." in note and "within x 40–51, y 30–39" in note
+
+
+@pytest.mark.slow
+def test_what_is_darker_than_the_gloss_is_noted_where_it_is_little_and_warned_of_where_it_is_much(room):
+    table = glossy((0.4, 0.3, 0.2), Gloss(0.04, 0.6))
+    radiance = photograph(room.with_local([replace(BARE, material=table)]), 64).radiance.copy()
+    radiance[30:40, 40:52] = 0
+    wanted = [Wanted(gloss=Gloss(0.04, 0.6))]
+    found = recover(RadianceMap(radiance), CAMERA, room, wanted, renderer=QUICK)
+    (note,) = found.notes
+    assert "local surface 1 ('plane') comes out below 0, in 120 pixels (4." in note
+    assert "within x 40–51, y 30–39" in note and "another thing or its reflection" in note
+    assert np.all(found.albedo[32:38, 42:50] == 0)
+    radiance[30:50, 30:66] = 0
+    with pytest.warns(UserWarning, match="comes out below 0, in 720 pixels"):
+        recover(RadianceMap(radiance), CAMERA, room, wanted, renderer=QUICK)
 
 
 def test_no_light_no_view_and_wrong_numbers_are_refused(room):
@@ -134,12 +163,12 @@ def test_no_light_no_view_and_wrong_numbers_are_refused(room):
     below = pixel_directions(LatLong(), 32)[..., 1:2] < -0.1
     from_below = IlluminationMap(np.where(below, [1.0, 1.0, 1.0], 0).astype(np.float32))
     with pytest.raises(ValueError, match="no light arrives at local surface 1"):
-        recover(plate, CAMERA, replace(room, light=from_below), [Wanted()], renderer=QUICK)
+        recover(plate, CAMERA, replace(room, light=from_below), [Wanted()], renderer=ROUGH)
     away = Camera.looking_at(np.array([0.0, 0.6, 0.0]), np.array([0, 2.0, 1.0]), width=96, height=64, focal_length=90.0)
     with pytest.raises(ValueError, match="the camera sees 0 measured pixels"):
-        recover(plate, away, room, [Wanted()], renderer=QUICK)
+        recover(plate, away, room, [Wanted()], renderer=ROUGH)
     with pytest.raises(ValueError, match="0 choices for 1 local surfaces"):
-        recover(plate, CAMERA, room, [], renderer=QUICK)
+        recover(plate, CAMERA, room, [], renderer=ROUGH)
 
 
 def test_pixels_at_outlines_are_not_trusted_and_are_filled_from_their_own_surface():

@@ -15,6 +15,8 @@ from relume.sphere.mappings import LatLong, pixel_directions
 
 PROBE = (0.3, 0.4, -0.2)
 ROOM = Box((-2.0, -0.5, -1.5), (2.0, 2.0, 1.5))
+DOME = Dome(3.0, (0.2, 0.0, 0.1))
+PROBE_FOOT = (0.3, 0.0, -0.2)
 ROWS = 64
 
 
@@ -26,7 +28,7 @@ def lamp_and_window() -> IlluminationMap:
     return IlluminationMap(radiance)
 
 
-def summed(light: IlluminationMap, distant: Distant, probe: tuple, point: np.ndarray, subdivision: int = 6):
+def summed(light: IlluminationMap, distant: Box | Dome, probe: tuple, point: np.ndarray, subdivision: int = 6):
     """The irradiance (3,) of an upward surface at `point`: all walls' patches, each seen by the probe's pixel.
 
     An area dA at distance t that the probe sees under dω is t² dω / cos θ_probe; from the point it is
@@ -65,8 +67,17 @@ def arriving(scene_light: IlluminationMap, distant: Distant, point: np.ndarray, 
     return np.pi * Mitsuba(samples=samples, depth=1).render(scene, camera).radiance.mean((0, 1))
 
 
-@pytest.mark.parametrize("distant", [ROOM, Dome(3.0, (0.2, 0.0, 0.1))], ids=["box", "dome"])
-@pytest.mark.parametrize("point", [(0.3, 0.0, -0.2), (-1.2, 0.3, 0.9), (1.5, 0.1, -1.0)])
+@pytest.mark.parametrize(
+    ("distant", "point"),
+    [
+        pytest.param(ROOM, PROBE_FOOT, id="box-below-the-probe", marks=pytest.mark.slow),
+        pytest.param(ROOM, (-1.2, 0.3, 0.9), id="box-off-the-probe"),
+        pytest.param(ROOM, (1.5, 0.1, -1.0), id="box-at-a-corner"),
+        pytest.param(DOME, PROBE_FOOT, id="dome-below-the-probe", marks=pytest.mark.slow),
+        pytest.param(DOME, (-1.2, 0.3, 0.9), id="dome-off-the-probe"),
+        pytest.param(DOME, (1.5, 0.1, -1.0), id="dome-at-its-side", marks=pytest.mark.slow),
+    ],
+)
 def test_irradiance_is_that_of_the_walls_the_probe_saw(distant, point):
     light = lamp_and_window()
     truth = summed(light, distant, PROBE, np.array(point))

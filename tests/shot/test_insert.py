@@ -33,17 +33,22 @@ def test_the_job_writes_every_output_whole_and_no_temporary_file(room: Room) -> 
         "stages",
     ]
     assert sorted(p.name for p in (out / "stages").iterdir()) == [
-        "light.npz", "plate.npz", "render.npz", "response.npz",
+        "light.npz", "plate.npz", "reflectance.npz", "render.npz", "response.npz",
     ]  # fmt: skip
 
 
 def test_pixels_that_no_object_covers_or_changes_are_the_plate_to_the_bit(room: Room) -> None:
     result, out = room
     composite = read_radiance(out / "composite.exr").radiance
-    untouched = result.with_.matte == 0
+    matte = result.change.matte
+    untouched = matte == 0
     assert untouched.mean() > 0.8
     assert np.array_equal(composite[untouched], result.plate.radiance[untouched])
-    assert np.allclose(composite[~untouched], [3.0, 2.0, 1.0])
+    # As sharp as the plate, the fake's square has a soft edge; within it is itself, at the edge it covers its share.
+    assert 0.05 < (matte == 1).mean() < 0.12 and ((matte > 0) & (matte < 1)).any()
+    assert np.allclose(composite[matte == 1], [3.0, 2.0, 1.0])
+    blended = matte[..., None] * np.array([3.0, 2.0, 1.0]) + (1 - matte[..., None]) * result.plate.radiance
+    assert np.allclose(composite, blended, rtol=1e-5)
 
 
 def test_a_shot_without_objects_gives_the_plate_back_exactly(copied_room: tuple[Path, Path]) -> None:
@@ -64,15 +69,21 @@ def test_the_developed_plate_looks_like_the_photograph_it_came_from(room: Room) 
 
 def test_layers_hold_what_the_design_names(room: Room) -> None:
     layers = read_layers(room[1] / "layers.exr")
-    assert list(layers) == ["with", "without", "difference", "matte", "depth", "normal", "albedo", "variance"]
-    assert np.array_equal(layers["difference"], layers["with"] - layers["without"])
+    assert list(layers) == [
+        "with", "without", "objects", "difference", "matte", "depth", "normal", "albedo", "variance", "reflectance",
+    ]  # fmt: skip
+    # The model with the objects is the one without them, changed as the plate is.
+    kept = (1 - layers["matte"][..., None]) * layers["without"]
+    assert np.allclose(layers["with"], kept + layers["difference"] + layers["objects"], rtol=1e-6)
+    assert np.allclose(layers["without"], [3.0, 2.0, 1.0]) and not layers["difference"].any()
+    assert np.allclose(layers["objects"], layers["matte"][..., None] * [3.0, 2.0, 1.0])
 
 
 def test_a_second_run_redoes_nothing_and_writes_the_same_bytes(copied_room: tuple[Path, Path]) -> None:
     path, out = copied_room
     before = {n: (out / n).read_bytes() for n in ("composite.exr", "composite.png", "light.exr", "layers.exr")}
     result = insert(read_shot(path), out, renderer=FAKE)
-    assert set(result.kept) == {"response", "plate", "light", "render"}
+    assert set(result.kept) == {"response", "plate", "light", "reflectance", "render"}
     assert all((out / n).read_bytes() == data for n, data in before.items())
 
 
@@ -80,7 +91,7 @@ def test_only_what_changed_is_redone(copied_room: tuple[Path, Path]) -> None:
     path, out = copied_room
     shot = read_shot(path)
     moved = shot.model_copy(update={"objects": [Object(mesh="objects/cube_gold.glb", translate=(0.0, 0.0, 0.1))]})
-    assert set(insert(moved, out, renderer=FAKE).kept) == {"response", "plate", "light"}
+    assert set(insert(moved, out, renderer=FAKE).kept) == {"response", "plate", "light", "reflectance"}
     noisier = shot.model_copy(update={"plate": shot.plate.model_copy(update={"denoise": False})})
     assert set(insert(noisier, out, renderer=FAKE).kept) == {"response", "light"}
 
@@ -100,7 +111,8 @@ def test_the_camera_and_light_of_the_room_are_where_they_were_measured(room: Roo
     dark = light.look_up(np.array([0.0, 0.2, 1.0]))
     assert window.sum() > 5 * dark.sum()
     brightest = np.unravel_index(np.argmax(light.radiance.sum(-1)), light.radiance.shape[:2])
-    x, y, z = light.mapping.directions(np.array([(brightest[1] + 0.5) / 1024, (brightest[0] + 0.5) / 512]))
+    assert light.radiance.shape == (128, 256, 3)
+    x, y, z = light.mapping.directions(np.array([(brightest[1] + 0.5) / 256, (brightest[0] + 0.5) / 128]))
     assert x > 0.3 and y > 0.5 and z < -0.2 and bulb.sum() > 0
     assert result.camera.position == pytest.approx([0.25, 0.55, 1.15], abs=0.003)
 
@@ -108,7 +120,8 @@ def test_the_camera_and_light_of_the_room_are_where_they_were_measured(room: Roo
 def test_the_report_is_one_page_that_needs_nothing_else(room: Room) -> None:
     page = (room[1] / "report.html").read_text()
     sources = re.findall(r'src="([^"]*)"', page)
-    assert len(sources) == 8 and all(s.startswith("data:image/png;base64,") for s in sources)
+    # Two photographs, two planes of change, two of surfaces, three exposures of light, one curve.
+    assert len(sources) == 10 and all(s.startswith("data:image/png;base64,") for s in sources)
     # Among megabytes of base64 any four letters come up by chance.
     words = re.sub(r"base64,[^\"]*", "", page)
     assert "http" not in words and "Energy audit" in page and "Virtual curve_a" in page
@@ -146,7 +159,7 @@ def test_a_single_photograph_is_a_plate_when_the_balls_tell_its_camera(copied_ro
     shot = read_shot(path)
     single = shot.plate.model_copy(update={"photographs": ["plate/IMG_0003.jpg"], "denoise": False})
     result = insert(shot.model_copy(update={"plate": single}), out, renderer=FAKE)
-    reference = read_radiance(out / "composite.exr").radiance[result.with_.matte == 0]
+    reference = read_radiance(out / "composite.exr").radiance[result.change.matte == 0]
     assert np.isfinite(reference).all()
 
 

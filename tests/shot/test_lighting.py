@@ -53,5 +53,5 @@ def test_the_picture_is_the_photograph_itself_where_nothing_changed(room: tuple[
     folder = Path(__file__).parents[2] / "examples/room/plate"
     photographs = [read_photograph(path).pixels for path in sorted(folder.glob("*.jpg"))]
     assert any((result.before.pixels == photograph).all() for photograph in photographs)
-    untouched = result.with_.matte == 0
+    untouched = result.change.matte == 0
     assert (result.picture.pixels[untouched] == result.before.pixels[untouched]).all()

@@ -28,7 +28,9 @@ def written(folder: Path, text: str) -> Path:
 def test_the_example_is_a_valid_shot_file() -> None:
     shot = read_shot(Path(__file__).parents[2] / "examples/room/shot.toml")
     assert shot.objects[0].mesh == "objects/suzanne_plastic.glb"
-    assert shot.render.samples == 256 and shot.develop.response == "plate"
+    assert shot.render.samples == 64 and shot.render.noise is None and shot.develop.response == "plate"
+    assert shot.light.distant.shape == "box" and len(shot.light.lamps) == 1
+    assert [(table.reflectance, table.gloss) for table in shot.local] == [("recover", "recover")]
 
 
 def test_a_short_shot_file_has_a_plane_and_defaults(tmp_path: Path) -> None:

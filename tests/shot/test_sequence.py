@@ -20,8 +20,6 @@ from relume.shot.sequence_moments import at_frame, changed_light, frames_of, mom
 from relume.shot.sequence_table import SequenceTable, frames_in
 from relume.sphere.illumination import IlluminationMap
 
-pytestmark = pytest.mark.skipif("sequence" not in Shot.model_fields, reason="the shot file has no sequences yet")
-
 SHOT = """
 [plate]
 photographs = "plate.exr"

@@ -150,16 +150,29 @@ def _averaged(found: list[FittedGloss]) -> FittedGloss:
 def _from_two(shared: Shared, camera: Camera, scene: Scene, seed: int, starts: tuple[np.ndarray, ...]) -> FittedGloss:
     to_camera = arriving(scene, shared.points, shared.normals, np.array(camera.position), seed=seed)
     to_probe = arriving(scene, shared.points, shared.normals, np.array(scene.probe), seed=seed)
-    scale = PATTERN * shared.plate + LIGHT * shared.probe
+    # Of groups, because weights that follow a place's own errors favour the places that err low.
+    plate_error = PATTERN * _of_groups(shared.plate, shared.cells)
+    probe_error = LIGHT * _of_groups(shared.probe, shared.cells)
 
     def residuals(theta: np.ndarray, gain: float = 1.0) -> np.ndarray:
         gloss, base = _split(to_camera, theta)
         gloss_there, base_there = _split(to_probe, theta)
-        predicted = gain * gloss_there + (shared.plate - gain * gloss) * base_there / np.maximum(base, 1e-30)
-        return (shared.probe - predicted) / scale
+        ratio = base_there / np.maximum(base, 1e-30)
+        predicted = gain * gloss_there + (shared.plate - gain * gloss) * ratio
+        # The plate's error counts as it arrives in the prediction (total least squares): with any other weight the
+        # descent would gain by shrinking the ratio, and F₀ come out low.
+        return (shared.probe - predicted) / np.hypot(plate_error * ratio, probe_error)
 
+    scale = np.hypot(plate_error, probe_error)
     share = scale / (0.5 * (shared.plate + shared.probe))
     return _fitted(residuals, shared.cells, share, 2, None, (), starts)
+
+
+def _of_groups(values: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """(N, 3): each place's mean over its group."""
+    sums = np.zeros((cells.max() + 1, 3))
+    np.add.at(sums, cells, values)
+    return (sums / np.bincount(cells)[:, None])[cells]
 
 
 def _from_one(shared: Shared, camera: Camera, scene: Scene, seed: int, notes: tuple[str, ...]) -> FittedGloss:
@@ -178,9 +191,7 @@ def _from_one(shared: Shared, camera: Camera, scene: Scene, seed: int, notes: tu
 
 def _split(light: Arriving, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The gloss, and the base per unit of albedo, that points send to a viewer."""
-    gloss = Gloss(float(theta[0]), float(theta[1]))
-    alone = light.reflected(glossy((0.0, 0.0, 0.0), gloss))
-    return alone, light.reflected(glossy((1.0, 1.0, 1.0), gloss)) - alone
+    return light.gloss_and_base(glossy((1.0, 1.0, 1.0), Gloss(float(theta[0]), float(theta[1]))))
 
 
 def _fitted(

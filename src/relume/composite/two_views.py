@@ -56,8 +56,8 @@ def common_points(
 ) -> Shared:
     """Places of local surface `index` that the probe sees surely and the plate shows at usable pixels.
 
-    Where the map's pixels mix the surface with what is beside it, no place is taken: seen at a grazing angle the outline
-    is near, and a tenth of the bright floor behind a table looks like gloss.
+    No place is taken where the map's pixels mix the surface with what is beside it: at grazing angles its outline is
+    near, and a tenth of the bright floor behind a table looks like gloss.
     clear : metres round the foot of the probe that are left out
     """
     fine = LatLong().directions(pixel_points(LatLong(), ROWS * FINER))
@@ -107,7 +107,8 @@ def _well_inside(shown: np.ndarray, rows: int) -> np.ndarray:
     from scipy.ndimage import minimum_filter
 
     reach = int(np.ceil(BLUR * len(shown) / rows))
-    return minimum_filter(shown, 2 * reach + 1, mode=("nearest", "wrap"))
+    wrapped = np.pad(np.pad(shown, ((reach, reach), (0, 0)), mode="edge"), ((0, 0), (reach, reach)), mode="wrap")
+    return minimum_filter(wrapped, 2 * reach + 1)[reach:-reach, reach:-reach]
 
 
 def _normals(scene: Scene, index: int, eye: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -61,8 +61,8 @@ def free_lamp(light: IlluminationMap, position: ArrayLike, probe: ArrayLike = (0
     around = np.median(light.radiance[ring], axis=0)
     if not brightest > 4 * float(luminance(around)):
         raise ValueError(
-            f"the light shows no lamp towards {np.asarray(position).tolist()}: within 6° nothing is four times as bright "
-            "as what surrounds it; is the place in metres, in the frame of the scene?"
+            f"the light shows no lamp towards {np.asarray(position).tolist()}: within 6° nothing is four times as "
+            "bright as what surrounds it; is the place in metres, in the frame of the scene?"
         )
     bright = near & (values > EDGE * brightest)
     middle = (directions[bright] * (values * areas)[bright][:, None]).sum(axis=0)

@@ -31,7 +31,8 @@ from relume.render.spans import Spans
 from relume.render.terms import Term, is_even, term
 from relume.render.visibility import Seen, Stage
 from relume.scene.camera import Camera
-from relume.scene.materials import Diffuse, Material
+from relume.scene.distant import Infinite
+from relume.scene.materials import Diffuse, Material, Ward
 from relume.scene.patches import Patches
 from relume.scene.reflective import Reflective
 from relume.scene.scene import Scene
@@ -247,12 +248,22 @@ def _mappable(scene: Scene) -> list[Material | Diffuse | Reflective]:
             "reflection maps hold light from infinity alone, and this scene has lights of its own; "
             "use rl.Whitted (--renderer whitted)"
         )
+    if not isinstance(scene.distant, Infinite):
+        raise UnsupportedScene(
+            "reflection maps hold light from infinity alone, and this scene's is on walls; use rl.Mitsuba "
+            "(--renderer mitsuba), or an Infinite distant scene"
+        )
     materials = []
     for shape in (*scene.local, *scene.objects):
         if isinstance(shape.material, WhittedMaterial):
             raise UnsupportedScene(
                 f"reflection maps cannot shade the whitted material {shape.material.name!r}; "
                 "use rl.Whitted (--renderer whitted), or a glossy or mirror material"
+            )
+        if isinstance(shape.material, Ward):
+            raise UnsupportedScene(
+                f"reflection maps cannot shade the Ward surface {shape.material.name!r}; "
+                "use rl.Mitsuba (--renderer mitsuba), or a glossy material with the lobe ward"
             )
         materials.append(shape.material)
     return materials

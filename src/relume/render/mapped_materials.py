@@ -8,11 +8,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from relume.image.resample import bilinear
 from relume.light.brdf import GGX
 from relume.light.glossy import albedo
 from relume.light.lobes import GGXLobe, Lambert, Mirror
 from relume.light.weights import ByAngle, Complement, Schlick
+from relume.render.repeating import repeated
+from relume.render.unshown import warn_of_unshown
 from relume.scene.materials import Colour, Diffuse, Material
 from relume.scene.reflective import Layer, Reflective, Towards
 
@@ -56,26 +57,26 @@ def layers_of(material: Material | Diffuse | Reflective) -> tuple[ShadedLayer, .
             ShadedLayer(layer, _shade(layer.colour), _shade(1.0), np.ndim(layer.colour) > 1)
             for layer in material.layers
         )
-    images = any(np.ndim(each) > 1 for each in (material.base_color, material.metallic, material.roughness))
+    images = any(
+        np.ndim(each) > 1
+        for each in (material.base_color, material.metallic, material.roughness, material.transmission)
+    )
+    warn_of_unshown(material, "reflection maps do")
     return tuple(replace(layer, has_image=images) for layer in _metallic_roughness(material))
 
 
 def _metallic_roughness(material: Material) -> Iterator[ShadedLayer]:
     """glTF's model: a metal of the base colour, or a dielectric coat over it (glTF 2.0, appendix B)."""
-    base, metallic = _shade(material.base_color), _shade(material.metallic)
+    base, metallic, clear = (_shade(v) for v in (material.base_color, material.metallic, material.transmission))
     dielectric = ((material.ior - 1) / (material.ior + 1)) ** 2
     roughness = np.asarray(material.roughness, np.float64)
     white, rim = facet_albedos(float(roughness.mean()) ** 2)
     coat = ByAngle(tuple(dielectric * (white - rim) + rim))
     below = Layer(Lambert(), Towards.NORMAL, Complement(coat))
-    yield ShadedLayer(
-        below, lambda uv, at: base(uv, at) * (1 - metallic(uv, at)) * (1 - material.transmission), _shade(0.0)
-    )
-    if material.transmission > 0:
+    yield ShadedLayer(below, lambda uv, at: base(uv, at) * (1 - metallic(uv, at)) * (1 - clear(uv, at)), _shade(0.0))
+    if np.any(np.asarray(material.transmission) > 0):
         through = Layer(Mirror(), Towards.REFRACTED, Complement(coat), ior=material.ior)
-        yield ShadedLayer(
-            through, lambda uv, at: base(uv, at) * (1 - metallic(uv, at)) * material.transmission, _shade(0.0)
-        )
+        yield ShadedLayer(through, lambda uv, at: base(uv, at) * (1 - metallic(uv, at)) * clear(uv, at), _shade(0.0))
 
     def reflectance(uv: np.ndarray, at: np.ndarray) -> np.ndarray:
         return dielectric * (1 - metallic(uv, at)) + base(uv, at) * metallic(uv, at)
@@ -127,12 +128,10 @@ def _shade(value: Colour | np.ndarray | float) -> Shade:
     if image.ndim < 2:
         constant = np.broadcast_to(image, (3,))[None]
         return lambda uv, at: constant
-    tiled = np.pad(image, ((1, 1), (1, 1)) + ((0, 0),) * (image.ndim - 2), mode="wrap")
-    rows, columns = image.shape[:2]
+    look_up = repeated(image)
 
     def looked_up(uv: np.ndarray, at: np.ndarray) -> np.ndarray:
-        # Images begin with the upper row; (0, 0) is the lower left corner.
-        values = bilinear(tiled, uv[at, 0] % 1 * columns + 1, (1 - uv[at, 1] % 1) * rows + 1)
+        values = look_up(uv[at])
         return values if image.ndim == 3 else np.repeat(values[:, None], 3, axis=1)
 
     return looked_up

@@ -17,8 +17,8 @@ import numpy as np
 
 from relume.render.accumulation import ALONE, Watch, accumulate, pass_seed
 from relume.render.convergence import StandardError, Target
-from relume.render.fingerprint import render_key
 from relume.render.coverage import coverage, is_pierced
+from relume.render.fingerprint import render_key
 from relume.render.mitsuba_scene import fills, matte_dictionary, scene_dictionary, surfaces_dictionary
 from relume.render.mitsuba_variant import choose_variant
 from relume.render.renderer import Progress, Render
@@ -35,7 +35,7 @@ MATTE_SAMPLES = 64
 WALK = 10_000
 """Scatterings inside a body, at most: a white ball 70 mean free paths across keeps 0.98 of its light in 1000."""
 FAIR = 1000
-"""Of them before chance ends a path: ended earlier, a few lucky paths carry all the light and most pictures are dark."""
+"""Of them before chance ends a path: ended earlier, a few lucky paths carry all the light."""
 
 
 @dataclass(frozen=True)

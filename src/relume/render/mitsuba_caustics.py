@@ -14,8 +14,8 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from relume.render.mitsuba_aim import Spheres
 from relume.render.mitsuba_lens import Lens
-from relume.render.mitsuba_light import Spheres
 from relume.render.mitsuba_numbers import two
 from relume.render.mitsuba_paths import World
 
@@ -25,7 +25,7 @@ SEEN = 4
 
 @dr.syntax
 def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) -> list[tuple[Any, Any, Any]]:
-    """Of each ray of light, for each surface that scatters it: where the picture shows it, its flux, whether on an object.
+    """Of each ray of light, for each surface that scatters it: where it is seen, its flux, whether on an object.
 
     spheres : that bound the objects which send light on in one direction
     lens : the camera

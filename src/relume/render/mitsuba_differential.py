@@ -1,9 +1,9 @@
 """Differential rendering by path tracing: what objects change of a picture, estimated as such (Debevec 1998, §6).
 
 Two pictures, with the objects and without, hold the same noise twice and differ by little. Here a path is one in both
-scenes until an added object parts it; what both share cancels before it is ever added up, so that nothing but the change
-has noise, and what nothing changes is 0 to the bit. From the real surfaces directions are drawn towards the objects,
-beside the light's and the surface's own, weighed by the balance heuristic (Veach & Guibas 1995).
+scenes until an added object parts it; what both share cancels before it is ever added up, so that nothing but the
+change has noise, and what nothing changes is 0 to the bit. From the real surfaces directions are drawn towards the
+objects, beside the light's and the surface's own, weighed by the balance heuristic (Veach & Guibas 1995).
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ class Differential:
     """Path tracing of what objects change.
 
     samples : rays a pixel, at most; 256 shows little noise on what the light reaches directly
-    noise : stop earlier, once the mean error to be expected where the objects change anything is below this share of the
-        picture; None traces all samples
+    noise : stop earlier, once the mean error to be expected where the objects change anything is below this share of
+        the picture; None traces all samples
     depth : bounces before a path ends; 12 lets light into and out of glass before and behind glass
     variant : Mitsuba's variant; chosen for this machine unless given. A scalar one renders two pictures with the same
         random numbers and subtracts them

@@ -92,7 +92,7 @@ class Estimator:
 
     def guides(self, samples: int, seed: int) -> Planes:
         """Depth, normal and albedo of what is seen first, and the share of each pixel that shows anything."""
-        camera, world = self.camera, self.world
+        camera = self.camera
         ray, added, real = self._primary(Numbers(camera.width * camera.height * samples, samples, seed))
         met = dr.select(added.t < real.t, added, real)
         seen = met.is_valid()

@@ -7,7 +7,7 @@ the picture and can be descended.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,22 @@ class Arriving:
 
     def reflected(self, material: Diffuse | Material, *, variant: str | None = None) -> np.ndarray:
         """(N, 3) radiance that points of this material send to the viewer."""
+        return self._summed(self._response(material, variant))
+
+    def gloss_and_base(self, material: Material, *, variant: str | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """(N, 3) radiance of a material's colourless gloss, and (N, 3) of the diffuse base under it for an albedo of 1.
+
+        material : whose base colour is not used; its gloss must be alike in red and green
+        """
+        # One look at the BSDF is enough where red has a white base and green a black one.
+        response = self._response(replace(material, base_color=(1.0, 0.0, 0.0)), variant)
+        return self._summed(response[:, 1:2]), self._summed(response[:, :1] - response[:, 1:2])
+
+    def _summed(self, response: np.ndarray) -> np.ndarray:
+        return (response * self.weight).reshape(self.points, -1, 3).sum(1, dtype=np.float64)
+
+    def _response(self, material: Diffuse | Material, variant: str | None) -> np.ndarray:
+        """(N·K, 3): the BSDF times the cosine at the light."""
         with _mitsuba(variant, None) as mi:
             import drjit as dr
 
@@ -51,9 +67,7 @@ class Arriving:
             si = dr.zeros(mi.SurfaceInteraction3f, len(self.weight))
             si.wi = mi.Vector3f(self.towards_viewer.T)
             si.t = 1.0
-            value = surface.eval(mi.BSDFContext(), si, mi.Vector3f(self.towards_light.T))
-            sent = np.array(value).T.reshape(-1, 3) * self.weight
-        return sent.reshape(self.points, -1, 3).sum(1, dtype=np.float64)
+            return np.array(surface.eval(mi.BSDFContext(), si, mi.Vector3f(self.towards_light.T))).T
 
 
 def arriving(

@@ -18,7 +18,7 @@ SPACE = (0.8191725133961645, 0.6710436067037893, 0.5497004779019703)
 class Numbers:
     """Numbers from 0 to 1 for `samples` rays of each pixel; the same for a seed, whatever the number of threads.
 
-    Within a pixel the first numbers of its rays are a lattice, shifted by chance: they lie farther apart than drawn ones.
+    Within a pixel the first numbers of its rays are a lattice, shifted by chance: farther apart than drawn ones.
     """
 
     def __init__(self, count: int, samples: int, seed: int) -> None:

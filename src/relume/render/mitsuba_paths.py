@@ -83,7 +83,7 @@ def followed(
     """Radiance that comes back along rays.
 
     met : what each of them meets, valid where `active`
-    density : per steradian, of the ray's direction among those that light is sampled beside; 0 where it was the only way
+    density : per steradian, of the ray's direction among those beside which light is sampled; 0 for an only way
     objects : whether the added objects are there
     parted : whether the ray comes from a surface that scatters light, seen by the camera itself
     """
@@ -230,10 +230,9 @@ def changed(
         near = dr.select(added.is_valid(), added.t, dr.inf)
         parting = going & (near < far)
         radiance, chance, lit = light.seen(ray.o, ray.d, far, parting)
-        before, _, lamp = light.seen(ray.o, ray.d, near, going & dr.isfinite(near))
         # A lamp before both is seen by both.
-        parting &= ~lamp
-        going &= ~lamp
+        going &= ~light.lamp_before(ray.o, ray.d, dr.minimum(near, far))
+        parting &= going
         weight = dr.select(density > 0, mitigated(density, looks * chance), 1)
         result -= dr.select(lit & parting, throughput * radiance * weight, 0)
         parted = dr.select(parting, ray, parted)

@@ -55,9 +55,7 @@ def surfaces_dictionary(mi: Any, scene: Scene, camera: Camera, *, media: bool = 
     for index, shape in enumerate((*scene.local, *scene.objects)):
         material = shape.material
         inside = interior(material) if media else None
-        dictionary[f"shape_{index:04d}"] = _shape(
-            mi, shape, _bsdf(mi, material, media), emission(mi, material), inside
-        )
+        dictionary[f"shape_{index:04d}"] = _shape(mi, shape, _bsdf(mi, material, media), emission(mi, material), inside)
     return dictionary
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.errors import UnsupportedScene
 from relume.render.raycast import RayCaster
 from relume.render.raycast_surface import SurfacePoints, Surfaces
 from relume.render.samples import Samples, grid_corners
@@ -60,7 +61,15 @@ class Stage:
         return Stage(RayCaster.of(shapes), Surfaces.of(shapes), bumps)
 
     def seen(self, camera: Camera, turn: np.ndarray, about: np.ndarray, threads: int | None = None) -> Seen:
-        """What the camera sees when everything is turned, by a rotation (3, 3) about a point (3,)."""
+        """What the camera sees when everything is turned, by a rotation (3, 3) about a point (3,).
+
+        Raises UnsupportedScene for a lens with an aperture.
+        """
+        if camera.aperture > 0:
+            raise UnsupportedScene(
+                "reflection maps show what a pinhole sees, and this camera's lens has an aperture; use rl.Mitsuba "
+                "(--renderer mitsuba), or an aperture of 0"
+            )
         height, width = camera.height, camera.width
         x, y = np.meshgrid(np.arange(width + 1.0), np.arange(height + 1.0))
         corners = np.stack([x, y], axis=-1)

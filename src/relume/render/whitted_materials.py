@@ -13,6 +13,7 @@ from relume.errors import UnsupportedScene
 from relume.light.brdf import PhongReflectance, Reflectance
 from relume.light.lobes import Lambert, Lobe, Mirror, Phong
 from relume.light.weights import Complement, Even, Fresnel, Schlick, Weight
+from relume.render.unshown import warn_of_unshown
 from relume.scene.bumps import BumpMap, Bumps, Wrinkles
 from relume.scene.materials import Colour, Diffuse, Material, Ward
 from relume.scene.reflective import Reflective, Towards
@@ -148,6 +149,7 @@ def as_whitted(material: AnyMaterial) -> Model:
 def _metallic_roughness(material: Material) -> Model:
     """glTF's model: smooth mirrors, glass and plastic exactly; rough ones by GGX facets, which scatter rays where they
     are narrow or let light through, and else reflect all lights."""
+    warn_of_unshown(material, "Whitted's model does")
     for name in ("metallic", "roughness", "transmission"):
         if np.ndim(getattr(material, name)):
             warnings.warn(

@@ -35,7 +35,7 @@ class LocalTable(Placement):
     shape : a horizontal plane of a size at a height, a box from one corner to the other, or a mesh, which is placed as
         objects are
     reflectance : "recover" for every pixel of the plate, "recover even" for one colour, or a colour that is known
-    gloss : "recover" to find it from what plate and probe show of the same places; a known one; false for a matte surface
+    gloss : "recover" to find it from what plate and probe show of the same places; a known one; false where matte
     mirror : it is a mirror of this reflectance
     """
 

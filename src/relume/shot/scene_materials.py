@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -19,10 +20,11 @@ from relume.light.lobes import GGXLobe, Phong, WardLobe
 from relume.light.weights import Even, Fresnel, Schlick, Weight
 from relume.scene.bumps import BumpMap, Bumps, Wrinkles
 from relume.scene.materials import Colour, Diffuse, Material
+from relume.scene.materials import Ward as WardSurface
 from relume.scene.reflective import Reflective, glass, glossy, mirror, retroreflector
 from relume.scene.shapes import AnyMaterial
 from relume.scene.whitted import Checks, WhittedMaterial
-from relume.shot.project import MaterialTable
+from relume.shot.material_table import MaterialTable
 from relume.shot.schema import Channels, GreyOrColour, Paint, Table, Vector
 
 WHITE: Colour = (1.0, 1.0, 1.0)
@@ -143,10 +145,20 @@ class DiffuseTable(Table):
 
 
 class PbrTable(MaterialTable):
-    """glTF's metallic–roughness model."""
+    """glTF's metallic–roughness model, or a preset with changes, which may be a Ward surface."""
 
     kind: Literal["pbr"]
     base_color: Paint | None = None
+
+    def made(self, name: str, folder: Path, place: str) -> Material | WardSurface:
+        """The material; raises ValueError for what it has no field for."""
+        numbers = self.model_dump(exclude_none=True, exclude={"kind", "base_color"})
+        material: Material | WardSurface = MaterialTable(**numbers).applied(Material())
+        if self.base_color is None:
+            return replace(material, name=name)
+        if isinstance(material, WardSurface):
+            raise ValueError("base_color: a Ward surface has none; give reflectance and diffuse")
+        return replace(material, base_color=_colour(self.base_color, folder, f"{place}.base_color"), name=name)
 
 
 class ChecksTable(Table):
@@ -206,10 +218,7 @@ def made(table: SurfaceTable, name: str, folder: Path, place: str) -> AnyMateria
             case DiffuseTable():
                 return Diffuse(table.reflectance)
             case PbrTable():
-                given = table.model_dump(exclude_none=True, exclude={"kind", "base_color"})
-                if table.base_color is not None:
-                    given["base_color"] = _colour(table.base_color, folder, f"{place}.base_color")
-                return Material(**given, name=name)
+                return table.made(name, folder, place)
             case MirrorTable():
                 return mirror(table.colour, bumps=_bumps(table.bumps, folder, place), name=name)
             case GlassTable():
