@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from relume.render.accumulation import pass_seed
 from relume.render.mitsuba import _mitsuba
 from relume.scene.camera import Camera
 from relume.scene.distant import Box, Distant, Dome, Infinite
@@ -16,7 +17,6 @@ from relume.scene.scene import Scene
 from relume.scene.shapes import Plane, Sphere
 from relume.sphere.illumination import IlluminationMap
 from relume.sphere.mappings import LatLong, pixel_directions
-
 
 CAMERA = Camera.looking_at(np.array([0, 1.1, 2.2]), np.array([0.1, 0.15, 0]), width=12, height=8, focal_length=11)
 GLASS = Material(roughness=0.0, transmission=1.0)
@@ -48,7 +48,7 @@ def passes(scene: Scene, followed: bool) -> dict[str, np.ndarray]:
         estimator = Estimator(scene, CAMERA, 8)
         assert estimator.world.smooth, "nothing would be followed"
         estimator.world.smooth = followed
-        made = [estimator.traced(SAMPLES, 1000 * followed + seed) for seed in range(PASSES)]
+        made = [estimator.traced(SAMPLES, pass_seed(int(followed), index)) for index in range(PASSES)]
     return {name: np.stack([planes[name] for planes in made]) for name in ("objects", "difference")}
 
 

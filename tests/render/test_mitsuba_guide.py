@@ -14,7 +14,11 @@ from relume.scene.shapes import Sphere
 from relume.sphere.mappings import LatLong, pixel_directions
 
 WHITE = Diffuse((1.0, 1.0, 1.0))
-BALLS = [Sphere((0.0, 0.5, 0.0), 0.3, WHITE), Sphere((1.0, 0.2, -0.4), 0.2, WHITE), Sphere((-0.5, 1.5, 0.4), 0.4, WHITE)]
+BALLS = [
+    Sphere((0.0, 0.5, 0.0), 0.3, WHITE),
+    Sphere((1.0, 0.2, -0.4), 0.2, WHITE),
+    Sphere((-0.5, 1.5, 0.4), 0.4, WHITE),
+]
 PLACE = (0.4, 0.0, 0.3)
 UP = (0.0, 1.0, 0.0)
 SAMPLES = 1 << 17

@@ -38,7 +38,7 @@ def media_of(mi: Any, *media: Medium | None) -> tuple[Any, list[Any]]:
 
     world = mi.load_dict({"type": "scene"} | {f"ball_{i}": {"type": "sphere"} for i in range(len(media))})
     shapes = world.shapes_dr()
-    return Media(shapes, media), [shapes[i : i + 1] if False else mi.ShapePtr(s) for i, s in enumerate(world.shapes())]
+    return Media(shapes, media), [mi.ShapePtr(shape) for shape in world.shapes()]
 
 
 def crossed(mi: Any, medium: Medium, distance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -26,7 +26,7 @@ def copy_of_room(folder: Path) -> Path:
     # A small light, and nothing of the plate's look measured: each job would take seconds for either.
     plate = plate.replace("[light]", "[match]\ngrain = false\nsharpness = 0.4\n\n[light]\nsize = 128")
     plate = plate.replace('reflectance = "recover"\ngloss = "recover"', "reflectance = [0.4, 0.3, 0.2]")
-    assert "recover\"" not in plate
+    assert 'recover"' not in plate
     shot.write_text(plate + "[render]" + render.replace("denoise = true", "denoise = false"))
     return shot
 

@@ -7,14 +7,18 @@ from __future__ import annotations
 
 from typing import Any
 
-import drjit as dr
-import mitsuba as mi
+import drjit
+import mitsuba
 import numpy as np
 
 from relume.render.mitsuba_guide import Guide
 from relume.render.mitsuba_light import SceneLight
 from relume.render.mitsuba_media import Media
 from relume.render.mitsuba_numbers import Numbers, two
+
+# Untyped: a type checker would follow every variable round and round the loops.
+dr: Any = drjit
+mi: Any = mitsuba
 
 ROULETTE_FROM = 6
 """Bounces after which a path goes on by chance only, as dark paths mostly tell nothing more."""

@@ -116,8 +116,6 @@ class CameraTable(Table):
     focal_length: Positive | None = None
     centre: Pixel | None = None
     distortion: DistortionTable | None = None
-    aperture: Annotated[float, Field(ge=0)] | None = None
-    focus: Positive | None = None
     keyframes: tuple[CameraKey, ...] = ()
 
     @model_validator(mode="after")
@@ -137,8 +135,6 @@ class CameraTable(Table):
             raise ValueError("both distortion and grid.estimate_k1; give one of them")
         if self.centre is not None and self.lines is not None and self.lines.estimate_centre:
             raise ValueError("both centre and lines.estimate_centre; give one of them")
-        if self.aperture and self.focus is None and self.file is None:
-            raise ValueError("aperture without focus; give the distance in focus, metres")
         return self
 
 
@@ -164,16 +160,7 @@ def camera_fit(table: CameraTable, size: tuple[int, int], folder: Path, focal_le
         assert table.pose is not None  # _one_source
         fit = CameraFit(_from_pose(table, table.pose, size, focal_length, distortion))
     _warn_of_residual(table, fit)
-    changes = {name: value for name in ("aperture", "focus") if (value := getattr(table, name)) is not None}
-    return CameraFit(_with(fit.camera, "camera.aperture", **changes), fit.points, fit.offsets)
-
-
-def _warn_of_residual(table: CameraTable, fit: CameraFit) -> None:
-    if fit.residual is None or fit.residual <= (GRID_RESIDUAL if table.grid is not None else LINES_RESIDUAL):
-        return
-    source = "grid" if table.grid is not None else "lines"
-    remedy = "is focal_length right, or distortion missing?" if source == "grid" else "check which axis each is along"
-    warnings.warn(f"camera.{source} fits badly: {fit.agreement}; {remedy}", stacklevel=3)
+    return fit
 
 
 def _with(camera: Camera, key: str, **changes: Any) -> Camera:

@@ -100,7 +100,13 @@ def fitted(
     mode = Ratio(dimmed(without, match)) if table.mode == "ratio" else Additive()
     composite = composed(plate.radiance, change, mode=mode, occluder=occluder)
     if occluder is not None:
-        change = replace(change, matte=(change.matte * (1 - occluder)).astype(np.float32))
+        behind = (1 - occluder).astype(np.float32)
+        change = replace(
+            change,
+            matte=change.matte * behind,
+            objects=change.objects * behind[..., None],
+            difference=change.difference * behind[..., None],
+        )
     return composite, change
 
 
@@ -112,7 +118,7 @@ def developed(
     film: Film,
     photograph: Photograph | None,
 ) -> tuple[np.ndarray, Photograph, Photograph]:
-    """The composite with its grain, the picture, and the plate developed alike: the photograph itself where there is one."""
+    """The composite with its grain, the picture, and the plate developed alike: the photograph where there is one."""
     grainy = grained(composite, matte, match)
     if photograph is None:
         return grainy, develop(grainy, film), develop(plate.radiance, film)

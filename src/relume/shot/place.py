@@ -21,6 +21,7 @@ from relume.scene.lights import SphereLight
 from relume.scene.scene import Scene
 from relume.shot.distant_table import distant_scene
 from relume.shot.project import Shot
+from relume.shot.sequence_moments import changed_light
 
 
 def place_of(shot: Shot, probe: Probe) -> Scene:
@@ -28,7 +29,7 @@ def place_of(shot: Shot, probe: Probe) -> Scene:
 
     Raises InvalidShot where a lamp is not seen in the light, and what reading the meshes raises.
     """
-    light, where = probe.light, (0.0, 0.0, 0.0)
+    light, where = changed_light(probe.light, shot.light.heading, 0.0), (0.0, 0.0, 0.0)
     if shot.light.ball is not None:
         where = shot.light.ball.centre
     elif shot.light.probe is not None:
@@ -52,8 +53,6 @@ def place_of(shot: Shot, probe: Probe) -> Scene:
 
 def relit(place: Scene, shot: Shot) -> Scene:
     """The place under the light as the shot changes it: turned about the place where it was measured, brighter."""
-    from relume.shot.sequence_moments import changed_light
-
     turn, exposure = shot.light.turn, shot.light.exposure
     if turn == 0 and exposure == 0:
         return place

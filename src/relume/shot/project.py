@@ -55,6 +55,8 @@ class Light(Table):
 
     distant : the shape of the distant scene, onto which the light is projected
     probe : where a finished map was taken, metres; the ball's centre is known
+    heading : degrees about +Y by which a finished map is turned to stand in the scene's frame, counter-clockwise seen
+        from above
     lamps : places of lamps that hang in the room, before its walls
     turn, exposure : degrees about +Y and stops, to change what was measured
     """
@@ -65,6 +67,7 @@ class Light(Table):
     size: Annotated[int, Field(ge=16, le=8192)] = 512
     distant: DistantTable = DistantTable()
     probe: Vector | None = None
+    heading: float = 0.0
     lamps: list[Vector] = Field(default_factory=list)
     turn: float = 0.0
     exposure: float = 0.0
@@ -79,6 +82,8 @@ class Light(Table):
             raise ValueError("balls need ball = { centre, radius }")
         if self.map is None and self.probe is not None:
             raise ValueError("probe is for a finished map; of a ball the centre is known: leave it out")
+        if self.map is None and self.heading:
+            raise ValueError("heading is for a finished map; photographs of a ball tell their own: leave it out")
         if self.map is not None and self.probe is None and (self.distant.shape != "infinite" or self.lamps):
             raise ValueError("a near distant scene needs probe = [x, y, z], the place the map was taken at, metres")
         return self
