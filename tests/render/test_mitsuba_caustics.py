@@ -23,7 +23,8 @@ GLASS = Material(roughness=0.0, transmission=1.0)
 MIRROR = Material((0.9, 0.8, 0.7), metallic=1.0, roughness=0.0)
 FLOOR = Plane(Diffuse((0.7, 0.5, 0.3)), (4.0, 4.0))
 PASSES, SAMPLES = 12, 256
-LAMP = SphereLight((0.7, 1.6, 0.5), 0.3, (12.0, 10.0, 8.0))
+LAMP = SphereLight((-0.8, 1.5, 0.4), 0.3, (40.0, 34.0, 28.0))
+"""Beside the map's own lamp as ball and table see it: it hides none of it."""
 
 
 def glow() -> IlluminationMap:
@@ -39,7 +40,7 @@ def scene_of(material: Any, distant: Distant, *lamps: SphereLight) -> Scene:
 
 
 def passes(scene: Scene, followed: bool) -> dict[str, np.ndarray]:
-    """The planes of all passes, (PASSES, H, W, 3), with light followed from the lamps or by the camera's paths alone."""
+    """The planes of all passes, (PASSES, H, W, 3), with light followed from the lamps or by paths alone."""
     with _mitsuba(None, None) as mi:
         if "_ad_" not in mi.variant():
             pytest.skip("only a scalar variant of Mitsuba runs here")
@@ -72,7 +73,7 @@ def test_what_is_followed_from_the_lamps_is_what_paths_find(name):
             error = np.sqrt(sum(m.var(axis=0, ddof=1) / PASSES for m in means))
             found, expected = (m.mean(axis=0) for m in means)
             size = np.abs(other[plane][where]).mean()
-            assert np.all(error < 0.03 * size), (plane, error / size)  # else the next line says little
+            assert np.all(error < 0.1 * size), (plane, error / size)  # else the next line says little
             # Student's t of a dozen passes each: beyond 4.5 once in 6000 correct runs, and the seeds are fixed.
             assert np.all(np.abs(found - expected) < 4.5 * error), (plane, found, expected, error)
     # And it is the quieter of the two.

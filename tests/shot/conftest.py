@@ -19,7 +19,7 @@ ROOM = Path(__file__).parents[2] / "examples" / "room"
 
 
 def copy_of_room(folder: Path) -> Path:
-    """The shot file of a copy of the room: not denoised, as the fake has no noise, and its table's reflectance given."""
+    """The shot file of a copy of the room: not denoised, as the fake has no noise, its table's reflectance given."""
     shutil.copytree(ROOM, folder)
     shot = folder / "shot.toml"
     plate, render = shot.read_text().split("[render]")

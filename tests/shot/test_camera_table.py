@@ -86,14 +86,11 @@ def test_a_pose_and_a_lens_are_taken_as_given(tmp_path: Path) -> None:
 pose = { position = [1.0, 0.8, 1.4], look_at = [0.1, 0.1, 0.2] }
 centre = [610.0, 390.0]
 distortion = { k1 = -0.1, p2 = 0.001 }
-aperture = 0.004
-focus = 1.5
 """
     fit = camera_fit(table(tmp_path, text), SIZE, tmp_path, 1400.0)
     camera = fit.camera
     assert np.array_equal(camera.rotation, CAMERA.rotation) and camera.focal_length == 1400.0
     assert (camera.centre, camera.distortion) == ((610.0, 390.0), Distortion(k1=-0.1, p2=0.001))
-    assert (camera.aperture, camera.focus) == (0.004, 1.5)
     assert fit.residual is None and fit.worst is None and fit.agreement == "given, not measured"
 
 
@@ -115,9 +112,9 @@ def test_a_file_may_be_its_name_or_a_table(tmp_path: Path) -> None:
 
 
 def test_the_grid_of_the_example_has_a_residual(tmp_path: Path) -> None:
-    text = 'grid = { photograph = "plate_grid.jpg", squares = [9, 6], square = 0.03 }\nfocus = 1.2\naperture = 0.001'
+    text = 'grid = { photograph = "plate_grid.jpg", squares = [9, 6], square = 0.03 }'
     fit = camera_fit(table(tmp_path, text), (768, 512), ROOM, None)
-    assert fit.camera.position == pytest.approx([0.25, 0.55, 1.15], abs=0.003) and fit.camera.focus == 1.2
+    assert fit.camera.position == pytest.approx([0.25, 0.55, 1.15], abs=0.003)
     assert fit.residual is not None and fit.residual < 0.15
     assert re.fullmatch(r"40 points, off by 0\.1\d pixels \(RMS\), 0\.\d\d at worst", fit.agreement)
     with pytest.raises(InvalidShot, match=r"plate_grid\.jpg is 768×512, the plate 1200×800"):
@@ -150,7 +147,6 @@ GRID = 'grid = { photograph = "g.jpg", squares = [9, 6], square = 0.03, %s }\n'
         (f"lines = {{ {LINES}, camera_heigth = 1 }}", "lines.camera_heigth: unknown key; did you mean camera_height?"),
         (f"lines = {{ {LINES}, camera_height = 1, estimate_centre = true }}\ncentre = [1, 2]", "both centre and lines"),
         (POSE + "distortion = { k4 = 0.1 }", "distortion.k4: unknown key"),
-        (POSE + "aperture = 0.01", "aperture without focus"),
         (GRID % "estimate_k1 = true" + "distortion = { k1 = 0.1 }", "both distortion and grid.estimate_k1"),
         (
             GRID % "estimate_focal_length = true" + "focal_length = 9.0",

@@ -16,6 +16,15 @@ from relume.render.mitsuba_light_map import FAR
 from relume.scene.lights import DistantLight, PointLight, SphereLight
 
 
+def distance_to(place: Any, direction: Any, sphere: SphereLight) -> Any:
+    """How far along a ray a sphere of light begins; infinity where it is missed or left from within."""
+    away = mi.Point3f(*map(float, sphere.position)) - place
+    along = dr.dot(away, direction)
+    square = sphere.radius**2 - dr.squared_norm(away - along * direction)
+    distance = along - dr.sqrt(dr.maximum(square, 0))
+    return dr.select((square > 0) & (distance > 0), distance, dr.inf)
+
+
 def cap(place: Any, sphere: SphereLight) -> Any:
     """The solid angle of a sphere as a place sees it: 2π(1 − cos α), exact for small α too."""
     square = sphere.radius**2 / dr.squared_norm(mi.Point3f(*map(float, sphere.position)) - place)

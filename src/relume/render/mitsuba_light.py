@@ -16,6 +16,7 @@ from relume.errors import UnsupportedScene
 from relume.render.mitsuba_aim import Sample, Spheres
 from relume.render.mitsuba_lamps import (
     cap,
+    distance_to,
     emit_point,
     emit_sphere,
     emit_sun,
@@ -98,35 +99,36 @@ class SceneLight:
             weight = dr.select(mine, found.weight / share, weight)
             density = dr.select(mine, found.density * share, density)
             valid = dr.select(mine, found.valid, valid)
-        if self.spheres and self.map is not None:
-            # A lamp that stands before what was drawn hides it.
-            from_map = density * 0 + (choice < float(self.shares[0]))
-            nearest, _ = self._nearest_sphere(place, direction)
-            valid &= ~((from_map > 0) & (nearest < distance))
         return Sample(direction, distance, weight, density, valid & active)
 
-    def seen(self, place: Any, direction: Any, surface: Any, active: Any, dim: Any = False) -> tuple[Any, Any, Any]:
-        """What a ray sees of light before a surface at a distance (infinity for none): radiance, density, whether any.
+    def arriving(
+        self, place: Any, direction: Any, surface: Any, active: Any, density: Any,
+        looks: int = 1, beyond: Any = 0, dim: Any = False,
+    ) -> Any:  # fmt: skip
+        """The radiance that a ray sees before a surface (at infinity for none), weighed against looking for it.
 
+        density : of the ray's direction; 0 where it was the only way, which has all the weight
+        looks : directions towards light that were looked in beside it
+        beyond : lamps nearer than this are left out
         dim : where only what is not `emitted` is wanted
+
+        Lamps hide nothing: what was behind them in the map was left there (`light.free_lamps`). Each light has a weight
+        of its own, as each is looked for by itself (the balance heuristic, Veach & Guibas 1995).
         """
-        radiance, density, any_light = mi.Color3f(0), mi.Float(0), mi.Bool(False)
+        total = mi.Color3f(0)
         if self.map is not None:
-            beyond = active & dr.isinf(surface)
-            radiance, density = self.map.seen(place, direction, beyond)
-            radiance, density = dr.select(beyond, radiance, 0), dr.select(beyond, density * float(self.shares[0]), 0)
+            far = active & dr.isinf(surface)
+            radiance, chance = self.map.seen(place, direction, far)
             radiance = dr.select(dim, radiance * self.dimmed(radiance), radiance)
-            any_light = beyond
-        if self.spheres:
-            nearest, which = self._nearest_sphere(place, direction)
-            before = active & (nearest < surface)
-            for index, sphere in enumerate(self.spheres):
-                mine = before & (which == index)
-                share = float(self.shares[index + (self.map is not None)])
-                radiance = dr.select(mine, dr.select(dim, 0, mi.Color3f(*map(float, sphere.radiance))), radiance)
-                density = dr.select(mine, share / cap(place, sphere), density)
-            any_light |= before
-        return radiance, density, any_light
+            weight = _weight(density, looks * chance * float(self.shares[0]))
+            total += dr.select(far, radiance * weight, 0)
+        for index, sphere in enumerate(self.spheres):
+            distance = distance_to(place, direction, sphere)
+            share = float(self.shares[index + (self.map is not None)])
+            weight = _weight(density, looks * share / cap(place, sphere))
+            met = active & (distance < surface) & (distance > beyond) & ~mi.Bool(dim)
+            total += dr.select(met, mi.Color3f(*map(float, sphere.radiance)) * weight, 0)
+        return total
 
     def dimmed(self, radiance: Any) -> Any:
         """The share of the map's radiance that paths from the camera find through smooth objects; the rest is sent."""
@@ -157,10 +159,6 @@ class SceneLight:
         found += [lambda k, w, a, b, m, s=s: emit_sun(k, w, b, s) for s in self.suns]
         return found
 
-    def lamp_before(self, place: Any, direction: Any, distance: Any) -> Any:
-        """Whether a lamp stands before a distance."""
-        return self._nearest_sphere(place, direction)[0] < distance if self.spheres else mi.Bool(False)
-
     def _sources(self) -> list[Any]:
         found: list[Any] = [] if self.map is None else [self.map.sample]
         found += [lambda p, u, a, s=s: sample_sphere(p, u, s) for s in self.spheres]
@@ -168,14 +166,6 @@ class SceneLight:
         found += [lambda p, u, a, s=s: sample_sun(s) for s in self.suns]
         return found
 
-    def _nearest_sphere(self, place: Any, direction: Any) -> tuple[Any, Any]:
-        nearest, which = mi.Float(dr.inf), mi.UInt32(0)
-        for index, sphere in enumerate(self.spheres):
-            away = mi.Point3f(*map(float, sphere.position)) - place
-            along = dr.dot(away, direction)
-            # Of the two roots the nearer; a place inside sees nothing of it.
-            square = sphere.radius**2 - dr.squared_norm(away - along * direction)
-            distance = along - dr.sqrt(dr.maximum(square, 0))
-            closer = (square > 0) & (distance > 0) & (distance < nearest)
-            nearest, which = dr.select(closer, distance, nearest), dr.select(closer, index, which)
-        return nearest, which
+
+def _weight(density: Any, other: Any) -> Any:
+    return dr.select(density > 0, density / dr.maximum(density + other, 1e-30), 1)

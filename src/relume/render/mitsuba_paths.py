@@ -155,10 +155,9 @@ def followed(
         active &= ~risky | survives
         met = dr.select(active, world.nearest(ray, active, objects), met)
         reached = dr.select(met.is_valid(), met.t, dr.inf)
-        radiance, chance, lit = light.seen(ray.o, ray.d, reached, active & (inside == 0), sent_on)
-        weight = dr.select(density > 0, mitigated(density, chance), 1)
-        result += dr.select(lit, throughput * radiance * weight, 0)
-        active &= met.is_valid() & ~(lit & dr.isfinite(reached))
+        seen = light.arriving(ray.o, ray.d, reached, active & (inside == 0), density, dim=sent_on)
+        result += dr.select(active, throughput * seen, 0)
+        active &= met.is_valid()
     return result
 
 
@@ -233,15 +232,12 @@ def changed(
         far = dr.select(real.is_valid(), real.t, dr.inf)
         near = dr.select(added.is_valid(), added.t, dr.inf)
         parting = going & (near < far)
-        radiance, chance, lit = light.seen(ray.o, ray.d, far, parting)
-        # A lamp before both is seen by both.
-        going &= ~light.lamp_before(ray.o, ray.d, dr.minimum(near, far))
-        parting &= going
-        weight = dr.select(density > 0, mitigated(density, looks * chance), 1)
-        result -= dr.select(lit & parting, throughput * radiance * weight, 0)
+        # What the object hides of the light; a lamp before it is seen in both scenes.
+        hidden = light.arriving(ray.o, ray.d, far, parting, density, looks, beyond=near)
+        result -= dr.select(parting, throughput * hidden, 0)
         parted = dr.select(parting, ray, parted)
         added_parted = dr.select(parting, added, added_parted)
-        real_parted = dr.select(parting & ~lit, real, real_parted)
+        real_parted = dr.select(parting, real, real_parted)
         weight_parted = dr.select(parting, throughput, weight_parted)
         density_parted = dr.select(parting, density, density_parted)
         bounces_parted = dr.select(parting, bounces, bounces_parted)

@@ -163,6 +163,14 @@ def camera_fit(table: CameraTable, size: tuple[int, int], folder: Path, focal_le
     return fit
 
 
+def _warn_of_residual(table: CameraTable, fit: CameraFit) -> None:
+    if fit.residual is None or fit.residual <= (GRID_RESIDUAL if table.grid is not None else LINES_RESIDUAL):
+        return
+    source = "grid" if table.grid is not None else "lines"
+    remedy = "is focal_length right, or distortion missing?" if source == "grid" else "check which axis each is along"
+    warnings.warn(f"camera.{source} fits badly: {fit.agreement}; {remedy}", stacklevel=3)
+
+
 def _with(camera: Camera, key: str, **changes: Any) -> Camera:
     try:
         return replace(camera, **changes)
