@@ -57,7 +57,9 @@ def insert(
             render = type(table.render).model_validate(table.render.model_dump() | changes)
             table = table.model_copy(update={"render": render})
         if dry_run:
-            require_files([*table.files(table.plate.photographs), *(table.folder / o.mesh for o in table.objects)])
+            require_files(
+                [*table.files(table.plate.photographs), *(table.folder / name for name in table.named_files())]
+            )
             balls = [len(table.files(b.photographs)) for b in table.light.balls or ()]
             tell(
                 manner,
@@ -130,6 +132,7 @@ def run(shot: Shot, out: Path, manner: Manner, threads: int | None, restart: boo
             "layers": str(out / "layers.exr"),
             "light": str(out / "light.exr"),
             "report": str(out / "report.html"),
+            "camera": [round(float(v), 4) for v in result.camera.position],
             "reflectance": [[round(v, 4) for v in r] for r in recovered],
             "rays a pixel": result.change.samples,
             "seconds": round(sum(result.seconds.values()), 1),

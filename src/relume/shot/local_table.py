@@ -14,7 +14,7 @@ from relume.composite.projection import box_mesh
 from relume.composite.reflectance import Even, Fit, Given, Varying, Wanted
 from relume.scene.materials import Diffuse, Material
 from relume.scene.meshes import read_meshes
-from relume.scene.shapes import Plane, Shape
+from relume.scene.shapes import Mesh, Plane, Shape
 from relume.shot.placement import Placement, placed
 from relume.shot.schema import Positive, Share, Table, Vector
 
@@ -32,7 +32,7 @@ class GlossTable(Table):
 class LocalTable(Placement):
     """A real surface that the objects affect.
 
-    shape : a horizontal plane of a size at a height, a box from one corner to the other, or a mesh, which is placed as
+    shape : a horizontal plane of a size at a height, a box from one corner to the other, or a mesh; then placed as
         objects are
     reflectance : "recover" for every pixel of the plate, "recover even" for one colour, or a colour that is known
     gloss : "recover" to find it from what plate and probe show of the same places; a known one; false where matte
@@ -58,6 +58,8 @@ class LocalTable(Placement):
             raise ValueError(
                 f"the box goes from {list(self.low)} to {list(self.high)}; each of low lies below its high"
             )
+        if self.shape == "plane" and self.size is None and self._is_placed:
+            raise ValueError("a plane that is scaled, rotated or moved needs a size = [x, z]")
         if self.mirror and isinstance(self.reflectance, str):
             raise ValueError("a mirror's reflectance is given, not recovered, like [0.9, 0.9, 0.9]")
         if self.mirror and self.gloss:
@@ -67,11 +69,14 @@ class LocalTable(Placement):
     def shapes(self, folder: Path) -> tuple[Shape, ...]:
         """The surface with its own material, or grey where that is to be recovered; raises UnreadableFile."""
         material = self._material()
-        if self.shape == "plane":
+        if self.shape == "plane" and not self._is_placed:
             return (Plane(material, self.size, self.height),)
+        if self.shape == "plane":
+            assert self.size is not None  # _what_the_shape_needs
+            return (placed(_rectangle(self.size, self.height, material), self),)
         if self.shape == "box":
             assert self.low is not None and self.high is not None  # _what_the_shape_needs
-            return (box_mesh(self.low, self.high, material),)
+            return (placed(box_mesh(self.low, self.high, material), self),)
         assert self.mesh is not None
         return tuple(replace(placed(m, self), material=material) for m in read_meshes(folder / self.mesh))
 
@@ -83,6 +88,14 @@ class LocalTable(Placement):
         albedo = Varying() if self.reflectance == "recover" else Even()
         return Wanted(albedo, Fit() if self.gloss == "recover" else gloss)
 
+    @property
+    def _is_placed(self) -> bool:
+        return (self.scale, self.rotate, self.translate) != (1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+    def files(self) -> tuple[str, ...]:
+        """The files that the table names."""
+        return () if self.mesh is None else (self.mesh,)
+
     def _material(self) -> Diffuse | Material:
         if isinstance(self.reflectance, str):
             return GREY
@@ -91,3 +104,10 @@ class LocalTable(Placement):
         if isinstance(self.gloss, GlossTable):
             return glossy(self.reflectance, Gloss(self.gloss.strength, self.gloss.roughness))
         return Diffuse(self.reflectance)
+
+
+def _rectangle(size: tuple[float, float], height: float, material: Diffuse | Material) -> Mesh:
+    """The plane as two triangles that face up."""
+    x, z = size[0] / 2, size[1] / 2
+    corners = np.array([[-x, height, z], [x, height, z], [x, height, -z], [-x, height, -z]], np.float32)
+    return Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), material, name="plane")

@@ -14,7 +14,7 @@ from relume.develop.matching import Match
 from relume.errors import OutputNotWritten
 from relume.image import files
 from relume.image.photograph import Photograph
-from relume.image.radiance import RadianceMap
+from relume.image.radiance import BLACK, SATURATED, RadianceMap
 from relume.probe.blending import Probe
 from relume.render.change import Change
 from relume.scene.camera import Camera
@@ -65,7 +65,11 @@ def notes_on(
     """What the user should know of the measurements, a line each."""
     notes = list(probe.notes)
     if plate.clipped is not None and plate.clipped.any():
-        notes.append(f"{int((plate.clipped > 0).sum())} pixels of the plate are clipped in every photograph")
+        white, black = int((plate.clipped == SATURATED).sum()), int((plate.clipped == BLACK).sum())
+        if white:
+            notes.append(f"{white} pixels of the plate are white in every photograph; take shorter exposures as well")
+        if black:
+            notes.append(f"{black} pixels of the plate are black in every photograph; take longer exposures as well")
     if probe.clipped_solid_angle > 0:
         notes.append(
             f"{probe.clipped_solid_angle:.2g} sr of the light are saturated in every photograph: the light is a lower "

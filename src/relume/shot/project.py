@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from glob import glob
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -135,12 +136,18 @@ class Shot(Table):
     sequence: SequenceTable | None = None
     folder: Path = Field(default=Path("."), exclude=True)
 
+    def named_files(self) -> list[str]:
+        """Every file that it names beside photographs: meshes, maps, mattes."""
+        light = [name for name in (self.light.map, self.light.distant.mesh, self.match.occluder) if name is not None]
+        return [*light, *(name for table in self.local for name in table.files()), *(o.mesh for o in self.objects)]
+
     def files(self, patterns: Sequence[str]) -> list[Path]:
         """The files that names and patterns stand for, in order; raises UnreadableFile where one is none."""
         found: list[Path] = []
         for pattern in patterns:
             path = self.folder / pattern
-            matches = sorted(self.folder.glob(pattern), key=_natural) if any(c in pattern for c in "*?[") else [path]
+            named = [Path(name) for name in glob(str(path))] if any(c in pattern for c in "*?[") else [path]
+            matches = sorted(named, key=_natural)
             if not matches:
                 raise UnreadableFile(f"{path}: no such photographs; check the pattern in the shot file")
             found.extend(matches)

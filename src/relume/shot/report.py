@@ -120,8 +120,8 @@ def _audit(result: Inserted) -> str:
     ]
     if plate.clipped is not None:
         rows.append(("plate pixels clipped in every photograph", str(int((plate.clipped > 0).sum()))))
-    if result.fit.agreement:
-        rows.append(("camera", result.fit.agreement))
+    place = ", ".join(f"{v:.3f}" for v in result.camera.position)
+    rows.append(("camera", f"at {place} metres; {result.fit.agreement}"))
     sharpness = result.match.sharpness
     rows.append(("sharpness of the plate", "not matched" if sharpness is None else f"σ {sharpness.sigma:.2f} pixels"))
     change = result.change.difference[result.change.matte == 0]
