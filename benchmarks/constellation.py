@@ -13,13 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
+from relume.errors import SunNotFound
 from relume.image.files import read_radiance
 from relume.light.constellation import Constellation, constellation, irradiance_error
 from relume.light.constellation_cells import cells_of
 from relume.light.k_means import KMeans
 from relume.light.median_cut import MedianCut
 from relume.light.residual import key_lights
-from relume.light.sun import SunNotFound, extract_sun
+from relume.light.sun import extract_sun
 from relume.light.variance_cut import VarianceMinimisation
 from relume.sphere.illumination import IlluminationMap, as_illumination
 

@@ -8,8 +8,8 @@ import runpy
 import sys
 from pathlib import Path
 
-import bpy
-from mathutils import Matrix, Vector
+import bpy  # pyright: ignore[reportMissingImports]
+from mathutils import Matrix, Vector  # pyright: ignore[reportMissingImports]
 
 TO_BLENDER = Matrix(((1, 0, 0), (0, 0, -1), (0, 1, 0)))
 # right, up and backward of a camera that looks along +X, −X, +Y, −Y, +Z, −Z, in relume's axes
@@ -70,6 +70,7 @@ def load_probe(probe):
     scene.world = world
     if world.node_tree is None:
         world.use_nodes = True
+    assert world.node_tree is not None
     nodes = world.node_tree.nodes
     nodes.clear()
     output, shader = nodes.new("ShaderNodeOutputWorld"), nodes.new("ShaderNodeBackground")
@@ -136,6 +137,7 @@ def measure(script, folder):
         white = bpy.data.materials.new("white")
         if white.node_tree is None:
             white.use_nodes = True
+        assert white.node_tree is not None
         white.node_tree.nodes.clear()
         output = white.node_tree.nodes.new("ShaderNodeOutputMaterial")
         matte = white.node_tree.nodes.new("ShaderNodeBsdfDiffuse")

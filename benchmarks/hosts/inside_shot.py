@@ -7,7 +7,7 @@ import runpy
 import sys
 from pathlib import Path
 
-import bpy
+import bpy  # pyright: ignore[reportMissingImports]
 
 
 def main(folder, samples):

@@ -6,7 +6,7 @@ Usage: python inside_shot_usd.py LAYER RESULT
 import json
 import sys
 
-from pxr import Usd, UsdGeom, UsdShade, UsdValidation
+from pxr import Usd, UsdGeom, UsdShade, UsdValidation  # pyright: ignore[reportMissingImports]
 
 
 def main(layer, result):

@@ -6,7 +6,7 @@ Usage: python inside_usd.py LAYER RESULT
 import json
 import sys
 
-from pxr import Gf, Usd, UsdGeom, UsdLux, UsdValidation
+from pxr import Gf, Usd, UsdGeom, UsdLux, UsdValidation  # pyright: ignore[reportMissingImports]
 
 
 def main(layer, result):

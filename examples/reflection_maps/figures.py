@@ -54,7 +54,9 @@ def tables(light: rl.IlluminationMap, film: rl.Film) -> Figure:
     return figure
 
 
-def ball(material: rl.Reflective, size: int, shift: tuple[float, float] = (0.0, 0.0)) -> tuple[rl.Sphere, rl.Camera]:
+def ball(
+    material: rl.Reflective | rl.Material, size: int, shift: tuple[float, float] = (0.0, 0.0)
+) -> tuple[rl.Sphere, rl.Camera]:
     """A ball and a camera that sees it about `size` pixels wide, moved by a share of a pixel."""
     camera = rl.Camera.looking_at(np.array([0.0, 0, 8]), np.zeros(3), width=size, height=size, focal_length=size * 3.7)
     x, y = np.asarray(shift) * 8 / camera.focal_length

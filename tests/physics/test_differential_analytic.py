@@ -9,7 +9,7 @@ from relume.scene.camera import Camera
 from relume.scene.lights import DistantLight, PointLight
 from relume.scene.materials import Diffuse, Material
 from relume.scene.scene import Scene
-from relume.scene.shapes import Mesh, Plane
+from relume.scene.shapes import Mesh, Plane, Sphere
 from relume.sphere.illumination import IlluminationMap
 from relume.sphere.mappings import LatLong, pixel_points
 from solids import sphere
@@ -193,3 +193,26 @@ def test_a_black_disc_takes_all_light_of_a_lamp_from_its_shadow_and_none_beside_
     beside = looking_at_the_floor((3, 0, 0), (3, 0.9, 2.0), focal_length=100)
     change = Differential(samples=16).change(scene, beside, seed=8)
     np.testing.assert_array_equal(change.difference, 0.0)
+
+
+def test_a_mirrored_ball_scatters_parallel_light_alike_in_all_directions():
+    # A beam of irradiance E on a mirrored ball of radius r leaves it with the intensity E r²/4 everywhere: far from it
+    # the floor gains ρ/π · E r²/4 · cos θ/d². No path from the camera can find a light without size in a mirror.
+    radius, height = 0.02, 1.0
+    ball = Sphere((0.0, height, 0.0), radius, Material((1.0, 1.0, 1.0), metallic=1.0, roughness=0.0))
+    sun = DistantLight((0.6, 0.8, 0.0), (4.0, 2.0, 1.0))
+    # Away from the ball's shadow, which falls towards −x.
+    camera = looking_at_the_floor((0.6, 0, 0), (0.6, 0.9, 1.5), focal_length=150)
+    # A small piece of floor: a wide one lit by the sun is itself mirrored in the ball.
+    corners = np.array([[0.4, 0, 0.2], [0.8, 0, 0.2], [0.8, 0, -0.2], [0.4, 0, -0.2]], np.float32)
+    piece = Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), FLOOR.material, name="piece")
+    change = Differential(samples=8192).change(Scene(DARKNESS, (piece,), (ball,), (sun,)), camera, seed=9)
+    foot = np.hypot(*np.moveaxis(floor_points(camera)[..., [0, 2]], -1, 0))
+    assert not change.matte.any()
+    intensity = np.array(sun.irradiance) * radius**2 / 4
+    expected = REFLECTANCE / np.pi * intensity * (height / np.hypot(height, foot) ** 3)[..., None]
+    error = np.sqrt(change.difference_variance.sum((0, 1), dtype=np.float64)) / foot.size
+    assert np.all(error < 0.04 * expected.mean((0, 1)))
+    # Light leaves a mirrored ball from half a radius off its middle at most: a hundredth of a metre in one.
+    near = 0.02 * expected.mean((0, 1))
+    assert np.all(np.abs(change.difference.mean((0, 1)) - expected.mean((0, 1))) < 4 * error + near)

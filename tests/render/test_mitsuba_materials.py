@@ -1,6 +1,7 @@
 """Surfaces in Mitsuba: each samples what it claims, is reciprocal, and returns no more light than it gets."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -218,16 +219,16 @@ def test_a_normal_map_leans_towards_the_right_and_the_upper_side_of_the_picture(
 
 # --- what is not rendered --------------------------------------------------------------------------------------------
 
-GLASS = {"roughness": 0.0, "transmission": 1.0}
+GLASS = Material(roughness=0.0, transmission=1.0)
 
 
 @pytest.mark.parametrize(
     ("material", "media", "scalar", "said"),
     [
-        (Material(**GLASS, dispersion=1.0), True, False, "dispersion"),
-        (Material(**GLASS, clearcoat=1.0), True, False, "clearcoat over what light goes through"),
-        (Material(**GLASS, attenuation_color=(0, 1, 1), attenuation_distance=1.0), False, False, "volume attenuation"),
-        (Material(**GLASS, scattering_distance=(1, 1, 1)), False, False, "subsurface scattering (drawn diffuse)"),
+        (replace(GLASS, dispersion=1.0), True, False, "dispersion"),
+        (replace(GLASS, clearcoat=1.0), True, False, "clearcoat over what light goes through"),
+        (replace(GLASS, attenuation_color=(0, 1, 1), attenuation_distance=1.0), False, False, "volume attenuation"),
+        (replace(GLASS, scattering_distance=(1, 1, 1)), False, False, "subsurface scattering (drawn diffuse)"),
         (Material(clearcoat=1.0), False, True, "clearcoat (the scalar variant has none)"),
     ],
 )
@@ -236,7 +237,7 @@ def test_what_is_left_out_is_said(material, media, scalar, said):
 
 
 def test_what_is_rendered_whole_is_not_spoken_of():
-    full = Material(**GLASS, scattering_distance=(1, 1, 1))
+    full = replace(GLASS, scattering_distance=(1, 1, 1))
     assert not_rendered(full, media=True, scalar=False) == ()
     assert not_rendered(LOSSY["all at once"], media=False, scalar=False) == ()
     assert not_rendered(Material(), media=False, scalar=True) == ()
@@ -255,21 +256,23 @@ def test_the_scalar_variant_refuses_ward_and_warns_of_layers():
 
 def test_a_scattering_body_without_media_is_diffuse_of_its_colour(jit):
     body = Material(
-        roughness=0.5, transmission=1.0, scattering_distance=(1e-3,) * 3, scattering_albedo=(1.0, 0.9, 0.5), name="wax"
-    )
+        roughness=0.5, transmission=1.0, scattering_distance=(1e-3, 1e-3, 1e-3), scattering_albedo=(1.0, 0.9, 0.5),
+        name="wax",
+    )  # fmt: skip
     with pytest.warns(UserWarning, match="not rendered of material 'wax': subsurface"):
         surface = jit.load_dict(bsdf(jit, body))
     si = seen_from(jit, 0.5, 1)
     colour = np.array(surface.eval_diffuse_reflectance(si)).ravel()
+    assert body.medium is not None
     np.testing.assert_allclose(colour, body.medium.diffuse_reflectance(), rtol=1e-5)
 
 
 def test_media_and_emitters_are_mitsubas_own(jit):
-    body = Material(
-        **GLASS, attenuation_color=(0.1, 0.5, 0.9), attenuation_distance=0.01, scattering_distance=(1, 2, 3)
+    body = replace(
+        GLASS, attenuation_color=(0.1, 0.5, 0.9), attenuation_distance=0.01, scattering_distance=(1, 2, 3)
     )
     words = interior(body)
-    assert words is not None
+    assert words is not None and body.medium is not None
     densities = np.asarray(words["sigma_t"]["value"]) * words["scale"]
     np.testing.assert_allclose(densities, body.medium.extinction)
     assert jit.load_dict(words).class_name() == "HomogeneousMedium"

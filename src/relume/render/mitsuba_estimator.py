@@ -15,11 +15,11 @@ from relume.render.mitsuba_caustics import caustics
 from relume.render.mitsuba_guide import Guide
 from relume.render.mitsuba_lens import Lens
 from relume.render.mitsuba_light import SceneLight
-from relume.render.mitsuba_materials import bsdf, emission
+from relume.render.mitsuba_materials import emission
 from relume.render.mitsuba_media import Media
 from relume.render.mitsuba_numbers import Numbers, two
 from relume.render.mitsuba_paths import World, changed, followed
-from relume.render.mitsuba_scene import _shape
+from relume.render.mitsuba_scene import _bsdf, _shape
 from relume.scene.bounds import bounding_sphere
 from relume.scene.camera import Camera
 from relume.scene.materials import Material
@@ -114,7 +114,7 @@ class Estimator:
         added = self.world.objects.ray_intersect_preliminary(ray, active=mi.Bool(True))
         if self.world.local is None:
             real = dr.zeros(mi.PreliminaryIntersection3f)
-            real.t = dr.inf
+            real.t = mi.Float(dr.inf)
         else:
             real = self.world.local.ray_intersect_preliminary(ray, active=mi.Bool(True))
         return ray, added, real
@@ -132,7 +132,7 @@ class Estimator:
 
     def _lit(self, count: int, seed: int) -> Planes:
         """Light followed from the lamps through the smooth objects, added up on the picture in a fixed order."""
-        rng = mi.PCG32(size=count, initstate=dr.opaque(mi.UInt64, seed + (1 << 40)))
+        rng = mi.PCG32(size=count, initstate=dr.opaque(mi.UInt64, seed + (1 << 40)))  # pyright: ignore[reportCallIssue]
         found = caustics(self.world, self.spheres, self.lens, rng, dr.full(mi.Bool, True, count))
         dr.eval(found)
         height, width = self.camera.height, self.camera.width
@@ -154,12 +154,7 @@ def _built(shapes: tuple[Shape, ...]) -> Any:
     if not shapes:
         return None
     parts = {
-        f"shape_{index:06d}": _shape(
-            mi,
-            shape,
-            bsdf(mi, shape.material, media=True),
-            emission(mi, shape.material),  # pyright: ignore[reportArgumentType]
-        )
+        f"shape_{index:06d}": _shape(mi, shape, _bsdf(mi, shape.material, media=True), emission(mi, shape.material))
         for index, shape in enumerate(shapes)
     }
     return mi.load_dict({"type": "scene", **parts}, optimize=False)

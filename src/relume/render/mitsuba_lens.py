@@ -82,7 +82,8 @@ def _straight(camera: Camera) -> Any:
     x, y = np.meshgrid(np.arange(camera.width + 1.0), np.arange(camera.height + 1.0))
     local = camera.rays_through(np.stack([x, y], axis=-1)) @ camera.rotation
     slopes = local[..., :2] / -local[..., 2:]
-    return mi.Texture2f(mi.TensorXf(slopes.astype(np.float32)), wrap_mode=dr.WrapMode.Clamp, use_accel=False)
+    pixels = mi.TensorXf(slopes.astype(np.float32))
+    return mi.Texture2f(pixels, wrap_mode=dr.WrapMode.Clamp, use_accel=False)  # pyright: ignore[reportCallIssue]
 
 
 def _distorted(camera: Camera, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:

@@ -36,8 +36,9 @@ class LightMap:
         # A row more at each pole is the other side's, as in `IlluminationMap.look_up`.
         tall = np.concatenate([np.roll(pixels[:1], half, 1), pixels, np.roll(pixels[-1:], half, 1)])
         self.rows, self.columns = rows, columns
-        self.texture = mi.Texture2f(
-            mi.TensorXf(np.ascontiguousarray(tall)), wrap_mode=dr.WrapMode.Repeat, use_accel=False
+        colours = mi.TensorXf(np.ascontiguousarray(tall))
+        self.texture = mi.Texture2f(  # pyright: ignore[reportCallIssue]
+            colours, wrap_mode=dr.WrapMode.Repeat, use_accel=False
         )
         flux = _between(tall).mean(-1) * LatLong().solid_angles(rows)
         self.tall, self.flux = tall, flux.sum()
@@ -128,7 +129,7 @@ class LightMap:
         direction = way / distance
         facing = dr.abs(dr.dot(normal, direction))
         density = density * dr.abs(dr.dot(normal, ray)) / dr.square(reach) * dr.square(distance) / facing
-        valid = facing > 1e-6
+        valid = facing > 1e-6  # pyright: ignore[reportOperatorIssue]
         if self.enclosure is not None:
             # What a wall of the distant scene hides from this place is not seen from it.
             first, _ = self._reach(place, direction, active)

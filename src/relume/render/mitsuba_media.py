@@ -33,7 +33,7 @@ class Media:
 
     def number(self, shape: Any) -> Any:
         """The number of what fills a shape; 0 for nothing."""
-        index = dr.reinterpret_array(mi.UInt32, shape)
+        index = mi.UInt32(dr.reinterpret_array(mi.UInt32, shape))
         known = index < dr.width(self.table)
         return dr.gather(mi.UInt32, self.table, dr.select(known, index, 0), known)
 

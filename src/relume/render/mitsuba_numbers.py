@@ -23,14 +23,17 @@ class Numbers:
 
     def __init__(self, count: int, samples: int, seed: int) -> None:
         index = dr.arange(mi.UInt32, count)
-        self.pixel, self.sample = index // samples, index % samples
-        self.seed = dr.opaque(mi.UInt32, seed & 0xFFFFFFFF)
-        self.stream = mi.PCG32(size=count, initstate=dr.opaque(mi.UInt64, seed), initseq=dr.opaque(mi.UInt64, 1 + seed))
+        self.pixel: Any = index // samples
+        self.sample = index % samples
+        self.seed: Any = dr.opaque(mi.UInt32, seed & 0xFFFFFFFF)
+        state, sequence = dr.opaque(mi.UInt64, seed), dr.opaque(mi.UInt64, 1 + seed)
+        self.stream = mi.PCG32(size=count, initstate=state, initseq=sequence)  # pyright: ignore[reportCallIssue]
 
     def within_pixel(self) -> tuple[Any, Any]:
         """Where in its pixel each ray goes through."""
         index = mi.Float(self.sample)
-        return tuple(_fraction(self._shift(axis) + index * step) for axis, step in enumerate(PLANE))  # pyright: ignore[reportReturnType]
+        across, down = (_fraction(self._shift(axis) + index * step) for axis, step in enumerate(PLANE))
+        return across, down
 
     def towards_light(self, look: int, looks: int) -> tuple[Any, Any]:
         """For the first surface of a path: which light, and where in it."""

@@ -256,14 +256,14 @@ class _Job:
         settings = replace(renderer, threads=None) if isinstance(renderer, Differential) else renderer
         ends = [] if moving is None else [moving(t).model_dump(mode="json") for t in (shutter.open, shutter.close)]
         camera = self.camera
+        moments = None if moving is None else lambda t: (self._scene(moving(t)), camera)
 
         def make() -> Arrays:
             return change_arrays(
                 rendered(
                     scene, camera, table, renderer, self.plate, folder=self.stages.folder, film=self.film,
                     progress=lambda share: self.report("render", share),
-                    moving=None if moving is None else lambda t: (self._scene(moving(t)), camera),
-                    shutter=shutter, force=force, restart=restart,
+                    moving=moments, shutter=shutter, force=force, restart=restart,
                 )
             )  # fmt: skip
 

@@ -12,6 +12,7 @@ import numpy as np
 from relume.composite.gloss import FittedGloss, Gloss, glossy
 from relume.composite.reflectance import RecoveredLocal, RecoveredSurface
 from relume.scene.materials import Diffuse
+from relume.scene.materials_checks import triple
 from relume.scene.shapes import Mesh, Shape
 from relume.shot.stages import Arrays
 
@@ -61,8 +62,10 @@ def local_from(arrays: Arrays, bare: Sequence[Shape]) -> RecoveredLocal:
                 _mesh(arrays, f"{index}.{number}", albedo if varies else tuple(even), gloss)
                 for number, (varies, even) in enumerate(zip(table["varies"], table["even"], strict=True))
             )
-        triples = (None if table[n] is None else tuple(table[n]) for n in ("reflectance", "measured", "spread"))
-        surfaces.append(RecoveredSurface(*triples, table["pixels"], gloss, fitted, shapes))  # pyright: ignore[reportArgumentType]
+        reflectance, measured, spread = (
+            None if table[name] is None else triple(table[name]) for name in ("reflectance", "measured", "spread")
+        )
+        surfaces.append(RecoveredSurface(reflectance, measured, spread, table["pixels"], gloss, fitted, shapes))
     return RecoveredLocal(
         tuple(surfaces), albedo, arrays["without"], arrays["irradiance"], told["iterations"], told["change"],
         tuple(told["notes"]),

@@ -18,6 +18,7 @@ from relume.render.mitsuba import Mitsuba
 from relume.render.renderer import Progress, Renderer
 from relume.scene.camera import Camera
 from relume.scene.lights import SphereLight
+from relume.scene.materials_checks import triple
 from relume.scene.scene import Scene
 from relume.shot.distant_table import distant_scene
 from relume.shot.project import Shot
@@ -89,8 +90,4 @@ def _sphere(lamp: PlacedLights) -> SphereLight:
     assert lamp.radii is not None  # free_lamp tells it
     radius = float(lamp.radii[0])
     radiance = lamp.intensity[0] / (np.pi * radius**2)
-    return SphereLight(
-        tuple(float(v) for v in lamp.positions[0]),
-        radius,
-        tuple(float(v) for v in radiance),  # pyright: ignore[reportArgumentType]
-    )
+    return SphereLight(triple(lamp.positions[0]), radius, triple(radiance))

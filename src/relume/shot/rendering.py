@@ -74,4 +74,5 @@ def change_arrays(change: Change) -> Arrays:
 def change_from(arrays: Arrays) -> Change:
     """The inverse of `change_arrays`."""
     planes: dict[str, Any] = dict(arrays)
-    return Change(**planes | {name: int(planes[name]) for name in ("samples", "passes")})
+    counts: dict[str, Any] = {name: int(arrays[name]) for name in ("samples", "passes")}
+    return Change(**planes | counts)
