@@ -268,9 +268,7 @@ def test_a_scattering_body_without_media_is_diffuse_of_its_colour(jit):
 
 
 def test_media_and_emitters_are_mitsubas_own(jit):
-    body = replace(
-        GLASS, attenuation_color=(0.1, 0.5, 0.9), attenuation_distance=0.01, scattering_distance=(1, 2, 3)
-    )
+    body = replace(GLASS, attenuation_color=(0.1, 0.5, 0.9), attenuation_distance=0.01, scattering_distance=(1, 2, 3))
     words = interior(body)
     assert words is not None and body.medium is not None
     densities = np.asarray(words["sigma_t"]["value"]) * words["scale"]

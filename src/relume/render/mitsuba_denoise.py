@@ -9,6 +9,9 @@ import numpy as np
 from relume.render.change import Change
 from relume.render.renderer import Render
 
+FAINT = 0.1
+"""Of a pixel: less than that shows more noise than colour."""
+
 
 def denoise_pair(with_: Render, without: Render) -> tuple[Render, Render]:
     """The same two renders with less noise.
@@ -39,20 +42,34 @@ def denoised(change: Change) -> Change:
     """The same change with less noise, by Open Image Denoise: the objects and the signed difference apart.
 
     Albedo and normals guide both. The light that is taken and the light that is added are cleaned each on its own, for
-    the filter knows no negative light. What is exactly 0 stays so.
+    the filter knows no negative light. All are cleaned as they would be if the matte had no edges, and matted again:
+    the matte has next to no noise, and its edges stay as they are. What is exactly 0 stays so.
     """
     albedo = np.ascontiguousarray(np.clip(change.albedo, 0, 1), np.float32)
     normal = np.ascontiguousarray(change.normal, np.float32)
-    cover = change.matte[..., None] > 0
-    objects = _clean(change.objects, np.where(cover, albedo, 0), np.where(cover, normal, 0))
-    added = _clean(np.maximum(change.difference, 0), albedo, normal)
-    taken = _clean(np.maximum(-change.difference, 0), albedo, normal)
+    cover = change.matte[..., None]
+    objects = _clean(_unmatted(change.objects, change.matte), albedo, normal)
+    added, taken = (
+        _clean(np.maximum(sign * _unmatted(change.difference, 1 - change.matte), 0), albedo, normal) for sign in (1, -1)
+    )
     changes = np.any(change.difference != 0, axis=-1, keepdims=True)
     return replace(
         change,
-        objects=np.where(cover, objects, 0).astype(np.float32),
-        difference=np.where(changes, added - taken, 0).astype(np.float32),
+        objects=(cover * objects).astype(np.float32),
+        difference=np.where(changes, (1 - cover) * (added - taken), 0).astype(np.float32),
     )
+
+
+def _unmatted(premultiplied: np.ndarray, matte: np.ndarray) -> np.ndarray:
+    """A plane without its matte; where next to nothing of it shows, what the nearest pixel shows."""
+    from scipy.ndimage import distance_transform_edt
+
+    shows = matte > FAINT
+    if not shows.any():
+        return np.zeros_like(premultiplied)
+    plain = premultiplied / np.maximum(matte, FAINT)[..., None]
+    rows, columns = distance_transform_edt(~shows, return_distances=False, return_indices=True)  # pyright: ignore[reportGeneralTypeIssues]
+    return plain[rows, columns].astype(np.float32)
 
 
 def _clean(radiance: np.ndarray, albedo: np.ndarray, normal: np.ndarray) -> np.ndarray:

@@ -114,7 +114,7 @@ class Estimator:
         added = self.world.objects.ray_intersect_preliminary(ray, active=mi.Bool(True))
         if self.world.local is None:
             real = dr.zeros(mi.PreliminaryIntersection3f)
-            real.t = mi.Float(dr.inf)
+            real.t = dr.inf  # pyright: ignore[reportAttributeAccessIssue]
         else:
             real = self.world.local.ray_intersect_preliminary(ray, active=mi.Bool(True))
         return ray, added, real

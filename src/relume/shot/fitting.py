@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from relume.capture.vignetting import Vignetting
 from relume.composite.differential import Additive, Ratio, composed
 from relume.composite.mattes import read_matte
 from relume.develop.film import Film, develop, developed_values
-from relume.develop.grain import bracket_grain, radiance_grain
+from relume.develop.grain import Grain, bracket_grain, radiance_grain
 from relume.develop.matching import Match, dimmed, grained, matched, sat_in
 from relume.develop.sharpness import Sharpness, measured_sharpness
 from relume.image.photograph import Photograph
@@ -21,7 +21,9 @@ from relume.image.radiance import RadianceMap
 from relume.render.change import Change
 from relume.scene.camera import Camera
 from relume.shot.project import Shot
+from relume.shot.stages import Arrays
 
+_GRAIN = ("values", "deviation", "correlation")
 SOFT = 1.0
 """Pixels of blur above which a plate's measured sharpness is doubted: its edges are then few or of defocused things."""
 
@@ -42,11 +44,14 @@ def film_of(
     return film, index if table.exposure == 0 else None
 
 
-def match_of(
-    shot: Shot, plate: RadianceMap, camera: Camera, bracket: Bracket | None, index: int | None,
+def looks_of(
+    shot: Shot,
+    plate: RadianceMap,
+    bracket: Bracket | None,
+    index: int | None,
     calibrations: dict[str, Calibration],
-) -> Match:  # fmt: skip
-    """What of the plate's look the objects are given."""
+) -> Arrays:
+    """What of the plate's look is measured, for keeping: its sharpness and its grain."""
     table = shot.match
     sharpness = None
     if table.sharpness is True:
@@ -65,17 +70,30 @@ def match_of(
             )
     elif table.sharpness:
         sharpness = Sharpness(float(table.sharpness))
-    own = None
+    grains: dict[str, Grain | None] = {}
+    if table.grain and not shot.plate.denoise:
+        grains["radiance"] = radiance_grain(plate)
     if table.grain and bracket is not None and index is not None:
         photograph = bracket.photographs[index]
-        own = bracket_grain(bracket, index, calibrations[photograph.camera].response)
-    return Match(
-        vignetting_of(shot, plate, camera),
-        sharpness,
-        radiance_grain(plate) if table.grain and not shot.plate.denoise else None,
-        own,
-        table.seed,
-    )
+        grains["photograph"] = bracket_grain(bracket, index, calibrations[photograph.camera].response)
+    arrays: Arrays = {} if sharpness is None else {"sharpness": np.array(astuple(sharpness), np.float64)}
+    for name, grain in grains.items():
+        if grain is not None:
+            arrays |= {f"{name}.{part}": getattr(grain, part) for part in _GRAIN}
+    return arrays
+
+
+def match_from(arrays: Arrays, vignetting: Vignetting | None, seed: int) -> Match:
+    """What the objects are given of the plate's look."""
+    sharpness = None
+    if "sharpness" in arrays:
+        sigma, error, edges = arrays["sharpness"]
+        sharpness = Sharpness(float(sigma), float(error), int(edges))
+    grains = {
+        name: Grain(*(arrays[f"{name}.{part}"] for part in _GRAIN)) if f"{name}.values" in arrays else None
+        for name in ("radiance", "photograph")
+    }
+    return Match(vignetting, sharpness, grains["radiance"], grains["photograph"], seed)
 
 
 def vignetting_of(shot: Shot, plate: RadianceMap, camera: Camera) -> Vignetting | None:

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from relume.capture.denoising import denoise
 from relume.capture.merging import merge
 from relume.composite.reflectance import RecoveredLocal
@@ -35,6 +37,8 @@ from relume.shot.project import Shot
 from relume.shot.rendering import change_arrays, change_from, rendered
 from relume.shot.stages import Arrays, Stages
 
+NOTES = "_notes"
+"""Under this name the warnings of a stage are kept beside its arrays."""
 Report = Callable[[str, float], None]
 """Told the name of a stage and the share of it that is done."""
 Moving = Callable[[float], Shot]
@@ -108,10 +112,19 @@ class _Job:
         self.report(name, 1.0)
 
     def stage(self, name: str, made_from: object, make: Callable[[], Arrays]) -> Arrays:
+        def noted() -> Arrays:
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                arrays = make()
+            return arrays | {NOTES: np.array([str(each.message) for each in caught], np.str_)}
+
         with self.timed(name):
-            arrays, kept = self.stages.get(name, made_from, make)
+            arrays, kept = self.stages.get(name, made_from, noted)
         if kept:
             self.kept.append(name)
+        # What was doubted when it was made is still doubted.
+        for line in arrays.pop(NOTES, np.zeros(0, np.str_)):
+            warnings.warn(str(line), stacklevel=2)
         return arrays
 
     def measured(self, renderer: Renderer | Differential | None) -> None:
@@ -125,6 +138,7 @@ class _Job:
             shot.plate.times,
             [b.times for b in shot.light.balls or ()],
         ]
+        self.sources = sources
         self.calibrations = lighting.calibrations_from(
             self.stage("response", sources, lambda: lighting.calibration_arrays(lighting.calibrate(self.photographs)))
         )
@@ -148,8 +162,14 @@ class _Job:
         self.measured(renderer)
         shot, plate = self.shot, self.plate
         change = self._change(renderer, moving, shutter, restart, force)
+        looks = self.stage(
+            "match",
+            [plate, self.sources, self.index, shot.match.sharpness, shot.match.grain, shot.plate.denoise],
+            lambda: fitting.looks_of(shot, plate, self.photographs.plate, self.index, self.calibrations),
+        )
         with self.timed("composite"):
-            match = fitting.match_of(shot, plate, self.camera, self.photographs.plate, self.index, self.calibrations)
+            vignetting = fitting.vignetting_of(shot, plate, self.camera)
+            match = fitting.match_from(looks, vignetting, shot.match.seed)
             without = plate.radiance if self.recovered is None else self.recovered.without
             composite, seen = fitting.fitted(shot, plate, change, without, match)
             composite, picture, before = fitting.developed(
