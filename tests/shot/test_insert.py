@@ -33,7 +33,7 @@ def test_the_job_writes_every_output_whole_and_no_temporary_file(room: Room) -> 
         "stages",
     ]
     assert sorted(p.name for p in (out / "stages").iterdir()) == [
-        "light.npz", "plate.npz", "reflectance.npz", "render.npz", "response.npz",
+        "light.npz", "match.npz", "plate.npz", "reflectance.npz", "render.npz", "response.npz",
     ]  # fmt: skip
 
 
@@ -83,7 +83,7 @@ def test_a_second_run_redoes_nothing_and_writes_the_same_bytes(copied_room: tupl
     path, out = copied_room
     before = {n: (out / n).read_bytes() for n in ("composite.exr", "composite.png", "light.exr", "layers.exr")}
     result = insert(read_shot(path), out, renderer=FAKE)
-    assert set(result.kept) == {"response", "plate", "light", "reflectance", "render"}
+    assert set(result.kept) == {"response", "plate", "light", "reflectance", "render", "match"}
     assert all((out / n).read_bytes() == data for n, data in before.items())
 
 
@@ -91,7 +91,7 @@ def test_only_what_changed_is_redone(copied_room: tuple[Path, Path]) -> None:
     path, out = copied_room
     shot = read_shot(path)
     moved = shot.model_copy(update={"objects": [Object(mesh="objects/cube_gold.glb", translate=(0.0, 0.0, 0.1))]})
-    assert set(insert(moved, out, renderer=FAKE).kept) == {"response", "plate", "light", "reflectance"}
+    assert set(insert(moved, out, renderer=FAKE).kept) == {"response", "plate", "light", "reflectance", "match"}
     noisier = shot.model_copy(update={"plate": shot.plate.model_copy(update={"denoise": False})})
     assert set(insert(noisier, out, renderer=FAKE).kept) == {"response", "light"}
 

@@ -39,8 +39,10 @@ def aimed(spheres: Spheres, which: Any, point: Any, place: Any) -> tuple[Any, An
     cones = []
     for centre, radius in spheres:
         away = centre - place
-        square = dr.minimum(radius**2 / dr.squared_norm(away), 0.999999)
-        cones.append((dr.normalize(away), square / (1 + dr.sqrt(1 - square))))
+        square = dr.minimum(radius**2 / dr.maximum(dr.squared_norm(away), 1e-20), 1)
+        # From within every direction leads to what it bounds: 1 − cos of a whole sphere is 2.
+        less = dr.select(square < 1, square / (1 + dr.safe_sqrt(1 - square)), 2)
+        cones.append((dr.normalize(away), less))
     axis, less = cones[0]
     for index, (direction, width) in enumerate(cones):
         mine = which >= index / len(cones)

@@ -62,9 +62,9 @@ def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) 
         sample, weight = bsdf.sample(context, si, rng.next_float32(), two(rng), active)
         onward = si.to_world(sample.wo)
         delta = mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta)
-        # Up to the first surface that scatters, only smooth objects send light on.
+        # A smooth object is the first to send light on; up to what scatters it, any smooth surface may.
         scattered = seen_so_far > 0
-        active &= (delta & on_object) | scattered
+        active &= (delta & (on_object | sent_on)) | scattered
         sent_on |= active & delta & on_object
         flux = dr.select(active, flux * weight, flux)
         brightness = dr.max(weight)

@@ -17,7 +17,7 @@ from relume.errors import UnsupportedScene
 from relume.render.accumulation import ALONE, Watch, accumulate, pass_seed
 from relume.render.change import Change, subtracted
 from relume.render.convergence import ChangeError, Target
-from relume.render.fingerprint import render_key
+from relume.render.fingerprint import fingerprint, render_key
 from relume.render.mitsuba import MATTE_SAMPLES, PASSES, Mitsuba, _mitsuba
 from relume.render.mitsuba_distant import require_inside
 from relume.render.mitsuba_scene import why_not
@@ -109,7 +109,7 @@ class Differential:
                 seed=seed,
                 scattered=("objects", "difference"),
                 target=None if self.noise is None else Target(self.noise, ChangeError(backdrop)),
-                key=render_key(scene, camera, self, seed) if watch.checkpoint is not None else None,
+                key=self._key(scene, camera, seed, plate, moments, times) if watch.checkpoint is not None else None,
                 watch=watch,
                 progress=progress,
             )
@@ -123,6 +123,18 @@ class Differential:
             samples=sums.passes * samples,
             passes=sums.passes,
         )
+
+    def _key(
+        self, scene: Scene, camera: Camera, seed: int, plate: np.ndarray | None, moments: Moments | None,
+        times: np.ndarray,
+    ) -> dict[str, str]:  # fmt: skip
+        """All that a pixel depends on: also every moment that is seen, and the plate where it says when to stop."""
+        key = dict(render_key(scene, camera, self, seed))
+        if moments is not None:
+            key["motion"] = fingerprint([[list(moments(float(time))) for time in sorted(set(times))]])
+        if self.noise is not None:
+            key["plate"] = fingerprint(plate)
+        return key
 
 
 def _samples_a_pass(samples: int, camera: Camera) -> int:

@@ -159,6 +159,11 @@ class SceneLight:
         found += [lambda k, w, a, b, m, s=s: emit_sun(k, w, b, s) for s in self.suns]
         return found
 
+    def wall(self, place: Any, direction: Any, active: Any) -> Any:
+        """How far the distant scene is along a ray."""
+        assert self.map is not None  # what is dark has no walls to stick out of
+        return self.map.reach(place, direction, active)[0]
+
     def _sources(self) -> list[Any]:
         found: list[Any] = [] if self.map is None else [self.map.sample]
         found += [lambda p, u, a, s=s: sample_sphere(p, u, s) for s in self.spheres]

@@ -77,7 +77,7 @@ class LightMap:
         )
         if isinstance(self.distant, Infinite):
             return parallel(spheres, which, aim, outward, radiance / density)
-        reach, normal = self._reach(self.probe, outward, active)
+        reach, normal = self.reach(self.probe, outward, active)
         place = self.probe + reach * outward
         direction, chance = aimed(spheres, which, aim, place)
         density *= dr.abs(dr.dot(normal, outward)) / dr.square(reach)
@@ -86,7 +86,7 @@ class LightMap:
         if self.enclosure is not None:
             # What a wall of the distant scene hides from an object does not light it.
             begin = place + 1e-3 * reach * direction
-            first, _ = self._reach(begin, direction, active)
+            first, _ = self.reach(begin, direction, active)
             nearest = mi.Float(dr.inf)
             for centre, radius in spheres:
                 nearest = dr.minimum(nearest, dr.maximum(dr.norm(centre - begin) - radius, 0))
@@ -123,7 +123,7 @@ class LightMap:
         density = self.chance(ray, active)
         if isinstance(self.distant, Infinite):
             return Sample(ray, mi.Float(FAR), radiance / density, density, mi.Bool(True))
-        reach, normal = self._reach(self.probe, ray, active)
+        reach, normal = self.reach(self.probe, ray, active)
         way = self.probe + reach * ray - place
         distance = dr.norm(way)
         direction = way / distance
@@ -132,7 +132,7 @@ class LightMap:
         valid = facing > 1e-6  # pyright: ignore[reportOperatorIssue]
         if self.enclosure is not None:
             # What a wall of the distant scene hides from this place is not seen from it.
-            first, _ = self._reach(place, direction, active)
+            first, _ = self.reach(place, direction, active)
             valid &= first > distance * (1 - 1e-3)
         return Sample(direction, distance, dr.select(valid, radiance / density, 0), density, valid)
 
@@ -140,18 +140,18 @@ class LightMap:
         """Radiance along a ray, and the density with which `sample` would have drawn it."""
         if isinstance(self.distant, Infinite):
             return self.look_up(direction, active), self.chance(direction, active)
-        distance, normal = self._reach(place, direction, active)
+        distance, normal = self.reach(place, direction, active)
         way = place + distance * direction - self.probe
         reach = dr.norm(way)
         ray = way / reach
         density = self.chance(ray, active) * dr.abs(dr.dot(normal, ray)) / dr.square(reach)
         density *= dr.square(distance) / dr.maximum(dr.abs(dr.dot(normal, direction)), 1e-6)
         if self.enclosure is not None:
-            first, _ = self._reach(self.probe, ray, active)
+            first, _ = self.reach(self.probe, ray, active)
             density = dr.select(first > reach * (1 - 1e-3), density, 0)
         return self.look_up(ray, active), density
 
-    def _reach(self, place: Any, direction: Any, active: Any) -> tuple[Any, Any]:
+    def reach(self, place: Any, direction: Any, active: Any) -> tuple[Any, Any]:
         """How far the distant scene is along a ray, and its normal there."""
         if isinstance(self.distant, Box):
             low, high = mi.Point3f(*map(float, self.distant.low)), mi.Point3f(*map(float, self.distant.high))

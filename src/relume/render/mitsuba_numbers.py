@@ -18,12 +18,14 @@ SPACE = (0.8191725133961645, 0.6710436067037893, 0.5497004779019703)
 class Numbers:
     """Numbers from 0 to 1 for `samples` rays of each pixel; the same for a seed, whatever the number of threads.
 
+    Seeds of passes should lie far apart (`pass_seed`); `first` is the number of the first pixel.
+
     Within a pixel the first numbers of its rays are a lattice, shifted by chance: farther apart than drawn ones.
     """
 
-    def __init__(self, count: int, samples: int, seed: int) -> None:
+    def __init__(self, count: int, samples: int, seed: int, first: int = 0) -> None:
         index = dr.arange(mi.UInt32, count)
-        self.pixel: Any = index // samples
+        self.pixel: Any = dr.opaque(mi.UInt32, first) + index // samples
         self.sample = index % samples
         self.seed: Any = dr.opaque(mi.UInt32, seed & 0xFFFFFFFF)
         state, sequence = dr.opaque(mi.UInt64, seed), dr.opaque(mi.UInt64, 1 + seed)

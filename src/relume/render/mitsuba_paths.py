@@ -11,6 +11,7 @@ import drjit
 import mitsuba
 import numpy as np
 
+from relume.render.mitsuba import FAIR, WALK
 from relume.render.mitsuba_guide import Guide
 from relume.render.mitsuba_light import SceneLight
 from relume.render.mitsuba_media import Media
@@ -35,14 +36,19 @@ class World:
     emitting : whether any object shines
     depth : bounces at most
     smooth : whether `caustics` follows the light that smooth objects send on
+    sticks_out : whether real surfaces reach out of the distant scene
     """
 
     # Not a dataclass: Dr.Jit's loops would take its fields for state and rewrite them.
     def __init__(
-        self, local: Any, objects: Any, light: SceneLight, media: Media | None, emitting: bool, depth: int, smooth: bool
-    ) -> None:
+        self, local: Any, objects: Any, light: SceneLight, media: Media | None, emitting: bool, depth: int,
+        smooth: bool, sticks_out: bool,
+    ) -> None:  # fmt: skip
         self.local, self.objects, self.light = local, objects, light
         self.media, self.emitting, self.depth, self.smooth = media, emitting, depth, smooth
+        # Through a medium the way to a lamp is not straight or not clear; there such lamps are found by chance alone.
+        self.looks_for_objects = emitting and media is None
+        self.sticks_out = sticks_out
         numbers = np.array(dr.reinterpret_array(mi.UInt32, objects.shapes_dr()))
         added = np.zeros(int(numbers.max()) + 1, np.uint32)
         added[numbers] = 1
@@ -57,12 +63,20 @@ class World:
     def nearest(self, ray: Any, active: Any, objects: bool = True) -> Any:
         """The first of all surfaces on a ray."""
         if not objects:
-            return self.local.ray_intersect_preliminary(ray, active=active)
+            return self.real(ray, active)
         added = self.objects.ray_intersect_preliminary(ray, active=active)
         if self.local is None:
             return added
-        real = self.local.ray_intersect_preliminary(ray, active=active)
+        real = self.real(ray, active)
         return dr.select(added.t < real.t, added, real)
+
+    def real(self, ray: Any, active: Any) -> Any:
+        """The first real surface on a ray; what lies behind the walls of the distant scene is not seen."""
+        met = self.local.ray_intersect_preliminary(ray, active=active)
+        if self.sticks_out:
+            wall = self.light.wall(ray.o, ray.d, active)
+            met.t = dr.select(met.t > wall, dr.inf, met.t)
+        return met
 
     def hidden(self, ray: Any, active: Any, objects: bool = True) -> Any:
         """Whether anything stands before a ray's end."""
@@ -127,7 +141,7 @@ def followed(
             lit &= ~world.hidden(_towards(si, found.direction, found.distance), lit, objects)
             weight = dr.select(found.density > 0, mitigated(found.density, chance), 1)
             result += dr.select(lit, throughput * value * found.weight * weight, 0)
-        if world.emitting and objects:
+        if world.looks_for_objects and objects:
             result += throughput * _from_objects(world, si, bsdf, context, rng, smooth)
         # The next direction.
         sample, value = bsdf.sample(context, si, rng.next_float32(), two(rng), on & (bounces < world.depth))
@@ -141,15 +155,17 @@ def followed(
             scattered_first = dr.select(on & (bounces == 0), ~delta, scattered_first)
             on_surface = dr.select(on & ~delta, True, on_surface) & ~scattered
             sent_on = dr.select(on, delta & world.is_object(si.shape) & scattered_first & on_surface, False)
+        # The camera's own rays have been let through holes already.
+        going &= ~(mi.has_flag(sample.sampled_type, mi.BSDFFlags.Null) & (bounces == 0))
         if world.media is not None:
             through = going & (dr.dot(si.n, onward) * dr.dot(si.n, -ray.d) < 0)
             entered = dr.select(dr.dot(si.n, onward) < 0, world.media.number(si.shape), 0)
             inside = dr.select(through, entered, inside)
         ray = dr.select(on, si.spawn_ray(onward), ray)
         bounces = dr.select(on, bounces + 1, bounces)
-        active = going | (active & scattered & (walked < 1000))
+        active = going | (active & scattered & (walked < WALK))
         most = dr.min(mi.Point2f(dr.max(throughput), 0.95))
-        risky = active & ((bounces > ROULETTE_FROM) | (walked > 64))
+        risky = active & ((bounces > ROULETTE_FROM) | (walked > FAIR))
         survives = rng.next_float32() < most
         throughput = dr.select(risky, throughput / dr.maximum(most, 1e-6), throughput)
         active &= ~risky | survives
@@ -188,7 +204,7 @@ def changed(
     while active:
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, active)
         bsdf = si.bsdf(ray)
-        smooth = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+        smooth = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & (bounces < world.depth)
         cones = guide.cones(si.p, dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n))
         any_cone = mi.Float(0)
         for _, _, share in cones:
@@ -210,7 +226,7 @@ def changed(
             other = (1 - guided) * chance + guided * guide.density(cones, found.direction)
             weight = dr.select(found.density > 0, mitigated(looks * found.density, other), 1) / looks
             result -= dr.select(dark, throughput * value * found.weight * weight, 0)
-        if world.emitting:
+        if world.looks_for_objects:
             result += throughput * _from_objects(world, si, bsdf, context, rng, smooth, guide, cones, guided)
         # A direction by the surface's reflectance or towards an object.
         towards = active & (rng.next_float32() < guided)
@@ -227,7 +243,7 @@ def changed(
         going = active & (dr.max(throughput) > 0) & (bounces < world.depth)
         ray = dr.select(active, si.spawn_ray(onward), ray)
         added = world.objects.ray_intersect_preliminary(ray, active=going)
-        real = world.local.ray_intersect_preliminary(ray, active=going)
+        real = world.real(ray, going)
         bounces += 1
         far = dr.select(real.is_valid(), real.t, dr.inf)
         near = dr.select(added.is_valid(), added.t, dr.inf)
@@ -260,6 +276,8 @@ def _emitted(world: World, ray: Any, si: Any, density: Any, active: Any) -> Any:
     """What a surface shines itself, weighed against having looked for it."""
     emitter = si.shape.emitter()
     radiance = emitter.eval(si, active)
+    if not world.looks_for_objects:
+        return radiance
     before = dr.zeros(mi.SurfaceInteraction3f)
     before.p = ray.o
     direction = mi.DirectionSample3f(world.objects, si, before)

@@ -24,6 +24,8 @@ from relume.shot.project import Shot
 from relume.shot.stages import Arrays
 
 _GRAIN = ("values", "deviation", "correlation")
+GREY = 118 / 255
+"""The pixel value of a middle grey, sRGB's of 0.18."""
 SOFT = 1.0
 """Pixels of blur above which a plate's measured sharpness is doubted: its edges are then few or of defocused things."""
 
@@ -38,7 +40,8 @@ def film_of(
         film = Film(1 / max(float(np.percentile(plate.radiance, 99)), 1e-30))
         return film.brighter(table.exposure), None
     # The photograph whose middle value is nearest to middle grey is the one the picture sits in.
-    index = int(np.argmin([abs(float(np.median(p.pixels)) - 118) for p in bracket.photographs]))
+    middles = [float(np.median(p.pixels)) / np.iinfo(p.pixels.dtype).max for p in bracket.photographs]
+    index = int(np.argmin(np.abs(np.array(middles) - GREY)))
     response = calibrations[bracket.photographs[index].camera].response
     film = Film(float(bracket.exposures[index]), response).brighter(table.exposure)
     return film, index if table.exposure == 0 else None

@@ -37,6 +37,8 @@ from relume.shot.project import Shot
 from relume.shot.rendering import change_arrays, change_from, rendered
 from relume.shot.stages import Arrays, Stages
 
+MOMENTS = 33
+"""Of the exposure, by which a kept render is known again where something moves."""
 NOTES = "_notes"
 """Under this name the warnings of a stage are kept beside its arrays."""
 Report = Callable[[str, float], None]
@@ -252,7 +254,7 @@ class _Job:
         arrays = self.stage(
             "reflectance",
             [plate, self.camera, self.place, self.probe.confidence, [t.model_dump() for t in shot.local],
-             shot.render.seed, repr(renderer)],
+             shot.light.ball and shot.light.ball.model_dump(), shot.render.seed, repr(renderer)],
             lambda: local_arrays(
                 recovered_place(
                     shot, plate, self.camera, self.place, self.probe, renderer,
@@ -274,7 +276,12 @@ class _Job:
     ) -> Change:  # fmt: skip
         table, scene = self.shot.render, self._scene()
         settings = replace(renderer, threads=None) if isinstance(renderer, Differential) else renderer
-        ends = [] if moving is None else [moving(t).model_dump(mode="json") for t in (shutter.open, shutter.close)]
+        ends: list[object] = []
+        if moving is not None:
+            times = np.linspace(shutter.open, shutter.close, MOMENTS)
+            ends = [moving(float(time)).model_dump(mode="json") for time in times]
+            # What moves in a mesh's own file.
+            ends += [self.shot.folder / each.mesh for each in self.shot.objects]
         camera = self.camera
         moments = None if moving is None else lambda t: (self._scene(moving(t)), camera)
 

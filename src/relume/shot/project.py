@@ -81,6 +81,8 @@ class Light(Table):
             raise ValueError("give one of balls and map")
         if self.balls is not None and (self.ball is None or not self.balls):
             raise ValueError("balls need ball = { centre, radius }")
+        if self.map is not None and self.ball is not None:
+            raise ValueError("ball goes with photographs of it; with a finished map give probe = [x, y, z]")
         if self.map is None and self.probe is not None:
             raise ValueError("probe is for a finished map; of a ball the centre is known: leave it out")
         if self.map is None and self.heading:

@@ -55,7 +55,8 @@ def rendered(
         try:
             change = trace(watch)
         except CannotResume as error:
-            warnings.warn(f"the unfinished render that was kept is another's and is made anew: {error}", stacklevel=2)
+            what = str(error).partition(";")[0]
+            warnings.warn(f"the unfinished render that was kept is not gone on with: {what}", stacklevel=2)
             change = trace(Watch(watch.checkpoint, True, preview=watch.preview, force=force))
         forget(watch)
         previews.remove()

@@ -84,7 +84,7 @@ def insert_sequence(
         report("frames", index / len(numbers))
         folder = folder_of(out, number)
         before = tuple(dict.fromkeys(each.folder / "stages" for each in (*made[:1], *made[-1:])))
-        made.append(_one(shots[number], number, folder, before, insert))
+        made.append(_one(shots[number], number, folder, before, insert, _motion_key(shot)))
     report("frames", 1.0)
     notes = list(_gathered(made))
     movie = _movie(out, made, float(shot.sequence.rate if shot.sequence is not None else 24), notes)
@@ -99,7 +99,7 @@ def folder_of(out: Path, number: int) -> Path:
 
 
 def frame_key(shot: Shot) -> str:
-    """A hash of all that a frame depends on: the program, the tables, and the bytes of every file that they name."""
+    """A hash of what a frame at its moment depends on: the program, the tables, the bytes of every file they name."""
     return fingerprint([program(), shot.model_dump(mode="json"), _named_files(shot)])
 
 
@@ -112,8 +112,17 @@ def sparkles(before: np.ndarray, frame: np.ndarray, after: np.ndarray) -> float:
     return float(np.mean(np.abs(frame - middle).max(axis=-1) > _SPARKLE))
 
 
-def _one(shot: Shot, number: int, folder: Path, before: tuple[Path, ...], insert: Insert) -> FrameMade:
-    key = frame_key(shot)
+def _motion_key(shot: Shot) -> object:
+    """What moves while the shutter is open, of which a frame's own moment tells nothing; None without a shutter."""
+    if shot.sequence is None or shot.sequence.shutter is None:
+        return None
+    tables = shot.sequence.model_dump(mode="json", exclude={"frames", "plates"})
+    keys = [each.keyframes for each in (shot.camera, shot.light, *shot.objects)]
+    return [tables, [[key.model_dump(mode="json") for key in some] for some in keys]]
+
+
+def _one(shot: Shot, number: int, folder: Path, before: tuple[Path, ...], insert: Insert, motion: object) -> FrameMade:
+    key = fingerprint([frame_key(shot), motion])
     kept = _whole(folder, key)
     if kept is not None:
         return FrameMade(number, folder, float(kept["seconds"]), True, tuple(kept["notes"]))

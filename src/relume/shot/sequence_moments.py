@@ -79,8 +79,9 @@ def at_frame(shot: Shot, frame: float) -> Shot:
         "sequence": None,
     }
     if table.plates is not None:
-        # Between two frames the plate is that of the nearer.
-        plate = _plates(shot, table.plates)[round(frame)]
+        # Between two frames, and while the shutter is open beyond the last, the plate is that of the nearest.
+        plates = _plates(shot, table.plates)
+        plate = plates[min(plates, key=lambda number: abs(number - frame))]
         changes["plate"] = shot.plate.model_copy(update={"photographs": [str(plate.relative_to(shot.folder))]})
     return shot.model_copy(update=changes)
 
