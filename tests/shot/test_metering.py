@@ -9,7 +9,7 @@ import pytest
 
 import lights
 from relume.develop.film import metered
-from relume.scene.lights import AmbientLight, DistantLight, Linear, PointLight, Unattenuated
+from relume.scene.lights import AmbientLight, DistantLight, Linear, PointLight, SphereLight, Unattenuated
 from relume.scene.materials import Diffuse
 from relume.scene.scene import Scene
 from relume.scene.shapes import Sphere
@@ -29,6 +29,8 @@ PI = (np.pi, np.pi, np.pi)
         (PointLight((1, 0, 2), PI), 4.0),  # two metres away, a quarter
         (PointLight((1, 0, 2), PI, Unattenuated()), 1.0),
         (PointLight((1, 0, 2), PI, Linear(8)), 4 / 3),
+        (SphereLight((1, 0, 2), 0.5, (16, 16, 16)), 1.0),  # L (r/d)²
+        (SphereLight((1, 0, 2), 3.0, (2, 2, 2)), 0.5),  # the objects are in it
         (PointLight((1, 0, 0.1), PI), 0.75),  # within the objects: at the corner of their box, √¾ away
     ],
 )

@@ -18,12 +18,13 @@ from relume.scene.camera import Camera
 from relume.scene.distant import Box, Dome, Enclosure, Infinite
 from relume.scene.lights import SphereLight
 from relume.scene.materials import Diffuse, Material
+from relume.scene.scene import Scene
 from relume.scene.shapes import Mesh, Plane
 from relume.shot.distant_table import distant_scene
 from relume.shot.lighting import light_from_map
 from relume.shot.local_stage import local_arrays, local_from
-from relume.shot.objects import doubts_about, placed_meshes
-from relume.shot.place import place_of, relit
+from relume.shot.objects import doubts_about, placed_meshes, require_outside
+from relume.shot.place import place_of, relit, require_in_place
 from relume.shot.project import Shot, read_shot
 from relume.sphere.illumination import IlluminationMap, as_radiance_map
 from relume.sphere.mappings import LatLong, pixel_directions
@@ -198,8 +199,9 @@ CAMERA = Camera.looking_at(np.array([0, 1.0, 3.0]), np.zeros(3), width=60, heigh
     ("centre", "radius", "words"),
     [
         ((0.0, -1.0, 0.0), 0.5, "object 'ball' lies under the plane, 0.5 m below it"),
-        ((0.0, 1.5, 5.0), 0.5, "behind the camera"),
-        ((0.0, 1.1, 3.1), 0.5, "the camera is inside object 'ball'"),
+        ((0.0, 0.5, 5.0), 0.5, "behind the camera"),
+        ((0.0, 0.6, 0.0), 0.5, "hover 0.1 m over the plane"),
+        ((0.0, 0.4, 0.0), 0.5, "object 'ball' reaches 0.1 m into the plane"),
     ],
 )
 def test_objects_that_stand_strangely_are_told(centre: tuple[float, float, float], radius: float, words: str) -> None:
@@ -208,8 +210,25 @@ def test_objects_that_stand_strangely_are_told(centre: tuple[float, float, float
     assert words in told and "\n" not in told
 
 
+def test_a_camera_inside_an_object_is_refused() -> None:
+    ball = sphere(Diffuse((1, 1, 1)), centre=(0.0, 1.1, 3.1), radius=0.5, fine=2)
+    with pytest.raises(InvalidShot, match="the camera is inside 'ball'"):
+        require_outside([ball], CAMERA)
+
+
+def test_what_stands_outside_of_the_distant_scene_is_named_by_its_key() -> None:
+    light = IlluminationMap(np.ones((8, 16, 3), np.float32))
+    room = Box((-5.0, -1.0, -5.0), (5.0, 4.0, 5.0))
+    require_in_place(Scene(light, distant=room), CAMERA)
+    lamp = SphereLight((11.0, 2.0, 0.0), 0.1, (1.0, 1.0, 1.0))
+    with pytest.raises(InvalidShot, match=r"^light\.lamps\.0: at \(11, 2, 0\) metres it is outside"):
+        require_in_place(Scene(light, lights=(lamp,), distant=room), CAMERA)
+    with pytest.raises(InvalidShot, match="^camera: "):
+        require_in_place(Scene(light, distant=Dome(2.0)), CAMERA)
+
+
 def test_objects_that_stand_well_are_not_doubted() -> None:
-    ball = sphere(Diffuse((1, 1, 1)), centre=(0.0, 0.4, 0.0), radius=0.5, fine=2)
+    ball = sphere(Diffuse((1, 1, 1)), centre=(0.0, 0.49, 0.0), radius=0.5, fine=2)
     assert doubts_about([ball], CAMERA, [Plane(Diffuse((1, 1, 1)))]) == ()
 
 

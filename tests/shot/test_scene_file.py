@@ -16,7 +16,9 @@ from relume.light.brdf import GGX, Ward
 from relume.light.lobes import GGXLobe, Lambert, Mirror, Phong, WardLobe
 from relume.light.weights import Complement, Even, Fresnel, Schlick
 from relume.scene.bumps import BumpMap, Wrinkles
+from relume.scene.lights import SphereLight
 from relume.scene.materials import Diffuse, Material
+from relume.scene.materials import Ward as WardSurface
 from relume.scene.reflective import Reflective, Towards
 from relume.scene.shapes import AnyMaterial, Mesh, Sphere
 from relume.shot.scene_file import SceneFile, read_scene, scene_of_mesh
@@ -223,6 +225,23 @@ def test_a_diffuse_and_a_metallic_roughness_surface(folder: Path) -> None:
     assert (pictured.metallic, pictured.roughness, pictured.ior) == (0.0, 1.0, 1.5)
 
 
+def test_a_preset_is_taken_with_its_changes_and_may_be_a_ward_surface(folder: Path) -> None:
+    gold = ball_of(folder, 'kind = "pbr"\npreset = "gold"\nroughness = 0.5\nclearcoat = 0.25')
+    assert isinstance(gold, Material) and gold.name == "ball"
+    assert (gold.metallic, gold.roughness, gold.clearcoat) == (1.0, 0.5, 0.25)
+    pictured = ball_of(folder, 'kind = "pbr"\npreset = "plastic"\nbase_color = "grey.png"')
+    assert isinstance(pictured, Material) and isinstance(pictured.base_color, np.ndarray)
+    assert pictured.roughness == 0.25
+    brass = ball_of(folder, 'kind = "pbr"\npreset = "rolled_brass"\nalpha_y = 0.5')
+    assert isinstance(brass, WardSurface) and (brass.alpha_x, brass.alpha_y, brass.name) == (0.05, 0.5, "ball")
+
+
+def test_a_lamp_has_a_size(folder: Path) -> None:
+    lamp = '[[lights]]\nkind = "sphere"\nposition = [0, 2, 0]\nradius = 0.25\nradiance = 3\n'
+    assert read(folder, HEAD + lamp + CHROME + BALL).scene.lights == (SphereLight((0, 2, 0), 0.25, (3, 3, 3)),)
+    assert refusal(folder, HEAD + lamp.replace("0.25", "0") + CHROME + BALL).startswith("lights.0.radius: ")
+
+
 def test_a_sphere_stands_where_the_file_says(folder: Path) -> None:
     (ball,) = read(folder, HEAD + CHROME + BALL).scene.objects
     assert isinstance(ball, Sphere) and (ball.centre, ball.radius) == ((0, 0.5, 0), 0.5)
@@ -371,7 +390,14 @@ def test_a_fault_is_one_line_with_its_key(folder: Path, text: str, line: str) ->
         ("kind = 'retroreflector'\nlobe = { kind = 'ggx', alpha = 1 }", ".lobe.kind: got 'ggx'; expected one of phong"),
         ("kind = 'glass'\nior = 0", ": index of refraction is 0.0; expected above 0"),
         ("kind = 'diffuse'", ".reflectance: missing; the scene file must have it"),
-        ("kind = 'diffuse'\nreflectance = [2, 0, 0]", ": reflectance is (2.0, 0.0, 0.0); expected three numbers from"),
+        ("kind = 'diffuse'\nreflectance = [2, 0, 0]", ": reflectance is [2.0, 0.0, 0.0]; expected three numbers from"),
+        ("kind = 'pbr'\npreset = 'gould'", ".preset: no preset 'gould'; the presets are "),
+        ("kind = 'pbr'\nalpha_x = 0.1", ": alpha_x: a glTF material has none; it has "),
+        ("kind = 'pbr'\npreset = 'rolled_brass'\nroughness = 0.5", ": roughness: a Ward surface has none; it has "),
+        (
+            "kind = 'pbr'\npreset = 'rolled_brass'\nbase_color = [1, 0, 0]",
+            ": base_color: a Ward surface has none; give",
+        ),
         ("kind = 'pbr'\nroughness = 2", ".roughness: input should be less than or equal to 1 (got 2)"),
         ("kind = 'pbr'\nbase_color = [2, 0, 0]", ": base_color of material 'ball' is [2.0, 0.0, 0.0]; expected 0 to 1"),
     ],

@@ -98,9 +98,10 @@ def composed(
         difference = np.where(change.difference != 0, change.difference.astype(np.float64) * gain, 0.0)
     picture, below = _joined(plate, change.objects, difference, change.matte, occluder)
     if below:
+        remedy = "check the reflectance" + (", or composite by ratio" if isinstance(mode, Additive) else "")
         warnings.warn(
-            f"{below} pixels ({100 * below / change.matte.size:.2g} %) came out below 0 and were held there: the "
-            "shadows are rendered darker than the plate is bright; check the reflectance, or composite by ratio",
+            f"{below} pixel{'s' if below > 1 else ''} ({100 * below / change.matte.size:.2g} %) came out below 0 and "
+            f"were held there: the shadows are rendered darker than the plate is bright; {remedy}",
             stacklevel=2,
         )
     return picture

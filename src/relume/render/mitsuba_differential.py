@@ -8,6 +8,7 @@ objects, beside the light's and the surface's own, weighed by the balance heuris
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -113,6 +114,13 @@ class Differential:
                 watch=watch,
                 progress=progress,
             )
+            goal = None if self.noise is None else Target(self.noise, ChangeError(backdrop))
+            if goal is not None and sums.passes == passes and not goal.reached(sums):
+                warnings.warn(
+                    f"the noise asked for, {self.noise:g}, was not reached with {self.samples} samples a pixel: it is "
+                    f"{goal.error(sums):.2g}; give more samples",
+                    stacklevel=2,
+                )
             guides = still.guides(min(MATTE_SAMPLES, max(1, PASS_RAYS // (camera.width * camera.height))), seed)
         seen = np.maximum(guides["seen"], 1e-12)
         planes = {name: sums.mean(name) for name in ("objects", "difference", "matte")}

@@ -30,9 +30,9 @@ from relume.shot import fitting, lighting
 from relume.shot.camera_table import camera_fit
 from relume.shot.exports.hand_over import HandOver
 from relume.shot.local_stage import local_arrays, local_from
-from relume.shot.objects import doubts_about, placed_meshes
+from relume.shot.objects import doubts_about, placed_meshes, require_outside
 from relume.shot.outcome import Inserted, notes_on, require_folder, write_outcome
-from relume.shot.place import place_of, recovered_place, relit
+from relume.shot.place import place_of, recovered_place, relit, require_in_place
 from relume.shot.project import Shot
 from relume.shot.rendering import change_arrays, change_from, rendered
 from relume.shot.stages import Arrays, Stages
@@ -154,6 +154,8 @@ class _Job:
                 "both alike"
             )
         self.place = place_of(shot, self.probe)
+        require_in_place(self.place, self.camera)
+        require_outside(self.meshes, self.camera)
         self.recovered = self._surfaces(None if isinstance(renderer, Differential) else renderer)
         self.film, self.index = fitting.film_of(shot, self.plate, self.photographs.plate, self.calibrations)
 
@@ -179,12 +181,22 @@ class _Job:
             )
         notes = (
             *doubts_about(self.meshes, self.camera, self.place.local),
+            *self._scales(),
             *notes_on(plate, self.probe, self.recovered, self.calibrations, seen.matte if self.meshes else None),
         )
         return Inserted(
             composite, picture, before, plate, self.camera, self.fit, self.probe, self.calibrations, self.recovered,
             seen, without, match, self.seconds, tuple(self.kept), notes,
         )  # fmt: skip
+
+    def _scales(self) -> tuple[str, ...]:
+        """What is told where nothing ties the plate's scale to the light's."""
+        if self.photographs.plate_map is None and self.shot.light.map is None:
+            return ()
+        return (
+            "plate and light come from different files, and nothing but you says that their scales are one; a "
+            "recovered reflectance that is not believable tells that they are not",
+        )
 
     def prepared(self) -> HandOver:
         self.measured(None)

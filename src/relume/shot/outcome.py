@@ -21,6 +21,9 @@ from relume.scene.camera import Camera
 from relume.scene.camera_fit import CameraFit
 from relume.sphere.illumination import as_radiance_map
 
+DARK = 0.03
+"""The reflectance of coal and of black velvet: what reflects less is hardly found."""
+
 
 @dataclass(frozen=True, eq=False)
 class Inserted:
@@ -77,10 +80,12 @@ def notes_on(
         )
     notes += recovered.notes if recovered is not None else ()
     for found in recovered.surfaces if recovered is not None else ():
-        if found.measured is not None and max(found.measured) < 0.01:
+        if found.measured is not None and max(found.measured) < DARK:
+            stops = np.log2(0.2 / max(*found.measured, 1e-6))
             notes.append(
-                f"the surface reflects only {max(found.measured):.2g} of the light that was measured; the light is far "
-                "too strong for the plate (are the exposures of both right?)"
+                f"the surface reflects only {max(found.measured):.2g} of the light that was measured, less than coal; "
+                f"the light is far too strong for the plate (are the exposures of both right?), by some {stops:.0f} "
+                "stops if the surface is a usual one"
             )
         if found.measured is not None and max(found.measured) > 1:
             notes.append(

@@ -15,8 +15,10 @@ from relume.light.free_lamps import free_lamp
 from relume.light.placing import PlacedLights
 from relume.probe.blending import Probe
 from relume.render.mitsuba import Mitsuba
+from relume.render.mitsuba_distant import require_inside
 from relume.render.renderer import Progress, Renderer
 from relume.scene.camera import Camera
+from relume.scene.distant import Infinite
 from relume.scene.lights import SphereLight
 from relume.scene.materials_checks import triple
 from relume.scene.scene import Scene
@@ -50,6 +52,25 @@ def place_of(shot: Shot, probe: Probe) -> Scene:
             stacklevel=2,
         )
     return Scene(light, local, (), tuple(lamps), distant_scene(shot.light.distant, shot.folder), where)
+
+
+def require_in_place(place: Scene, camera: Camera) -> None:
+    """Raises InvalidShot where probe, camera or a lamp stands outside a near distant scene: a slip of a length."""
+    if isinstance(place.distant, Infinite):
+        return
+    standing = {"light.probe or light.ball": place.probe, "camera": tuple(camera.position)}
+    standing |= {
+        f"light.lamps.{i}": lamp.position for i, lamp in enumerate(place.lights) if isinstance(lamp, SphereLight)
+    }
+    for key, position in standing.items():
+        try:
+            require_inside(place.distant, (position[0], position[1], position[2]))
+        except ValueError:
+            where = ", ".join(f"{v:.3g}" for v in position)
+            raise InvalidShot(
+                f"{key}: at ({where}) metres it is outside of light.distant; is a length wrong, or the distant scene "
+                "too small?"
+            ) from None
 
 
 def relit(place: Scene, shot: Shot) -> Scene:
