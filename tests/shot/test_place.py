@@ -223,7 +223,7 @@ def test_what_stands_outside_of_the_distant_scene_is_named_by_its_key() -> None:
     lamp = SphereLight((11.0, 2.0, 0.0), 0.1, (1.0, 1.0, 1.0))
     with pytest.raises(InvalidShot, match=r"^light\.lamps\.0: at \(11, 2, 0\) metres it is outside"):
         require_in_place(Scene(light, lights=(lamp,), distant=room), CAMERA)
-    with pytest.raises(InvalidShot, match="^camera: "):
+    with pytest.raises(InvalidShot, match=r"^camera: "):
         require_in_place(Scene(light, distant=Dome(2.0)), CAMERA)
 
 
