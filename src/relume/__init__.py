@@ -22,8 +22,9 @@ if TYPE_CHECKING:
     from relume.capture.raw_merging import merge_raw
     from relume.capture.robertson import Robertson
     from relume.capture.weighting import Hat, InverseVariance
-    from relume.composite.differential import differential
+    from relume.composite.differential import Ratio, differential
     from relume.composite.local_scene import Recovered, recover_reflectance
+    from relume.composite.reflectance import recover
     from relume.develop.film import Film, develop, virtual_photograph
     from relume.errors import (
         BallNotFound,
@@ -59,20 +60,27 @@ if TYPE_CHECKING:
     from relume.probe.painting import HotSpot, paint
     from relume.probe.panorama import mosaic
     from relume.probe.panorama_views import PanoramaView
+    from relume.render.change import Change
     from relume.render.environment import environment
     from relume.render.mapped import Mapped
     from relume.render.mitsuba import Mitsuba
+    from relume.render.mitsuba_differential import Differential
     from relume.render.renderer import Constant, Render, Renderer, render
     from relume.render.whitted import Whitted
     from relume.scene.camera import Camera
+    from relume.scene.camera_files import read_camera
+    from relume.scene.distant import Box, Dome
+    from relume.scene.distortion import Distortion
     from relume.scene.grid import camera_from_grid
-    from relume.scene.lights import AmbientLight, DistantLight, PointLight
-    from relume.scene.materials import Diffuse, Material
+    from relume.scene.lights import AmbientLight, DistantLight, PointLight, SphereLight
+    from relume.scene.materials import Diffuse, Material, Ward
     from relume.scene.meshes import read_meshes
     from relume.scene.patches import Patches, read_patches
+    from relume.scene.presets import preset
     from relume.scene.reflective import Reflective
     from relume.scene.scene import Scene
     from relume.scene.shapes import Mesh, Plane, Polygon, Sphere
+    from relume.scene.vanishing import fit_vanishing_lines
     from relume.scene.whitted import Checks, WhittedMaterial
     from relume.shot.insert import insert
     from relume.shot.outcome import Inserted
@@ -103,8 +111,9 @@ _HOMES = {
     "capture.raw_merging": ("merge_raw",),
     "capture.robertson": ("Robertson",),
     "capture.weighting": ("Hat", "InverseVariance"),
-    "composite.differential": ("differential",),
+    "composite.differential": ("Ratio", "differential"),
     "composite.local_scene": ("Recovered", "recover_reflectance"),
+    "composite.reflectance": ("recover",),
     "develop.film": ("Film", "develop", "virtual_photograph"),
     "errors": (
         "BallNotFound",
@@ -140,20 +149,27 @@ _HOMES = {
     "probe.painting": ("HotSpot", "paint"),
     "probe.panorama": ("mosaic",),
     "probe.panorama_views": ("PanoramaView",),
+    "render.change": ("Change",),
     "render.environment": ("environment",),
     "render.mapped": ("Mapped",),
     "render.mitsuba": ("Mitsuba",),
+    "render.mitsuba_differential": ("Differential",),
     "render.renderer": ("Constant", "Render", "Renderer", "render"),
     "render.whitted": ("Whitted",),
     "scene.camera": ("Camera",),
+    "scene.camera_files": ("read_camera",),
+    "scene.distant": ("Box", "Dome"),
+    "scene.distortion": ("Distortion",),
     "scene.grid": ("camera_from_grid",),
-    "scene.lights": ("AmbientLight", "DistantLight", "PointLight"),
-    "scene.materials": ("Diffuse", "Material"),
+    "scene.lights": ("AmbientLight", "DistantLight", "PointLight", "SphereLight"),
+    "scene.materials": ("Diffuse", "Material", "Ward"),
     "scene.meshes": ("read_meshes",),
     "scene.patches": ("Patches", "read_patches"),
+    "scene.presets": ("preset",),
     "scene.reflective": ("Reflective",),
     "scene.scene": ("Scene",),
     "scene.shapes": ("Mesh", "Plane", "Polygon", "Sphere"),
+    "scene.vanishing": ("fit_vanishing_lines",),
     "scene.whitted": ("Checks", "WhittedMaterial"),
     "shot.insert": ("insert",),
     "shot.outcome": ("Inserted",),
@@ -178,17 +194,22 @@ __all__ = [
     "Angular",
     "BallNotFound",
     "BallView",
+    "Box",
     "Bracket",
     "Calibration",
     "Camera",
     "CameraProfile",
+    "Change",
     "Checks",
     "Constant",
     "Constellation",
     "Cross",
     "DebevecMalik",
+    "Differential",
     "Diffuse",
     "DistantLight",
+    "Distortion",
+    "Dome",
     "DoubtfulResult",
     "EqualArea",
     "Exposure",
@@ -232,6 +253,7 @@ __all__ = [
     "Probe",
     "RadianceHDR",
     "RadianceMap",
+    "Ratio",
     "Ratios",
     "RawFloat",
     "Reading",
@@ -248,6 +270,7 @@ __all__ = [
     "SceneFile",
     "Shot",
     "Sphere",
+    "SphereLight",
     "Strip",
     "SunNotFound",
     "SunNotRecovered",
@@ -256,6 +279,7 @@ __all__ = [
     "UnsupportedScene",
     "VarianceMinimisation",
     "VerticalCross",
+    "Ward",
     "Whitted",
     "WhittedMaterial",
     "align",
@@ -270,6 +294,7 @@ __all__ = [
     "differential",
     "environment",
     "extract_sun",
+    "fit_vanishing_lines",
     "insert",
     "key_lights",
     "measure",
@@ -279,9 +304,11 @@ __all__ = [
     "oriented",
     "paint",
     "perspective_view",
+    "preset",
     "project",
     "read",
     "read_bracket",
+    "read_camera",
     "read_meshes",
     "read_patches",
     "read_photograph",
@@ -290,6 +317,7 @@ __all__ = [
     "read_raw",
     "read_scene",
     "read_shot",
+    "recover",
     "recover_reflectance",
     "recover_response",
     "recover_sun",

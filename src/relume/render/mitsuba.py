@@ -33,7 +33,7 @@ PASSES = 16
 MATTE_SAMPLES = 64
 """Rays a pixel for the matte and the other planes: coverage to about a hundredth at edges."""
 WALK = 10_000
-"""Scatterings inside a body, at most: a white ball 70 mean free paths across keeps 0.98 of its light in 1000."""
+"""Scatterings inside a body, at most: a white ball 67 mean free paths across keeps 0.98 of its light in 1000."""
 FAIR = 1000
 """Of them before chance ends a path: ended earlier, a few lucky paths carry all the light."""
 
