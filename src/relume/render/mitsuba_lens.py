@@ -13,6 +13,9 @@ import numpy as np
 
 from relume.scene.camera import Camera
 
+FAR = 1e5
+"""Metres: the plane in focus of a lens that is focused at infinity."""
+
 
 class Lens:
     """A camera with its distortion and its aperture."""
@@ -20,6 +23,7 @@ class Lens:
     def __init__(self, camera: Camera) -> None:
         self.camera = camera
         self.across, self.down = (float(v) for v in camera.principal_point)
+        self.focus = min(float(camera.focus), FAR)
         self.turn = mi.Matrix3f(camera.rotation.tolist())
         self.back = mi.Matrix3f(camera.rotation.T.tolist())
         self.place = mi.Point3f(*map(float, camera.position))
@@ -36,10 +40,10 @@ class Lens:
             across, up = self.straight.eval(mi.Point2f(u, v))
         towards = mi.Vector3f(across, up, -1)
         origin = mi.Vector3f(0)
-        if camera.aperture > 0 and np.isfinite(camera.focus):
+        if camera.aperture > 0:
             disc = camera.aperture * mi.warp.square_to_uniform_disk_concentric(aperture)
             origin = mi.Vector3f(disc.x, disc.y, 0)
-            towards = camera.focus * towards - origin
+            towards = self.focus * towards - origin
         return mi.Ray3f(self.place + self.turn @ origin, dr.normalize(self.turn @ towards))
 
     def seen_at(self, si: Any, aperture: Any, active: Any) -> tuple[Any, Any, Any]:
@@ -49,7 +53,7 @@ class Lens:
         """
         camera = self.camera
         origin = mi.Vector3f(0)
-        blurred = camera.aperture > 0 and np.isfinite(camera.focus)
+        blurred = camera.aperture > 0
         if blurred:
             disc = camera.aperture * mi.warp.square_to_uniform_disk_concentric(aperture)
             origin = mi.Vector3f(disc.x, disc.y, 0)
@@ -61,7 +65,7 @@ class Lens:
         across, up = local.x / depth, local.y / depth
         if blurred:
             # Through the plane in focus, which the middle of the lens shows where the picture has it.
-            across, up = across + origin.x / camera.focus, up + origin.y / camera.focus
+            across, up = across + origin.x / self.focus, up + origin.y / self.focus
         cosine, distance = depth / dr.norm(local), dr.norm(way)
         stretch = mi.Float(1)
         if camera.distortion is not None:
