@@ -23,9 +23,9 @@ from relume.scene.scene import Scene
 from relume.scene.shapes import Sphere
 
 CAMERA = Camera(6, 6, 40.0, np.array([0, 0, 6.0]), np.eye(3))
-SCENE = Scene(lights.constant(4, 1.0), objects=(Sphere((0.0, 0.0, 0.0), 1.0, Diffuse((0.5,) * 3)),))
+SCENE = Scene(lights.constant(4, 1.0), objects=(Sphere((0.0, 0.0, 0.0), 1.0, Diffuse((0.5, 0.5, 0.5))),))
 LAMP = SphereLight((0.0, 3.0, 0.0), 0.1, (1.0, 1.0, 1.0))
-BRASS = Sphere((0.0, 0.0, 0.0), 1.0, Ward((0.3,) * 3, 0.1, 0.2, name="brass"))
+BRASS = Sphere((0.0, 0.0, 0.0), 1.0, Ward((0.3, 0.3, 0.3), 0.1, 0.2, name="brass"))
 BENT, WIDE = replace(CAMERA, distortion=Distortion(0.01)), replace(CAMERA, aperture=0.1, focus=3.0)
 
 
@@ -54,14 +54,14 @@ def test_whitted_looks_through_the_principal_point():
     assert view_of(CAMERA)[13:15].tolist() == [3.0, 3.0]
 
 
-FULL = Material(clearcoat=0.5, emission=(1.0, 0.0, 0.0), alpha=0.5, sheen_color=(0.1,) * 3, name="cloth")
+FULL = Material(clearcoat=0.5, emission=(1.0, 0.0, 0.0), alpha=0.5, sheen_color=(0.1, 0.1, 0.1), name="cloth")
 
 
 def test_what_of_a_material_is_not_shown_is_told():
     assert unshown(FULL) == ("emission", "alpha", "clearcoat", "sheen")
-    glass = Material(transmission=1.0, dispersion=1.0, thin=True, attenuation_color=(0.5,) * 3)
+    glass = Material(transmission=1.0, dispersion=1.0, thin=True, attenuation_color=(0.5, 0.5, 0.5))
     assert unshown(glass) == ("thinness", "dispersion")
-    assert unshown(Material((0.2,) * 3, 0.5, 0.3, 0.5, 1.4)) == ()
+    assert unshown(Material((0.2, 0.2, 0.2), 0.5, 0.3, 0.5, 1.4)) == ()
     with pytest.warns(UserWarning, match="Whitted's model does not show emission, alpha, clearcoat, sheen of 'cloth'"):
         as_whitted(FULL)
     with pytest.warns(UserWarning, match="reflection maps do not show emission, alpha, clearcoat, sheen of 'cloth'"):

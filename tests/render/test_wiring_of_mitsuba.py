@@ -24,7 +24,7 @@ from relume.scene.shapes import Mesh, Plane, Sphere
 WHITE = lights.constant(8, 1.0)
 BLACK = lights.constant(4, 0.0)
 CAMERA = Camera(6, 6, 40.0, np.array([0, 0, 6.0]), np.eye(3))
-CLEAR = {"roughness": 0.0, "transmission": 1.0}
+CLEAR = Material(roughness=0.0, transmission=1.0)
 
 
 def ball(material, radius=1.0):
@@ -49,7 +49,7 @@ def test_the_principal_point_is_where_the_camera_has_it():
 
 def test_a_picture_shows_things_about_the_principal_point():
     camera = replace(CAMERA, width=16, height=12, centre=(4.0, 9.0))
-    matte = render(Scene(WHITE, objects=(ball(Diffuse((0.5,) * 3), 0.2),)), camera, Mitsuba(samples=4)).matte
+    matte = render(Scene(WHITE, objects=(ball(Diffuse((0.5, 0.5, 0.5)), 0.2),)), camera, Mitsuba(samples=4)).matte
     rows, columns = np.nonzero(matte > 0)
     assert (columns.mean() + 0.5, rows.mean() + 0.5) == pytest.approx((4.0, 9.0), abs=0.3)
 
@@ -112,7 +112,7 @@ def test_an_environment_holds_a_lamp_once():
 
 @pytest.mark.parametrize("ior", [1.0, 1.5])
 def test_a_white_body_returns_all_light(ior):
-    body = Material(**CLEAR, ior=ior, scattering_distance=(0.2, 0.2, 0.2))
+    body = replace(CLEAR, ior=ior, scattering_distance=(0.2, 0.2, 0.2))
     seen = render(Scene(WHITE, objects=(ball(body),)), CAMERA, Mitsuba(samples=64), seed=1)
     # Where radiance is 1 everywhere every path brings 1, however long it is.
     np.testing.assert_allclose(seen.radiance[2:4, 2:4], 1, rtol=0.02)
@@ -120,7 +120,7 @@ def test_a_white_body_returns_all_light(ior):
 
 def test_a_body_that_absorbs_dims_by_beers_law():
     # A slab two metres thick of no step, seen along its axis.
-    body = Material(**CLEAR, ior=1.0, attenuation_color=(0.5, 0.25, 0.9), attenuation_distance=1.0)
+    body = replace(CLEAR, ior=1.0, attenuation_color=(0.5, 0.25, 0.9), attenuation_distance=1.0)
     narrow = replace(CAMERA, width=2, height=2, focal_length=1000.0)
     seen = render(Scene(WHITE, objects=(ball(body),)), narrow, Mitsuba(samples=1024), seed=1).radiance.mean((0, 1))
     np.testing.assert_allclose(seen, [0.25, 0.0625, 0.81], rtol=0.1)
@@ -131,11 +131,11 @@ def test_a_body_that_absorbs_dims_by_beers_law():
 
 def test_holes_are_not_covered_and_what_is_behind_them_is():
     thin = Material(alpha=0.25)
-    far = Plane(Diffuse((0.5,) * 3), (0.1, 0.1), -50.0)
+    far = Plane(Diffuse((0.5, 0.5, 0.5)), (0.1, 0.1), -50.0)
     picture = render(Scene(WHITE, local=(far,), objects=(ball(thin),)), CAMERA, Mitsuba(samples=4))
     # Neither the front nor the back is met: 0.75².
     assert picture.matte[2:4, 2:4].mean() == pytest.approx(1 - 0.75**2, abs=0.1)
-    wall = square(Diffuse((0.5,) * 3), 9.0)
+    wall = square(Diffuse((0.5, 0.5, 0.5)), 9.0)
     hidden = coverage(Scene(WHITE, local=(wall,), objects=(ball(thin),)), CAMERA, 64)
     # The wall hides the back.
     assert hidden[2:4, 2:4].mean() == pytest.approx(0.25, abs=0.09)
