@@ -1,0 +1,54 @@
+"""What objects change of a room, by three renderers: efficiency = 1 / (variance × seconds), from the scatter of seeds.
+
+    python benchmarks/insert_scatter.py [PYTHON_WITH_BPY]        # without it, Cycles is left out
+
+All of them are without bias, so that the variance over a few seeds is the error; no long references are needed, as
+`insert.py` renders them. Pixels that no object covers; one warm call of each before.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+
+import numpy as np
+from insert import cycles, ours, path_pair
+from insert_scenes import Cycles, room
+
+from relume.render.mitsuba_differential import Differential
+
+WIDTH, SAMPLES, CYCLES_SAMPLES, SEEDS = 256, 384, 64, (11, 12, 13)
+
+
+def main(python: str | None) -> None:
+    scene, camera = room(WIDTH)
+    beside = Differential(samples=64).change(scene, camera, seed=5).matte == 0
+    ways = [
+        ("relume", ours(scene, camera, False), SAMPLES),
+        ("Mitsuba, two seeds", path_pair(scene, camera, "independent", False), SAMPLES),
+        ("Mitsuba, multijittered", path_pair(scene, camera, "multijitter", False), SAMPLES),
+        ("Mitsuba, one seed", path_pair(scene, camera, "independent", True), SAMPLES),
+    ]
+    if python is not None:
+        peer = Cycles(python)
+        for name, catcher in (("Cycles, with and without", False), ("Cycles, catcher", True)):
+            way = cycles(peer, scene, camera, catcher=catcher, same_seed=not catcher, denoise=False)
+            ways.append((name, way, CYCLES_SAMPLES))
+    own: tuple[float, float] | None = None
+    for name, way, samples in ways:
+        way(samples, 1)
+        begun = time.perf_counter()
+        runs = [way(samples, seed) for seed in SEEDS]
+        seconds = float(np.median([each for _, each in runs]))
+        variance = np.stack([difference for difference, _ in runs]).var(axis=0, ddof=1)[beside].mean(axis=-1)
+        all_, most = (float(np.sort(variance)[: round(len(variance) * share)].mean()) for share in (1, 0.99))
+        own = own or (all_ * seconds, most * seconds)
+        print(
+            f"{name:26} {samples:4} samples {seconds:6.2f} s, variance {all_:.3g}, without the worst 1 % {most:.3g}; "
+            f"relume is {all_ * seconds / own[0]:.1f} and {most * seconds / own[1]:.1f} times as efficient "
+            f"({time.perf_counter() - begun:.0f} s in all)"
+        )
+
+
+if __name__ == "__main__":
+    main(sys.argv[1] if len(sys.argv) == 2 else None)
