@@ -68,8 +68,9 @@ class Estimator:
         self.camera, self.lens, self.guide = camera, Lens(camera), Guide(scene.objects)
         round_them = (bounding_sphere(solid) for solid, sent in zip(scene.objects, smooth, strict=True) if sent)
         self.spheres = [(mi.Point3f(*map(float, centre)), float(radius)) for centre, radius in round_them]
-        # A lone plane never meets itself: no path goes on without the objects.
-        self.alone = len(scene.local) == 1 and isinstance(scene.local[0], Plane)
+        # What is level never meets itself, in however many pieces: no path goes on without the objects.
+        heights = [_corners(shape)[:, 1] for shape in scene.local]
+        self.alone = not heights or float(np.ptp(np.concatenate(heights))) == 0
 
     def traced(self, samples: int, seed: int) -> Planes:
         """The planes objects, difference and matte of so many samples a pixel."""
