@@ -1,0 +1,52 @@
+"""The cells of a stage's lights: which part of the sphere each speaks for.
+
+A cell is all directions nearer to its light than to any other (spherical Voronoi); cells fill the sphere. On a grid
+of inclination θ and azimuth their solid angles go as sin θ (Debevec et al. 2000, eq. 4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial import QhullError, SphericalVoronoi, cKDTree
+
+CLOSEST = 1e-5
+"""Radians: lights nearer to each other are one."""
+_SAMPLES = 1 << 20
+
+
+def cell_solid_angles(directions: np.ndarray, names: Sequence[str]) -> np.ndarray:
+    """Steradians (N,) of the cells of lights in unit directions (N, 3); they sum to 4π.
+
+    Exact polygons; where there are none, for fewer than four lights or lights on one circle, counted among a million
+    directions, to 1e-3.
+
+    names : what a message calls the lights
+    Raises ValueError for two lights in one direction: half a cell each would hide a mistake.
+    """
+    if len(directions) == 1:
+        return np.array([4 * np.pi])
+    tree = cKDTree(directions)
+    apart, other = tree.query(directions, k=2)
+    if apart[:, 1].min() < CLOSEST:
+        first = int(np.argmin(apart[:, 1]))
+        raise ValueError(
+            f'the lights "{names[first]}" and "{names[int(other[first, 1])]}" have one direction; leave one out'
+        )
+    try:
+        areas = SphericalVoronoi(directions, threshold=CLOSEST / 10).calculate_areas()
+    except (QhullError, ValueError):  # too few, or all on one circle
+        areas = None
+    if areas is None or not np.isclose(areas.sum(), 4 * np.pi, rtol=1e-6) or areas.min() <= 0:
+        areas = np.bincount(tree.query(even_directions(_SAMPLES))[1], minlength=len(directions)) + 1e-9
+    return areas * (4 * np.pi / areas.sum())
+
+
+def even_directions(count: int) -> np.ndarray:
+    """Unit directions (count, 3) spread evenly over the sphere, on a spiral with golden turns."""
+    index = np.arange(count)
+    height = 1 - (2 * index + 1) / count
+    turn = np.pi * (3 - np.sqrt(5)) * index
+    ring = np.sqrt(1 - height**2)
+    return np.stack([ring * np.cos(turn), height, ring * np.sin(turn)], axis=1)
