@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from relume.errors import OutputNotWritten, UnreadableFile
+
+if TYPE_CHECKING:
+    import numpy as np
 
 Times = Annotated[
     str | None, Parameter(help="Exposure time of each photograph in seconds, like 1/30,1/60,1/125; replaces the EXIF.")
@@ -40,6 +43,30 @@ def read_point(text: str, option: str) -> tuple[float, float, float]:
     except ValueError:
         raise ValueError(f'{option}: "{text}" is no place; write three numbers in metres, like 0,0.17,1') from None
     return x, y, z
+
+
+def read_angles(text: str, option: str) -> np.ndarray:
+    """Three angles of "YAW[,PITCH[,ROLL]]" in degrees, as radians; raises ValueError naming the option."""
+    import numpy as np
+
+    try:
+        angles = [float(word) for word in text.replace(",", " ").split()]
+        if not 1 <= len(angles) <= 3 or not np.all(np.isfinite(angles)):
+            raise ValueError
+    except ValueError:
+        raise ValueError(f'{option}: "{text}" is no turn; write YAW, YAW,PITCH or YAW,PITCH,ROLL in degrees') from None
+    return np.radians([*angles, 0.0, 0.0][:3])
+
+
+def read_rotation(text: str, option: str) -> np.ndarray:
+    """The rotation of light: roll about +Z first, pitch about +X, then yaw about +Y, right-handed."""
+    import numpy as np
+
+    from relume.sphere.directions import rotation_about
+
+    yaw, pitch, roll = read_angles(text, option)
+    x, y, z = np.eye(3)
+    return rotation_about(y, yaw) @ rotation_about(x, pitch) @ rotation_about(z, roll)
 
 
 def require_files(paths: Sequence[Path]) -> None:

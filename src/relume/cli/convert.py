@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from relume.cli.arguments import DryRun, refuse_input, require_files, require_suffix
+from relume.cli.arguments import DryRun, read_angles, read_rotation, refuse_input, require_files, require_suffix
 from relume.cli.console import Manner, note, speaking, tell
 from relume.cli.convert_format import FormatOptions, change_format, exposed
 from relume.cli.convert_input import read_faces, read_input, read_mapping
@@ -148,7 +148,7 @@ def convert(
             raise ValueError("name a map to convert, or ask for --labelled")
         _refuse_mixtures(to, for_, view, put, size, rotate, field, pixels, gamma, hot)
         target = None if to is None else read_mapping(to, "--to")
-        turn = None if rotate is None else _turn(rotate)
+        turn = None if rotate is None else read_rotation(rotate, "--rotate")
         seen_from = None if view is None else _camera(view)
         if size is not None and not 1 <= size <= LARGEST:
             raise ValueError(f"--size is {size}; give 1 to {LARGEST} rows, like 512")
@@ -238,35 +238,11 @@ def _refuse_mixtures(
         raise ValueError("--hot is for paintings; give --gamma too, like 2.2 or srgb")
 
 
-def _angles(text: str, option: str) -> np.ndarray:
-    """Three angles of "YAW[,PITCH[,ROLL]]" in degrees, as radians."""
-    import numpy as np
-
-    try:
-        angles = [float(word) for word in text.replace(",", " ").split()]
-        if not 1 <= len(angles) <= 3 or not np.all(np.isfinite(angles)):
-            raise ValueError
-    except ValueError:
-        raise ValueError(f'{option}: "{text}" is no turn; write YAW, YAW,PITCH or YAW,PITCH,ROLL in degrees') from None
-    return np.radians([*angles, 0.0, 0.0][:3])
-
-
-def _turn(text: str) -> np.ndarray:
-    """The rotation of light: roll about +Z first, pitch about +X, then yaw about +Y, right-handed."""
-    import numpy as np
-
-    from relume.sphere.directions import rotation_about
-
-    yaw, pitch, roll = _angles(text, "--rotate")
-    x, y, z = np.eye(3)
-    return rotation_about(y, yaw) @ rotation_about(x, pitch) @ rotation_about(z, roll)
-
-
 def _camera(text: str) -> np.ndarray:
     """The rotation of a camera: yaw to the right, pitch up, roll clockwise."""
     from relume.probe.panorama_views import orientation
 
-    return orientation(*_angles(text, "--view"))
+    return orientation(*read_angles(text, "--view"))
 
 
 def _fine_enough(light: IlluminationMap, mapping: Mapping) -> int:

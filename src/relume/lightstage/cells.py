@@ -28,12 +28,8 @@ def cell_solid_angles(directions: np.ndarray, names: Sequence[str]) -> np.ndarra
     if len(directions) == 1:
         return np.array([4 * np.pi])
     tree = cKDTree(directions)
-    apart, other = tree.query(directions, k=2)
-    if apart[:, 1].min() < CLOSEST:
-        first = int(np.argmin(apart[:, 1]))
-        raise ValueError(
-            f'the lights "{names[first]}" and "{names[int(other[first, 1])]}" have one direction; leave one out'
-        )
+    for first, second in sorted(tree.query_pairs(CLOSEST)):
+        raise ValueError(f'the lights "{names[first]}" and "{names[second]}" have one direction; leave one out')
     try:
         areas = SphericalVoronoi(directions, threshold=CLOSEST / 10).calculate_areas()
     except (QhullError, ValueError):  # too few, or all on one circle
