@@ -166,6 +166,18 @@ class _Job:
         self.measured(renderer)
         shot, plate = self.shot, self.plate
         change = self._change(renderer, moving, shutter, restart, force)
+        if any(table.stage is not None for table in shot.objects):
+            from relume.shot.staged import with_stages
+
+            with self.timed("stages"):
+                local = () if self.recovered is None else self.recovered.shapes
+                change = with_stages(
+                    shot,
+                    relit(self.place.with_local(local), shot),
+                    self.camera,
+                    change,
+                    lambda share: self.report("stages", share),
+                )
         looks = self.stage(
             "match",
             [plate, self.sources, self.index, shot.match.sharpness, shot.match.grain, shot.plate.denoise],

@@ -22,7 +22,7 @@ class Placement(Table):
 
 def placed(mesh: Mesh, placement: Placement) -> Mesh:
     """The mesh scaled, then turned about x, then y, then z, then moved."""
-    turn = _turn(placement)
+    turn = turn_of(placement)
     vertices = placement.scale * (mesh.vertices @ turn.T) + np.array(placement.translate)
     normals = None if mesh.normals is None else (mesh.normals @ turn.T).astype(np.float32)
     return replace(mesh, vertices=vertices.astype(np.float32), normals=normals)
@@ -30,10 +30,11 @@ def placed(mesh: Mesh, placement: Placement) -> Mesh:
 
 def placed_patches(patches: Patches, placement: Placement) -> Patches:
     """The patches placed as a mesh is."""
-    control = placement.scale * (patches.control @ _turn(placement).T) + np.array(placement.translate)
+    control = placement.scale * (patches.control @ turn_of(placement).T) + np.array(placement.translate)
     return replace(patches, control=control)
 
 
-def _turn(placement: Placement) -> np.ndarray:
+def turn_of(placement: Placement) -> np.ndarray:
+    """The rotation of a placement."""
     x, y, z = np.radians(placement.rotate)
     return rotation_about([0, 0, 1], z) @ rotation_about([0, 1, 0], y) @ rotation_about([1, 0, 0], x)

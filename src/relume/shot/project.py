@@ -93,9 +93,15 @@ class Light(Table):
 
 
 class Object(Placement):
-    """A mesh to insert."""
+    """A mesh to insert.
+
+    stage : a light stage of the real thing that the mesh is of, in its frame: the thing's own pixels are shown
+    stage_cameras : whose pictures, where the stage has several; the first camera's unless given
+    """
 
     mesh: str
+    stage: str | None = None
+    stage_cameras: list[str] | None = None
     material: MaterialTable = MaterialTable()
     time: float | None = None
     keyframes: tuple[ObjectKey, ...] = ()
@@ -103,6 +109,10 @@ class Object(Placement):
     @model_validator(mode="after")
     def _keys_rise(self) -> Object:
         require_rising(self.keyframes)
+        if self.stage is None and self.stage_cameras is not None:
+            raise ValueError("stage_cameras are those of a stage; give stage too, or leave them out")
+        if self.stage is not None and self.time is not None:
+            raise ValueError("a thing from a light stage has the pose it was taken in; leave time out")
         return self
 
 

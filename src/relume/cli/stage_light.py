@@ -1,0 +1,180 @@
+"""Light on the command line for a stage: maps, directions, lamps and constellations, summed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from relume.cli.arguments import read_point, read_rotation, require_files
+from relume.cli.light_input import read_light
+from relume.errors import UnreadableFile
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from relume.lightstage.interpolation import Interpolation
+    from relume.lightstage.lights import StageLights
+    from relume.sphere.illumination import IlluminationMap
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Light:
+    """What shines on the subject; all that is given is summed."""
+
+    light: Annotated[
+        list[Path] | None,
+        Parameter(negative="", help="An illumination map, or the .json of `relume lights`; again for each."),
+    ] = None
+    direction: Annotated[
+        list[str] | None,
+        Parameter(
+            negative="",
+            allow_leading_hyphen=True,
+            help="A parallel light from X,Y,Z, with irradiance 1 or as told: X,Y,Z=E or X,Y,Z=R,G,B; again for each.",
+        ),
+    ] = None
+    lamp: Annotated[
+        list[str] | None,
+        Parameter(
+            negative="",
+            allow_leading_hyphen=True,
+            help="A lamp at X,Y,Z metres from the subject's middle, irradiance at a metre 1 or as told: X,Y,Z=I or "
+            "X,Y,Z=R,G,B; again for each.",
+        ),
+    ] = None
+    size: Annotated[float, Parameter(help="Apparent diameter of every --direction and --lamp, degrees.")] = 0.0
+    rotate: Annotated[
+        str | None,
+        Parameter(
+            allow_leading_hyphen=True,
+            help="Turn the maps by YAW[,PITCH[,ROLL]] degrees about +Y, then +X, then +Z, right-handed.",
+        ),
+    ] = None
+    nearest: Annotated[
+        bool,
+        Parameter(negative="", help="Give all light to the nearest light of the stage, as the paper does."),
+    ] = False
+
+    def check(self, *, maps_only: bool = False) -> None:
+        """Refuse what cannot be, before any work."""
+        if not (self.light or self.direction or self.lamp):
+            raise ValueError("no light: give --light MAP, --direction X,Y,Z or --lamp X,Y,Z")
+        if (maps_only or self.is_sequence) and (self.direction or self.lamp):
+            raise ValueError("--direction and --lamp do not turn with a map; give --light alone")
+        if not 0 <= self.size < 180:
+            raise ValueError(f"--size is {self.size}; give degrees from 0 to below 180, like 0.5 for the sun")
+        if self.is_sequence:
+            if maps_only or len(self.light or []) > 1:
+                raise ValueError("--light: a folder of maps is a sequence of its own; give it alone, without --frames")
+            if self.pictures < 2:
+                raise UnreadableFile(f"{(self.light or [])[0]}: a folder with fewer than two maps; name the map itself")
+        else:
+            require_files(self.light or [])
+
+    @property
+    def is_sequence(self) -> bool:
+        """Whether --light is a folder: a map for each picture, as of a filmed probe."""
+        return any(path.is_dir() for path in self.light or [])
+
+    @property
+    def pictures(self) -> int:
+        """How many maps the folder of --light holds."""
+        return len(self._listed())
+
+    def _listed(self) -> list[Path]:
+        folder = (self.light or [])[0]
+        return sorted(path for path in folder.iterdir() if path.suffix.lower() in (".exr", ".hdr"))
+
+    def turning(
+        self, lights: StageLights, frames: int | None, report: Callable[[float], None]
+    ) -> tuple[np.ndarray, str]:
+        """Irradiances (K, N, 3) of every picture of a sequence, and their unit."""
+        import numpy as np
+
+        from relume.lightstage.illumination import irradiances
+        from relume.sphere.directions import rotation_about
+
+        by, found = self.interpolation(), []
+        if frames is None:
+            units = set()
+            for index, path in enumerate(self._listed()):
+                light = read_light(path)
+                units.add(light.unit)
+                if len(units) > 1:
+                    raise ValueError(f"{path}: in {light.unit}, the maps before it not; a sequence has one unit")
+                found.append(irradiances(lights, light, by, self.rotation()))
+                report((index + 1) / self.pictures)
+            return np.stack(found), units.pop()
+        maps = self.maps()
+        for index in range(frames):
+            turn = rotation_about((0.0, 1.0, 0.0), 2 * np.pi * index / frames) @ self.rotation()
+            found.append(sum(irradiances(lights, light, by, turn) for light in maps))
+            report((index + 1) / frames)
+        return np.stack(found), maps[0].unit
+
+    def interpolation(self) -> Interpolation:
+        from relume.lightstage.interpolation import NearestCell, Smooth
+
+        return NearestCell() if self.nearest else Smooth()
+
+    def maps(self) -> list[IlluminationMap]:
+        """The maps of --light, not turned."""
+        maps = [read_light(path) for path in self.light or [] if path.suffix.lower() != ".json"]
+        units = {each.unit for each in maps}
+        if len(units) > 1:
+            raise ValueError("--light: one map is in cd/m² and another relative; they cannot be summed")
+        return maps
+
+    def rotation(self) -> np.ndarray:
+        """What --rotate turns the maps by."""
+        import numpy as np
+
+        return np.eye(3) if self.rotate is None else read_rotation(self.rotate, "--rotate")
+
+    def irradiances(self, lights: StageLights) -> tuple[np.ndarray, str]:
+        """What each light of the stage has to give, (N, 3), and its unit."""
+        import numpy as np
+
+        from relume.light.exports import json_lights
+        from relume.lightstage import illumination
+        from relume.scene.lights import DistantLight, PointLight
+
+        by, maps = self.interpolation(), self.maps()
+        total = np.zeros((len(lights), 3))
+        for light in maps:
+            total += illumination.irradiances(lights, light, by, self.rotation())
+        for path in self.light or []:
+            if path.suffix.lower() == ".json":
+                total += illumination.constellation_irradiances(lights, json_lights.read(path), by)
+        radius = np.radians(self.size) / 2
+        for word in self.direction or []:
+            towards, irradiance = read_strength(word, "--direction")
+            lamp = DistantLight(towards, irradiance)
+            total += illumination.lamp_irradiances(lights, lamp, by, radius=radius)
+        for word in self.lamp or []:
+            place, intensity = read_strength(word, "--lamp")
+            total += illumination.lamp_irradiances(lights, PointLight(place, intensity), by, radius=radius)
+        return total, maps[0].unit if maps else "relative"
+
+
+Three = tuple[float, float, float]
+
+
+def read_strength(word: str, option: str) -> tuple[Three, Three]:
+    """A place or direction and a colour from "X,Y,Z", "X,Y,Z=E" or "X,Y,Z=R,G,B"."""
+    place, equals, strength = word.partition("=")
+    if not equals:
+        return read_point(place, option), (1.0, 1.0, 1.0)
+    try:
+        numbers = [float(each) for each in strength.replace(",", " ").split()]
+        red, green, blue = numbers * 3 if len(numbers) == 1 else numbers
+    except ValueError:
+        raise ValueError(
+            f'{option}: "{strength}" is no strength; write one number or three, like {place}=2.5'
+        ) from None
+    return read_point(place, option), (red, green, blue)

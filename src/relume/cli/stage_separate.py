@@ -1,0 +1,97 @@
+"""`relume stage separate`: a stage in, what its subject's surface is like out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from relume.cli.arguments import DryRun, require_files
+from relume.cli.console import Manner, progress, speaking, tell
+from relume.cli.stage_options import Camera, Stage, work_of
+from relume.cli.stage_output import made_folder, require_output_folder
+
+
+def separate(
+    stage: Stage,
+    /,
+    *,
+    out: Annotated[
+        Path,
+        Parameter(
+            alias="-o",
+            help="The folder for maps.exr (normal, albedo, specular energy and reflectance, roughness), a .png of each "
+            "and, with --mesh, subject.glb.",
+        ),
+    ],
+    crossed: Annotated[
+        Path | None,
+        Parameter(help="The same stage through a crossed polariser; STAGE is then the parallel one."),
+    ] = None,
+    mesh: Annotated[
+        Path | None,
+        Parameter(help="A mesh of the subject in the stage's frame: it is written with the maps as its material."),
+    ] = None,
+    camera: Camera = None,
+    dry_run: DryRun = False,
+    manner: Manner = Manner(),
+) -> None:
+    """Tell what light does below the surface from what it does on it (Debevec et al. 2000, §4.2), and map both.
+
+    By the colour of the light, or from a pair of polarised stages, which grey and black subjects need.
+    """
+    import numpy as np
+
+    from relume.image import files
+    from relume.image.photograph import Photograph
+    from relume.lightstage.polarised import PolarisedPair
+    from relume.lightstage.reading import read_stage
+    from relume.lightstage.separation import separate as separated
+    from relume.lightstage.surface_maps import surface_maps
+
+    with speaking(manner):
+        require_output_folder(out)
+        require_files([mesh] if mesh else [])
+        field = read_stage(stage, camera)
+        other = None if crossed is None else read_stage(crossed, camera)
+        if dry_run:
+            tell(manner, {"would write": str(out), **work_of(field, 1 << 30)})
+            return
+        with progress(manner) as report:
+            report("separating", 0.0)
+            parts = separated(field) if other is None else PolarisedPair(field, other)
+            report("separating", 1.0)
+            maps = surface_maps(parts)
+            report("maps", 1.0)
+        made_folder(out)
+        names = ("normal", "albedo", "specular_energy", "specular_reflectance", "roughness", "weight")
+        files.write_layers(out / "maps.exr", {name: getattr(maps, name) for name in names})
+        for name, picture in maps.pictures().items():
+            codes = np.rint(255 * np.clip(_shown(name, picture), 0, 1)).astype(np.uint8)
+            files.write(out / f"{name}.png", Photograph(codes))
+        written = ["maps.exr", *(f"{name}.png" for name in names)]
+        if mesh is not None:
+            from relume.lightstage.material_export import write_material_mesh
+
+            write_material_mesh(out / "subject.glb", mesh, maps, field.camera)
+            written.append("subject.glb")
+        known = maps.weight > 0
+        tell(
+            manner,
+            {
+                "written": [str(out / name) for name in written],
+                "known": float(f"{known.mean():.4g}"),
+                "albedo, median": [float(f"{v:.4g}") for v in np.median(maps.albedo[known], axis=0)]
+                if known.any()
+                else None,
+                "roughness, median": float(f"{np.median(maps.roughness[known]):.3g}") if known.any() else None,
+            },
+        )
+
+
+def _shown(name: str, picture):
+    """Albedo as the eye expects it; numbers of directions and shares as they are."""
+    from relume.image.colour import encode_srgb
+
+    return encode_srgb(picture) if name == "albedo" else picture
