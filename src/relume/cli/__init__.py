@@ -16,6 +16,7 @@ COMMANDS = {
     "sun": "Recover a sun that clipped, from a grey ball or a chart in the same light.",
     "lights": "Turn an illumination map into lamps for other programs: constellations, the sun, the rest.",
     "reflect": "Turn an illumination map into reflection maps, cubes for game engines and a contact sheet.",
+    "stage": "Light stages: a real thing, photographed under one light at a time, under any light.",
     "render": "Render a scene or a mesh under an illumination map: a picture, frames or a movie.",
     "insert": "Insert objects into a photograph, lit by the light photographed there.",
     "develop": "Develop a radiance map into a picture, through a camera's response or sRGB.",

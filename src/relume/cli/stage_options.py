@@ -33,12 +33,13 @@ def bytes_of(text: str, option: str) -> int:
 
 
 def work_of(field: ReflectanceField, memory: int) -> dict[str, object]:
-    """What relighting would take: facts for a dry run; the time is that of one row of all pictures, times the rows."""
+    """What relighting would take: facts for a dry run; the time is that of some rows, times the rest."""
     lights, (rows, columns) = len(field.lights), field.shape
     some = min(rows, 4)
-    begin = time.perf_counter()
-    field.block(slice(0, lights), slice(0, some))
-    seconds = (time.perf_counter() - begin) * rows / some
+    first = _seconds(field, slice(0, some))
+    # The first rows of a folder cost reading its pictures, which those after them may find in memory.
+    after = _seconds(field, slice(some, 2 * some)) if rows > some else 0.0
+    seconds = first + after * (rows / some - 1)
     size = lights * rows * columns * 3 * 4
     return {
         "lights": lights,
@@ -47,6 +48,12 @@ def work_of(field: ReflectanceField, memory: int) -> dict[str, object]:
         "memory": _readable(min(size, memory)),
         "seconds, about": float(f"{seconds:.2g}"),
     }
+
+
+def _seconds(field: ReflectanceField, rows: slice) -> float:
+    begin = time.perf_counter()
+    field.block(slice(0, len(field.lights)), rows)
+    return time.perf_counter() - begin
 
 
 def _readable(size: int) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -11,6 +12,12 @@ from relume.cli.arguments import DryRun, require_files
 from relume.cli.console import Manner, progress, speaking, tell
 from relume.cli.stage_options import Camera, Stage, work_of
 from relume.cli.stage_output import made_folder, require_output_folder
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from relume.lightstage.field import ReflectanceField
+    from relume.lightstage.surface_maps import SurfaceMaps
 
 
 def separate(
@@ -72,9 +79,7 @@ def separate(
             files.write(out / f"{name}.png", Photograph(codes))
         written = ["maps.exr", *(f"{name}.png" for name in names)]
         if mesh is not None:
-            from relume.lightstage.material_export import write_material_mesh
-
-            write_material_mesh(out / "subject.glb", mesh, maps, field.camera)
+            _write_mesh(out / "subject.glb", mesh, maps, field)
             written.append("subject.glb")
         known = maps.weight > 0
         tell(
@@ -90,7 +95,27 @@ def separate(
         )
 
 
-def _shown(name: str, picture):
+def _write_mesh(out: Path, mesh: Path, maps: SurfaceMaps, field: ReflectanceField) -> None:
+    """The parts of the mesh that the maps know, with them as their material."""
+    from relume.lightstage.material_export import textured, write_glb
+    from relume.scene.meshes import read_meshes
+
+    if field.camera is None:
+        raise ValueError("--mesh needs the stage's camera; tell it in stage.json")
+    meshes, made, faults = read_meshes(mesh), [], []
+    for index, each in enumerate(meshes):
+        try:
+            made += textured(each, field.camera, maps, meshes[:index] + meshes[index + 1 :])
+        except ValueError as error:
+            faults.append(str(error))
+    if not made:
+        raise ValueError(faults[0])
+    for fault in faults:
+        warnings.warn(f"{fault}; it is left out of {out.name}", stacklevel=2)
+    write_glb(out, tuple(made))
+
+
+def _shown(name: str, picture: np.ndarray) -> np.ndarray:
     """Albedo as the eye expects it; numbers of directions and shares as they are."""
     from relume.image.colour import encode_srgb
 

@@ -17,10 +17,9 @@ from relume.sphere.directions import normalised, required_rotation, rotation_bet
 from relume.sphere.illumination import IlluminationMap
 from relume.sphere.mappings import pixel_points
 
-_AT_ONCE = 1 << 14
-_FINER = 4
+_FINER = 8
 """Directions to a cell's breadth, at least: a map coarser than the stage is integrated over parts of its pixels."""
-_LARGEST = 16
+_LARGEST = 32
 _DISC = 256
 
 
@@ -34,23 +33,19 @@ def irradiances(
         that are; `NearestCell()` is the paper's
     Their sum is the map's `total()`, to rounding.
     """
-    result = np.zeros((len(lights), 3))
     directions, flux = _parts(lights, light)
     if rotation is not None:
         directions = directions @ required_rotation(rotation).T
-    for begin in range(0, len(directions), _AT_ONCE):
-        part = slice(begin, begin + _AT_ONCE)
-        result += by.weights(lights, directions[part]).T @ flux[part]
-    return result
+    return by.gathered(lights, directions, flux)
 
 
 def constellation_irradiances(lights: StageLights, light: Constellation, by: Interpolation = Smooth()) -> np.ndarray:
     """What each light of a stage gives of parallel lights, those with a size spread over their discs: (N, 3)."""
     radii = np.zeros(len(light.directions)) if light.angular_radii is None else light.angular_radii
-    result = np.zeros((len(lights), 3))
-    for towards, irradiance, radius in zip(light.directions, light.irradiance, radii, strict=True):
-        result += _shared(lights, towards, radius, by)[:, None] * irradiance
-    return result
+    discs = [_disc(towards, radius) for towards, radius in zip(light.directions, radii, strict=True)]
+    counts = [len(disc) for disc in discs]
+    power = (light.irradiance / np.array(counts)[:, None]).repeat(counts, axis=0)
+    return by.gathered(lights, np.concatenate([*discs, np.zeros((0, 3))]), power)
 
 
 def lamp_irradiances(

@@ -27,8 +27,9 @@ function amounts(stage, flux, yaw, pitch) {
     const at = 3 * (j * columns + i), red = flux[at], green = flux[at + 1], blue = flux[at + 2];
     if (red + green + blue === 0) continue;
     const polar = Math.PI * (j + 0.5) / rows, longitude = 2 * Math.PI * ((i + 0.5) / columns - 0.5);
-    const ring = Math.sin(polar), x0 = ring * Math.sin(longitude), y0 = Math.cos(polar), z0 = -ring * Math.cos(longitude);
-    const x = r[0] * x0 + r[1] * y0 + r[2] * z0, y = r[3] * x0 + r[4] * y0 + r[5] * z0, z = r[6] * x0 + r[7] * y0 + r[8] * z0;
+    const ring = Math.sin(polar), x0 = ring * Math.sin(longitude), y0 = Math.cos(polar);
+    const z0 = -ring * Math.cos(longitude), x = r[0] * x0 + r[1] * y0 + r[2] * z0;
+    const y = r[3] * x0 + r[4] * y0 + r[5] * z0, z = r[6] * x0 + r[7] * y0 + r[8] * z0;
     const u = (0.5 + Math.atan2(x, -z) / (2 * Math.PI)) * C - 0.5;
     const v = Math.min(Math.max(Math.atan2(Math.hypot(x, z), y) / Math.PI * R - 0.5, 0), R - 1);
     const left = Math.floor(u), top = Math.min(Math.floor(v), R - 2), a = u - left, b = v - top;
@@ -52,10 +53,11 @@ const lights = data.lights.map(each => ({ ...each, flux: floats(each.flux) }));
 const canvas = document.getElementById("subject"), gl = canvas.getContext("webgl2");
 const seen = document.getElementById("seen"), said = document.getElementById("said");
 let yaw = 0, pitch = 0, chosen = 0, stops = 0, waiting = false;
-const VERTEX = "#version 300 es\\nvoid main() { vec2 p = vec2(gl_VertexID & 1, gl_VertexID >> 1); gl_Position = vec4(4.0 * p - 1.0, 0, 1); }";
+const VERTEX = `#version 300 es
+void main() { gl_Position = vec4(4.0 * vec2(gl_VertexID & 1, gl_VertexID >> 1) - 1.0, 0, 1); }`;
 const FRAGMENT = `#version 300 es
-precision highp float; precision highp sampler2DArray; uniform sampler2DArray pictures; uniform vec3 amount[${stage.count}];
-uniform vec3 constant; uniform float gain; out vec4 colour;
+precision highp float; precision highp sampler2DArray; out vec4 colour;
+uniform sampler2DArray pictures; uniform vec3 amount[${stage.count}]; uniform vec3 constant; uniform float gain;
 void main() {
   vec3 sum = constant; ivec2 at = ivec2(gl_FragCoord.xy);
   at.y = textureSize(pictures, 0).y - 1 - at.y;
@@ -71,7 +73,8 @@ function shader(kind, source) {
 async function start() {
   if (!gl) { said.textContent = "This browser has no WebGL 2; the pictures above are what there is."; return; }
   const program = gl.createProgram();
-  gl.attachShader(program, shader(gl.VERTEX_SHADER, VERTEX)); gl.attachShader(program, shader(gl.FRAGMENT_SHADER, FRAGMENT));
+  gl.attachShader(program, shader(gl.VERTEX_SHADER, VERTEX));
+  gl.attachShader(program, shader(gl.FRAGMENT_SHADER, FRAGMENT));
   gl.linkProgram(program); gl.useProgram(program);
   gl.bindTexture(gl.TEXTURE_2D_ARRAY, gl.createTexture());
   gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RGBA8, stage.width, stage.height, stage.count);
@@ -98,7 +101,8 @@ async function start() {
     seen.style.backgroundImage = `url(data:image/png;base64,${light.picture})`;
     seen.style.backgroundPositionX = `${-yaw / (2 * Math.PI) * seen.clientWidth}px`;
     const degrees = angle => Math.round(angle * 180 / Math.PI);
-    said.textContent = `turned by ${((degrees(yaw) % 360) + 360) % 360}° about the vertical, tipped by ${degrees(pitch)}°`;
+    const about = ((degrees(yaw) % 360) + 360) % 360;
+    said.textContent = `turned by ${about}° about the vertical, tipped by ${degrees(pitch)}°`;
   };
   const ask = () => { if (!waiting) { waiting = true; requestAnimationFrame(draw); } };
   for (const element of [canvas, seen]) {
@@ -110,9 +114,11 @@ async function start() {
       ask();
     });
   }
-  document.getElementById("light").addEventListener("change", event => { chosen = Number(event.target.value); ask(); });
-  document.getElementById("stops").addEventListener("input", event => { stops = Number(event.target.value); ask(); });
-  document.getElementById("turn").addEventListener("input", event => { yaw = Number(event.target.value) * Math.PI / 180; ask(); });
+  const changed = (name, kind, use) =>
+    document.getElementById(name).addEventListener(kind, event => { use(Number(event.target.value)); ask(); });
+  changed("light", "change", value => { chosen = value; });
+  changed("stops", "input", value => { stops = value; });
+  changed("turn", "input", value => { yaw = value * Math.PI / 180; });
   draw();
 }
 start();

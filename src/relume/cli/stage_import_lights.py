@@ -1,0 +1,128 @@
+"""Where the lights of pictures stood, as `relume stage import` is told: a file, mirrored balls, or a spinning lamp."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from relume.errors import InvalidStage, UnreadableFile
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from relume.lightstage.highlights import MirrorBall
+    from relume.lightstage.stage_file import Stage
+    from relume.scene.camera import Camera
+
+VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm")
+
+
+def stage_of_list(folder: Path, listed: Path) -> Stage:
+    """The pictures of a folder under lights that an .lp or a plain list of directions names, in their order."""
+    from relume.lightstage.light_files import LIST, read_directions, read_lp
+    from relume.lightstage.stage_file import LightEntry, Stage
+
+    if listed.suffix.lower() == LIST:
+        named = read_lp(listed)
+        entries = [
+            LightEntry({"": (Path(name.replace("\\", "/")).name,)}, tuple(direction))
+            for name, direction in zip(named.names, named.directions.tolist(), strict=True)
+        ]
+        return Stage(tuple(entries))
+    paths, directions = pictures_in(folder), read_directions(listed)
+    if len(paths) != len(directions):
+        raise InvalidStage(f"{listed}: {len(directions)} directions for the {len(paths)} pictures in {folder}")
+    pairs = zip(paths, directions.tolist(), strict=True)
+    return Stage(tuple(LightEntry({"": (path.name,)}, tuple(direction)) for path, direction in pairs))
+
+
+def stage_of_balls(
+    folder: Path, words: Sequence[str], field_of_view: float | None, leave_out: Sequence[Path] = ()
+) -> tuple[Stage, dict[str, object]]:
+    """The pictures of a folder under lights found in mirrored balls, and what was found.
+
+    words : "find", "X,Y,RADIUS" in pixels or "X,Y,RADIUS=METRES" of each ball
+    field_of_view : of the camera, across, radians; None for one far away
+    leave_out : pictures that are of no light
+    """
+    import numpy as np
+
+    from relume.lightstage.highlights import read_ball, unit_mean
+    from relume.lightstage.near_lights import light_places
+    from relume.lightstage.stage_file import LightEntry, Stage
+
+    paths = [path for path in pictures_in(folder) if path.resolve() not in {each.resolve() for each in leave_out}]
+    names = [path.name for path in paths]
+    balls = [ball_of(word, paths, field_of_view) for word in words]
+    readings = [read_ball((_pixels(path) for path in paths), ball, names) for ball in balls]
+    metric = field_of_view is not None and all("=" in word for word in words)
+    facts: dict[str, object] = {
+        "balls": [[round(float(v), 2) for v in (*ball.outline.centre, ball.outline.radius)] for ball in balls]
+    }
+    if len(balls) > 1:
+        mean = unit_mean(readings)
+        apart = [np.degrees(np.arccos(np.clip((each.directions * mean).sum(-1), -1, 1))).max() for each in readings]
+        facts["balls differ by, degrees"] = [round(float(v), 2) for v in apart]
+    if len(balls) > 1 and metric:
+        places = light_places(readings, names)
+        middle = np.mean([ball.centre for ball in balls], axis=0)
+        positions = places.positions - middle
+        facts["rays meet within, metres"] = float(f"{places.residuals.max():.3g}")
+        entries = [LightEntry({"": (n,)}, position=tuple(p)) for n, p in zip(names, positions.tolist(), strict=True)]
+        return Stage(tuple(entries)), facts
+    directions = readings[0].directions if len(balls) == 1 else unit_mean(readings)
+    pairs = zip(names, directions.tolist(), strict=True)
+    return Stage(tuple(LightEntry({"": (name,)}, tuple(direction)) for name, direction in pairs)), facts
+
+
+def ball_of(word: str, paths: Sequence[Path], field_of_view: float | None) -> MirrorBall:
+    """A ball that is told, or sought in the pictures."""
+
+    from relume.lightstage.highlights import MirrorBall, find_ball
+    from relume.probe.silhouette import outline_of_circle
+
+    first = _pixels(paths[0])
+    camera = None if field_of_view is None else _camera(first.shape, field_of_view)
+    place, equals, radius = word.partition("=")
+    try:
+        metres = float(radius) if equals else 1.0
+        if place == "find":
+            outline = find_ball((_pixels(path) for path in paths), focal_length=camera and camera.focal_length)
+        else:
+            x, y, across = (float(each) for each in place.split(","))
+            outline = outline_of_circle(x, y, across)
+    except ValueError:
+        raise ValueError(f'--ball: "{word}" is no ball; write X,Y,RADIUS in pixels, or find') from None
+    return MirrorBall(outline, camera, metres)
+
+
+def _camera(shape: tuple[int, ...], field_of_view: float) -> Camera:
+    import numpy as np
+
+    from relume.scene.camera import Camera
+
+    height, width = shape[:2]
+    return Camera(width, height, float(width / 2 / np.tan(field_of_view / 2)), np.zeros(3), np.eye(3))
+
+
+def pictures_in(folder: Path) -> list[Path]:
+    """The pictures of a folder in the order of their names, 9 before 10."""
+    from relume.capture.folder import name_order
+    from relume.lightstage.reading import PICTURES
+
+    found = [path for path in folder.iterdir() if path.suffix.lower() in PICTURES and not path.name.startswith(".")]
+    masks = [path for path in found if path.stem.endswith("mask")]
+    if masks:
+        warnings.warn(f"{folder}: {masks[0].name} is taken for a mask and is no light's picture", stacklevel=2)
+    kept = sorted((path for path in found if path not in masks), key=name_order)
+    if not kept:
+        raise UnreadableFile(f"{folder}: no pictures; it holds none of {', '.join(PICTURES)}")
+    return kept
+
+
+def _pixels(path: Path) -> np.ndarray:
+    from relume.image import files
+
+    return files.read_radiance(path).radiance if files.has_radiance(path) else files.read_photograph(path).pixels

@@ -1,0 +1,145 @@
+"""The report of a light stage: its lights, its reflectance functions, and a light that is turned by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from relume.image import files
+from relume.lightstage.field import Pictures, ReflectanceField
+from relume.lightstage.low_rank import low_rank
+from relume.lightstage.mosaic import mosaic
+from relume.lightstage.turning import turnable
+from relume.shot import plots
+from relume.shot.page import figure, heading, note, page, paragraph, side_by_side, table
+from relume.shot.stage_plots import levels_of, lights_of_stage
+from relume.shot.turning_page import turning_part
+from relume.sphere.illumination import IlluminationMap
+
+RANK = 24
+"""Pictures of the page: with 24 its size is some megabytes, and its error is told."""
+WIDE = 480
+"""Pixels of the page's subject, along its longer side."""
+ODD = 4.0
+"""Times the median of the lights about it, or a share of it: a picture so much brighter or darker is told."""
+
+
+@dataclass(frozen=True)
+class StageDoubts:
+    """What should be looked at before a stage is used, a line each."""
+
+    lines: tuple[str, ...]
+
+
+def write_stage_report(
+    field: ReflectanceField, path: Path, lights: Mapping[str, IlluminationMap], title: str = "light stage"
+) -> StageDoubts:
+    """Write one page: doubts, lights, the subject under even light, a mosaic of reflectance functions, a map to turn.
+
+    lights : maps to turn, by name; even light from everywhere and from one side unless there are any
+    Raises OutputNotWritten.
+    """
+    levels, even = levels_of(field)
+    doubts = doubts_of(field, levels)
+    functions = mosaic(field, *sampling(field.shape))
+    small = reduced(field)
+    basis = low_rank(small, rank=min(RANK, len(field.lights)))
+    shown = dict(lights) or {"from the upper left": _window()}
+    parts = [
+        f"<h1>{title}</h1>",
+        *(note(line) for line in doubts.lines),
+        table(_facts(field)),
+        heading("Turn the light"),
+        paragraph(
+            "Drag the subject or the map: the light turns about the vertical, and tips. The subject is the sum of "
+            f"{len(basis.pictures)} pictures, which differ from all {len(field.lights)} by {basis.error:.1%} on average."
+        ),
+        turning_part(turnable(basis), shown),
+        heading("Lights"),
+        side_by_side(
+            [
+                figure(lights_of_stage(field.lights, levels), "Where the lights stand, as a light map shows them."),
+                figure(plots.exposed(even, _white(even)), "Under even light from everywhere."),
+            ]
+        ),
+        heading("Reflectance functions"),
+        figure(
+            plots.exposed(functions.radiance, _white(functions.radiance)),
+            "How pixels answer to light from everywhere, each a small map of directions: in its middle the light comes "
+            "from the camera, to its right from the camera's right, above from above (Debevec et al. 2000, Fig. 3).",
+        ),
+    ]
+    files.write_text(path, page(title, parts))
+    return doubts
+
+
+def doubts_of(field: ReflectanceField, levels: np.ndarray) -> StageDoubts:
+    """Lights whose pictures are dark or out of line with their neighbours', and parts of the sphere without lights."""
+    from scipy.spatial import cKDTree
+
+    lines = []
+    count = len(levels)
+    near = cKDTree(field.lights.directions).query(field.lights.directions, k=min(7, count))[1].reshape(count, -1)[:, 1:]
+    around = np.median(levels[near], axis=1) if near.shape[1] else levels
+    odd = (levels > ODD * around) | (levels * ODD < around)
+    if odd.any() and count > 6:
+        names = ", ".join(field.lights.names[i] for i in np.flatnonzero(odd)[:4])
+        lines.append(
+            f"{odd.sum()} pictures are {ODD:g} times brighter or darker than those of the lights around: {names}"
+        )
+    widest = int(np.argmax(field.lights.solid_angles))
+    if field.lights.solid_angles[widest] > 4 * 4 * np.pi / count and count > 3:
+        lines.append(
+            f"lights do not stand all around: {field.lights.names[widest]} alone speaks for "
+            f"{field.lights.solid_angles[widest] / (4 * np.pi):.0%} of the sphere, where none is near"
+        )
+    return StageDoubts(tuple(lines))
+
+
+def reduced(field: ReflectanceField, wide: int = WIDE) -> ReflectanceField:
+    """The field with pixels averaged in squares until its longer side is no longer than that."""
+    step = -(-max(field.shape) // wide)
+    rows, columns = field.shape[0] // step, field.shape[1] // step
+    values = np.empty((len(field.lights), rows, columns, 3), np.float32)
+    for light in range(len(field.lights)):
+        picture = field.block(slice(light, light + 1), slice(0, rows * step))[0, :, : columns * step]
+        values[light] = picture.reshape(rows, step, columns, step, 3).mean(axis=(1, 3))
+    return Pictures(values, field.lights)
+
+
+def _facts(field: ReflectanceField) -> Sequence[tuple[str, str]]:
+    lights, camera = field.lights, field.camera
+    areas = lights.solid_angles
+    told = [("lights", str(len(lights))), ("pictures", f"{field.shape[1]}×{field.shape[0]}")]
+    told.append(("cells", f"{areas.min():.3g} to {areas.max():.3g} sr, together 4π"))
+    if lights.grid:
+        told.append(("grid", f"{lights.grid[0]} inclinations × {lights.grid[1]} azimuths"))
+    if camera is not None:
+        told.append(("camera", "at " + ", ".join(f"{v:.3g}" for v in camera.position) + " m"))
+    if field.noise is not None:
+        told.append(("noise", f"variance {field.noise.constant:.3g} + {field.noise.slope:.3g} × value"))
+    return told
+
+
+def sampling(shape: tuple[int, int]) -> tuple[int, int]:
+    """Functions down and across, about as many a length both ways."""
+    longer = 20
+    scale = longer / max(shape)
+    return max(2, min(shape[0], round(shape[0] * scale))), max(2, min(shape[1], round(shape[1] * scale)))
+
+
+def _white(radiance: np.ndarray) -> float:
+    lit = radiance[radiance > 0]
+    return float(np.percentile(lit, 99)) if len(lit) else 1.0
+
+
+def _window() -> IlluminationMap:
+    """A soft light from the upper left and a little from everywhere, where no map is given."""
+    from relume.sphere.mappings import LatLong, pixel_directions
+
+    towards = np.array([-0.6, 0.5, 0.62])
+    lobe = np.maximum(pixel_directions(LatLong(), 32) @ (towards / np.linalg.norm(towards)), 0) ** 20
+    return IlluminationMap((0.1 + 4 * lobe[..., None] * [1.0, 0.9, 0.75]).astype(np.float32))
