@@ -12,6 +12,7 @@
     ├── GridNotFound        no calibration grid is seen in the photograph
     ├── InvalidShot         the shot file has an unknown key, a missing one or a wrong value
     ├── InvalidScene        the scene file has an unknown key, a missing one or a wrong value
+    ├── InvalidStage        the folder or file of a light stage has an unknown key, a missing light, or other pictures
     ├── UnsupportedScene    a renderer was given something it cannot render
     ├── CannotResume        what an interrupted render kept belongs to another render
     ├── Interrupted         a long job was stopped from outside; what was done is kept
@@ -90,6 +91,10 @@ class InvalidShot(RelumeError):
 
 class InvalidScene(RelumeError):
     """The scene file has an unknown key, a missing one or a wrong value, or names a file that cannot be used."""
+
+
+class InvalidStage(RelumeError):
+    """The folder or file of a light stage has an unknown key, a missing light, or pictures that do not match it."""
 
 
 class UnsupportedScene(RelumeError):

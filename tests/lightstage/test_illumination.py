@@ -75,7 +75,9 @@ def test_light_and_map_turned_together_ask_the_same(by):
 def test_yaw_takes_what_is_ahead_to_the_left():
     radiance = np.zeros((64, 128, 3), np.float32)
     radiance[30:34, 62:66] = 1
-    axes = StageLights.towards(np.concatenate([np.eye(3), -np.eye(3)]), ("right", "up", "back", "left", "down", "ahead"))
+    axes = StageLights.towards(
+        np.concatenate([np.eye(3), -np.eye(3)]), ("right", "up", "back", "left", "down", "ahead")
+    )
     found = irradiances(axes, IlluminationMap(radiance), NearestCell(), rotation_about((0, 1, 0), np.pi / 2))
     assert axes.names[int(np.argmax(found[:, 0]))] == "left"
 

@@ -14,7 +14,6 @@ from relume.cli.stage_options import Camera, MaxMemory, bytes_of, work_of
 from relume.errors import OutputNotWritten, UnreadableFile
 
 if TYPE_CHECKING:
-
     from relume.lightstage.field import ReflectanceField
 
 
@@ -32,7 +31,7 @@ def import_stage(
         list[str] | None,
         Parameter(
             negative="",
-            help="Find the lights in a mirrored ball in the pictures: find, or its X,Y,RADIUS in pixels; again for each "
+            help="Find the lights in a mirrored ball: find, or its X,Y,RADIUS in pixels; again for each "
             "ball. Balls with their radii in metres (X,Y,RADIUS=METRES) and --field-of-view tell places, not only "
             "directions.",
         ),
@@ -72,6 +71,7 @@ def import_stage(
     flare: Annotated[
         bool, Parameter(negative="", help="Leave out, and fill, lights that shine into the lens, and their flare.")
     ] = False,
+    lamp_size: Annotated[float, Parameter(help="Apparent diameter of the lamps, degrees, for --flare.")] = 2.0,
     bars: Annotated[
         bool, Parameter(negative="", help="Leave out, and fill, the shadow of the stage's own bar.")
     ] = False,
@@ -109,10 +109,10 @@ def import_stage(
             else:
                 assert lights is not None
                 stage = stage_of_list(source, lights)
-            field = folder_of(stage, source / "stage.json", camera)
+            field = folder_of(stage, source / "stage.json", camera, kept=0)
         else:
-            field = read_stage(source, camera)
-        field, told = _mended(field, ambient, target, mask, flare, bars)
+            field = read_stage(source, camera, kept=0)
+        field, told = _mended(field, ambient, target, mask, flare, lamp_size, bars)
         facts |= told
         if dry_run:
             tell(manner, {"would write": str(out), **work_of(field, memory), **facts})
@@ -146,29 +146,33 @@ def _check(
 
 
 def _mended(
-    field: ReflectanceField, ambient: Path | None, target: str | None, mask: Path | None, flare: bool, bars: bool
+    field: ReflectanceField,
+    ambient: Path | None,
+    target: str | None,
+    mask: Path | None,
+    flare: bool,
+    lamp_size: float,
+    bars: bool,
 ) -> tuple[ReflectanceField, dict[str, object]]:
     """The field calibrated and filled, and what was done to it."""
     import numpy as np
 
     from relume.lightstage import masking
     from relume.lightstage.ambient import WithoutAmbient
+    from relume.lightstage.bar_shadow import bar_shadow
     from relume.lightstage.calibration import calibrate
     from relume.lightstage.corrected import Corrected
-    from relume.lightstage.folder import PictureFolder, ambient_picture, saturation_of
+    from relume.lightstage.folder import PictureFolder
 
     facts: dict[str, object] = {}
     masks: list[masking.Mask] = []
     if isinstance(field, PictureFolder):
-        saturated = saturation_of(field)
-        if saturated is not None:
-            masks.append(saturated)
-            facts["overexposed"] = True
+        masks.append(masking.Saturated(field))
     taken: ReflectanceField = field
     if ambient is not None:
         if not isinstance(field, PictureFolder):
             raise ValueError("--ambient is for pictures, not for a store")
-        taken = WithoutAmbient(field, ambient_picture(field, ambient))
+        taken = WithoutAmbient.of(field, ambient)
     gains = None
     if target is not None:
         measured = calibrate(taken, _target(target, taken.shape))
@@ -178,9 +182,11 @@ def _mended(
     if flare:
         if taken.camera is None:
             raise ValueError("--flare needs the camera; tell it in stage.json")
-        masks.append(masking.lens_flare_and_direct_light(taken))
+        masks.append(
+            masking.lens_flare_and_direct_light(taken, taken.camera, angular_radius=float(np.radians(lamp_size) / 2))
+        )
     if bars:
-        masks.append(masking.bar_shadow(taken))
+        masks.append(bar_shadow(taken))
     if mask is not None:
         masks.append(masking.user_mask(mask, taken.lights, taken.shape))
     if gains is None and not masks:
@@ -236,7 +242,7 @@ def _filmed(source: Path, out: Path, film: str, start: float, azimuth: float, cl
     )  # fmt: skip
     if source.is_dir():
         paths = frame_paths(source)
-        return folder_of(stage_of_frames(paths, course, int(columns)), source / "stage.json")
+        return folder_of(stage_of_frames(paths, course, int(columns)), source / "stage.json", kept=0)
     folder = out.with_name(out.stem + "_frames")
     unpack_video(source, folder, course, int(columns))
-    return read_stage(folder)
+    return read_stage(folder, kept=0)

@@ -68,7 +68,7 @@ def inspect(
             files.write(out / "mosaic.exr", RadianceMap(mosaic(field, down, across).radiance))
             doubts = write_stage_report(field, out / "report.html", maps, title=f"light stage {stage.name}")
             report("report", 1.0)
-        for line in doubts.lines:
+        for line in doubts:
             note(manner, line)
         tell(manner, {"written": [str(out / "report.html"), str(out / "mosaic.exr")], **facts})
 

@@ -109,4 +109,3 @@ def _parts(lights: StageLights, light: IlluminationMap) -> tuple[np.ndarray, np.
         flux *= np.where(coarse > 0, fine / np.where(coarse > 0, coarse, 1), 0)[..., None]
     lit = flux.any(axis=-1)
     return directions[lit], flux[lit]
-

@@ -49,8 +49,8 @@ class Turnable:
 
 
 def turnable(basis: LowRank, by: Interpolation = Smooth()) -> Turnable:
-    """The basis in 8 bits, and its functions of direction."""
-    pictures = np.asarray(basis.pictures, np.float32)
+    """The basis in 8 bits, and its functions of direction; glints, which no small basis holds, are left out."""
+    pictures = np.asarray(basis.basis, np.float32)
     lowest = pictures.min(axis=(1, 2, 3))
     step = np.maximum((pictures.max(axis=(1, 2, 3)) - lowest) / 255, np.finfo(np.float32).tiny)
     codes = np.rint((pictures - lowest[:, None, None, None]) / step[:, None, None, None]).astype(np.uint8)

@@ -42,11 +42,12 @@ def lights_of_stage(lights: StageLights, levels: np.ndarray) -> bytes:
 
 
 def levels_of(field: ReflectanceField) -> tuple[np.ndarray, np.ndarray]:
-    """The mean (N,) of every light's picture, and the mean picture (H, W, 3) float32 under even light from everywhere."""
+    """The mean (N,) of every light's picture, and the picture (H, W, 3) float32 under even light."""
     levels = np.zeros(len(field.lights))
     total = np.zeros((*field.shape, 3))
     for light, area in enumerate(field.lights.solid_angles):
         picture = field.block(slice(light, light + 1), slice(0, field.shape[0]))[0]
-        levels[light] = picture.mean(dtype=np.float64)
+        # Without the lamps' own mirrored pictures, which say nothing of a light's strength.
+        levels[light] = np.minimum(picture, np.quantile(picture, 0.995)).mean(dtype=np.float64)
         total += area * picture
     return levels, total.astype(np.float32)

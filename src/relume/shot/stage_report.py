@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from relume.image import files
 from relume.lightstage.field import Pictures, ReflectanceField
-from relume.lightstage.low_rank import low_rank
+from relume.lightstage.low_rank import compress_low_rank
 from relume.lightstage.mosaic import mosaic
 from relume.lightstage.turning import turnable
 from relume.shot import plots
@@ -27,35 +26,30 @@ ODD = 4.0
 """Times the median of the lights about it, or a share of it: a picture so much brighter or darker is told."""
 
 
-@dataclass(frozen=True)
-class StageDoubts:
-    """What should be looked at before a stage is used, a line each."""
-
-    lines: tuple[str, ...]
-
-
 def write_stage_report(
     field: ReflectanceField, path: Path, lights: Mapping[str, IlluminationMap], title: str = "light stage"
-) -> StageDoubts:
+) -> tuple[str, ...]:
     """Write one page: doubts, lights, the subject under even light, a mosaic of reflectance functions, a map to turn.
 
     lights : maps to turn, by name; even light from everywhere and from one side unless there are any
-    Raises OutputNotWritten.
+    Returns the doubts, a line each. Raises OutputNotWritten.
     """
     levels, even = levels_of(field)
     doubts = doubts_of(field, levels)
     functions = mosaic(field, *sampling(field.shape))
     small = reduced(field)
-    basis = low_rank(small, rank=min(RANK, len(field.lights)))
+    basis = compress_low_rank(small, rank=min(RANK, len(field.lights)))
     shown = dict(lights) or {"from the upper left": _window()}
     parts = [
         f"<h1>{title}</h1>",
-        *(note(line) for line in doubts.lines),
+        *(note(line) for line in doubts),
         table(_facts(field)),
         heading("Turn the light"),
         paragraph(
-            "Drag the subject or the map: the light turns about the vertical, and tips. The subject is the sum of "
-            f"{len(basis.pictures)} pictures, which differ from all {len(field.lights)} by {basis.error:.1%} on average."
+            "Drag the subject or the map: the light turns about the vertical, and tips. What is shown is the sum of "
+            f"{len(basis.basis)} pictures; it differs from that of all {len(field.lights)} by "
+            f"{basis.error.random:.1%} "
+            "under light from everywhere; mirrored lamps are left out."
         ),
         turning_part(turnable(basis), shown),
         heading("Lights"),
@@ -76,7 +70,7 @@ def write_stage_report(
     return doubts
 
 
-def doubts_of(field: ReflectanceField, levels: np.ndarray) -> StageDoubts:
+def doubts_of(field: ReflectanceField, levels: np.ndarray) -> tuple[str, ...]:
     """Lights whose pictures are dark or out of line with their neighbours', and parts of the sphere without lights."""
     from scipy.spatial import cKDTree
 
@@ -96,7 +90,7 @@ def doubts_of(field: ReflectanceField, levels: np.ndarray) -> StageDoubts:
             f"lights do not stand all around: {field.lights.names[widest]} alone speaks for "
             f"{field.lights.solid_angles[widest] / (4 * np.pi):.0%} of the sphere, where none is near"
         )
-    return StageDoubts(tuple(lines))
+    return tuple(lines)
 
 
 def reduced(field: ReflectanceField, wide: int = WIDE) -> ReflectanceField:

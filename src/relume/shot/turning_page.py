@@ -125,11 +125,10 @@ start();
 """
 
 
-def turning_part(stage: Turnable, lights: Mapping[str, IlluminationMap], grey: float = 0.18) -> str:
+def turning_part(stage: Turnable, lights: Mapping[str, IlluminationMap]) -> str:
     """HTML of the subject under maps that are turned by dragging.
 
-    lights : by the name that is shown
-    grey : what the subject's mean is exposed to at 0 stops, of what white is
+    lights : by the name that is shown; at 0 stops the brightest hundredth of the subject is white under each
     """
     count, height, width = stage.codes.shape[:3]
     data = {
@@ -142,13 +141,13 @@ def turning_part(stage: Turnable, lights: Mapping[str, IlluminationMap], grey: f
     for light in lights.values():
         flux = flux_of(light)
         data["light_rows"] = flux.shape[0]
-        mean = float(stage.picture(stage.amounts(light, 0.0, 0.0)).mean())
+        bright = float(np.quantile(stage.picture(stage.amounts(light, 0.0, 0.0)), 0.99))
         shown = light.remapped(light.mapping, 2 * flux.shape[0]) if light.size > 2 * flux.shape[0] else light
         level = 0.5 / max(float(np.median(shown.radiance)), 1e-12)
         data["lights"].append(
             {
                 "flux": _packed(flux),
-                "gain": grey / max(mean, 1e-12),
+                "gain": 1 / max(bright, 1e-12),
                 "picture": _text(encode(_encoded(shown.radiance * level), b"")),
             }
         )

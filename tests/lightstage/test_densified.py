@@ -1,0 +1,181 @@
+"""Light between the lights of a stage, with and without a mesh of the subject.
+
+A square hovers over a matte floor: what the floor receives from any direction is known in closed form.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from relume.lightstage.cells import even_directions
+from relume.lightstage.dense_directions import DirectedLight, leaves_of
+from relume.lightstage.dense_fit import fitted_direct
+from relume.lightstage.dense_surface import disc_directions, over_neighbours
+from relume.lightstage.densified import Densification, densely_relit, densified
+from relume.lightstage.field import Pictures, whole
+from relume.lightstage.interpolation import NearestCell, Smooth
+from relume.lightstage.lights import StageLights
+from relume.scene.camera import Camera
+from relume.scene.materials import Diffuse
+from relume.scene.shapes import Mesh
+from relume.sphere.illumination import IlluminationMap
+
+HEIGHT, HALF = 0.6, 0.4
+CAMERA = Camera.looking_at(np.array([2.2, 1.1, 0.1]), np.zeros(3), width=28, height=20, focal_length=30.0)
+ALBEDO = np.array([0.5, 0.3, 0.2])
+EXACT = Densification(light_radius=0.0, alpha=0.2, side=1, filter_share=0.0)
+LIGHTS = StageLights.towards(even_directions(80))
+BETWEEN = StageLights.towards(even_directions(37))
+
+
+def quad(height: float, half: float) -> Mesh:
+    corners = np.array([[-half, height, -half], [-half, height, half], [half, height, half], [half, height, -half]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    return Mesh(corners.astype(np.float32), faces, Diffuse(np.array([0.5, 0.5, 0.5])))
+
+
+MESHES = (quad(0.0, 1.5), quad(HEIGHT, HALF))
+
+
+def floor_under(directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Radiance (N, H, W, 3) per irradiance of the floor in closed form, and the pixels (H, W) that show it."""
+    through = CAMERA.rays()
+    place = CAMERA.position - through * (CAMERA.position[1] / through[..., 1:2])
+    above = CAMERA.position + through * ((HEIGHT - CAMERA.position[1]) / through[..., 1:2])
+    hidden = np.abs(above[..., [0, 2]]).max(axis=-1) < HALF
+    shown = (through[..., 1] < 0) & (np.abs(place[..., [0, 2]]).max(axis=-1) < 1.5) & ~hidden
+    values = []
+    for light in directions:
+        crossing = place + light * HEIGHT / max(light[1], 1e-9)
+        lit = (np.abs(crossing[..., [0, 2]]).max(axis=-1) > HALF) & shown & (light[1] > 0)
+        values.append(lit[..., None] * ALBEDO * max(light[1], 0) / np.pi)
+    return np.array(values, np.float32), shown
+
+
+FIELD = Pictures(floor_under(LIGHTS.directions)[0], LIGHTS, CAMERA)
+
+
+def error_of(pictures: np.ndarray) -> float:
+    truth, shown = floor_under(BETWEEN.directions)
+    return float(np.abs(pictures - truth)[:, shown].sum() / truth[:, shown].sum())
+
+
+def test_with_a_mesh_a_shadow_stands_where_it_belongs() -> None:
+    assert error_of(whole(densified(FIELD, BETWEEN, MESHES, EXACT))) < 0.01
+
+
+def test_without_a_mesh_the_field_is_interpolated() -> None:
+    found = whole(densified(FIELD, BETWEEN))
+    weights = Smooth().weights(LIGHTS, BETWEEN.directions)
+    np.testing.assert_allclose(found, np.einsum("mn,nhwc->mhwc", weights, FIELD.values), atol=1e-5)
+    assert 0.05 < error_of(found) < 0.5
+
+
+def test_a_rough_mesh_still_helps() -> None:
+    shifted = (MESHES[0], quad(HEIGHT * 1.05, HALF * 1.03))
+    assert error_of(whole(densified(FIELD, BETWEEN, shifted, EXACT))) < 0.7 * error_of(whole(densified(FIELD, BETWEEN)))
+
+
+def test_in_its_own_lights_the_field_is_what_was_measured() -> None:
+    found = whole(densified(FIELD, LIGHTS, MESHES, Densification(alpha=0.2, side=2, remainder=Smooth())))
+    np.testing.assert_allclose(found, FIELD.values, atol=2e-4)
+
+
+def test_a_map_is_the_sum_over_its_directions() -> None:
+    power = np.random.default_rng(3).random((len(BETWEEN), 3))
+    light = DirectedLight(BETWEEN.directions, power, np.zeros(len(BETWEEN)))
+    summed = np.einsum("mhwc,mc->hwc", whole(densified(FIELD, BETWEEN, MESHES, EXACT)), power)
+    np.testing.assert_allclose(densely_relit(FIELD, light, MESHES, EXACT), summed, atol=1e-4)
+
+
+def test_relighting_is_linear_in_the_light() -> None:
+    power = np.random.default_rng(4).random((2, len(BETWEEN), 3))
+    one, other, both = (
+        densely_relit(FIELD, DirectedLight(BETWEEN.directions, p, np.zeros(len(BETWEEN))), MESHES, EXACT)
+        for p in (power[0], power[1], 2 * power[0] + power[1])
+    )
+    np.testing.assert_allclose(both, 2 * one + other, rtol=1e-4, atol=1e-4)
+
+
+def test_some_rows_are_those_of_the_whole() -> None:
+    field = densified(FIELD, BETWEEN, MESHES, Densification(alpha=0.2, side=2))
+    np.testing.assert_allclose(field.block(slice(3, 9), slice(7, 12)), whole(field)[3:9, 7:12], atol=1e-6)
+
+
+def test_a_mirror_is_left_to_interpolation() -> None:
+    glints = np.zeros((80, 20, 28, 3), np.float32)
+    glints[7] = 5.0
+    field = Pictures(glints, LIGHTS, CAMERA)
+    settings = Densification(light_radius=0.0, alpha=0.2, side=1, filter_share=0.0, remainder=Smooth())
+    np.testing.assert_allclose(
+        whole(densified(field, BETWEEN, MESHES, settings)), whole(densified(field, BETWEEN)), atol=1e-6
+    )
+
+
+def test_direct_light_is_fitted_with_its_scales() -> None:
+    rng = np.random.default_rng(5)
+    basis = rng.random((80, 2, 4)).astype(np.float32)
+    scales = rng.random((4, 2, 3)) + 0.2
+    indirect = 0.3 + LIGHTS.directions @ np.array([0.1, 0.05, 0.0])
+    values = np.einsum("nbk,kbc->nkc", basis, scales) + indirect[:, None, None]
+    np.testing.assert_allclose(fitted_direct(values.astype(np.float32), basis, LIGHTS), scales, atol=1e-3)
+    negative = np.einsum("nbk,kbc->nkc", basis, scales * np.array([1, -0.3])[:, None])
+    assert fitted_direct(negative.astype(np.float32), basis, LIGHTS).min() == 0
+
+
+def test_the_leaves_of_a_map_hold_its_light_and_its_sun() -> None:
+    radiance = np.ones((32, 64, 3), np.float32)
+    radiance[10, 40] = 1e5
+    light = IlluminationMap(radiance)
+    leaves = leaves_of(light, 200)
+    np.testing.assert_allclose(leaves.irradiances.sum(axis=0), light.total(), rtol=1e-9)
+    sun = int(np.argmax(leaves.irradiances[:, 0]))
+    inclination, azimuth = np.pi * 10.5 / 32, 2 * np.pi * 40.5 / 64 - np.pi
+    expected = [np.sin(inclination) * np.sin(azimuth), np.cos(inclination), -np.sin(inclination) * np.cos(azimuth)]
+    np.testing.assert_allclose(leaves.directions[sun], expected, atol=1e-6)
+    assert 190 <= len(leaves.directions) <= 203
+
+
+def test_a_dark_map_has_no_leaves_and_gives_a_black_picture() -> None:
+    leaves = leaves_of(IlluminationMap(np.zeros((8, 16, 3), np.float32)))
+    assert len(leaves.directions) == 0
+    assert not densely_relit(FIELD, leaves, MESHES, EXACT).any()
+
+
+def test_a_disc_is_filled_evenly_about_its_centre() -> None:
+    centre = np.array([0.48, 0.6, 0.64])
+    disc = disc_directions(centre, 0.1, 400)
+    angle = np.arccos(disc @ centre)
+    assert angle.max() <= 0.1
+    # Half of an even disc lies within 1/√2 of its radius.
+    np.testing.assert_allclose(np.median(angle), 0.1 / np.sqrt(2), rtol=0.01)
+    assert disc_directions(centre, 0.1, 1).tolist() == [centre.tolist()]
+
+
+def test_neighbours_get_their_share() -> None:
+    dot = np.zeros((1, 15), np.float32)
+    dot[0, 7] = 1
+    expected = [[0.01, 0.08, 0.01], [0.08, 0.64, 0.08], [0.01, 0.08, 0.01]]
+    np.testing.assert_allclose(over_neighbours(dot, 5, 0.1).reshape(3, 5)[:, 1:4], expected, atol=1e-7)
+
+
+def test_wrong_calls_are_refused() -> None:
+    with pytest.raises(ValueError, match="the field has no camera"):
+        densified(Pictures(FIELD.values, LIGHTS), BETWEEN, MESHES)
+    away = Camera.looking_at(np.array([9.0, 1, 0]), np.array([20.0, 1, 0]), width=28, height=20, focal_length=30.0)
+    with pytest.raises(ValueError, match="sees nothing of the mesh"):
+        densified(Pictures(FIELD.values, LIGHTS, away), BETWEEN, MESHES, EXACT)
+    with pytest.raises(ValueError, match="no mesh was given"):
+        densified(FIELD, BETWEEN, ())
+    with pytest.raises(ValueError, match=r"radii are \(2,\)"):
+        densified(FIELD, BETWEEN, radii=np.zeros(2))
+    with pytest.raises(ValueError, match="alpha is 0"):
+        Densification(alpha=0)
+    with pytest.raises(ValueError, match="count is 0"):
+        leaves_of(IlluminationMap(np.zeros((8, 16, 3), np.float32)), 0)
+
+
+def test_the_nearest_cell_may_stand_for_the_rest() -> None:
+    settings = Densification(remainder=NearestCell(), light_radius=0.0, alpha=0.2, side=1, filter_share=0.0)
+    assert error_of(whole(densified(FIELD, BETWEEN, MESHES, settings))) < 0.01

@@ -1,0 +1,76 @@
+"""Where near lights stand, from balls whose rays were made by hand, and what they do on a plane."""
+
+import numpy as np
+import pytest
+
+from relume.lightstage.highlights import BallReadings
+from relume.lightstage.near_lights import light_places, near_light, points_at_depth, points_on_plane
+from relume.scene.camera import Camera
+from relume.sphere.directions import normalised
+
+LIGHTS = np.array([[0.5, 1.0, 0.8], [-0.7, 0.3, 0.9]])
+BALLS = [np.array([-0.2, 0.0, 0.0]), np.array([0.25, 0.05, 0.0]), np.array([0.0, -0.2, 0.1])]
+
+
+def readings(places: np.ndarray, lights: np.ndarray) -> BallReadings:
+    on_ball = np.repeat(places[None], len(lights), axis=0)
+    return BallReadings(np.zeros((len(lights), 2)), on_ball, normalised(lights - on_ball))
+
+
+def test_rays_that_meet_tell_the_place() -> None:
+    found = light_places([readings(ball, LIGHTS) for ball in BALLS])
+    np.testing.assert_allclose(found.positions, LIGHTS, atol=1e-12)
+    np.testing.assert_allclose(found.residuals, 0, atol=1e-12)
+    to_first, to_second = normalised(LIGHTS[0] - BALLS[0]), normalised(LIGHTS[0] - BALLS[1])
+    assert found.parallax[0] >= np.arccos(to_first @ to_second) - 1e-12
+
+
+def test_the_residual_is_the_distance_to_rays_that_pass_each_other() -> None:
+    first = BallReadings(np.zeros((1, 2)), np.array([[0.0, -1, 0.01]]), np.array([[0.0, 1, 0]]))
+    second = BallReadings(np.zeros((1, 2)), np.array([[-1.0, 0, -0.01]]), np.array([[1.0, 0, 0]]))
+    found = light_places([first, second])
+    np.testing.assert_allclose(found.positions, [[0, 0, 0]], atol=1e-12)
+    np.testing.assert_allclose(found.residuals, [0.01])
+
+
+def test_parallel_rays_are_told_by_name() -> None:
+    far = np.array([[0.0, 0.0, 1000.0], [0.5, 1.0, 0.8]])
+    with pytest.warns(UserWarning, match="b.png: the balls' rays are parallel within half a degree"):
+        light_places([readings(ball, far) for ball in BALLS], ["b.png", "c.png"])
+
+
+def test_rays_that_run_apart_are_refused() -> None:
+    swapped = [BallReadings(np.zeros((1, 2)), ball[None], normalised(-(LIGHTS[:1] - ball[None]))) for ball in BALLS]
+    with pytest.raises(ValueError, match="light 1: the balls' rays run apart"):
+        light_places(swapped)
+    with pytest.raises(ValueError, match="two balls or more"):
+        light_places(swapped[:1])
+
+
+def test_twice_as_far_is_a_quarter_as_bright() -> None:
+    points = np.array([[[0.0, 0, 0], [0, 0, -2.0]], [[2.0, 0, 2.0], [0, 0, 1.0]]])
+    towards, fall_off = near_light(np.array([0.0, 0, 2.0]), points, np.zeros(3))
+    np.testing.assert_allclose(fall_off, [[1, 0.25], [1, 4]])
+    np.testing.assert_allclose(towards, [[[0, 0, 1], [0, 0, 1]], [[-1, 0, 0], [0, 0, 1]]])
+    with pytest.raises(ValueError, match="stands in the subject"):
+        near_light(np.zeros(3), points, np.ones(3))
+
+
+def test_pixels_of_a_plane_lie_on_it_and_are_seen_where_they_are() -> None:
+    camera = Camera(8, 6, 10.0, np.array([0.0, 1.0, 0.0]), np.eye(3))
+    floor = points_on_plane(camera, np.zeros(3), np.array([0.0, 2.0, 0.0]))
+    assert np.isnan(floor[:3]).all()
+    np.testing.assert_allclose(floor[3:, :, 1], 0, atol=1e-12)
+    assert camera.project(floor[4, 2]) == pytest.approx((2.5, 4.5))
+
+
+def test_depth_is_measured_along_the_axis() -> None:
+    camera = Camera(8, 6, 10.0, np.array([0.0, 1.0, 0.0]), np.eye(3))
+    depth = np.full((6, 8), 3.0)
+    depth[0, 0] = 0
+    points = points_at_depth(camera, depth)
+    assert np.isnan(points[0, 0]).all()
+    np.testing.assert_allclose(points[1:, :, 2], -3)
+    assert camera.project(points[4, 2]) == pytest.approx((2.5, 4.5))
+    with pytest.raises(ValueError, match="expected the camera's"):
+        points_at_depth(camera, depth[:2])

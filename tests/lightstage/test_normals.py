@@ -1,0 +1,75 @@
+"""Lambertian lobes and the normals they tell."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from relume.lightstage.cells import even_directions
+from relume.lightstage.lights import StageLights
+from relume.lightstage.normals import LobeFit, lambertian_lobes, towards_camera
+from relume.scene.camera import Camera
+from relume.sphere.directions import normalised
+
+LIGHTS = StageLights.towards(even_directions(200))
+NORMALS = normalised(np.random.default_rng(3).normal(size=(40, 3)))
+LENGTHS = np.linspace(0.05, 0.3, 40)
+SHADED = np.maximum(LIGHTS.directions @ NORMALS.T, 0) * LENGTHS
+"""Lambertian pixels, (200, 40)."""
+
+
+def degrees(found: np.ndarray) -> np.ndarray:
+    return np.degrees(np.arccos(np.clip(np.einsum("ij,ij->i", found, NORMALS), -1, 1)))
+
+
+def test_a_lambertian_surface_gives_its_normal_and_its_albedo_over_pi() -> None:
+    lobes = lambertian_lobes(SHADED.astype(np.float32), LIGHTS)
+    np.testing.assert_allclose(lobes.vectors, LENGTHS[:, None] * NORMALS, atol=1e-5)
+    np.testing.assert_allclose(lobes.normals, NORMALS, atol=1e-4)
+    assert lobes.weight.min() > 0.97
+
+
+def test_a_third_of_the_lights_in_shadow_does_not_tilt_the_normal() -> None:
+    shadow = LIGHTS.directions @ normalised([1.0, 0.4, 0.2]) > 0.4
+    values = np.where(shadow[:, None], 0.02 * SHADED, SHADED).astype(np.float32)
+    seen = ((~shadow[:, None]) & (SHADED > 0)).sum(axis=0) / (SHADED > 0).sum(axis=0) > 0.6
+    assert seen.sum() > 25
+    assert degrees(lambertian_lobes(values, LIGHTS).normals)[seen].max() < 1
+    plain = normalised(np.einsum("np,nk->pk", values, LIGHTS.directions))
+    assert np.median(degrees(plain)[seen]) > 3, "else the shadow would not matter"
+
+
+def test_highlights_do_not_tilt_the_normal() -> None:
+    half = normalised(LIGHTS.directions + np.array([0.0, 0.0, 1.0]))
+    values = SHADED + 0.3 * np.maximum(half @ NORMALS.T, 0) ** 60
+    assert np.median(degrees(lambertian_lobes(values.astype(np.float32), LIGHTS).normals)) < 0.5
+
+
+def test_scale_of_the_values_scales_the_lobe_alone() -> None:
+    values = SHADED.astype(np.float32)
+    first, second = lambertian_lobes(values, LIGHTS), lambertian_lobes(values * np.float32(64), LIGHTS)
+    np.testing.assert_allclose(second.vectors, 64 * first.vectors, rtol=1e-4, atol=1e-5)
+
+
+def test_pixels_that_no_three_lights_tell_have_no_lobe_and_no_nan() -> None:
+    usable = np.zeros(SHADED.shape, bool)
+    usable[:2] = True
+    values = SHADED.astype(np.float32)
+    values[:, 1] = 0
+    lobes = lambertian_lobes(values, LIGHTS, usable)
+    assert not lobes.vectors.any() and not lobes.normals.any() and not lobes.weight.any()
+
+
+def test_values_of_other_lights_are_refused() -> None:
+    with pytest.raises(ValueError, match="expected \\(200 lights, pixels\\)"):
+        lambertian_lobes(SHADED[:100].astype(np.float32), LIGHTS)
+    with pytest.raises(ValueError, match="width above 0"):
+        LobeFit(width=0)
+
+
+def test_views_point_to_the_camera_and_along_z_without_one() -> None:
+    camera = Camera.looking_at(np.array([0, 0, 4.0]), np.zeros(3), width=3, height=3, focal_length=3.0)
+    view = towards_camera(camera, (3, 3))
+    np.testing.assert_allclose(view[1, 1], [0, 0, 1], atol=1e-6)
+    assert view[1, 2, 0] < 0, "the right pixel sees the camera to its left"
+    np.testing.assert_array_equal(towards_camera(None, (2, 2))[1, 1], [0, 0, 1])

@@ -1,0 +1,85 @@
+"""Separation by polarisers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from relume.lightstage.cells import even_directions
+from relume.lightstage.field import Noise, Pictures, whole
+from relume.lightstage.lights import StageLights
+from relume.lightstage.polarised import PolarisedPair
+
+LIGHTS = StageLights.towards(even_directions(12))
+RANDOM = np.random.default_rng(5)
+DIFFUSE = np.kron(RANDOM.random((12, 8, 8, 3)), np.ones((1, 6, 6, 1)))
+SPECULAR = np.zeros_like(DIFFUSE)
+SPECULAR[:, 20:24, 20:24] = 5.0
+
+
+def pair(noise: Noise | None = None) -> tuple[Pictures, Pictures]:
+    first, second = SPECULAR + DIFFUSE / 2, DIFFUSE / 2
+    return tuple(Pictures(values.astype(np.float32), LIGHTS, noise=noise) for values in (first, second))  # type: ignore[return-value]
+
+
+def test_the_parts_are_parallel_less_crossed_and_twice_crossed() -> None:
+    both = PolarisedPair(*pair())
+    np.testing.assert_allclose(whole(both.specular), SPECULAR, atol=1e-6)
+    np.testing.assert_allclose(whole(both.diffuse), DIFFUSE, atol=1e-6)
+
+
+def test_together_they_are_the_subject_without_polarisers() -> None:
+    parallel, crossed = pair()
+    both = PolarisedPair(parallel, crossed)
+    total = whole(both.specular) + whole(both.diffuse)
+    np.testing.assert_allclose(total, whole(parallel) + whole(crossed), atol=1e-6)
+
+
+def test_noise_below_zero_stays() -> None:
+    parallel, crossed = pair()
+    darker = replace(parallel, values=parallel.values - np.float32(0.01))
+    assert whole(PolarisedPair(darker, crossed).specular).min() == pytest.approx(-0.01, abs=1e-6)
+
+
+def test_noise_of_the_parts() -> None:
+    both = PolarisedPair(*pair(Noise(1e-4)))
+    assert both.diffuse.noise == Noise(4e-4) and both.specular.noise == Noise(2e-4)
+    photons = PolarisedPair(*pair(Noise(1e-4, 1e-3)))
+    assert photons.diffuse.noise == Noise(4e-4, 2e-3)
+    assert photons.specular.noise is None
+    assert PolarisedPair(*pair()).diffuse.noise is None
+
+
+def test_the_noise_of_the_diffuse_part_is_what_noise_does_to_it() -> None:
+    """Var(2X) at D = 2X is 4 (c + s X) = 4 c + 2 s D."""
+    noise = Noise(1e-4, 1e-3)
+    crossed = 0.3
+    samples = 2 * (crossed + RANDOM.normal(size=200_000) * np.sqrt(noise.constant + noise.slope * crossed))
+    found = PolarisedPair(*pair(noise)).diffuse.noise
+    assert found is not None
+    assert samples.var() == pytest.approx(found.constant + found.slope * 2 * crossed, rel=0.02)
+
+
+def test_a_shifted_take_is_told() -> None:
+    parallel, crossed = pair()
+    moved = replace(crossed, values=np.roll(crossed.values, 3, axis=2))
+    with pytest.warns(UserWarning, match=r"shifted by \(\+3, \+0\) pixels"):
+        PolarisedPair(parallel, moved)
+
+
+def test_swapped_takes_are_refused() -> None:
+    parallel, crossed = pair()
+    with pytest.raises(ValueError, match="swap the two"):
+        PolarisedPair(crossed, parallel)
+
+
+def test_other_sizes_and_other_lights_are_refused() -> None:
+    parallel, crossed = pair()
+    with pytest.raises(ValueError, match="48×48 pixels and the crossed one 40×48"):
+        PolarisedPair(parallel, replace(crossed, values=crossed.values[:, :, :40]))
+    with pytest.raises(ValueError, match="has 12 lights and the crossed one 11"):
+        PolarisedPair(parallel, Pictures(crossed.values[:11], LIGHTS.chosen(np.arange(11))))
+    with pytest.raises(ValueError, match='the light "1" of the parallel take is "10"'):
+        PolarisedPair(parallel, replace(crossed, lights=LIGHTS.chosen(np.array([0, *range(10, 0, -1), 11]))))
