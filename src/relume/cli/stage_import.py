@@ -36,6 +36,14 @@ def import_stage(
             "directions.",
         ),
     ] = None,
+    ball_pictures: Annotated[
+        list[Path] | None,
+        Parameter(
+            negative="",
+            help="A folder with pictures of the ball under the same lights in the same order, where it is not in the "
+            "subject's own; again for each ball.",
+        ),
+    ] = None,
     lights: Annotated[
         Path | None,
         Parameter(help="The lights in an .lp, or a list of directions in the order of the pictures' names."),
@@ -95,7 +103,7 @@ def import_stage(
 
     with speaking(manner):
         memory = bytes_of(max_memory, "--max-memory")
-        _check(source, out, ball, lights, film, ambient, field_of_view)
+        _check(source, out, ball, ball_pictures, lights, film, ambient, field_of_view)
         facts: dict[str, object] = {}
         if film is not None:
             field = _filmed(source, out, film, film_start, film_azimuth, clockwise)
@@ -105,7 +113,7 @@ def import_stage(
             left = [ambient] if ambient else []
             if ball:
                 angle = None if field_of_view is None else float(np.radians(field_of_view))
-                stage, facts = stage_of_balls(source, ball, angle, left)
+                stage, facts = stage_of_balls(source, ball, ball_pictures or [], angle, left)
             else:
                 assert lights is not None
                 stage = stage_of_list(source, lights)
@@ -126,7 +134,8 @@ def import_stage(
 
 
 def _check(
-    source: Path, out: Path, ball: list[str] | None, lights: Path | None, film: str | None, ambient: Path | None,
+    source: Path, out: Path, ball: list[str] | None, ball_pictures: list[Path] | None, lights: Path | None,
+    film: str | None, ambient: Path | None,
     field_of_view: float | None,
 ) -> None:  # fmt: skip
     """Refuse what cannot be, before any work."""
@@ -142,6 +151,11 @@ def _check(
         raise OutputNotWritten(f"-o {out}: a file, not a store; choose another name")
     if field_of_view is not None and not 0 < field_of_view < 180:
         raise ValueError(f"--field-of-view is {field_of_view}; give degrees above 0 and below 180")
+    if ball_pictures and not ball:
+        raise ValueError("--ball-pictures are for --ball; give --ball find, or its circle")
+    for folder in ball_pictures or []:
+        if not folder.is_dir():
+            raise UnreadableFile(f"{folder}: no such folder; --ball-pictures names one")
     require_files([path for path in (lights, ambient) if path])
 
 

@@ -39,13 +39,19 @@ def stage_of_list(folder: Path, listed: Path) -> Stage:
 
 
 def stage_of_balls(
-    folder: Path, words: Sequence[str], field_of_view: float | None, leave_out: Sequence[Path] = ()
+    folder: Path,
+    words: Sequence[str],
+    elsewhere: Sequence[Path],
+    field_of_view: float | None,
+    leave_out: Sequence[Path],
 ) -> tuple[Stage, dict[str, object]]:
     """The pictures of a folder under lights found in mirrored balls, and what was found.
 
     words : "find", "X,Y,RADIUS" in pixels or "X,Y,RADIUS=METRES" of each ball
-    field_of_view : of the camera, across, radians; None for one far away
+    elsewhere : folders of pictures of the balls under the same lights in the same order, one for all or one for each;
+        none where the balls are in the subject's own pictures
     leave_out : pictures that are of no light
+    field_of_view : of the camera, across, radians; None for one far away
     """
     import numpy as np
 
@@ -55,8 +61,12 @@ def stage_of_balls(
 
     paths = [path for path in pictures_in(folder) if path.resolve() not in {each.resolve() for each in leave_out}]
     names = [path.name for path in paths]
-    balls = [ball_of(word, paths, field_of_view) for word in words]
-    readings = [read_ball((_pixels(path) for path in paths), ball, names) for ball in balls]
+    shown = _shown(words, elsewhere, paths)
+    balls = [ball_of(word, pictures, field_of_view) for word, pictures in zip(words, shown, strict=True)]
+    readings = [
+        read_ball((_pixels(path) for path in pictures), ball, [path.name for path in pictures])
+        for ball, pictures in zip(balls, shown, strict=True)
+    ]
     metric = field_of_view is not None and all("=" in word for word in words)
     facts: dict[str, object] = {
         "balls": [[round(float(v), 2) for v in (*ball.outline.centre, ball.outline.radius)] for ball in balls]
@@ -75,6 +85,21 @@ def stage_of_balls(
     directions = readings[0].directions if len(balls) == 1 else unit_mean(readings)
     pairs = zip(names, directions.tolist(), strict=True)
     return Stage(tuple(LightEntry({"": (name,)}, tuple(direction)) for name, direction in pairs)), facts
+
+
+def _shown(words: Sequence[str], elsewhere: Sequence[Path], paths: list[Path]) -> list[list[Path]]:
+    """The pictures in which each ball is looked for."""
+    if not elsewhere:
+        return [paths] * len(words)
+    if len(elsewhere) not in (1, len(words)):
+        raise ValueError(f"--ball-pictures: {len(elsewhere)} folders for {len(words)} balls; give one, or one for each")
+    found = [pictures_in(folder) for folder in elsewhere]
+    for folder, pictures in zip(elsewhere, found, strict=True):
+        if len(pictures) != len(paths):
+            raise InvalidStage(
+                f"{folder}: {len(pictures)} pictures of the ball, {len(paths)} of the subject; give one a light"
+            )
+    return found * len(words) if len(found) == 1 else found
 
 
 def ball_of(word: str, paths: Sequence[Path], field_of_view: float | None) -> MirrorBall:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from relume.lightstage.lights import StageLights
 
@@ -49,7 +49,7 @@ class NearestCell:
         return np.stack([np.bincount(nearest, channel, minlength=len(lights)) for channel in power.T], axis=1)
 
     def _nearest(self, lights: StageLights, directions: np.ndarray) -> np.ndarray:
-        return cKDTree(lights.directions).query(np.asarray(directions, np.float64))[1]
+        return np.asarray(KDTree(lights.directions).query(np.asarray(directions, np.float64))[1])
 
 
 @dataclass(frozen=True)

@@ -205,7 +205,7 @@ def _shaded(
         diffuse, specular = parts.diffuse.block(every, rows)[:, met], parts.specular.block(every, rows)[:, met]
         angles = (normal[rows][met], sight.views[rows][met], new_view[rows][met])
         reached = lit(diffuse + specular)
-        diffuse, specular = _without_debt(diffuse, specular)
+        diffuse, specular = without_debt(diffuse, specular)
         specular = resynthesis.specular(specular, field.lights, *angles, reached, triangles)
         if source.alpha is not None:
             diffuse = resynthesis.diffuse(diffuse, field.lights, *angles, source.alpha[rows][met])
@@ -215,7 +215,7 @@ def _shaded(
     return result
 
 
-def _without_debt(diffuse: np.ndarray, specular: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def without_debt(diffuse: np.ndarray, specular: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Both parts (N, P, 3), where the specular one took so much that a channel of the other is below 0, repaid.
 
     At grazing angles little is left of a pixel besides its highlight, and a chromaticity that is off by a little leaves
