@@ -127,6 +127,8 @@ def test_the_diffuse_part_takes_the_new_views_chromaticity_and_keeps_its_amount(
     found = Resynthesis().diffuse(first.astype(np.float32), LIGHTS, normals, view, new_view, alpha)
     assert np.abs(first - second).max() > 0.01
     assert np.allclose(found, second, atol=1e-6)
+    black = Resynthesis().diffuse(0 * found, LIGHTS, normals, view, new_view, 0 * alpha)
+    assert np.all(black == 0)
 
 
 @pytest.mark.parametrize("count", [1, 3, 7, 50])

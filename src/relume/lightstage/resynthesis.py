@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from relume.lightstage.chromaticity import ramp
+from relume.lightstage.chromaticity import ramp, unit_chromaticity
 from relume.lightstage.lights import StageLights
 from relume.lightstage.torrance_sparrow import GroovedSurface, half_vector, mirrored
 from relume.sphere.directions import normalised
@@ -217,7 +217,7 @@ class Resynthesis:
         ]
         length = np.linalg.norm(values, axis=-1)
         body = without_shift(values / np.maximum(length, 1e-30)[..., None], shifts[0], white)
-        shifted = normalised(body + shifts[1][..., None] * (body - white))
+        shifted = unit_chromaticity(body + shifts[1][..., None] * (body - white))
         same = (shifts[0] == shifts[1]) | (length == 0)
         return np.where(same[..., None], values, length[..., None] * shifted).astype(np.float32).reshape(shape)
 

@@ -1,0 +1,218 @@
+"""`relume stage`: importing, relighting, looking, and what is refused, on a ball whose pictures are known."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from command_line import refused
+from relume.cli import main
+from relume.image.files import read_layers, read_photograph, read_radiance, write
+from relume.image.radiance import RadianceMap
+from relume.lightstage.cells import even_directions
+from relume.sphere.illumination import IlluminationMap, as_radiance_map
+from small_stages import ALBEDO, LIGHTS, SIZE, lit, normals, write_stage
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory) -> Path:
+    return write_stage(tmp_path_factory.mktemp("stage") / "ball")
+
+
+@pytest.fixture(scope="module")
+def even(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("light") / "even.exr"
+    write(path, as_radiance_map(IlluminationMap(np.ones((32, 64, 3), np.float32))))
+    return path
+
+
+def result(capsys: pytest.CaptureFixture[str]) -> dict:
+    return json.loads(capsys.readouterr().out)
+
+
+def test_a_ball_under_even_light_shows_its_albedo(stage, even, tmp_path):
+    assert main(["stage", "relight", str(stage), "--light", str(even), "-o", str(tmp_path / "a.exr")]) == 0
+    seen = read_radiance(tmp_path / "a.exr").radiance[SIZE[1] // 2, SIZE[0] // 2]
+    # 24 lights sample the cosine lobe coarsely.
+    np.testing.assert_allclose(seen, ALBEDO, rtol=0.05)
+
+
+def test_a_light_of_the_stage_gives_its_own_picture(stage, tmp_path):
+    towards = ",".join(str(v) for v in even_directions(LIGHTS)[4])
+    assert main(["stage", "relight", str(stage), "--direction", f"{towards}=2", "-o", str(tmp_path / "a.exr")]) == 0
+    expected = 2 * lit(even_directions(LIGHTS)[4])
+    np.testing.assert_allclose(read_radiance(tmp_path / "a.exr").radiance, expected, atol=1e-5)
+
+
+def test_lights_given_together_are_summed(stage, even, tmp_path):
+    pictures = []
+    for options in (["--light", str(even)], ["--lamp", "0,2,1=3"], ["--light", str(even), "--lamp", "0,2,1=3"]):
+        assert main(["stage", "relight", str(stage), *options, "-o", str(tmp_path / "a.exr")]) == 0
+        pictures.append(read_radiance(tmp_path / "a.exr").radiance)
+    np.testing.assert_allclose(pictures[2], pictures[0] + pictures[1], atol=1e-6)
+
+
+def test_a_store_relights_as_its_folder_does(stage, tmp_path, capsys):
+    pytest.importorskip("zarr", reason="stores need the extra lightstage")
+    store = tmp_path / "ball.zarr"
+    assert main(["stage", "import", str(stage), "-o", str(store), "--dtype", "float"]) == 0
+    for source, name in ((stage, "a.exr"), (store, "b.exr")):
+        assert main(["stage", "relight", str(source), "--direction", "1,1,2", "-o", str(tmp_path / name)]) == 0
+    assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
+
+
+def test_a_card_in_the_pictures_takes_the_lights_differences_out(stage, tmp_path):
+    pytest.importorskip("zarr", reason="stores need the extra lightstage")
+    uneven = tmp_path / "uneven"
+    uneven.mkdir()
+    text = json.loads((stage / "stage.json").read_text())
+    colours = np.random.default_rng(2).uniform(0.5, 2, (LIGHTS, 3)).astype(np.float32)
+    for light, colour in zip(text["lights"], colours, strict=True):
+        picture = read_radiance(stage / light["file"]).radiance * colour
+        # A white card that faces the camera, in the upper left corner.
+        picture[:4, :4] = max(light["direction"][2], 0) / np.pi * colour
+        write(uneven / light["file"], RadianceMap(picture.astype(np.float32)))
+    (uneven / "stage.json").write_text(json.dumps(text))
+    store = tmp_path / "even.zarr"
+    command = ["stage", "import", str(uneven), "-o", str(store), "--target", "0,0,4,4=1", "--dtype", "float"]
+    assert main(command) == 0
+    index = int(np.argmax([light["direction"][2] for light in text["lights"]]))
+    towards = ",".join(str(v) for v in text["lights"][index]["direction"])
+    assert main(["stage", "relight", str(store), "--direction", towards, "-o", str(tmp_path / "a.exr")]) == 0
+    seen = read_radiance(tmp_path / "a.exr").radiance
+    expected = lit(np.array(text["lights"][index]["direction"]))
+    ball = normals().any(axis=-1)
+    np.testing.assert_allclose(seen[ball].mean(axis=0), expected[ball].mean(axis=0), rtol=0.01)
+
+
+def test_frames_turn_the_light_right_handed(stage, tmp_path):
+    radiance = np.full((32, 64, 3), 0.01, np.float32)
+    radiance[14:18, 30:34] = 50  # ahead of the camera, behind the ball
+    write(tmp_path / "lamp.exr", as_radiance_map(IlluminationMap(radiance)))
+    command = ["stage", "relight", str(stage), "--light", str(tmp_path / "lamp.exr"), "--frames", "4"]
+    assert main([*command, "-o", str(tmp_path / "turn")]) == 0
+    left = read_radiance(tmp_path / "turn" / "frame_0002.exr").radiance
+    front = read_radiance(tmp_path / "turn" / "frame_0003.exr").radiance
+    right = read_radiance(tmp_path / "turn" / "frame_0004.exr").radiance
+    half = SIZE[0] // 2
+    assert left[:, :half].mean() > 3 * left[:, half:].mean()
+    assert right[:, half:].mean() > 3 * right[:, :half].mean()
+    assert front.mean() > left.mean()
+
+
+def test_inspect_tells_what_there_is_and_draws_a_page(stage, even, tmp_path, capsys):
+    assert main(["stage", "inspect", str(stage), "--json"]) == 0
+    assert result(capsys)["lights"] == LIGHTS
+    out = tmp_path / "report"
+    assert main(["stage", "inspect", str(stage), "-o", str(out), "--light", str(even), "--functions", "3x4"]) == 0
+    assert "Turn the light" in (out / "report.html").read_text("utf-8")
+    assert (out / "mosaic.exr").is_file()
+
+
+def test_separate_maps_the_balls_normals_and_albedo(stage, tmp_path):
+    assert main(["stage", "separate", str(stage), "-o", str(tmp_path / "maps")]) == 0
+    layers = read_layers(tmp_path / "maps" / "maps.exr")
+    middle = SIZE[1] // 2, SIZE[0] // 2
+    np.testing.assert_allclose(layers["albedo"][middle], ALBEDO, rtol=0.05)
+    np.testing.assert_allclose(layers["normal"][middle], normals()[middle], atol=0.05)
+    assert read_photograph(tmp_path / "maps" / "normal.png").pixels.shape == (SIZE[1], SIZE[0], 3)
+
+
+def test_drive_writes_a_line_for_every_lamp(stage, even, tmp_path):
+    assert main(["stage", "drive", str(stage), "--light", str(even), "-o", str(tmp_path / "drive.csv")]) == 0
+    lines = [line for line in (tmp_path / "drive.csv").read_text("utf-8").splitlines() if line[:1] != "#"]
+    assert len(lines) == LIGHTS + 1
+
+
+def test_export_writes_what_museums_read(stage, tmp_path, capsys):
+    assert main(["stage", "export", str(stage), "-o", str(tmp_path / "rti")]) == 0
+    assert "behind the subject" in capsys.readouterr().err
+    assert (tmp_path / "rti" / "stage.ptm").read_bytes().startswith(b"PTM_1.2")
+    assert (tmp_path / "rti" / "stage.rti").is_file()
+    assert main(["stage", "relight", str(tmp_path / "rti"), "--direction", "0,0,1", "-o", str(tmp_path / "a.png")]) == 0
+
+
+def test_clothe_tints_what_white_adds_to_black(tmp_path):
+    black, white = np.full((9, 8, 3), 0.1, np.float32), np.full((9, 8, 3), 0.9, np.float32)
+    for name, picture in (("black", black), ("white", white)):
+        write(tmp_path / f"{name}.exr", RadianceMap(picture))
+    command = ["stage", "clothe", str(tmp_path / "black.exr"), str(tmp_path / "white.exr"), "--albedo", "0.4,0.2,0.6"]
+    options = ["--white-albedo", "0.8", "--black-albedo", "0", "-o", str(tmp_path / "a.exr")]
+    assert main([*command, *options]) == 0
+    np.testing.assert_allclose(read_radiance(tmp_path / "a.exr").radiance[4, 4], [0.5, 0.3, 0.7], rtol=1e-6)
+
+
+def test_a_dry_run_tells_memory_and_time_and_writes_nothing(stage, even, tmp_path, capsys):
+    command = ["stage", "relight", str(stage), "--light", str(even), "-o", str(tmp_path / "a.exr"), "--dry-run", "--json"]
+    assert main(command) == 0
+    told = result(capsys)
+    assert told["lights"] == LIGHTS and "memory" in told and "seconds, about" in told
+    assert not (tmp_path / "a.exr").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ([], "no light"),
+        (["--direction", "0,0,0"], "points somewhere"),
+        (["--direction", "up"], "--direction"),
+        (["--lamp", "0,0,1=a"], "--lamp"),
+        (["--light", "nothing.exr"], "no such file"),
+        (["--direction", "0,1,0", "--frames", "8"], "--light alone"),
+        (["--direction", "0,1,0", "--max-memory", "much"], "--max-memory"),
+        (["--direction", "0,1,0", "--size", "200"], "--size"),
+        (["--direction", "0,1,0", "--camera", "left"], 'camera "left"'),
+    ],
+)
+def test_relight_refuses_in_one_line(stage, options, said, tmp_path, capsys):
+    out = tmp_path / ("turn" if "--frames" in options else "a.exr")
+    assert said in refused(["stage", "relight", str(stage), *options, "-o", str(out)], capsys)
+    assert not out.exists()
+
+
+def broken(folder: Path, what: str) -> Path:
+    """A stage with one thing wrong."""
+    write_stage(folder, 6)
+    text = json.loads((folder / "stage.json").read_text())
+    if what == "missing":
+        (folder / "light_03.exr").unlink()
+    elif what == "two sizes":
+        write(folder / "light_03.exr", RadianceMap(np.ones((9, 9, 3), np.float32)))
+    elif what == "no direction":
+        del text["lights"][2]["direction"]
+    elif what == "dark":
+        write(folder / "light_03.exr", RadianceMap(np.zeros((SIZE[1], SIZE[0], 3), np.float32)))
+    elif what == "negative":
+        write(folder / "light_03.exr", RadianceMap(np.full((SIZE[1], SIZE[0], 3), -1, np.float32)))
+    elif what == "twice":
+        text["lights"][1]["direction"] = text["lights"][2]["direction"]
+    elif what == "none":
+        (folder / "stage.json").unlink()
+        return folder
+    (folder / "stage.json").write_text(json.dumps(text))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        ("missing", "light_03.exr"),
+        ("two sizes", "9×9"),
+        ("no direction", "direction"),
+        ("dark", "light_03.exr"),
+        ("negative", "negative"),
+        ("twice", "one direction"),
+        ("none", "add stage.json or an .lp"),
+    ],
+)
+def test_a_stage_with_something_wrong_is_refused_in_one_line(what, said, tmp_path, capsys):
+    command = ["stage", "relight", str(broken(tmp_path / "bad", what)), "--direction", "0,0,1"]
+    assert said in refused([*command, "-o", str(tmp_path / "a.exr")], capsys)
+    assert not (tmp_path / "a.exr").exists()
+
+
+def test_a_command_that_is_none_is_refused_in_one_line(capsys):
+    assert "relume stage --help" in refused(["stage", "relit"], capsys)

@@ -1,0 +1,50 @@
+"""A small light stage on disk: a Lambertian ball under 24 lights, whose pictures under any light are known."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from relume.image.files import write
+from relume.image.radiance import RadianceMap
+from relume.lightstage.cells import even_directions
+from relume.scene.camera import Camera
+
+LIGHTS = 24
+ALBEDO = np.array([0.7, 0.4, 0.3])
+CAMERA = {"position": [0.0, 0.0, 4.0], "look_at": [0.0, 0.0, 0.0], "hfov_deg": 36.0}
+SIZE = (32, 24)
+
+
+def camera(width: int = SIZE[0], height: int = SIZE[1]) -> Camera:
+    focal = width / 2 / np.tan(np.radians(CAMERA["hfov_deg"]) / 2)
+    return Camera.looking_at(np.array(CAMERA["position"]), np.zeros(3), width=width, height=height, focal_length=focal)
+
+
+def normals() -> np.ndarray:
+    """Of the unit ball at the origin, (H, W, 3); 0 beside it."""
+    view = camera()
+    rays = view.rays()
+    along = rays @ view.position
+    inside = along**2 - view.position @ view.position + 1
+    points = view.position + (-along - np.sqrt(np.maximum(inside, 0)))[..., None] * rays
+    return np.where((inside > 0)[..., None], points, 0.0)
+
+
+def lit(direction: np.ndarray) -> np.ndarray:
+    """The ball under parallel light of irradiance 1, (H, W, 3), with a trace of it everywhere, as lenses leave."""
+    return (1e-5 + np.maximum(normals() @ direction, 0)[..., None] * ALBEDO / np.pi).astype(np.float32)
+
+
+def write_stage(folder: Path, count: int = LIGHTS, **changes: object) -> Path:
+    """Write pictures and stage.json, whose keys `changes` replace."""
+    folder.mkdir(parents=True, exist_ok=True)
+    lights = []
+    for index, direction in enumerate(even_directions(count)):
+        write(folder / f"light_{index:02d}.exr", RadianceMap(lit(direction)))
+        lights.append({"file": f"light_{index:02d}.exr", "direction": direction.tolist()})
+    stage = {"lights": lights, "cameras": {"front": CAMERA}} | changes
+    (folder / "stage.json").write_text(json.dumps(stage), "utf-8")
+    return folder
