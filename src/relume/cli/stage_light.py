@@ -16,6 +16,7 @@ from relume.errors import UnreadableFile
 if TYPE_CHECKING:
     import numpy as np
 
+    from relume.lightstage.dense_directions import DirectedLight
     from relume.lightstage.interpolation import Interpolation
     from relume.lightstage.lights import StageLights
     from relume.sphere.illumination import IlluminationMap
@@ -90,6 +91,28 @@ class Light:
         folder = (self.light or [])[0]
         return sorted(path for path in folder.iterdir() if path.suffix.lower() in (".exr", ".hdr"))
 
+    def directed(self) -> DirectedLight:
+        """The same light as directions, for shadows between the stage's lights."""
+        import numpy as np
+
+        from relume.light.exports import json_lights
+        from relume.lightstage.dense_directions import DirectedLight, leaves_of
+
+        radius = np.radians(self.size) / 2
+        parts = [leaves_of(light).turned(self.rotation()) for light in self.maps()]
+        for path in self.light or []:
+            if path.suffix.lower() == ".json":
+                read = json_lights.read(path)
+                radii = np.zeros(len(read.directions)) if read.angular_radii is None else read.angular_radii
+                parts.append(DirectedLight(read.directions, read.irradiance, radii))
+        for word in self.direction or []:
+            towards, irradiance = read_strength(word, "--direction")
+            parts.append(_parallel(np.array(towards), np.array(irradiance), radius))
+        for word in self.lamp or []:
+            place, intensity = np.array(read_strength(word, "--lamp"))
+            parts.append(_parallel(place, intensity / (place @ place), radius))
+        return DirectedLight.of(parts)
+
     def turning(
         self, lights: StageLights, frames: int | None, report: Callable[[float], None]
     ) -> tuple[np.ndarray, str]:
@@ -160,6 +183,15 @@ class Light:
             place, intensity = read_strength(word, "--lamp")
             total += illumination.lamp_irradiances(lights, PointLight(place, intensity), by, radius=radius)
         return total, maps[0].unit if maps else "relative"
+
+
+def _parallel(towards: np.ndarray, irradiance: np.ndarray, radius: float) -> DirectedLight:
+    import numpy as np
+
+    from relume.lightstage.dense_directions import DirectedLight
+
+    unit = towards / np.linalg.norm(towards)
+    return DirectedLight(unit[None], irradiance[None].astype(np.float64), np.array([radius]))
 
 
 Three = tuple[float, float, float]

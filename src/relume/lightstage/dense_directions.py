@@ -6,10 +6,12 @@ A quadtree over the map; a leaf keeps the exact irradiance of its texels and shi
 from __future__ import annotations
 
 import heapq
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from relume.sphere.directions import required_rotation
 from relume.sphere.illumination import IlluminationMap
 from relume.sphere.mappings import pixel_directions
 
@@ -34,6 +36,21 @@ class DirectedLight:
                 f"directions {self.directions.shape}, irradiances {self.irradiances.shape} and radii "
                 f"{self.radii.shape}; expected (M, 3), (M, 3) and (M,)"
             )
+
+    @staticmethod
+    def of(parts: Sequence[DirectedLight]) -> DirectedLight:
+        """Several together; raises ValueError for none."""
+        if not parts:
+            raise ValueError("no light is given; expected one or more")
+        return DirectedLight(
+            np.concatenate([part.directions for part in parts]),
+            np.concatenate([part.irradiances for part in parts]),
+            np.concatenate([part.radii for part in parts]),
+        )
+
+    def turned(self, rotation: np.ndarray) -> DirectedLight:
+        """The light turned by an active rotation (3, 3)."""
+        return DirectedLight(self.directions @ required_rotation(rotation).T, self.irradiances, self.radii)
 
 
 def leaves_of(illumination: IlluminationMap, count: int = 1500) -> DirectedLight:

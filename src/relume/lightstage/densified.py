@@ -19,6 +19,7 @@ from relume.lightstage.dense_surface import Geometry, Sample, direct_light, over
 from relume.lightstage.field import Noise, ReflectanceField
 from relume.lightstage.interpolation import Interpolation, Smooth
 from relume.lightstage.lights import StageLights
+from relume.lightstage.relighting import Progress
 from relume.scene.camera import Camera
 from relume.scene.shapes import Mesh
 
@@ -28,6 +29,8 @@ _TRIED_ROWS = 8
 _BLOCK = 1 << 26
 """Numbers a block of rows may hold: some 800 MB with what is computed from them."""
 _BRIGHT, _MIDDLING = 2e-3, 5e-4
+_TOGETHER = 16
+"""Directions that a thread takes at once."""
 
 
 @dataclass(frozen=True)
@@ -89,14 +92,18 @@ class DirectModel:
         self, samples: Sequence[Sample], wide: slice, rows: slice, directions: np.ndarray, radii: np.ndarray
     ) -> np.ndarray:
         """(M, 2, rows · columns) float32 under each of these lights."""
+        from relume._kernel import in_threads
+
         pixels = (wide.stop - wide.start) * self.camera.width
         alpha = required(self.settings.alpha)
-        return np.stack(
-            [
-                self.gathered(direct_light(self.geometry, samples, pixels, direction, radius, alpha), wide, rows)
-                for direction, radius in zip(directions, radii, strict=True)
+
+        def under(begin: int, end: int) -> list[np.ndarray]:
+            return [
+                self.gathered(direct_light(self.geometry, samples, pixels, directions[i], radii[i], alpha), wide, rows)
+                for i in range(begin, end)
             ]
-        )
+
+        return np.stack([each for part in in_threads(under, len(directions), chunk=_TOGETHER) for each in part])
 
     def fitted(self, samples: Sequence[Sample], wide: slice, rows: slice) -> tuple[np.ndarray, np.ndarray]:
         """Scales (K, 2, 3) of direct light, and what it leaves over of the field (N, K, 3)."""
@@ -230,6 +237,7 @@ def densely_relit(
     geometry: Sequence[Mesh] | None = None,
     settings: Densification = Densification(),
     irradiances: np.ndarray | None = None,
+    progress: Progress | None = None,
 ) -> np.ndarray:
     """The picture (H, W, 3) float32 under light from many directions, without a field of them in between.
 
@@ -259,6 +267,8 @@ def densely_relit(
         direct = _direct_picture(model, samples, wide, rows, light)
         over = np.einsum("nkc,nc->kc", left, irradiances)
         picture[rows] = (over + np.einsum("bkc,kbc->kc", direct, scales)).reshape(-1, width, 3)
+        if progress:
+            progress(rows.stop / height)
     return picture
 
 
@@ -266,16 +276,24 @@ def _direct_picture(
     model: DirectModel, samples: Sequence[Sample], wide: slice, rows: slice, light: DirectedLight
 ) -> np.ndarray:
     """Direct light (2, K, 3) of all directions together."""
+    from relume._kernel import in_threads
+
     pixels = (wide.stop - wide.start) * model.camera.width
-    total = np.zeros((3, 2, pixels), np.float32)
     power = light.irradiances.sum(axis=1)
     share = power / max(power.sum(), 1e-300)
-    for i, direction in enumerate(light.directions):
-        few = _turns(len(samples), i, 1 if share[i] < _MIDDLING else 3 if share[i] < _BRIGHT else len(samples))
-        chosen = [samples[j] for j in few]
-        one = direct_light(model.geometry, chosen, pixels, direction, light.radii[i], required(model.settings.alpha))
-        for channel in range(3):
-            total[channel] += one * np.float32(light.irradiances[i, channel])
+    alpha = required(model.settings.alpha)
+
+    def some(begin: int, end: int) -> np.ndarray:
+        total = np.zeros((3, 2, pixels), np.float32)
+        for i in range(begin, end):
+            few = _turns(len(samples), i, 1 if share[i] < _MIDDLING else 3 if share[i] < _BRIGHT else len(samples))
+            chosen = [samples[j] for j in few]
+            one = direct_light(model.geometry, chosen, pixels, light.directions[i], light.radii[i], alpha)
+            for channel in range(3):
+                total[channel] += one * np.float32(light.irradiances[i, channel])
+        return total
+
+    total = sum(in_threads(some, len(light.directions), chunk=_TOGETHER), np.zeros((3, 2, pixels), np.float32))
     return np.moveaxis(model.gathered(total, wide, rows), 0, 2)
 
 

@@ -54,7 +54,7 @@ class NearestCell:
 
 @dataclass(frozen=True)
 class Smooth:
-    """Kriging with a constant mean and a Matérn-3/2 covariance of the angle; exact in the lights' own directions.
+    """Kriging with a constant mean and a Matérn-3/2 covariance of the chord; exact in the lights' own directions.
 
     length : radians over which reflectance functions vary; `cells` widths of the lights' median cell for None
     cells : 2.3 was best on a rendered head under 288 lights, a length of 0.5 radians
@@ -100,10 +100,11 @@ class Smooth:
     def _covariance(self, lights: StageLights, directions: np.ndarray) -> np.ndarray:
         """(M, N) between these directions and the lights."""
         length = self.length or self.cells * float(np.sqrt(np.median(lights.solid_angles)))
-        # The chord tells small angles, which the cosine rounds away.
-        gram = np.clip(2 - 2 * directions @ lights.directions.T, 0, 4)
-        angle = np.sqrt(3) / length * 2 * np.arcsin(np.sqrt(gram) / 2)
-        return (1 + angle) * np.exp(-angle)
+        # Of the chord: of the angle along the sphere a Matérn-3/2 function is no covariance (Gneiting 2013), and with
+        # few lights and a long reach weights would explode.
+        chord = np.sqrt(np.clip(2 - 2 * directions @ lights.directions.T, 0, 4))
+        reach = np.sqrt(3) / length * chord
+        return (1 + reach) * np.exp(-reach)
 
 
 def checked_directions(directions: np.ndarray) -> np.ndarray:

@@ -20,6 +20,8 @@ from relume.lightstage.stage_file import STAGE_FILE, LightEntry, Stage, View, re
 PICTURES = (".exr", ".hdr", ".pic", ".pfm", ".float", ".jpg", ".jpeg", ".png", ".tif", ".tiff")
 """Endings of files that would be a light's picture; camera raws are developed or merged first."""
 
+MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl")
+
 
 def read_stage(path: str | os.PathLike[str], camera: str | None = None, *, kept: int = KEPT) -> ReflectanceField:
     """The reflectance field at a path; its pictures are read when it is asked for them.
@@ -42,6 +44,27 @@ def read_stage(path: str | os.PathLike[str], camera: str | None = None, *, kept:
     if source.suffix.lower() == LIST:
         return folder_of(_listed(read_lp(source), source), source, camera, kept=kept)
     return folder_of(read_stage_file(source), source, camera, kept=kept)
+
+
+def geometry_of(path: str | os.PathLike[str]) -> tuple[Path | None, float | None]:
+    """The mesh of the subject that a stage has, and the radius of its lights, radians; None where it tells neither.
+
+    The mesh is the one that `stage.json` names as "mesh", else the only one in the folder `objects` beside it.
+    Raises InvalidStage for a name without a file.
+    """
+    path = Path(path)
+    file = path / STAGE_FILE if path.is_dir() else path
+    if file.name != STAGE_FILE or not file.is_file():
+        return None, None
+    stage = read_stage_file(file)
+    radius = None if stage.angular_diameter is None else stage.angular_diameter / 2
+    if (named := stage.others.get("mesh")) is not None:
+        if not isinstance(named, str) or not (file.parent / named).is_file():
+            raise InvalidStage(f'{file}: "mesh" is {named!r}; name a file beside the stage file')
+        return file.parent / named, radius
+    objects = file.parent / "objects"
+    found = [each for each in sorted(objects.iterdir()) if each.suffix.lower() in MESHES] if objects.is_dir() else []
+    return (found[0] if len(found) == 1 else None), radius
 
 
 def folder_of(stage: Stage, source: Path, camera: str | None = None, *, kept: int = KEPT) -> PictureFolder:
