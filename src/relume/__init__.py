@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         GridNotFound,
         InvalidScene,
         InvalidShot,
+        InvalidStage,
         NotABracket,
         NotAPanorama,
         OutputNotWritten,
@@ -55,6 +56,17 @@ if TYPE_CHECKING:
     from relume.light.residual import key_lights
     from relume.light.sun import extract_sun
     from relume.light.variance_cut import VarianceMinimisation
+    from relume.lightstage.clothing import Cloths, reclothed
+    from relume.lightstage.driving import drive
+    from relume.lightstage.environment_matte import EnvironmentMatte, environment_matte
+    from relume.lightstage.field import Noise, Pictures
+    from relume.lightstage.illumination import irradiances
+    from relume.lightstage.lights import StageLights
+    from relume.lightstage.reading import read_stage
+    from relume.lightstage.relighting import relight
+    from relume.lightstage.separation import separate
+    from relume.lightstage.store_building import build_store
+    from relume.lightstage.viewpoint import Source, view
     from relume.probe.ball import BallView, view_ball
     from relume.probe.blending import Probe, assemble
     from relume.probe.painting import HotSpot, paint
@@ -122,6 +134,7 @@ _HOMES = {
         "GridNotFound",
         "InvalidScene",
         "InvalidShot",
+        "InvalidStage",
         "NotABracket",
         "NotAPanorama",
         "OutputNotWritten",
@@ -144,6 +157,17 @@ _HOMES = {
     "light.residual": ("key_lights",),
     "light.sun": ("extract_sun",),
     "light.variance_cut": ("VarianceMinimisation",),
+    "lightstage.clothing": ("Cloths", "reclothed"),
+    "lightstage.driving": ("drive",),
+    "lightstage.environment_matte": ("EnvironmentMatte", "environment_matte"),
+    "lightstage.field": ("Noise", "Pictures"),
+    "lightstage.illumination": ("irradiances",),
+    "lightstage.lights": ("StageLights",),
+    "lightstage.reading": ("read_stage",),
+    "lightstage.relighting": ("relight",),
+    "lightstage.separation": ("separate",),
+    "lightstage.store_building": ("build_store",),
+    "lightstage.viewpoint": ("Source", "view"),
     "probe.ball": ("BallView", "view_ball"),
     "probe.blending": ("Probe", "assemble"),
     "probe.painting": ("HotSpot", "paint"),
@@ -201,6 +225,7 @@ __all__ = [
     "CameraProfile",
     "Change",
     "Checks",
+    "Cloths",
     "Constant",
     "Constellation",
     "Cross",
@@ -211,6 +236,7 @@ __all__ = [
     "Distortion",
     "Dome",
     "DoubtfulResult",
+    "EnvironmentMatte",
     "EqualArea",
     "Exposure",
     "Film",
@@ -227,6 +253,7 @@ __all__ = [
     "Inserted",
     "InvalidScene",
     "InvalidShot",
+    "InvalidStage",
     "InverseVariance",
     "KMeans",
     "LatLong",
@@ -239,6 +266,7 @@ __all__ = [
     "MirrorBall",
     "Mitsuba",
     "MitsunagaNayar",
+    "Noise",
     "NotABracket",
     "NotAPanorama",
     "Octahedral",
@@ -247,6 +275,7 @@ __all__ = [
     "PanoramaView",
     "Patches",
     "Photograph",
+    "Pictures",
     "Plane",
     "PointLight",
     "Polygon",
@@ -269,8 +298,10 @@ __all__ = [
     "Scene",
     "SceneFile",
     "Shot",
+    "Source",
     "Sphere",
     "SphereLight",
+    "StageLights",
     "Strip",
     "SunNotFound",
     "SunNotRecovered",
@@ -287,15 +318,19 @@ __all__ = [
     "as_radiance_map",
     "assemble",
     "audit",
+    "build_store",
     "camera_from_grid",
     "constellation",
     "deghost",
     "develop",
     "differential",
+    "drive",
     "environment",
+    "environment_matte",
     "extract_sun",
     "fit_vanishing_lines",
     "insert",
+    "irradiances",
     "key_lights",
     "measure",
     "merge",
@@ -317,13 +352,18 @@ __all__ = [
     "read_raw",
     "read_scene",
     "read_shot",
+    "read_stage",
+    "reclothed",
     "recover",
     "recover_reflectance",
     "recover_response",
     "recover_sun",
     "reflection_map",
     "reflection_maps",
+    "relight",
     "render",
+    "separate",
+    "view",
     "view_ball",
     "virtual_photograph",
     "write",

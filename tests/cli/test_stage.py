@@ -146,8 +146,8 @@ def test_clothe_tints_what_white_adds_to_black(tmp_path):
 
 
 def test_a_dry_run_tells_memory_and_time_and_writes_nothing(stage, even, tmp_path, capsys):
-    command = ["stage", "relight", str(stage), "--light", str(even), "-o", str(tmp_path / "a.exr"), "--dry-run", "--json"]
-    assert main(command) == 0
+    command = ["stage", "relight", str(stage), "--light", str(even), "-o", str(tmp_path / "a.exr")]
+    assert main([*command, "--dry-run", "--json"]) == 0
     told = result(capsys)
     assert told["lights"] == LIGHTS and "memory" in told and "seconds, about" in told
     assert not (tmp_path / "a.exr").exists()

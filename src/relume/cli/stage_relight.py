@@ -38,8 +38,8 @@ def relight(
     mesh: Annotated[
         Path | None,
         Parameter(
-            help="A mesh of the subject in the stage's frame: with it shadows and glints move between the stage's lights "
-            "instead of fading over. The one that stage.json names, or the only one in objects/, unless given."
+            help="A mesh of the subject in the stage's frame: with it shadows and glints move between the stage's "
+            "lights instead of fading over. The one that stage.json names, or the only one in objects/, unless given."
         ),
     ] = None,
     no_mesh: Annotated[
