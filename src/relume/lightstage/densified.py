@@ -264,7 +264,7 @@ def densely_relit(
             continue
         wide, samples = model.samples(rows)
         scales, left = model.fitted(samples, wide, rows)
-        direct = _direct_picture(model, samples, wide, rows, light)
+        direct = direct_picture(model, samples, wide, rows, light)
         over = np.einsum("nkc,nc->kc", left, irradiances)
         picture[rows] = (over + np.einsum("bkc,kbc->kc", direct, scales)).reshape(-1, width, 3)
         if progress:
@@ -272,7 +272,7 @@ def densely_relit(
     return picture
 
 
-def _direct_picture(
+def direct_picture(
     model: DirectModel, samples: Sequence[Sample], wide: slice, rows: slice, light: DirectedLight
 ) -> np.ndarray:
     """Direct light (2, K, 3) of all directions together."""
