@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from relume.cli.arguments import read_point, read_rotation, require_files
-from relume.cli.light_input import read_light
+from relume.cli.arguments import read_rotation, require_files
+from relume.cli.light_input import Clamp, read_light
 from relume.errors import UnreadableFile
 
 if TYPE_CHECKING:
     import numpy as np
 
+    from relume.light.constellation import Constellation
     from relume.lightstage.dense_directions import DirectedLight
     from relume.lightstage.interpolation import Interpolation
     from relume.lightstage.lights import StageLights
@@ -56,6 +57,7 @@ class Light:
             help="Turn the maps by YAW[,PITCH[,ROLL]] degrees about +Y, then +X, then +Z, right-handed.",
         ),
     ] = None
+    clamp: Clamp = False
     nearest: Annotated[
         bool,
         Parameter(negative="", help="Give all light to the nearest light of the stage, as the paper does."),
@@ -91,27 +93,25 @@ class Light:
         folder = (self.light or [])[0]
         return sorted(path for path in folder.iterdir() if path.suffix.lower() in (".exr", ".hdr"))
 
-    def directed(self) -> DirectedLight:
-        """The same light as directions, for shadows between the stage's lights."""
+    def directed(self) -> tuple[DirectedLight, str]:
+        """The same light as directions, for shadows between the stage's lights, and its unit."""
         import numpy as np
 
-        from relume.light.exports import json_lights
         from relume.lightstage.dense_directions import DirectedLight, leaves_of
 
         radius = np.radians(self.size) / 2
-        parts = [leaves_of(light).turned(self.rotation()) for light in self.maps()]
-        for path in self.light or []:
-            if path.suffix.lower() == ".json":
-                read = json_lights.read(path)
-                radii = np.zeros(len(read.directions)) if read.angular_radii is None else read.angular_radii
-                parts.append(DirectedLight(read.directions, read.irradiance, radii))
+        maps = self.maps()
+        parts = [leaves_of(light).turned(self.rotation()) for light in maps]
+        for read in self.constellations():
+            radii = np.zeros(len(read.directions)) if read.angular_radii is None else read.angular_radii
+            parts.append(DirectedLight(read.directions, read.irradiance, radii))
         for word in self.direction or []:
             towards, irradiance = read_strength(word, "--direction")
             parts.append(_parallel(np.array(towards), np.array(irradiance), radius))
         for word in self.lamp or []:
             place, intensity = np.array(read_strength(word, "--lamp"))
             parts.append(_parallel(place, intensity / (place @ place), radius))
-        return DirectedLight.of(parts)
+        return DirectedLight.of(parts), maps[0].unit if maps else "relative"
 
     def turning(
         self, lights: StageLights, frames: int | None, report: Callable[[float], None]
@@ -119,26 +119,31 @@ class Light:
         """Irradiances (K, N, 3) of every picture of a sequence, and their unit."""
         import numpy as np
 
-        from relume.lightstage.illumination import irradiances
+        from relume.lightstage.illumination import constellation_irradiances, irradiances
         from relume.sphere.directions import rotation_about
 
         by, found = self.interpolation(), []
         if frames is None:
             units = set()
             for index, path in enumerate(self._listed()):
-                light = read_light(path)
+                light = read_light(path, clamp=self.clamp)
                 units.add(light.unit)
                 if len(units) > 1:
                     raise ValueError(f"{path}: in {light.unit}, the maps before it not; a sequence has one unit")
                 found.append(irradiances(lights, light, by, self.rotation()))
                 report((index + 1) / self.pictures)
             return np.stack(found), units.pop()
-        maps = self.maps()
+        maps, lamps = self.maps(), self.constellations()
         for index in range(frames):
-            turn = rotation_about((0.0, 1.0, 0.0), 2 * np.pi * index / frames) @ self.rotation()
-            found.append(sum(irradiances(lights, light, by, turn) for light in maps))
+            turn = rotation_about((0.0, 1.0, 0.0), 2 * np.pi * index / frames)
+            total = np.zeros((len(lights), 3))
+            for light in maps:
+                total += irradiances(lights, light, by, turn @ self.rotation())
+            for read in lamps:
+                total += constellation_irradiances(lights, replace(read, directions=read.directions @ turn.T), by)
+            found.append(total)
             report((index + 1) / frames)
-        return np.stack(found), maps[0].unit
+        return np.stack(found), maps[0].unit if maps else "relative"
 
     def interpolation(self) -> Interpolation:
         from relume.lightstage.interpolation import NearestCell, Smooth
@@ -147,11 +152,20 @@ class Light:
 
     def maps(self) -> list[IlluminationMap]:
         """The maps of --light, not turned."""
-        maps = [read_light(path) for path in self.light or [] if path.suffix.lower() != ".json"]
+        paths = [path for path in self.light or [] if path.suffix.lower() != ".json"]
+        maps = [read_light(path, clamp=self.clamp) for path in paths]
         units = {each.unit for each in maps}
         if len(units) > 1:
             raise ValueError("--light: one map is in cd/m² and another relative; they cannot be summed")
         return maps
+
+    def constellations(self) -> list[Constellation]:
+        """The parallel lights of --light's .json, turned as the maps are."""
+        from relume.light.exports import json_lights
+
+        turn = self.rotation().T
+        found = [json_lights.read(path) for path in self.light or [] if path.suffix.lower() == ".json"]
+        return [replace(each, directions=each.directions @ turn) for each in found]
 
     def rotation(self) -> np.ndarray:
         """What --rotate turns the maps by."""
@@ -163,7 +177,6 @@ class Light:
         """What each light of the stage has to give, (N, 3), and its unit."""
         import numpy as np
 
-        from relume.light.exports import json_lights
         from relume.lightstage import illumination
         from relume.scene.lights import DistantLight, PointLight
 
@@ -171,9 +184,8 @@ class Light:
         total = np.zeros((len(lights), 3))
         for light in maps:
             total += illumination.irradiances(lights, light, by, self.rotation())
-        for path in self.light or []:
-            if path.suffix.lower() == ".json":
-                total += illumination.constellation_irradiances(lights, json_lights.read(path), by)
+        for read in self.constellations():
+            total += illumination.constellation_irradiances(lights, read, by)
         radius = np.radians(self.size) / 2
         for word in self.direction or []:
             towards, irradiance = read_strength(word, "--direction")
@@ -200,8 +212,12 @@ Three = tuple[float, float, float]
 def read_strength(word: str, option: str) -> tuple[Three, Three]:
     """A place or direction and a colour from "X,Y,Z", "X,Y,Z=E" or "X,Y,Z=R,G,B"."""
     place, equals, strength = word.partition("=")
+    try:
+        x, y, z = (float(each) for each in place.replace(",", " ").split())
+    except ValueError:
+        raise ValueError(f'{option}: "{place}" are not three numbers; write X,Y,Z, like 1,1,2') from None
     if not equals:
-        return read_point(place, option), (1.0, 1.0, 1.0)
+        return (x, y, z), (1.0, 1.0, 1.0)
     try:
         numbers = [float(each) for each in strength.replace(",", " ").split()]
         red, green, blue = numbers * 3 if len(numbers) == 1 else numbers
@@ -209,4 +225,4 @@ def read_strength(word: str, option: str) -> tuple[Three, Three]:
         raise ValueError(
             f'{option}: "{strength}" is no strength; write one number or three, like {place}=2.5'
         ) from None
-    return read_point(place, option), (red, green, blue)
+    return (x, y, z), (red, green, blue)

@@ -93,7 +93,7 @@ def relight(
                 if geometry is None:
                     picture = relit(field, given, **settings)
                 else:
-                    picture = geometry.relit(field, light.directed(), **settings)
+                    picture = geometry.relit(field, light.directed()[0], **settings)
                 write_picture(out, replace(picture, unit=unit), exposure)
                 count = 1
         facts = {"written": str(out), "pictures": count, "lights": len(field.lights)}

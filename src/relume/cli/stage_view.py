@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, read_point, require_files
-from relume.cli.console import Manner, progress, speaking, tell
+from relume.cli.console import Manner, note, progress, speaking, tell
 from relume.cli.stage_light import Light
 from relume.cli.stage_options import Stage
 from relume.cli.stage_output import require_picture, write_picture
 
 if TYPE_CHECKING:
-    from relume.lightstage.viewpoint import Source
+    from relume.lightstage.field import ReflectanceField
+    from relume.lightstage.view_gathering import View
     from relume.scene.camera import Camera
+    from relume.scene.shapes import Mesh
 
 
 def view(
@@ -44,22 +47,27 @@ def view(
         list[str] | None,
         Parameter(negative="", help="A camera of the stage whose pictures are used; again for each; the first."),
     ] = None,
-    matt: Annotated[
-        bool, Parameter(negative="", help="Leave highlights where the stage's camera saw them; several times as fast.")
+    measured: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="Carry the measured reflectance functions to the new view (the paper's eq. 9) instead of computing "
+            "direct light on the mesh; quicker, and less exact where the light is narrow.",
+        ),
     ] = False,
     exposure: Annotated[float, Parameter(allow_leading_hyphen=True, help="Stops to brighten .png and .jpg by.")] = 0.0,
     dry_run: DryRun = False,
     manner: Manner = Manner(),
 ) -> None:
-    """Relight a subject and see it from a new place (Debevec et al. 2000, §4): highlights move as they would.
+    """Relight a subject and see it from a new place (Debevec et al. 2000, §4): shadows and highlights move.
 
     What no camera of the stage saw is left out, and told.
     """
     from relume.image import files
-    from relume.lightstage.reading import read_stage
-    from relume.lightstage.separation import separate
-    from relume.lightstage.viewpoint import Source
-    from relume.lightstage.viewpoint import view as seen_from
+    from relume.lightstage.dense_view import directly_lit_view
+    from relume.lightstage.densified import Densification
+    from relume.lightstage.reading import geometry_of, read_stage
+    from relume.lightstage.view_gathering import Source
     from relume.scene.meshes import read_meshes
 
     with speaking(manner):
@@ -68,7 +76,7 @@ def view(
         require_files([mesh, *([camera_file] if camera_file else [])])
         if (position is None) == (camera_file is None):
             raise ValueError("give one of --position and --camera-file")
-        fields = [read_stage(stage, name) for name in camera or [None]]
+        fields, names = [read_stage(stage, name) for name in camera or [None]], camera or [stage.name]
         if fields[0].camera is None:
             raise ValueError(f"{stage}: tells no camera, which a new view needs; add it to stage.json")
         new = _camera(fields[0].camera, position, target, field_of_view, size, camera_file)
@@ -77,30 +85,40 @@ def view(
             tell(manner, {"would write": str(out), "size": [new.width, new.height], "cameras": len(fields)})
             return
         with progress(manner) as report:
-            sources: list[Source] = []
-            for index, (field, name) in enumerate(zip(fields, camera or [stage.name], strict=True)):
-                parts = None if matt else separate(field)
-                alpha = None if parts is None else parts.alpha
-                sources.append(Source(field, parts, alpha=alpha, name=name))
-                report("separating", (index + 1) / len(fields))
-            given = [light.irradiances(field.lights) for field in fields]
             report("viewing", 0.0)
-            found = seen_from(sources, [amounts for amounts, _ in given], new, meshes)
+            if measured:
+                found, unit = _carried(fields, names, light, new, meshes)
+            else:
+                sources = [Source(field, name=name) for field, name in zip(fields, names, strict=True)]
+                directed, unit = light.directed()
+                radius = geometry_of(stage)[1]
+                settings = Densification() if radius is None else Densification(light_radius=radius)
+                found = directly_lit_view(sources, directed, new, meshes, settings=settings)
             report("viewing", 1.0)
         if out.suffix.lower() == ".exr":
             layers = {"radiance": found.picture.radiance, "alpha": found.alpha, "unseen": found.unseen}
-            files.write_layers(out, layers, unit=given[0][1])
+            files.write_layers(out, layers, unit=unit)
         else:
             write_picture(out, found.picture, exposure)
-        surface = found.alpha.sum() + found.unseen.sum()
-        tell(
-            manner,
-            {
-                "written": str(out),
-                "size": [new.width, new.height],
-                "unseen": float(f"{found.unseen.sum() / surface:.3g}"),
-            },
-        )
+        share = float(found.unseen.sum() / (found.alpha.sum() + found.unseen.sum()))
+        if share > 0.01:
+            note(manner, f"{share:.0%} of what the new view shows was seen by no camera, and is left black")
+        tell(manner, {"written": str(out), "size": [new.width, new.height], "unseen": float(f"{share:.3g}")})
+
+
+def _carried(
+    fields: Sequence[ReflectanceField], names: Sequence[str], light: Light, new: Camera, meshes: Sequence[Mesh]
+) -> tuple[View, str]:
+    """The view by the paper's eq. 9, and its unit."""
+    from relume.lightstage.separation import separate
+    from relume.lightstage.view_gathering import Source
+    from relume.lightstage.viewpoint import view as seen_from
+
+    parts = [separate(field) for field in fields]
+    told = zip(fields, parts, names, strict=True)
+    sources = [Source(field, part, alpha=part.alpha, name=name) for field, part, name in told]
+    given = [light.irradiances(field.lights) for field in fields]
+    return seen_from(sources, [amounts for amounts, _ in given], new, meshes), given[0][1]
 
 
 def _camera(

@@ -13,11 +13,12 @@ from dataclasses import replace
 import numpy as np
 
 from relume.errors import InvalidShot
-from relume.lightstage.illumination import irradiances
-from relume.lightstage.reading import read_stage
-from relume.lightstage.separation import separate
+from relume.lightstage.dense_directions import leaves_of
+from relume.lightstage.dense_view import directly_lit_view
+from relume.lightstage.densified import Densification
+from relume.lightstage.reading import geometry_of, read_stage
+from relume.lightstage.view_gathering import Source, View
 from relume.lightstage.view_projection import Subject
-from relume.lightstage.viewpoint import Source, View, view
 from relume.render.change import Change
 from relume.render.environment import environment
 from relume.render.mitsuba import Mitsuba
@@ -32,6 +33,8 @@ from relume.shot.project import Object, Shot
 LIGHT = Mitsuba(samples=64, depth=6)
 """Renders what reaches the subject; its noise is averaged over the cells of the stage's lights."""
 LIGHT_ROWS = 128
+LEAVES = 500
+"""Directions that light is told by: a room's light is rendered, and wide."""
 NEARER = 1.01
 """Another object's depth times this is still before the subject's: depths are means over pixels."""
 
@@ -86,12 +89,11 @@ def _look(shot: Shot, table: Object, around: Scene, camera: Camera) -> tuple[Vie
     )
     middle = bounds(meshes).mean(axis=0) * table.scale @ turn.T + np.array(table.translate)
     light = environment(around, middle, LIGHT, size=LIGHT_ROWS, seed=shot.render.seed)
-    sources = []
-    for name in table.stage_cameras or [None]:
-        field = read_stage(path, name)
-        parts = separate(field)
-        called = f"{table.stage}" + (f", camera {name}" if name else "")
-        sources.append(Source(field, parts, alpha=parts.alpha, name=called))
-    given = [irradiances(source.field.lights, light, rotation=turn.T) for source in sources]
-    seen = view(sources, given, moved, meshes)
+    sources = [
+        Source(read_stage(path, name), name=table.stage + (f", camera {name}" if name else ""))
+        for name in table.stage_cameras or [None]
+    ]
+    radius = geometry_of(path)[1]
+    settings = Densification() if radius is None else Densification(light_radius=radius)
+    seen = directly_lit_view(sources, leaves_of(light, LEAVES).turned(turn.T), moved, meshes, settings=settings)
     return seen, Subject.of(meshes).seen(moved).distance * table.scale
