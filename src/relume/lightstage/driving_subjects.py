@@ -5,16 +5,17 @@ A subject tells what is seen of it, at M normals, directions or pixels, under li
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from relume.light.convolution import as_latlong, convolved, cut_up
 from relume.light.lobes import GGXLobe, Lambert, Lobe
 from relume.lightstage.field import ReflectanceField
+from relume.lightstage.illumination import irradiances
+from relume.lightstage.interpolation import Interpolation, NearestCell, Smooth
 from relume.lightstage.lights import StageLights
 from relume.sphere.illumination import IlluminationMap
 from relume.sphere.mappings import LatLong, pixel_directions
@@ -78,11 +79,14 @@ class Given:
     field : taken under at least as many lights as the stage has that is driven
     mask : (H, W) bool, the pixels that count; all unless given
     pixels : about how many of them, evenly spread; a few thousand hold what a few hundred lights can do
+    by : how the field's lights stand for a lamp, or for light, between them. Smooth unless given: one half of the 288
+        lights of a rendered head foretold the other half's pictures to 14 % of their mean, nearest cells to 31 %
     """
 
     field: ReflectanceField
     mask: np.ndarray | None = None
     pixels: int = 4096
+    by: Interpolation = field(default_factory=Smooth)
 
     def __post_init__(self) -> None:
         if self.mask is not None and (self.mask.shape != self.field.shape or not self.mask.any()):
@@ -96,17 +100,12 @@ class Given:
         return np.full(count, 1 / count)
 
     def lit_by(self, lights: StageLights) -> np.ndarray:
-        """A lamp lights the subject as the nearest lights of its field do, each by how near it is."""
-        field = self.field.lights
-        apart, nearest = KDTree(field.directions).query(lights.directions, k=min(3, len(field)))
-        apart, nearest = apart.reshape(len(lights), -1), nearest.reshape(len(lights), -1)
-        closeness = 1 / np.maximum(apart, 1e-9) ** 2
-        shares = np.zeros((len(lights), len(field)))
-        np.put_along_axis(shares, nearest, closeness / closeness.sum(axis=1, keepdims=True), axis=1)
+        """A lamp lights the subject as its field's lights do, each by its share in the lamp's direction."""
+        shares = self.by.weights(self.field.lights, lights.directions)
         return np.moveaxis(np.tensordot(self._values, shares, (1, 1)), 1, 2)
 
     def under(self, light: IlluminationMap) -> np.ndarray:
-        return np.einsum("pfc,fc->pc", self._values, cell_sums(self.field.lights, light))
+        return np.einsum("pfc,fc->pc", self._values, irradiances(self.field.lights, light, self.by))
 
     @cached_property
     def _values(self) -> np.ndarray:
@@ -126,8 +125,4 @@ class Given:
 
 def cell_sums(lights: StageLights, light: IlluminationMap) -> np.ndarray:
     """∫ L dω over the part of the sphere that is nearer to each light than to any other, (N, 3) float64."""
-    flux = light.radiance.astype(np.float64) * light.mapping.solid_angles(light.size)[..., None]
-    lit = flux.any(axis=-1)
-    nearest = KDTree(lights.directions).query(pixel_directions(light.mapping, light.size)[lit])[1]
-    sums = [np.bincount(nearest, flux[lit][:, c], minlength=len(lights)) for c in range(3)]
-    return np.stack(sums, axis=1)
+    return irradiances(lights, light, NearestCell())

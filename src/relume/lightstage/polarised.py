@@ -19,6 +19,9 @@ SAME_DIRECTION = 1e-3
 """Radians: lights of the two takes that are nearer than this are the same one."""
 REACH = 5
 """Pixels that a take is tried to be shifted by, either way."""
+DARKER = 0.98
+"""A crossed take must hold less than this share of the parallel one's light. A surface of index 1.5 reflects 0.04 of
+the light or more, so that even over a white body, whose half is 0.5, the share is 0.93."""
 CLEARLY = 0.8
 """A shift must leave fewer than this share of the unlike pixels to be believed."""
 
@@ -33,8 +36,8 @@ class PolarisedPair:
     The specular part is parallel − crossed and the diffuse one 2 × crossed; together they are parallel + crossed, the
     subject without polarisers. Noise makes values of the specular part that are below 0; they stay, so that sums over
     lights are unbiased.
-    Raises ValueError where the takes differ in size or lights, or seem to be swapped; warns where one is shifted by a
-    pixel or more.
+    Raises ValueError where the takes differ in size or lights, seem to be swapped or are equally bright; warns where
+    one is shifted by a pixel or more.
     """
 
     parallel: ReflectanceField
@@ -60,8 +63,10 @@ class PolarisedPair:
                 f"crossed one, {np.degrees(apart[odd]):.2f}° away; give both takes the same lights in the same order"
             )
         bright, dark = _sum_of_lights(first), _sum_of_lights(second)
-        if dark.sum() > bright.sum():
+        if DARKER * dark.sum() > bright.sum():
             raise ValueError("the crossed take is brighter than the parallel one; swap the two")
+        if dark.sum() >= DARKER * bright.sum():
+            raise ValueError(_alike(bright, dark))
         across, down = _shift(bright, dark)
         if (across, down) != (0, 0):
             warnings.warn(
@@ -122,6 +127,18 @@ def _sum_of_lights(field: ReflectanceField) -> np.ndarray:
     for light in range(len(field.lights)):
         total += field.block(slice(light, light + 1), slice(0, field.shape[0]))[0].mean(axis=-1)
     return total
+
+
+def _alike(bright: np.ndarray, dark: np.ndarray) -> str:
+    """What is wrong with takes that are equally bright."""
+    if not bright.any():
+        return "both takes are black; expected pictures of a subject through polarisers"
+    if np.array_equal(bright, dark):
+        return "the crossed take is the parallel one itself; give the other take"
+    return (
+        f"the crossed take holds {dark.sum() / bright.sum():.1%} of the parallel one's light, and nothing is left for "
+        "highlights; turn its polariser by 90°, or, if the subject is all matte, use no polarisers"
+    )
 
 
 def _shift(first: np.ndarray, second: np.ndarray) -> tuple[int, int]:

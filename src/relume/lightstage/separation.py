@@ -16,7 +16,7 @@ from relume.lightstage.chromaticity import WHITE, RampSearch, amounts, median_ch
 from relume.lightstage.field import Noise, ReflectanceField
 from relume.lightstage.lights import StageLights
 from relume.lightstage.normals import LobeFit, lambertian_lobes, towards_camera
-from relume.lightstage.shadow_map import SHADOW, bright_level, brightness, lit
+from relume.lightstage.shadow_map import DARKEST, SHADOW, bright_level, brightness, lit, shows_surface
 from relume.scene.camera import Camera
 from relume.sphere.directions import normalised
 
@@ -38,7 +38,8 @@ class ColourSeparation:
     pale : μs, as a fraction of the value, beyond which a value soon stops counting for that
     least_angle : radians between the body's and the light's chromaticity below which they are not told apart, since
         noise grows with its inverse; such values are all diffuse
-    darkest : albedo of a surface below which a pixel is no surface but noise: nothing is told of it
+    darkest : share of the field's level below which a pixel is no surface but noise: nothing is told of it
+        (`shadow_map.shows_surface`)
     ramp, lobe : of the searches
     """
 
@@ -49,7 +50,7 @@ class ColourSeparation:
     rounds: int = 2
     pale: float = 0.1
     least_angle: float = 0.05
-    darkest: float = 0.002
+    darkest: float = DARKEST
     ramp: RampSearch = field(default_factory=RampSearch)
     lobe: LobeFit = field(default_factory=LobeFit)
 
@@ -158,8 +159,9 @@ def separate(field: ReflectanceField, settings: ColourSeparation = ColourSeparat
     for rows in row_blocks(field.shape):
         values = field.block(slice(0, len(field.lights)), rows)
         parts.append(_analysed(values.reshape(len(values), -1, 3), view[rows].reshape(-1, 3), field.lights, settings))
-    maps = (np.concatenate(kind).reshape(*field.shape, -1) for kind in zip(*parts, strict=True))
-    normal, alpha, chromaticity, separable = maps
+    maps = [np.concatenate(kind).reshape(*field.shape, -1) for kind in zip(*parts, strict=True)]
+    known = shows_surface(maps.pop(), settings.darkest)
+    normal, alpha, chromaticity, separable = (np.where(known, map_, map_.dtype.type(0)) for map_ in maps)
     return Separation(field, normal, alpha, chromaticity, separable[..., 0], settings)
 
 
@@ -195,11 +197,11 @@ def _apart(
 
 def _analysed(
     values: np.ndarray, view: np.ndarray, lights: StageLights, settings: ColourSeparation
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Normal (P, 3), ramp (P, 2), body chromaticity (P, 3) and whether it can be told (P, 1) of values (N, P, 3)."""
+) -> tuple[np.ndarray, ...]:
+    """Of values (N, P, 3): normal (P, 3), ramp (P, 2), body chromaticity (P, 3), whether it can be told, level (P, 1)."""
     bright = brightness(values)
     level = bright_level(bright)
-    reached = lit(values, settings.shadow) & (level > settings.darkest / np.pi)
+    reached = lit(values, settings.shadow)
     light = settings.light_chromaticity
     within = reached & (bright > settings.range[0] * level) & (bright < settings.range[1] * level)
     body = median_chromaticity(values, within)
@@ -222,7 +224,7 @@ def _analysed(
     chromaticity = ramped(body, light, ramp(alpha, cosines)).astype(np.float32)
     final = values - specular_part(values, chromaticity, separable, settings)
     normal = lambertian_lobes(brightness(final), lights, reached, settings.lobe).normals
-    return normal, alpha, body, separable[:, None]
+    return normal, alpha, body, separable[:, None], level[:, None]
 
 
 def _paleness(

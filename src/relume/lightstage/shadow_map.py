@@ -15,6 +15,11 @@ SHADOW = 0.1
 within 6° of its horizon, which tell little of it."""
 BRIGHT = 0.95
 """The quantile of a pixel's values that is its bright level: highlights are in fewer of the lights than the rest."""
+DARKEST = 0.004
+"""A pixel below this share of the field's level shows noise, no surface; where the level is that of a surface of albedo
+0.5, the share is that of an albedo of 0.002: a tenth of soot's."""
+FIELD = 0.99
+"""The quantile of the pixels' bright levels that is the field's: so that a subject may be small, but no stray pixel."""
 
 
 def brightness(values: np.ndarray) -> np.ndarray:
@@ -26,6 +31,19 @@ def bright_level(bright: np.ndarray) -> np.ndarray:
     """The bright level (…) of brightnesses (N, …) under N lights: their quantile `BRIGHT`."""
     rank = min(int(np.ceil(BRIGHT * len(bright))), len(bright) - 1)
     return np.asarray(np.partition(bright, rank, axis=0)[rank])
+
+
+def shows_surface(level: np.ndarray, darkest: float = DARKEST) -> np.ndarray:
+    """Whether each pixel shows a surface and not noise, bool (…), for the bright levels (…) of all pixels of a field.
+
+    darkest : share of the field's own level below which a pixel is noise: of its own, so that it does not matter in
+        what unit the lights' irradiance was told
+    Raises ValueError for a share that is not between 0 and 1.
+    """
+    if not 0 <= darkest < 1:
+        raise ValueError(f"the darkest surface is {darkest} of the field's level; expected a share from 0 to below 1")
+    above = level[level > 0]
+    return np.asarray(level > darkest * (np.quantile(above, FIELD) if above.size else 0))
 
 
 def lit(values: np.ndarray, shadow: float = SHADOW) -> np.ndarray:

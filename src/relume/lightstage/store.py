@@ -1,9 +1,10 @@
 """A reflectance field on disk: a zarr store whose chunks are tiles of a few lights, read without ever being whole.
 
-`values` (N, H, W, 3) are float32, float16, or uint8 with a `scale` (N,) for each light; `statistics` (N, 2) are each
+`values` (N, H, W, 3) are float32, or float16 or uint8 with a `scale` (N,) for each light; `statistics` (N, 2) are each
 picture's mean and greatest value. `sizes` (groups of lights, tiles down, tiles across) are the bytes of every chunk,
 written when a group is finished: they tell a store that was cut short or has lost a file from a whole one. Lights,
-camera and noise are attributes, in metres and radians, the world's frame.
+camera, noise, the subject's mesh and the radius of the lamps are attributes, in metres and radians, the world's frame;
+`made_from` is the fingerprint of what the values were made from.
 Needs the extra "lightstage" (zarr).
 """
 
@@ -33,7 +34,7 @@ class StoredField:
     path : of the store
     lights, shape, camera : as of every `ReflectanceField`
     noise : of its values, what rounding to the store's type added included; None where the field's was unknown
-    rounding : variance of what rounding alone added, known always
+    rounding : variance of what rounding alone added, known always; for values that are not below 0
     chunks : lights and rows of a chunk: blocks of whole chunks are read fastest
     value_bytes : bytes that a value takes while it is read: as it is kept, and once more while chunks are opened
     """
@@ -53,7 +54,9 @@ class StoredField:
         """Values (lights, rows, columns, 3) float32 of these lights and rows."""
         part, scale = self.encoded(lights, rows)
         found = part.astype(np.float32)
-        return found if scale is None else found * scale[:, None, None, None].astype(np.float32)
+        if scale is not None:
+            found *= scale[:, None, None, None].astype(np.float32)
+        return found
 
     def encoded(self, lights: slice, rows: slice) -> tuple[np.ndarray, np.ndarray | None]:
         """Values as they are kept, and what 1 stands for in each picture, (lights,) float64, None for 1.
@@ -104,7 +107,6 @@ def read_store(path: str | os.PathLike[str]) -> StoredField:
         raise UnreadableFile(f"{path}: the store is not whole, {short}; {RESUME}")
     added = Noise(*rounding)
     known = None if noise is None else Noise(noise[0] + added.constant, noise[1] + added.slope)
-    eight = values.dtype == np.uint8
     return StoredField(
         Path(path),
         lights,
@@ -115,8 +117,22 @@ def read_store(path: str | os.PathLike[str]) -> StoredField:
         (values.chunks[0], values.chunks[1]),
         2 * values.dtype.itemsize,
         values,
-        scale if eight else None,
+        None if values.dtype == np.float32 else scale,
     )
+
+
+def stored_geometry(path: str | os.PathLike[str]) -> tuple[Path | None, float | None]:
+    """The mesh of the subject that a store names, and the angular radius of its lights, radians; None for what it does not.
+
+    Raises UnreadableFile for what is no store, and where the mesh is no longer there.
+    """
+    told = dict(opened(path).attrs)
+    mesh, radius = told.get("mesh"), told.get("light_radius")
+    if mesh is not None and not Path(mesh).is_file():
+        raise UnreadableFile(
+            f"{path}: the store names the mesh {mesh}, which is not there; put it back, or import again with another"
+        )
+    return None if mesh is None else Path(mesh), None if radius is None else float(radius)
 
 
 def opened(path: str | os.PathLike[str], mode: Any = "r") -> Any:

@@ -14,7 +14,7 @@ from relume.lightstage.field import ReflectanceField
 from relume.lightstage.lights import StageLights
 from relume.lightstage.normals import LobeFit, lambertian_lobes, towards_camera
 from relume.lightstage.separation import row_blocks
-from relume.lightstage.shadow_map import SHADOW, bright_level, brightness, lit
+from relume.lightstage.shadow_map import DARKEST, SHADOW, bright_level, brightness, lit, shows_surface
 from relume.lightstage.specular import SpecularFit, specular_lobes
 
 
@@ -33,12 +33,13 @@ class Fitting:
     """How surface maps are fitted.
 
     shadow : fraction of a pixel's bright level below which a light is in shadow (`shadow_map`)
-    darkest : albedo below which a pixel is no surface but noise; its maps are 0
+    darkest : share of the field's level below which a pixel is no surface but noise; its maps are 0
+        (`shadow_map.shows_surface`)
     lobe, specular : of the two fits
     """
 
     shadow: float = SHADOW
-    darkest: float = 0.002
+    darkest: float = DARKEST
     lobe: LobeFit = field(default_factory=LobeFit)
     specular: SpecularFit = field(default_factory=SpecularFit)
 
@@ -93,20 +94,21 @@ def surface_maps(parts: Parts, fitting: Fitting = Fitting()) -> SurfaceMaps:
         below, above = diffuse.block(every, rows), brightness(specular.block(every, rows))
         pixels = below.reshape(len(below), -1, 3), above.reshape(len(below), -1)
         found.append(_maps(*pixels, view[rows].reshape(-1, 3), diffuse.lights, fitting))
-    normal, albedo, energy, reflectance, roughness, weight = (
-        np.concatenate(kind).reshape(*diffuse.shape, *kind[0].shape[1:]) for kind in zip(*found, strict=True)
-    )
-    return SurfaceMaps(normal, albedo, energy, reflectance, roughness, weight)
+    maps = [np.concatenate(kind).reshape(*diffuse.shape, *kind[0].shape[1:]) for kind in zip(*found, strict=True)]
+    known = shows_surface(maps.pop(), fitting.darkest)
+    for map_ in maps:
+        map_[~known] = 0
+    return SurfaceMaps(*maps)
 
 
 def _maps(
     diffuse: np.ndarray, specular: np.ndarray, view: np.ndarray, lights: StageLights, fitting: Fitting
 ) -> tuple[np.ndarray, ...]:
-    """The six maps of P pixels, for diffuse values (N, P, 3) and specular brightness (N, P)."""
+    """The six maps of P pixels and their bright level, for diffuse values (N, P, 3), specular brightness (N, P)."""
     bright = brightness(diffuse)
     # What shines is lit, though its diffuse part may be dark.
     both = diffuse + specular[..., None]
-    reached = lit(both, fitting.shadow) & (bright_level(brightness(both)) > fitting.darkest / np.pi)
+    reached, level = lit(both, fitting.shadow), bright_level(brightness(both))
     lobes = lambertian_lobes(bright, lights, reached, fitting.lobe)
     normal = lobes.normals
     channels = [lambertian_lobes(diffuse[..., channel], lights, reached, fitting.lobe) for channel in range(3)]
@@ -123,6 +125,5 @@ def _maps(
         )
         alpha[shiny], reflectance[shiny] = fitted.alpha, fitted.reflectance
     roughness = np.where(alpha > 0, np.sqrt(alpha), lobes.weight > 0)
-    return tuple(
-        np.asarray(kind, np.float32) for kind in (normal, albedo, energy, reflectance, roughness, lobes.weight)
-    )
+    maps = (normal, albedo, energy, reflectance, roughness, lobes.weight, level)
+    return tuple(np.asarray(kind, np.float32) for kind in maps)

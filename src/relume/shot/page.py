@@ -31,6 +31,11 @@ def page(title: str, parts: Iterable[str]) -> str:
     )
 
 
+def main_heading(text: str) -> str:
+    """What the page is about, at its top."""
+    return f"<h1>{html.escape(text)}</h1>"
+
+
 def heading(text: str) -> str:
     return f"<h2>{html.escape(text)}</h2>"
 
