@@ -63,9 +63,9 @@ def test_light_between_the_lights_shades_the_ball_as_it_would_there(field, ball)
     assert inner.sum() > 60
     expected = np.maximum(normals @ light.directions[0], 0)[..., None] * ALBEDO / np.pi
     difference = np.abs(found.picture.radiance - expected)[inner]
-    # Pixels of a ball 20 pixels across see more than its shading at their middles.
-    assert difference.mean() < 0.02 * expected[inner].mean()
-    assert np.quantile(difference, 0.9) < 0.05 * expected[inner].mean()
+    assert np.median(difference) < 0.01 * expected[inner].mean()
+    # Rims of a ball 20 pixels across: their pixels in the source see other than what their middles show.
+    assert difference.mean() < 0.05 * expected[inner].mean()
 
 
 def test_what_the_cameras_did_not_see_is_a_hole(field, ball):

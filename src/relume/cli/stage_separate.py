@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from relume.lightstage.field import ReflectanceField
     from relume.lightstage.surface_maps import SurfaceMaps
 
+SOOT = 0.01
+"""An albedo below that of soot and black velvet."""
+
 
 def separate(
     stage: Stage,
@@ -71,6 +74,13 @@ def separate(
             report("separating", 1.0)
             maps = surface_maps(parts)
             report("maps", 1.0)
+        known = maps.weight > 0
+        if not known.any():
+            raise ValueError(
+                f"{stage}: nothing could be told of any of its {known.size} pixels; look at its pictures and at the "
+                "directions of its lights: no pixel answers to them as a surface does"
+            )
+        _tell_doubtful_level(maps, known)
         made_folder(out)
         names = ("normal", "albedo", "specular_energy", "specular_reflectance", "roughness", "weight")
         files.write_layers(out / "maps.exr", {name: getattr(maps, name) for name in names})
@@ -81,23 +91,34 @@ def separate(
         if mesh is not None:
             _write_mesh(out / "subject.glb", mesh, maps, field)
             written.append("subject.glb")
-        known = maps.weight > 0
         tell(
             manner,
             {
                 "written": [str(out / name) for name in written],
                 "known": float(f"{known.mean():.4g}"),
-                "albedo, median": [float(f"{v:.4g}") for v in np.median(maps.albedo[known], axis=0)]
-                if known.any()
-                else None,
-                "roughness, median": float(f"{np.median(maps.roughness[known]):.3g}") if known.any() else None,
+                "albedo, median": [float(f"{v:.4g}") for v in np.median(maps.albedo[known], axis=0)],
+                "roughness, median": float(f"{np.median(maps.roughness[known]):.3g}"),
             },
+        )
+
+
+def _tell_doubtful_level(maps: SurfaceMaps, known: np.ndarray) -> None:
+    """Warn of an albedo that no subject has: pictures hold it in the unit that the lights' irradiance is told in."""
+    import numpy as np
+
+    usual = float(np.median(maps.albedo[known].mean(axis=-1)))
+    if not SOOT < usual < 1:
+        warnings.warn(
+            f"the median albedo is {usual:.3g}, which no subject has; the irradiance of the stage's lights is told too "
+            f"{'small' if usual >= 1 else 'large'}, or not at all, so normals and roughness alone hold",
+            stacklevel=2,
         )
 
 
 def _write_mesh(out: Path, mesh: Path, maps: SurfaceMaps, field: ReflectanceField) -> None:
     """The parts of the mesh that the maps know, with them as their material."""
-    from relume.lightstage.material_export import textured, write_glb
+    from relume.lightstage.glb_writing import write_glb
+    from relume.lightstage.material_export import textured
     from relume.scene.meshes import read_meshes
 
     if field.camera is None:

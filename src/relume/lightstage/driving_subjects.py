@@ -5,7 +5,7 @@ A subject tells what is seen of it, at M normals, directions or pixels, under li
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -80,13 +80,14 @@ class Given:
     mask : (H, W) bool, the pixels that count; all unless given
     pixels : about how many of them, evenly spread; a few thousand hold what a few hundred lights can do
     by : how the field's lights stand for a lamp, or for light, between them. Smooth unless given: one half of the 288
-        lights of a rendered head foretold the other half's pictures to 14 % of their mean, nearest cells to 31 %
+        lights of a rendered head tells the other half's pictures with a mean error of 14 % of their mean, nearest
+        cells with one of 31 %
     """
 
     field: ReflectanceField
     mask: np.ndarray | None = None
     pixels: int = 4096
-    by: Interpolation = field(default_factory=Smooth)
+    by: Interpolation = Smooth()
 
     def __post_init__(self) -> None:
         if self.mask is not None and (self.mask.shape != self.field.shape or not self.mask.any()):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +31,8 @@ def read_stage(path: str | os.PathLike[str], camera: str | None = None, *, kept:
     kept : bytes of decoded pictures held in memory, so that blocks of rows need not read all files anew; 0 where each
         light is asked for once
     Raises InvalidStage where there is neither, where pictures are missing, and for a camera that the stage does not
-    have; UnreadableFile. Warns of pictures that no light names.
+    have; UnreadableFile. Warns of pictures that no light names, and of a stage file's `target`, on which only an import
+    measures the lights.
     """
     from relume.lightstage.store import is_store, read_store
 
@@ -40,10 +41,25 @@ def read_stage(path: str | os.PathLike[str], camera: str | None = None, *, kept:
         if camera is not None:
             raise InvalidStage(f'{path}: a store holds the pictures of one camera; import camera "{camera}" by itself')
         return read_store(path)
-    source = _source(path)
+    stage, source = described(path)
+    if stage.target is not None:
+        warnings.warn(
+            f'{source}: its "target" is passed over here: relume stage import measures the lights on it',
+            stacklevel=2,
+        )
+    return folder_of(stage, source, camera, kept=kept)
+
+
+def described(path: str | os.PathLike[str]) -> tuple[Stage, Path]:
+    """The stage that a folder or file tells of, and the stage file or `.lp` that does; no picture is looked at.
+
+    path : as of `read_stage`, but for a store
+    Raises InvalidStage where there is neither.
+    """
+    source = _source(Path(path))
     if source.suffix.lower() == LIST:
-        return folder_of(_listed(read_lp(source), source), source, camera, kept=kept)
-    return folder_of(read_stage_file(source), source, camera, kept=kept)
+        return _listed(read_lp(source), source), source
+    return read_stage_file(source), source
 
 
 def geometry_of(path: str | os.PathLike[str]) -> tuple[Path | None, float | None]:
@@ -67,16 +83,20 @@ def geometry_of(path: str | os.PathLike[str]) -> tuple[Path | None, float | None
     return (found[0] if len(found) == 1 else None), radius
 
 
-def folder_of(stage: Stage, source: Path, camera: str | None = None, *, kept: int = KEPT) -> PictureFolder:
-    """The field over a stage's pictures, which lie beside `source`, the file that tells of them.
+def folder_of(
+    stage: Stage, source: Path, camera: str | None = None, *, kept: int = KEPT, known: Collection[Path] = ()
+) -> PictureFolder:
+    """The field over a stage's pictures.
 
+    source : the file that tells of them, beside which they lie, or their folder where no file does
+    known : pictures in the folder that are meant to be of no light, and are not warned of
     Raises as `read_stage` does, whose `kept` this is.
     """
-    folder = source.parent
+    folder = source if source.is_dir() else source.parent
     view, key = _view(stage, camera, source)
     paths = tuple(tuple(folder / name for name in entry.files[key]) for entry in stage.lights)
     _require_there([path for names in paths for path in names], source)
-    _tell_of_strangers(stage, folder, source)
+    _tell_of_strangers(stage, folder, source, known)
     exposures = tuple(entry.exposure for entry in stage.lights if entry.exposure is not None)
     if exposures and len(exposures) != len(stage.lights):
         silent = next(entry.called for entry in stage.lights if entry.exposure is None)
@@ -163,10 +183,12 @@ def _require_there(paths: Iterable[Path], source: Path) -> None:
         )
 
 
-def _tell_of_strangers(stage: Stage, folder: Path, source: Path) -> None:
+def _tell_of_strangers(stage: Stage, folder: Path, source: Path, known: Collection[Path]) -> None:
+    meant = {path.resolve() for path in known}
     named = {folder / name for entry in stage.lights for names in entry.files.values() for name in names}
     beside = sorted(file for place in {path.parent for path in named} for file in place.iterdir())
-    odd = [f for f in beside if f not in named and f.suffix.lower() in PICTURES and not f.name.startswith(".")]
+    pictures = [f for f in beside if f.suffix.lower() in PICTURES and not f.name.startswith(".")]
+    odd = [f for f in pictures if f not in named and f.resolve() not in meant]
     if odd:
         warnings.warn(
             f"{source}: {len(odd)} pictures beside those of the lights are named by none, such as {odd[0].name}; they "

@@ -7,15 +7,16 @@
       "grid": {"inclination": 12, "azimuth": 24},
       "encoding": "srgb",
       "subject": [0, 0, 0],
-      "target": {"rectangle": [10, 20, 64, 64], "reflectance": 0.18},
-      "mirrored_balls": [{"circle": [120, 80, 30], "radius": 0.03}]
+      "target": {"rectangle": [10, 20, 64, 64], "reflectance": 0.18}
     }
 
 A light has one of `file` (a name, or a list of names: a bracket) and `files` (camera name → the same); a `direction`
 towards it, a `position` in metres, or `inclination` from +Y and `azimuth` from +Z towards +X in radians; and may have
 `name`, `solid_angle` (sr), `irradiance` (a number or R, G, B; 1 unless `light` tells another) and `exposure` (seconds,
-one a file). `camera_NAME` is another way to write `cameras.NAME`. Only `lights` is required; other keys at the top are
-kept and passed over, those of a light are refused. Files are beside the stage file; the frame is `sphere.directions`'.
+one a file). `camera_NAME` is another way to write `cameras.NAME`. `target` is a white or grey card in the pictures, on
+which an import measures what each light gives. Only `lights` is required. Other keys at the top are kept and passed
+over, but for those that are nearly one of these; unknown keys of all else are refused. Files are beside the stage file;
+the frame is `sphere.directions`'.
 """
 
 from __future__ import annotations
@@ -65,14 +66,6 @@ class TargetPlace:
 
 
 @dataclass(frozen=True)
-class MirroredBall:
-    """A mirrored ball in the pictures: its circle (x, y, radius) in pixels, and its radius in metres if known."""
-
-    circle: Vector
-    radius: float | None = None
-
-
-@dataclass(frozen=True)
 class LightEntry:
     """One light of a stage file.
 
@@ -107,7 +100,7 @@ class Stage:
     grid : (rows, columns) of inclination and azimuth, None where the lights are none
     encoding : "srgb", "linear" or the name of a response file, of photographs; radiance maps are linear as they are
     subject : the point, metres, from which lights with a position are looked at
-    target, mirrored_balls : in the pictures
+    target : in the pictures; None where there is none
     angular_diameter : of a light, radians; None where not told
     others : keys at the top that mean nothing here, kept for `write_stage_file`
     """
@@ -118,7 +111,6 @@ class Stage:
     encoding: str = "srgb"
     subject: Vector = (0.0, 0.0, 0.0)
     target: TargetPlace | None = None
-    mirrored_balls: tuple[MirroredBall, ...] = ()
     angular_diameter: float | None = None
     others: Mapping[str, Any] = field(default_factory=dict)
 
@@ -170,11 +162,6 @@ def stage_file_text(stage: Stage) -> str:
     table["encoding"], table["subject"] = stage.encoding, list(stage.subject)
     if stage.target is not None:
         table["target"] = {"rectangle": list(stage.target.rectangle), "reflectance": stage.target.reflectance}
-    if stage.mirrored_balls:
-        table["mirrored_balls"] = [
-            {"circle": list(ball.circle)} | ({} if ball.radius is None else {"radius": ball.radius})
-            for ball in stage.mirrored_balls
-        ]
     return json.dumps(table, indent=1, ensure_ascii=False) + "\n"
 
 
@@ -186,8 +173,8 @@ def write_stage_file(path: str | os.PathLike[str], stage: Stage) -> None:
 def read_stage_file(path: str | os.PathLike[str]) -> Stage:
     """The stage that a stage file describes; its pictures are not looked at.
 
-    Raises InvalidStage for a file that is missing, no JSON, or has a wrong value, an unknown key in a light, or a light
-    without direction.
+    Raises InvalidStage for a file that is missing, no JSON, or has a wrong value, an unknown key in one of its tables, a
+    misspelt one at the top, or a light without direction.
     """
     from relume.lightstage.stage_file_checks import stage_of
 

@@ -13,23 +13,35 @@ from typing import Any
 import numpy as np
 
 from relume.errors import InvalidStage
-from relume.lightstage.stage_file import LightEntry, MirroredBall, Stage, TargetPlace, Vector, View
+from relume.lightstage.stage_file import LightEntry, Stage, TargetPlace, Vector, View
 
 _LIGHT_KEYS = (
     "file files name direction position inclination azimuth solid_angle irradiance exposure".split()  # of a light
 )
-_TOP_KEYS = "lights cameras light grid encoding subject target mirrored_balls".split()
+_TOP_KEYS = "lights cameras light grid encoding subject target".split()
+_COMMON_KEYS = ("irradiance_at_normal_incidence", "angular_diameter_deg")
+_VIEW_KEYS = ("position", "look_at", "hfov_deg")
+_GRID_KEYS = ("inclination", "azimuth")
+_MESH = "mesh"
+"""A key at the top that means nothing here, but where the subject's geometry is sought (`reading.geometry_of`)."""
+_CAMERA = "camera_"
+_LIKENESS = 0.8
+"""Of two keys, as `difflib` counts it, from which on one is the other misspelt: "subject" and "object" have 0.77."""
 
 
 def stage_of(table: object, path: str) -> Stage:
     """The stage that the table of a stage file describes; raises InvalidStage."""
     if not isinstance(table, dict):
         raise InvalidStage(f'{path}: holds a {_kind(table)}; expected a table with "lights"')
+    _refuse_misspelt(table, path)
     entries = table.get("lights")
     if not isinstance(entries, list) or not entries:
         raise InvalidStage(f'{path}: has no "lights"; list one table a light, with its file and direction')
     common = _table(table.get("light", {}), f"{path}: light")
-    irradiance = _colour(common.get("irradiance_at_normal_incidence", 1.0), f"{path}: light.irradiance")
+    _refuse_unknown(common, _COMMON_KEYS, f"{path}: light")
+    irradiance = _colour(
+        common.get("irradiance_at_normal_incidence", 1.0), f"{path}: light.irradiance_at_normal_incidence"
+    )
     diameter = common.get("angular_diameter_deg")
     lights = tuple(_light(entry, irradiance, f"{path}: lights[{i}]") for i, entry in enumerate(entries))
     cameras = _cameras(table, path)
@@ -41,12 +53,8 @@ def stage_of(table: object, path: str) -> Stage:
         _text(table.get("encoding", "srgb"), f"{path}: encoding"),
         _vector(table.get("subject", [0, 0, 0]), f"{path}: subject"),
         None if table.get("target") is None else _target(table["target"], f"{path}: target"),
-        tuple(
-            _ball(ball, f"{path}: mirrored_balls[{i}]")
-            for i, ball in enumerate(_list(table.get("mirrored_balls", []), f"{path}: mirrored_balls"))
-        ),
         None if diameter is None else float(np.radians(_number(diameter, f"{path}: light.angular_diameter_deg"))),
-        {key: value for key, value in table.items() if key not in _TOP_KEYS and not key.startswith("camera_")},
+        {key: value for key, value in table.items() if key not in _TOP_KEYS and not key.startswith(_CAMERA)},
     )
 
 
@@ -101,13 +109,14 @@ def _place(table: Mapping[str, Any], where: str) -> tuple[Vector | None, Vector 
 
 def _cameras(table: Mapping[str, Any], path: str) -> dict[str, View]:
     told = dict(_table(table.get("cameras", {}), f"{path}: cameras"))
-    told |= {key.removeprefix("camera_"): value for key, value in table.items() if key.startswith("camera_")}
+    told |= {key.removeprefix(_CAMERA): value for key, value in table.items() if key.startswith(_CAMERA)}
     return {str(name): _view(view, f"{path}: camera {name}") for name, view in told.items()}
 
 
 def _view(view: object, where: str) -> View:
     table = _table(view, where)
-    for key in ("position", "look_at", "hfov_deg"):
+    _refuse_unknown(table, _VIEW_KEYS, where)
+    for key in _VIEW_KEYS:
         if key not in table:
             raise InvalidStage(f'{where}: no "{key}"; a camera has position, look_at and hfov_deg')
     degrees = _number(table["hfov_deg"], f"{where}.hfov_deg")
@@ -150,7 +159,8 @@ def _grid(grid: object, count: int, path: str) -> tuple[int, int] | None:
     if grid is None:
         return None
     table = _table(grid, f"{path}: grid")
-    size = [table.get(key) for key in ("inclination", "azimuth")]
+    _refuse_unknown(table, _GRID_KEYS, f"{path}: grid")
+    size = [table.get(key) for key in _GRID_KEYS]
     if not all(isinstance(n, int) and n > 0 for n in size):
         raise InvalidStage(f'{path}: grid: expected whole numbers "inclination" and "azimuth", got {dict(table)}')
     rows, columns = (int(n) for n in size if n is not None)
@@ -173,23 +183,38 @@ def _target(value: object, where: str) -> TargetPlace:
     return TargetPlace((corner[0], corner[1], corner[2], corner[3]), reflectance)
 
 
-def _ball(value: object, where: str) -> MirroredBall:
-    table = _table(value, where)
-    _refuse_unknown(table, ["circle", "radius"], where)
-    circle = _vector(table.get("circle"), f"{where}.circle")
-    _positive(circle[2], f"{where}.circle")
-    return MirroredBall(circle, None if table.get("radius") is None else _positive(table["radius"], f"{where}.radius"))
-
-
 # Single values
 
 
 def _refuse_unknown(table: Mapping[str, Any], known: Sequence[str], where: str) -> None:
     for key in table:
         if key not in known:
-            near = difflib.get_close_matches(key, known, 1)
+            begun = [each for each in known if len(key) > 2 and each.startswith(key)]
+            near = begun or difflib.get_close_matches(key, known, 1)
             hint = f"did you mean {near[0]}?" if near else f"expected {', '.join(known)}"
             raise InvalidStage(f'{where}: unknown key "{key}"; {hint}')
+
+
+def _refuse_misspelt(table: Mapping[str, Any], path: str) -> None:
+    """Refuse keys at the top that are nearly known ones; what is unlike them all is another program's."""
+    known = [*_TOP_KEYS, _MESH]
+    for key in table:
+        if key in known or key.startswith(_CAMERA):
+            continue
+        before, line, name = key.partition("_")
+        meant = _nearest(key, known)
+        if meant is None and line and _nearest(before, ["camera", "cameras"]):
+            meant = _CAMERA + name
+        if meant is not None:
+            raise InvalidStage(f'{path}: unknown key "{key}"; did you mean {meant}? Rename it if it means another thing')
+
+
+def _nearest(key: str, known: Sequence[str]) -> str | None:
+    """The known key that differs from a key in little: a letter or two, their order, or capitals."""
+    word = key.lower()
+    turned = [each for each in known if sorted(each) == sorted(word)]
+    near = turned or difflib.get_close_matches(word, known, 1, _LIKENESS)
+    return near[0] if near else None
 
 
 def _kind(value: object) -> str:
