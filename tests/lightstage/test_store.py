@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import builtins
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,8 +13,8 @@ from relume.errors import CannotResume, OutputNotWritten, UnreadableFile
 from relume.lightstage.field import Noise, Pictures, whole
 from relume.lightstage.lights import StageLights
 from relume.lightstage.relighting import relight
-from relume.lightstage.store import is_store, read_store
-from relume.lightstage.store_building import build_store
+from relume.lightstage.store import is_store, read_store, stored_geometry
+from relume.lightstage.store_building import build_store, file_facts
 from relume.scene.camera import Camera
 from relume.scene.distortion import Distortion
 
@@ -82,6 +83,53 @@ def test_relit_from_a_store_or_from_memory_the_bytes_are_the_same(tmp_path, kind
         found = relight(stored, IRRADIANCES, memory=memory, threads=1 if memory < 1 << 30 else None)
         np.testing.assert_array_equal(found.radiance, expected.radiance)
         np.testing.assert_array_equal(found.variance, expected.variance)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float16, np.uint8])
+def test_black_tiles_and_black_pictures_are_kept_and_read(tmp_path, kind):
+    dark = VALUES.copy()
+    dark[:32, :, 256:] = 0  # a chunk of the first group
+    dark[32:] = 0  # the second group whole
+    build_store(Pictures(dark, LIGHTS), tmp_path / "s", dtype=kind)
+    found = read_store(tmp_path / "s")
+    assert np.abs(whole(found) - dark).max() <= 0.5001 / 255
+    assert np.count_nonzero(whole(found)[:32, :, 256:]) == np.count_nonzero(whole(found)[32:]) == 0
+    # Of 40 pictures 32 are rounded, by steps of 1/255.
+    if kind == np.uint8:
+        assert found.rounding.constant == pytest.approx(0.8 / 255**2 / 12, rel=0.001)
+
+
+def test_halves_keep_dim_pictures_and_dim_pixels_to_1_in_2000(tmp_path):
+    # Pictures of every brightness, pixels down to 2⁻²⁷ of each; one picture is bright beyond the range of halves.
+    levels = np.float32(10.0) ** np.linspace(-30, 30, COUNT, dtype=np.float32)
+    wide = VALUES * 0.5 + 0.5
+    wide[:, :9] *= 2.0**-13
+    wide[:, 9:18] *= 2.0**-26
+    values = wide * levels[:, None, None, None]
+    build_store(Pictures(values, LIGHTS), tmp_path / "s")
+    found = read_store(tmp_path / "s")
+    error = np.abs(whole(found).astype(np.float64) / values - 1)
+    assert 2**-12 < error.max() <= 2**-11
+    assert error[levels < 1e-8].max() > 2**-12  # they were rounded, not kept some other way
+
+
+def test_what_is_dimmest_of_all_is_off_by_two_to_the_minus_39_of_its_picture(tmp_path):
+    tiny = VALUES * np.float32(2.0**-40)
+    tiny[:, 0, 0] = 0.51
+    build_store(Pictures(tiny, LIGHTS), tmp_path / "s")
+    error = np.abs(whole(read_store(tmp_path / "s")).astype(np.float64) - tiny)[:, 1:]
+    assert 2**-41 < error.max() <= 2**-39 * 0.51
+
+
+def test_halves_round_by_less_than_the_variance_that_is_told(tmp_path):
+    dim = VALUES**8
+    build_store(Pictures(dim, LIGHTS), tmp_path / "s")
+    found = read_store(tmp_path / "s")
+    squared = (whole(found).astype(np.float64) - dim) ** 2
+    assert found.rounding.constant == 0
+    # The greatest value is 1 but for a hair: 2⁻²² / 3.
+    assert found.rounding.slope == pytest.approx(7.947e-8, rel=0.001)
+    assert 0.02 < squared.sum() / (found.rounding.slope * dim.astype(np.float64)).sum() < 1
 
 
 def test_eight_bits_tell_the_variance_of_their_rounding(tmp_path):
@@ -160,6 +208,83 @@ def test_a_whole_store_is_not_written_over(tmp_path):
         build_store(FIELD, tmp_path / "other")
 
 
+def test_an_import_is_not_finished_with_the_values_of_another(tmp_path):
+    command = {"target": None, "files": [("a.exr", 10, 1), ("b.exr", 10, 2)]}
+    others = ({**command, "target": "0,0,4,4=1"}, {**command, "files": [("a.exr", 10, 1), ("b.exr", 10, 3)]}, None)
+    build_store(FIELD, tmp_path / "s", made_from=command)
+    chunk = tmp_path / "s" / "values" / "c" / "0" / "0" / "0" / "0"
+    chunk.unlink()
+    for other in others:
+        with pytest.raises(CannotResume, match="another import: its options, or its source's files, differ") as error:
+            build_store(Pictures(2 * VALUES, LIGHTS, CAMERA, FIELD.noise), tmp_path / "s", made_from=other)
+        assert "\n" not in str(error.value) and not chunk.exists()
+    build_store(FIELD, tmp_path / "s", made_from=dict(command))
+    assert np.abs(whole(read_store(tmp_path / "s")) - VALUES).max() < 2**-11
+
+
+def test_facts_of_files_change_with_their_names_sizes_and_times(tmp_path):
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    for name in ("b.exr", "a.exr", ".hidden"):
+        (folder / name).write_bytes(b"12345")
+        os.utime(folder / name, ns=(7, 1_000_000_000))
+    (folder / "sub").mkdir()
+    first, second = str(folder / "a.exr"), str(folder / "b.exr")
+    assert file_facts([folder]) == [(first, 5, 1_000_000_000), (second, 5, 1_000_000_000)]
+    assert file_facts([folder / "b.exr"]) == [(second, 5, 1_000_000_000)]
+    os.utime(folder / "a.exr", ns=(7, 2_000_000_000))
+    assert file_facts([folder])[0] == (first, 5, 2_000_000_000)
+
+
+def test_a_part_that_is_lost_while_the_rest_is_written_is_told_before_the_store_counts_as_whole(tmp_path):
+    class Losing(Failing):
+        def block(self, lights, rows):
+            if lights.start:
+                (tmp_path / "s" / "values" / "c" / "0" / "0" / "0" / "0").unlink()
+            return super().block(lights, rows)
+
+    with pytest.raises(OutputNotWritten, match="1 groups of lights were written and are not there; give the same"):
+        build_store(Losing(), tmp_path / "s")
+    with pytest.raises(UnreadableFile, match="not whole"):
+        read_store(tmp_path / "s")
+
+
+def test_the_mesh_and_the_size_of_the_lamps_are_kept_and_a_lost_mesh_is_told(tmp_path, monkeypatch):
+    build_store(FIELD, tmp_path / "plain")
+    assert stored_geometry(tmp_path / "plain") == (None, None)
+    mesh = tmp_path / "head.glb"
+    mesh.write_bytes(b"mesh")
+    monkeypatch.chdir(tmp_path)
+    build_store(FIELD, "s", mesh=Path("head.glb"), light_radius=0.0125)
+    assert stored_geometry("s") == (mesh, 0.0125)
+    mesh.unlink()
+    with pytest.raises(
+        UnreadableFile, match=r"s: the store names the mesh .*head\.glb, which is not there; put"
+    ) as error:
+        stored_geometry("s")
+    assert "\n" not in str(error.value)
+    assert read_store("s").shape == (ROWS, COLUMNS)
+    with pytest.raises(UnreadableFile, match="no store"):
+        stored_geometry(mesh.parent)
+
+
+def test_geometry_that_cannot_be_is_refused_before_anything_is_written(tmp_path):
+    with pytest.raises(UnreadableFile, match=r"none\.glb: no such file; name the mesh"):
+        build_store(FIELD, tmp_path / "s", mesh=tmp_path / "none.glb")
+    for radius in (-0.1, 4.0, np.nan):
+        with pytest.raises(ValueError, match=f"light_radius is {radius}; expected radians"):
+            build_store(FIELD, tmp_path / "s", light_radius=radius)
+    assert not (tmp_path / "s").exists()
+
+
+def test_an_import_that_is_gone_on_with_may_learn_of_a_mesh(tmp_path):
+    (tmp_path / "head.glb").write_bytes(b"mesh")
+    with pytest.raises(CutShort):
+        build_store(Failing(after=35), tmp_path / "s", light_radius=0.02)
+    build_store(FIELD, tmp_path / "s", mesh=tmp_path / "head.glb")
+    assert stored_geometry(tmp_path / "s") == (tmp_path / "head.glb", None)
+
+
 def test_another_fields_store_is_not_gone_on_with(tmp_path):
     with pytest.raises(CutShort):
         build_store(Failing(after=35), tmp_path / "s")
@@ -173,7 +298,7 @@ def test_another_fields_store_is_not_gone_on_with(tmp_path):
     ("kind", "value", "said"),
     [
         (np.uint8, -0.1, '"7" reaches -0.1, below 0'),
-        (np.float16, 70000, '"7" reaches 70000, above float16; choose float32'),
+        (np.float16, np.inf, '"7" holds values that are not finite'),
         (np.float32, np.nan, '"7" holds values that are not finite'),
     ],
 )

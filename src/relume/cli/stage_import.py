@@ -99,7 +99,7 @@ def import_stage(
     import numpy as np
 
     from relume.lightstage.reading import read_stage
-    from relume.lightstage.store_building import build_store
+    from relume.lightstage.store_building import build_store, file_facts
 
     with speaking(manner):
         memory = bytes_of(max_memory, "--max-memory")
@@ -120,16 +120,21 @@ def import_stage(
             field = folder_of(stage, source / "stage.json", camera, kept=0)
         else:
             field = read_stage(source, camera, kept=0)
+        unmended = field
         field, told = _mended(field, ambient, target, mask, flare, lamp_size, bars)
         facts |= told
         if dry_run:
             tell(manner, {"would write": str(out), **work_of(field, memory), **facts})
             return
         kinds = {"half": np.float16, "float": np.float32, "8bit": np.uint8}
+        options = [ball, field_of_view, film, film_start, film_azimuth, clockwise, target, flare, lamp_size, bars, camera]
+        others = [path for path in (*(ball_pictures or ()), lights, ambient, mask) if path]
+        made_from = {"options": options, "files": file_facts([*_files_of(source, unmended), *others])}
         with progress(manner) as report:
             build_store(
-                field, out, dtype=kinds[dtype], max_memory=memory, progress=lambda share: report("importing", share)
-            )
+                field, out, dtype=kinds[dtype], max_memory=memory, progress=lambda share: report("importing", share),
+                made_from=made_from,
+            )  # fmt: skip
         tell(manner, {"written": str(out), "lights": len(field.lights), "size": list(field.shape[::-1]), **facts})
 
 
@@ -157,6 +162,17 @@ def _check(
         if not folder.is_dir():
             raise UnreadableFile(f"{folder}: no such folder; --ball-pictures names one")
     require_files([path for path in (lights, ambient) if path])
+
+
+def _files_of(source: Path, field: ReflectanceField) -> list[Path]:
+    """The files that the source's values come from: what describes it and, but for a film, its pictures."""
+    from relume.lightstage.folder import PictureFolder
+
+    if source.suffix.lower() in VIDEOS or not isinstance(field, PictureFolder):
+        return [source / "zarr.json" if source.is_dir() else source]
+    described = [source / "stage.json", *sorted(source.glob("*.lp"))] if source.is_dir() else [source]
+    pictures = [path for names in field.files for path in names]
+    return [path for path in described if path.is_file()] + pictures
 
 
 def _mended(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,8 @@ if TYPE_CHECKING:
     import numpy as np
 
     from relume.lightstage.highlights import MirrorBall
-    from relume.lightstage.stage_file import Stage
+    from relume.lightstage.spinning import SpinningStage
+    from relume.lightstage.stage_file import Stage, View
     from relume.scene.camera import Camera
 
 VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm")
@@ -52,12 +54,13 @@ def stage_of_balls(
         none where the balls are in the subject's own pictures
     leave_out : pictures that are of no light
     field_of_view : of the camera, across, radians; None for one far away
+    Where it is told and the balls are in metres, the origin is the mean of their centres, and the stage has a camera.
     """
     import numpy as np
 
     from relume.lightstage.highlights import read_ball, unit_mean
     from relume.lightstage.near_lights import light_places
-    from relume.lightstage.stage_file import LightEntry, Stage
+    from relume.lightstage.stage_file import LightEntry, Stage, View
 
     paths = [path for path in pictures_in(folder) if path.resolve() not in {each.resolve() for each in leave_out}]
     names = [path.name for path in paths]
@@ -75,16 +78,75 @@ def stage_of_balls(
         mean = unit_mean(readings)
         apart = [np.degrees(np.arccos(np.clip((each.directions * mean).sum(-1), -1, 1))).max() for each in readings]
         facts["balls differ by, degrees"] = [round(float(v), 2) for v in apart]
+    middle = np.mean([ball.centre for ball in balls], axis=0)
+    cameras = {}
+    if metric:
+        assert field_of_view is not None
+        # The readings' frame is the camera's own, which looks along −Z.
+        x, y, z = (-middle).tolist()
+        cameras["front"] = View((x, y, z), (x, y, z - 1), field_of_view)
     if len(balls) > 1 and metric:
         places = light_places(readings, names)
-        middle = np.mean([ball.centre for ball in balls], axis=0)
         positions = places.positions - middle
         facts["rays meet within, metres"] = float(f"{places.residuals.max():.3g}")
         entries = [LightEntry({"": (n,)}, position=tuple(p)) for n, p in zip(names, positions.tolist(), strict=True)]
-        return Stage(tuple(entries)), facts
+        return Stage(tuple(entries), cameras), facts
     directions = readings[0].directions if len(balls) == 1 else unit_mean(readings)
     pairs = zip(names, directions.tolist(), strict=True)
-    return Stage(tuple(LightEntry({"": (name,)}, tuple(direction)) for name, direction in pairs)), facts
+    return Stage(tuple(LightEntry({"": (name,)}, tuple(direction)) for name, direction in pairs), cameras), facts
+
+
+def camera_ahead(stage: Stage, source: Path, field_of_view: float, distance: float) -> Stage:
+    """The stage with a camera on +Z that looks at the origin along −Z.
+
+    field_of_view : across, radians
+    distance : metres
+    Raises ValueError where the stage tells its cameras.
+    """
+    from relume.lightstage.stage_file import View
+
+    if stage.cameras:
+        raise ValueError(f"--field-of-view: {source} tells its own camera; leave --field-of-view out")
+    return replace(stage, cameras={"front": View((0.0, 0.0, distance), (0.0, 0.0, 0.0), field_of_view)})
+
+
+@dataclass(frozen=True)
+class FilmCourse:
+    """How a film's lamp went, and how many lights of each ring are kept."""
+
+    stage: SpinningStage
+    columns: int
+
+
+def film_course(text: str, start: float, azimuth: float, clockwise: bool) -> FilmCourse:
+    """The course of --film, whose rings start at an azimuth in degrees; raises ValueError."""
+    import numpy as np
+
+    from relume.lightstage.spinning import SpinningStage, SteadyTurning
+
+    try:
+        rings, columns, frames = (float(word) for word in text.split(","))
+        if not (1 <= rings < np.inf and 1 <= columns < np.inf and 0 < frames < np.inf) or rings % 1 or columns % 1:
+            raise ValueError
+    except ValueError:
+        raise ValueError(f'--film: "{text}" is no course; write RINGS,COLUMNS,FRAMES, like 32,64,72') from None
+    course = SpinningStage(
+        SteadyTurning(1 / frames, start), int(rings), float(np.pi / (2 * rings)), float(np.pi / rings),
+        float(np.radians(azimuth)), clockwise,
+    )  # fmt: skip
+    return FilmCourse(course, int(columns))
+
+
+def work_of_film(video: Path, course: FilmCourse) -> dict[str, object]:
+    """What a video would come to, from looking at all its frames and keeping none: facts for a dry run."""
+    from relume.lightstage.spinning_film import video_frames
+
+    count, size = 0, [0, 0]
+    for frame in video_frames(video):
+        count, size = count + 1, [frame.shape[1], frame.shape[0]]
+    _, lights = course.stage.grid_lights(course.columns, count)
+    values = len(lights) * size[0] * size[1] * 3 * 4
+    return {"frames": count, "lights": len(lights), "size": size, "values as floats": f"{values / (1 << 20):.3g} MiB"}
 
 
 def _shown(words: Sequence[str], elsewhere: Sequence[Path], paths: list[Path]) -> list[list[Path]]:
@@ -103,7 +165,8 @@ def _shown(words: Sequence[str], elsewhere: Sequence[Path], paths: list[Path]) -
 
 
 def ball_of(word: str, paths: Sequence[Path], field_of_view: float | None) -> MirrorBall:
-    """A ball that is told, or sought in the pictures."""
+    """A ball that is told, or sought in the pictures; raises ValueError, and BallNotFound where it is sought."""
+    import numpy as np
 
     from relume.lightstage.highlights import MirrorBall, find_ball
     from relume.probe.silhouette import outline_of_circle
@@ -113,13 +176,16 @@ def ball_of(word: str, paths: Sequence[Path], field_of_view: float | None) -> Mi
     place, equals, radius = word.partition("=")
     try:
         metres = float(radius) if equals else 1.0
-        if place == "find":
-            outline = find_ball((_pixels(path) for path in paths), focal_length=camera and camera.focal_length)
-        else:
-            x, y, across = (float(each) for each in place.split(","))
-            outline = outline_of_circle(x, y, across)
+        circle = None if place == "find" else [float(each) for each in place.split(",")]
+        if not 0 < metres < np.inf or not (circle is None or (len(circle) == 3 and np.isfinite(circle).all())):
+            raise ValueError
+        outline = None if circle is None else outline_of_circle(*circle)
     except ValueError:
-        raise ValueError(f'--ball: "{word}" is no ball; write X,Y,RADIUS in pixels, or find') from None
+        raise ValueError(
+            f'--ball: "{word}" is no ball; write X,Y,RADIUS in pixels, or find; with its radius, X,Y,RADIUS=METRES'
+        ) from None
+    if outline is None:
+        outline = find_ball((_pixels(path) for path in paths), focal_length=camera and camera.focal_length)
     return MirrorBall(outline, camera, metres)
 
 

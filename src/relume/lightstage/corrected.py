@@ -23,6 +23,9 @@ from relume.scene.camera import Camera
 _WORKING_MEMORY = 256 << 20
 _SAMPLED_LIGHTS = 24
 _LEVELS = 12
+_NOISE_MEMORY = 512 << 20
+_BAND = 32
+"""Rows of a piece of a large picture in which noise is looked for."""
 _MEDIAN_TO_DEVIATION = 1.4826
 """Of a normal distribution: its standard deviation over the median of its magnitude."""
 
@@ -36,6 +39,7 @@ class Corrected:
     flat : patterns to divide by; None where the lights are even
     mask : what says nothing; None where all does
     filling : how masked values are foretold
+    measured_noise : of the field as taken, where it does not know its own (`estimate_noise`); its own unless given
 
     A block with masked values takes those rows under all lights, in bands of a quarter of a gibibyte.
     """
@@ -45,6 +49,7 @@ class Corrected:
     flat: FallOff | None = None
     mask: Mask | None = None
     filling: Filling = Filling()
+    measured_noise: Noise | None = None
 
     def __post_init__(self) -> None:
         if self.gains is None:
@@ -78,7 +83,7 @@ class Corrected:
         and f are their means over these and over a sample of rows. Filled values count as measured ones, though they
         are means and less noisy.
         """
-        taken = self.field.noise
+        taken = self.field.noise if self.measured_noise is None else self.measured_noise
         if taken is None:
             return None
         factor, square = np.ones((1, 1)), np.ones((1, 1))
@@ -129,15 +134,19 @@ def estimate_noise(field: ReflectanceField, *, step: float = 0.0) -> Noise:
 
     step : of the codes the pictures were taken in (1/255 for 8 bit, times the scale), in the field's values; an even
         rounding error, of variance step²/12, is not below what the result says
-    Texture that stays in the smoothest quarter counts as noise: two takes say better (`noise_of_repeats`). Raises
-    ValueError for pictures of fewer than 8 × 8 pixels and where nothing is lit.
+    Texture that stays in the smoothest quarter counts as noise: two takes say better (`noise_of_repeats`). Of merged
+    brackets the noise of the merge is found, as if it were one for all pixels of a level, and not the variance that a
+    merge tells of each. Large pictures are sampled in bands of rows, within half a gibibyte. Raises ValueError for
+    pictures of fewer than 8 × 8 pixels and where nothing is lit.
     """
     height, width = field.shape
     if min(height, width) < 8:
         raise ValueError(f"pictures of {width}×{height}; their noise is seen from 8×8 on")
     sampled = np.unique(np.linspace(0, len(field.lights) - 1, min(len(field.lights), _SAMPLED_LIGHTS)).astype(int))
-    pictures = np.stack([field.block(slice(i, i + 1), slice(0, height))[0] for i in sampled]).astype(np.float64)
-    detail, levels = _detail(pictures), ndimage.uniform_filter(pictures, 3, axes=(1, 2))
+    # Pictures, detail, levels and what is between them, six arrays of float64.
+    bands = _bands(height, _NOISE_MEMORY // (6 * 8 * len(sampled) * width * 3))
+    pictures = np.stack([field.block(slice(i, i + 1), slice(0, height))[0][bands] for i in sampled]).astype(np.float64)
+    detail, levels = _detail(pictures), ndimage.uniform_filter(pictures, 3, axes=(-3, -2))
     smooth = _smooth_pixels(pictures.mean(axis=0))
     usable = smooth[None] & _above_black(pictures)
     if usable.sum() < 64:
@@ -169,6 +178,15 @@ def noise_of_repeats(first: ReflectanceField, second: ReflectanceField, *, step:
     return _with_step(_fitted(np.concatenate(levels), np.concatenate(differences)), step)
 
 
+def _bands(height: int, most: int) -> np.ndarray:
+    """Rows (bands, rows) spread evenly over a picture, about `most` of them; all in one band where they are no more."""
+    if height <= max(most, _BAND):
+        return np.arange(height)[None]
+    count = max(1, most // _BAND)
+    starts = (np.arange(count) + 0.5) * (height / count) - _BAND / 2
+    return starts.astype(int)[:, None] + np.arange(_BAND)
+
+
 def _detail(pictures: np.ndarray) -> np.ndarray:
     """Pictures (…, H, W, 3) through the second difference along rows and columns, in units of a pixel's own noise."""
     second = np.array([1.0, -2.0, 1.0])
@@ -184,15 +202,16 @@ def _above_black(pictures: np.ndarray) -> np.ndarray:
 
 
 def _smooth_pixels(mean: np.ndarray) -> np.ndarray:
-    """The quarter (H, W, 3) of the lit pixels of a mean picture that has least detail for its brightness."""
-    detail = ndimage.maximum_filter(np.abs(_detail(mean)), (3, 3, 1))
+    """The quarter (…, H, W, 3) of the lit pixels of a mean picture that has least detail for its brightness."""
+    detail = ndimage.maximum_filter(np.abs(_detail(mean)), (1,) * (mean.ndim - 3) + (3, 3, 1))
     lit = mean > 0
     if not lit.any():
         return lit
     relative = detail / np.where(lit, np.sqrt(np.where(lit, mean, 1)), 1)
     smooth = lit & (relative <= np.quantile(relative[lit], 0.25))
     # The picture's border is mirrored and differs from itself by less.
-    smooth[[0, -1]] = smooth[:, [0, -1]] = False
+    smooth[..., [0, -1], :, :] = False
+    smooth[..., [0, -1], :] = False
     return smooth
 
 

@@ -122,6 +122,17 @@ class PictureFolder:
             )
         return radiance
 
+    def step(self) -> float:
+        """How coarse the codes of the photographs are, in the field's values, as the first of them tells.
+
+        0 for radiance maps and for brackets, whose frames share out their codes.
+        """
+        path = self.files[0][0]
+        if len(self.files[0]) > 1 or files.has_radiance(path):
+            return 0.0
+        photograph = files.read_photograph(path)
+        return self.encoding.step(photograph) / self._exposure(0, photograph) / float(self.irradiances[0].mean())
+
     def _picture(self, index: int) -> _Picture:
         state = self._state
         with state.lock:

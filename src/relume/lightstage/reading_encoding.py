@@ -60,13 +60,21 @@ class PhotographEncoding:
 
     def linearised(self, photograph: Photograph) -> np.ndarray:
         """The exposures (H, W, 3) float32 of a photograph's pixels."""
+        curves = self._exposures(photograph).astype(np.float32)
+        return np.stack([curves[channel][photograph.pixels[..., channel]] for channel in range(3)], axis=-1)
+
+    def step(self, photograph: Photograph) -> float:
+        """How far apart the exposures of neighbouring codes are, as a root mean square over a photograph's values."""
+        widths = np.gradient(self._exposures(photograph), axis=1)
+        squares = [(widths[channel][photograph.pixels[..., channel]] ** 2).mean() for channel in range(3)]
+        return float(np.sqrt(np.mean(squares)))
+
+    def _exposures(self, photograph: Photograph) -> np.ndarray:
+        """The exposure (3, levels) of every code of a photograph."""
         levels = int(np.iinfo(photograph.pixels.dtype).max) + 1
         if self.measured is None:
-            table = np.stack([self._decoded(np.arange(levels) / (levels - 1))] * 3)
-        else:
-            table = np.exp(self.response(levels, photograph.name).log_exposure)
-        curves = table.astype(np.float32)
-        return np.stack([curves[channel][photograph.pixels[..., channel]] for channel in range(3)], axis=-1)
+            return np.stack([self._decoded(np.arange(levels) / (levels - 1))] * 3)
+        return np.exp(self.response(levels, photograph.name).log_exposure)
 
     def _decoded(self, values: np.ndarray) -> np.ndarray:
         return values if self.name == "linear" else decode_srgb(values)

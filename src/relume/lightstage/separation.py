@@ -198,7 +198,7 @@ def _apart(
 def _analysed(
     values: np.ndarray, view: np.ndarray, lights: StageLights, settings: ColourSeparation
 ) -> tuple[np.ndarray, ...]:
-    """Of values (N, P, 3): normal (P, 3), ramp (P, 2), body chromaticity (P, 3), whether it can be told, level (P, 1)."""
+    """Of values (N, P, 3): normal (P, 3), ramp (P, 2), body chromaticity (P, 3), whether it is told, level (P, 1)."""
     bright = brightness(values)
     level = bright_level(bright)
     reached = lit(values, settings.shadow)

@@ -122,7 +122,7 @@ def read_store(path: str | os.PathLike[str]) -> StoredField:
 
 
 def stored_geometry(path: str | os.PathLike[str]) -> tuple[Path | None, float | None]:
-    """The mesh of the subject that a store names, and the angular radius of its lights, radians; None for what it does not.
+    """The mesh of the subject that a store names and the angular radius of its lights, radians; None where it does not.
 
     Raises UnreadableFile for what is no store, and where the mesh is no longer there.
     """

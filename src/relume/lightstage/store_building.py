@@ -29,7 +29,7 @@ _OPEN_CHUNKS = 32 << 20
 COARSE = 0.02
 """Rounding by more than this part of the mean value is told: pictures that fill their 8 bits stay well below it."""
 _HALF_EXPONENT = 15
-"""Each picture's largest value is kept as a half between 2¹⁴ and 2¹⁵: halves lose digits below 2⁻¹⁴ and end at 65504."""
+"""Each picture's largest value is kept as a half between 2¹⁴ and 2¹⁵: below 2⁻¹⁴ halves lose digits."""
 _SMALLEST_EXPONENT = -126
 """Of a scale: one over it must be a float32 too."""
 _LATE = ("mesh", "light_radius", "rounding")
@@ -59,8 +59,8 @@ def build_store(
     mesh : of the subject, kept by its absolute path for `stored_geometry`
     light_radius : angular radius of every light, radians, likewise
     Raises ValueError for values that the type cannot hold (negative in 8 bits, not finite), a radius that is none, and
-    too little memory; UnreadableFile for a mesh that is not there; CannotResume where the store that is there belongs to
-    another field or import; OutputNotWritten where it is whole already, cannot be written, or lost a part meanwhile.
+    too little memory; UnreadableFile for a mesh that is not there; CannotResume where the store that is there belongs
+    to another field or import; OutputNotWritten where it is whole already, cannot be written, or lost a part meanwhile.
     Warns where 8 bits are coarse for these pictures.
     """
     zarr, path, kind = required_zarr(), Path(path), np.dtype(dtype)
@@ -120,9 +120,9 @@ def _begun(
                 f"{path}: the store there was begun by another import: its options, or its source's files, differ; "
                 "delete it, or choose another path"
             )
-        if differing:
+        if fields := [key for key in differing if key != "made_from"]:
             raise CannotResume(
-                f"{path}: the store there is of another field: its {differing[0]} differs; delete it, or choose "
+                f"{path}: the store there is of another field: its {fields[0]} differs; delete it, or choose "
                 "another path"
             )
         if {"values", "scale", "statistics", "sizes"} <= set(root.array_keys()):
@@ -221,9 +221,9 @@ def _coded(pictures: np.ndarray, kind: np.dtype, names: tuple[str, ...]) -> tupl
 def _rounding(path: Path, root: Any) -> list[float]:
     """Variance of what rounding added, constant and slope.
 
-    A step s of 8 bits adds s²/12, here the mean over the lights, black pictures adding nothing. A half is off by at most
-    2⁻¹¹ of the value R, so its variance is below R · (greatest R) · 2⁻²²/3; so is that of the smallest, which are off by
-    at most R and 2⁻³⁹ of their picture's greatest. Both hold for R not below 0.
+    A step s of 8 bits adds s²/12, here the mean over the lights, black pictures adding nothing. A half is off by at
+    most 2⁻¹¹ of the value R, so its variance is below R · (greatest R) · 2⁻²²/3; so is that of the smallest, which are
+    off by at most R and 2⁻³⁹ of their picture's greatest. Both hold for R not below 0.
     """
     kind, steps = root["values"].dtype, np.asarray(root["scale"], np.float64)
     mean, greatest = np.asarray(root["statistics"]).T

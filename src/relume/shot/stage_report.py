@@ -13,7 +13,7 @@ from relume.lightstage.low_rank import compress_low_rank
 from relume.lightstage.mosaic import mosaic
 from relume.lightstage.turning import turnable
 from relume.shot import plots
-from relume.shot.page import figure, heading, note, page, paragraph, side_by_side, table
+from relume.shot.page import figure, heading, main_heading, note, page, paragraph, side_by_side, table
 from relume.shot.stage_plots import levels_of, lights_of_stage
 from relume.shot.turning_page import turning_part
 from relume.sphere.illumination import IlluminationMap
@@ -21,7 +21,9 @@ from relume.sphere.illumination import IlluminationMap
 RANK = 24
 """Pictures of the page: with 24 its size is some megabytes, and its error is told."""
 WIDE = 480
-"""Pixels of the page's subject, along its longer side."""
+"""Pixels of the page's subject, along its longer side, at most."""
+MEMORY = 256 << 20
+"""Bytes for the pictures that the page's basis is found from: a stage of many lights gets fewer pixels."""
 ODD = 4.0
 """Times the median of the lights about it, or a share of it: a picture so much brighter or darker is told."""
 
@@ -37,11 +39,13 @@ def write_stage_report(
     levels, even = levels_of(field)
     doubts = doubts_of(field, levels)
     functions = mosaic(field, *sampling(field.shape))
-    small = reduced(field)
-    basis = compress_low_rank(small, rank=min(RANK, len(field.lights)))
+    side = square_side(field)
+    small = reduced(field, side)
+    # In bands, for some copies of each are made.
+    basis = compress_low_rank(small, rank=min(RANK, len(field.lights)), memory=MEMORY // 8)
     shown = dict(lights) or {"from the upper left": _window()}
     parts = [
-        f"<h1>{title}</h1>",
+        main_heading(title),
         *(note(line) for line in doubts),
         table(_facts(field)),
         heading("Turn the light"),
@@ -49,7 +53,7 @@ def write_stage_report(
             "Drag the subject or the map: the light turns about the vertical, and tips. What is shown is the sum of "
             f"{len(basis.basis)} pictures; it differs from that of all {len(field.lights)} by "
             f"{basis.error.random:.1%} "
-            "under light from everywhere; mirrored lamps are left out."
+            f"under light from everywhere; mirrored lamps are left out. {_size_told(field.shape, side)}"
         ),
         turning_part(turnable(basis), shown),
         heading("Lights"),
@@ -93,15 +97,39 @@ def doubts_of(field: ReflectanceField, levels: np.ndarray) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def reduced(field: ReflectanceField, wide: int = WIDE) -> ReflectanceField:
-    """The field with pixels averaged in squares until its longer side is no longer than that."""
-    step = -(-max(field.shape) // wide)
-    rows, columns = field.shape[0] // step, field.shape[1] // step
-    values = np.empty((len(field.lights), rows, columns, 3), np.float32)
+def square_side(field: ReflectanceField, wide: int = WIDE, memory: int = MEMORY) -> int:
+    """Pixels along the smallest squares whose averages are few enough for a page.
+
+    wide : averages along the longer side, at most
+    memory : bytes of the averages under all lights, at most
+    """
+    side = -(-max(field.shape) // wide)
+    while side < max(field.shape) and len(field.lights) * _squares(field.shape, side) * 3 * 4 > memory:
+        side += 1
+    return side
+
+
+def reduced(field: ReflectanceField, side: int) -> Pictures:
+    """The field averaged in squares of so many pixels, cut off at the right and lower rim; read picture by picture."""
+    tops, lefts = (np.arange(0, length, side) for length in field.shape)
+    sizes = np.diff(np.append(tops, field.shape[0]))[:, None] * np.diff(np.append(lefts, field.shape[1]))
+    values = np.empty((len(field.lights), len(tops), len(lefts), 3), np.float32)
     for light in range(len(field.lights)):
-        picture = field.block(slice(light, light + 1), slice(0, rows * step))[0, :, : columns * step]
-        values[light] = picture.reshape(rows, step, columns, step, 3).mean(axis=(1, 3))
+        picture = field.block(slice(light, light + 1), slice(0, field.shape[0]))[0]
+        sums = np.add.reduceat(np.add.reduceat(picture, tops, axis=0), lefts, axis=1)
+        values[light] = sums / sizes[..., None]
     return Pictures(values, field.lights)
+
+
+def _squares(shape: tuple[int, int], side: int) -> int:
+    """How many squares of this side cover a picture."""
+    return -(-shape[0] // side) * -(-shape[1] // side)
+
+
+def _size_told(shape: tuple[int, int], side: int) -> str:
+    if side == 1:
+        return f"It is shown in all of its {shape[1]}×{shape[0]} pixels."
+    return f"Each of its pixels is the mean of {side}×{side} of the stage's."
 
 
 def _facts(field: ReflectanceField) -> Sequence[tuple[str, str]]:
