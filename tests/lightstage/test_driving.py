@@ -13,6 +13,7 @@ from relume.lightstage.driving import Drive, bounded_least_squares, drive
 from relume.lightstage.driving_file import drive_as_csv, drive_as_json, read_drive, write_drive
 from relume.lightstage.driving_subjects import Given, Surface, cell_sums
 from relume.lightstage.field import Pictures
+from relume.lightstage.interpolation import NearestCell
 from relume.lightstage.lights import StageLights
 from relume.lightstage.primaries import LampPrimaries
 from relume.sphere.illumination import IlluminationMap
@@ -140,10 +141,29 @@ def test_a_given_subject_looks_as_its_own_field_says():
     random = np.random.default_rng(4)
     field = Pictures(random.uniform(0, 1, (80, 6, 7, 3)).astype(np.float32), EVEN)
     light = smooth_map()
-    result = drive(EVEN, light, subject=Given(field))
+    result = drive(EVEN, light, subject=Given(field, by=NearestCell()))
     # The field's lights are the stage's: each stands for its own cell.
     np.testing.assert_allclose(result.intensities, cell_sums(EVEN, light), rtol=1e-6)
     assert result.residual.max() < 1e-6
+
+
+def test_a_smooth_subject_is_told_between_the_lights_of_its_field():
+    axes = even_directions(40)
+
+    def pictures(directions):
+        values = (1 + axes @ directions.T) ** 2
+        return values.T.reshape(-1, 5, 8, 1).repeat(3, axis=-1).astype(np.float32)
+
+    lamps = StageLights.towards(-even_directions(30))
+    shown = Given(Pictures(pictures(EVEN.directions), EVEN)).lit_by(lamps)
+    truth = pictures(lamps.directions).reshape(30, 40, 3).transpose(1, 0, 2)
+    assert np.abs(shown - truth).mean() / truth.mean() < 0.01
+
+
+def test_lamps_that_stand_closer_than_a_maps_pixels_all_get_light():
+    lights = StageLights.towards(even_directions(1000))
+    sums = cell_sums(lights, IlluminationMap(np.ones((16, 32, 3), np.float32)))
+    np.testing.assert_allclose(sums[:, 0], lights.solid_angles, rtol=0.15)
 
 
 def test_a_given_subject_is_matched_by_a_stage_of_fewer_lights():

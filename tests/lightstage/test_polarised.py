@@ -75,6 +75,35 @@ def test_swapped_takes_are_refused() -> None:
         PolarisedPair(crossed, parallel)
 
 
+def test_a_take_given_twice_is_refused() -> None:
+    parallel, crossed = pair()
+    for take in (parallel, crossed):
+        with pytest.raises(ValueError, match="the crossed take is the parallel one itself"):
+            PolarisedPair(take, take)
+
+
+@pytest.mark.parametrize("drift", [0.985, 1.0, 1.015])
+def test_a_polariser_that_was_not_turned_is_told(drift: float) -> None:
+    parallel = pair()[0]
+    noise = RANDOM.normal(0, 0.01, parallel.values.shape)
+    again = replace(parallel, values=(drift * parallel.values + noise).astype(np.float32))
+    with pytest.raises(ValueError, match=r"holds (9|10)\d\.\d% of the parallel one's light.*turn its polariser"):
+        PolarisedPair(parallel, again)
+
+
+def test_the_faintest_highlights_of_a_white_body_are_enough() -> None:
+    """0.04 of the light at the surface, 1 below it."""
+    body = np.ones((12, 8, 8, 3), np.float32)
+    both = PolarisedPair(Pictures(0.5 * body + np.float32(0.04), LIGHTS), Pictures(0.5 * body, LIGHTS))
+    np.testing.assert_allclose(whole(both.specular), 0.04, atol=1e-6)
+
+
+def test_black_takes_are_refused() -> None:
+    black = Pictures(np.zeros((12, 8, 8, 3), np.float32), LIGHTS)
+    with pytest.raises(ValueError, match="both takes are black"):
+        PolarisedPair(black, black)
+
+
 def test_other_sizes_and_other_lights_are_refused() -> None:
     parallel, crossed = pair()
     with pytest.raises(ValueError, match="48×48 pixels and the crossed one 40×48"):

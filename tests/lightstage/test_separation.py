@@ -139,6 +139,24 @@ def test_black_pixels_have_no_normal_no_chromaticity_and_no_nan() -> None:
     assert found.normal[4].any() and not found.separable[3].any()
 
 
+@pytest.mark.parametrize("unit", [2.0**-14, 2.0**14])
+def test_the_unit_of_the_lights_irradiance_changes_no_map(shiny: Separation, unit: float) -> None:
+    other = separate(Pictures((unit * whole(shiny.field)).astype(np.float32), LIGHTS))
+    np.testing.assert_array_equal(other.separable, shiny.separable)
+    np.testing.assert_allclose(other.normal, shiny.normal, atol=1e-4)
+    np.testing.assert_allclose(other.chromaticity, shiny.chromaticity, atol=1e-4)
+    np.testing.assert_allclose(whole(other.specular), unit * whole(shiny.specular), atol=1e-4 * unit)
+
+
+def test_pixels_far_below_the_level_of_the_rest_are_noise() -> None:
+    values = whole(subject((0.0, 0.0), highlights()))
+    values[:, 3] *= np.float32(1e-3)
+    values[:, 5] *= np.float32(0.03)
+    found = separate(Pictures(values, LIGHTS))
+    assert not found.normal[3].any() and not found.separable[3].any() and not found.chromaticity[3].any()
+    assert found.normal[5].any(axis=-1).all() and found.separable[5].all()
+
+
 def test_blocks_are_parts_of_the_whole(shiny: Separation) -> None:
     every = whole(shiny.specular)
     np.testing.assert_array_equal(shiny.specular.block(slice(50, 53), slice(4, 9)), every[50:53, 4:9])
@@ -163,6 +181,8 @@ def test_wrong_settings_and_three_lights_are_refused_in_one_line() -> None:
         ColourSeparation(light=(1, 0, 1))
     with pytest.raises(ValueError, match="the lower first"):
         ColourSeparation(range=(0.8, 0.2))
+    with pytest.raises(ValueError, match="a share from 0 to below 1"):
+        separate(subject((0.0, 0.0), highlights()), ColourSeparation(darkest=1.0))
     few = Pictures(np.ones((3, 2, 2, 3), np.float32), StageLights.towards(np.eye(3)))
     with pytest.raises(ValueError, match="four or more"):
         separate(few)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +54,21 @@ def pair(diffuse: np.ndarray, specular: np.ndarray) -> PolarisedPair:
     return PolarisedPair(field(specular[..., None] + diffuse / 2), field(diffuse / 2))
 
 
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """A field told apart, of known parts."""
+
+    diffuse: Pictures
+    specular: Pictures
+
+
+def parts(diffuse: np.ndarray, specular: np.ndarray) -> Parts:
+    """Pictures of 2×2 pixels."""
+    above = np.repeat(specular[..., None], 3, axis=-1)
+    fields = [values.reshape(len(LIGHTS), 2, 2, 3).astype(np.float32) for values in (diffuse, above)]
+    return Parts(*(Pictures(values, LIGHTS) for values in fields))
+
+
 @pytest.fixture(scope="module")
 def maps() -> SurfaceMaps:
     return surface_maps(pair(DIFFUSE, SPECULAR))
@@ -84,7 +99,7 @@ def test_the_specular_energy_is_the_integral_over_the_lights(maps: SurfaceMaps) 
 
 
 def test_what_has_no_highlight_has_roughness_1_and_no_energy() -> None:
-    found = surface_maps(pair(DIFFUSE, np.zeros_like(SPECULAR)))
+    found = surface_maps(parts(DIFFUSE, np.zeros_like(SPECULAR)))
     np.testing.assert_array_equal(found.roughness, 1)
     assert not found.specular_energy.any() and not found.specular_reflectance.any()
 
@@ -95,6 +110,23 @@ def test_black_pixels_are_0_everywhere() -> None:
     found = surface_maps(pair(diffuse, specular))
     for map_ in (found.normal, found.albedo, found.specular_energy, found.roughness, found.weight):
         assert not map_[1, 0].any() and map_[0, 0].any() and np.isfinite(map_).all()
+
+
+@pytest.mark.parametrize("unit", [1e-4, 1e4])
+def test_the_unit_of_the_lights_irradiance_changes_levels_and_nothing_else(maps: SurfaceMaps, unit: float) -> None:
+    found = surface_maps(pair(unit * DIFFUSE, unit * SPECULAR))
+    np.testing.assert_allclose(found.albedo, unit * maps.albedo, rtol=1e-4)
+    np.testing.assert_allclose(found.specular_reflectance, unit * maps.specular_reflectance, rtol=1e-4)
+    np.testing.assert_allclose(found.specular_energy, unit * maps.specular_energy, rtol=1e-4)
+    for name in ("normal", "roughness", "weight"):
+        np.testing.assert_allclose(getattr(found, name), getattr(maps, name), atol=1e-4)
+
+
+def test_pixels_far_below_the_level_of_the_rest_are_noise_and_0_everywhere() -> None:
+    faint = np.array([1, 1, 0.003, 0.01])[None, :]
+    found = surface_maps(parts(faint[..., None] * DIFFUSE, faint * SPECULAR))
+    for map_ in (found.normal, found.albedo, found.specular_energy, found.roughness, found.weight):
+        assert not map_[1, 0].any() and map_[0, 0].any() and map_[1, 1].any()
 
 
 def test_lights_in_shadow_take_nothing_from_the_albedo() -> None:
@@ -109,7 +141,7 @@ def test_a_mirror_agrees_with_no_lambertian_lobe() -> None:
     half = normalised(LIGHTS.directions + np.array([0, 0, 1.0]))
     mirror = 30 * np.exp(-((1 - half @ NORMALS.T) / 5e-4))
     mirror = np.repeat(mirror[..., None], 3, axis=-1)
-    assert surface_maps(pair(mirror, np.zeros(mirror.shape[:2]))).weight.max() < 0.05
+    assert surface_maps(parts(mirror, np.zeros(mirror.shape[:2]))).weight.max() < 0.05
 
 
 def test_the_pictures_show_normals_as_colours(maps: SurfaceMaps) -> None:

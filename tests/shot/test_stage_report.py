@@ -40,18 +40,38 @@ def test_a_light_far_brighter_or_darker_than_those_around_is_named(strength: flo
     field = matte()
     field.values[17] *= strength
     (line,) = doubts_of(field, levels_of(field)[0])
-    assert line.startswith("1 pictures are 4 times brighter or darker") and line.endswith(": lamp 17")
+    assert line.startswith("1 picture is 4 times brighter or darker") and line.endswith(": lamp 17")
 
 
-def test_a_gap_among_the_lights_is_told_with_the_share_of_the_sphere() -> None:
+def test_an_unlit_half_is_told_with_its_middle_and_the_light_nearest_to_it() -> None:
     above = LIGHTS.chosen(np.flatnonzero(LIGHTS.directions[:, 1] > 0))
     field = matte(above)
     (line,) = doubts_of(field, levels_of(field)[0])
-    widest = int(np.argmax(above.solid_angles))
-    share = above.solid_angles[widest] / (4 * np.pi)
-    assert share > 0.1
-    assert line.startswith("lights do not stand all around")
-    assert f"{above.names[widest]} alone speaks for {share:.0%} of the sphere" in line
+    assert len(above) == 30
+    # Twice the breadth of a mean cell is 2 √(4π/30), 74°.
+    nearest = np.degrees(np.arccos(np.clip(even_directions(20000) @ above.directions.T, -1, 1).max(axis=1)))
+    told = f"{(nearest > 74.2).mean():.0%} of the sphere is further than 74° from any"
+    assert line.startswith(f"lights do not stand all around: {told}; towards (")
+    assert re.search(r"towards \(-?0(\.\d+)?, -1, -?0(\.\d+)?\) the nearest is lamp \d+, [89]\d° away$", line)
+
+
+@pytest.mark.parametrize("count", [4, 6, 20, 300])
+def test_even_lights_leave_no_gap(count: int) -> None:
+    assert doubts_of(unread((1, 1), count), np.ones(count)) == ()
+
+
+def test_a_grid_by_inclination_and_azimuth_leaves_no_gap() -> None:
+    inclination, azimuth = np.meshgrid((np.arange(24) + 0.5) * np.pi / 24, np.arange(12) * np.pi / 6, indexing="ij")
+    ring = np.sin(inclination)
+    grid = np.stack([ring * np.sin(azimuth), np.cos(inclination), ring * np.cos(azimuth)], axis=-1).reshape(-1, 3)
+    field = Pictures(np.ones((288, 1, 1, 3), np.float32), StageLights.towards(grid))
+    assert doubts_of(field, np.ones(288)) == ()
+
+
+def test_four_lights_on_one_side_leave_the_other_in_a_gap_though_they_are_few() -> None:
+    front = StageLights.towards(np.array([[1.0, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1]]))
+    (line,) = doubts_of(Pictures(np.ones((4, 1, 1, 3), np.float32), front), np.ones(4))
+    assert "further than 80° from any" in line and line.endswith("° away")
 
 
 def test_levels_are_means_and_even_light_weighs_by_solid_angles() -> None:

@@ -78,6 +78,15 @@ def require_files(paths: Sequence[Path]) -> None:
             raise UnreadableFile(f"{path}: no such file; check the path")
 
 
+def made_folder(out: Path) -> Path:
+    """The folder of -o, made where it is missing; raises OutputNotWritten."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputNotWritten(f"-o {out}: cannot be made a folder ({error.strerror}); choose another") from None
+    return out
+
+
 def refuse_input(out: Path, paths: Sequence[Path]) -> None:
     """Refuse an output that is one of the inputs: an original stays as it was."""
     for path in paths:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 from cyclopts import Parameter
 
-from relume.cli.arguments import DryRun, require_files
+from relume.cli.arguments import DryRun, made_folder, require_files
 from relume.cli.console import Manner, note, progress, speaking, tell
 from relume.cli.light_input import read_light
 from relume.errors import OutputNotWritten
@@ -119,7 +119,7 @@ def reflect(
             return
         if glossy and divided is not Normalisation.RADIOMETRIC:
             note(manner, "--normalisation is for --lobe; three-dimensional maps hold radiance, light in and light out")
-        _make_folder(out)
+        made_folder(out)
         bounds = {}
         with progress(manner) as report:
             for index, (name, each) in enumerate(tables.items()):
@@ -183,13 +183,6 @@ def _check(
             raise ValueError(f"--sheet {path}: the file must end in {' or '.join(PICTURES)}")
         if path.parent.resolve() != out.resolve() and not path.parent.is_dir():
             raise OutputNotWritten(f"--sheet {path}: no folder {path.parent}; make it first or choose another")
-
-
-def _make_folder(out: Path) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputNotWritten(f"-o {out}: cannot be made a folder ({error.strerror}); choose another") from None
 
 
 def _tables(words: list[str], others: bool) -> dict[str, Lobe]:

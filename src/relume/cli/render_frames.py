@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from relume.cli.arguments import made_folder
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -144,7 +146,6 @@ def write_picture(out: Path, picture: Render, film: Film, unit: str) -> None:
 def write_frames(out: Path, pictures: Iterator[Render], film: Film, unit: str) -> None:
     """Write a movie, or numbered pictures into a folder, as they are rendered."""
     from relume.develop.film import develop
-    from relume.errors import OutputNotWritten
 
     if out.suffix.lower() == ".mp4":
         from relume.image.files.video import Movie as MovieFile
@@ -153,10 +154,7 @@ def write_frames(out: Path, pictures: Iterator[Render], film: Film, unit: str) -
             for picture in pictures:
                 file.add(develop(picture.radiance, film).pixels)
         return
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputNotWritten(f"-o {out}: cannot be made a folder ({error.strerror}); choose another") from None
+    made_folder(out)
     for index, picture in enumerate(pictures):
         write_picture(out / f"frame_{index + 1:04d}.png", picture, film, unit)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -9,12 +11,27 @@ from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, require_files
 from relume.cli.console import Manner, progress, speaking, tell
-from relume.cli.stage_import_lights import VIDEOS, stage_of_balls, stage_of_list
+from relume.cli.stage_import_lights import (
+    VIDEOS,
+    camera_ahead,
+    film_course,
+    filmed_stage,
+    stage_of_balls,
+    stage_of_list,
+    work_of_film,
+)
 from relume.cli.stage_options import Camera, MaxMemory, bytes_of, work_of
 from relume.errors import OutputNotWritten, UnreadableFile
 
 if TYPE_CHECKING:
-    from relume.lightstage.field import ReflectanceField
+    from relume.lightstage.calibration import Target
+    from relume.lightstage.field import Noise, ReflectanceField
+    from relume.lightstage.stage_file import Stage, TargetPlace
+
+_LEAST_PIXELS = 64 * 64
+"""Of a picture whose noise is told from its detail."""
+_NO_NOISE = 3e-4
+"""Of a value: a deviation that is less is no sensor's, but the rounding of half floats."""
 
 
 def import_stage(
@@ -49,7 +66,15 @@ def import_stage(
         Parameter(help="The lights in an .lp, or a list of directions in the order of the pictures' names."),
     ] = None,
     field_of_view: Annotated[
-        float | None, Parameter(help="Of the camera, across, degrees, for --ball; far away unless given.")
+        float | None,
+        Parameter(help="Of the camera, across, degrees, for --ball and --camera-distance; far away unless given."),
+    ] = None,
+    camera_distance: Annotated[
+        float | None,
+        Parameter(
+            help="How far the camera stands from the subject, metres, where neither stage.json nor balls in metres "
+            "tell: with --field-of-view it is known and looks at the subject along -Z."
+        ),
     ] = None,
     film: Annotated[
         str | None,
@@ -70,7 +95,7 @@ def import_stage(
         str | None,
         Parameter(
             help="A white or grey card in the pictures, LEFT,TOP,WIDTH,HEIGHT=REFLECTANCE: every light's colour and "
-            "intensity are measured on it and divided out."
+            "intensity are measured on it and divided out; that of stage.json unless given."
         ),
     ] = None,
     mask: Annotated[
@@ -83,6 +108,14 @@ def import_stage(
     bars: Annotated[
         bool, Parameter(negative="", help="Leave out, and fill, the shadow of the stage's own bar.")
     ] = False,
+    noise: Annotated[
+        str | None,
+        Parameter(
+            help="Variance of the pictures' values as CONSTANT,SLOPE, which is CONSTANT + SLOPE times the value; seen "
+            "in the pictures unless given."
+        ),
+    ] = None,
+    no_noise: Annotated[bool, Parameter(negative="", help="Leave the noise unknown.")] = False,
     dtype: Annotated[
         Literal["half", "float", "8bit"], Parameter(help="How values are kept; 8bit with a scale for each picture.")
     ] = "half",
@@ -98,50 +131,48 @@ def import_stage(
     """
     import numpy as np
 
-    from relume.lightstage.reading import read_stage
-    from relume.lightstage.store_building import build_store, file_facts
+    from relume.lightstage.store_building import build_store
 
     with speaking(manner):
         memory = bytes_of(max_memory, "--max-memory")
-        _check(source, out, ball, ball_pictures, lights, film, ambient, field_of_view)
-        facts: dict[str, object] = {}
-        if film is not None:
-            field = _filmed(source, out, film, film_start, film_azimuth, clockwise)
-        elif ball or lights:
-            from relume.lightstage.reading import folder_of
-
-            left = [ambient] if ambient else []
-            if ball:
-                angle = None if field_of_view is None else float(np.radians(field_of_view))
-                stage, facts = stage_of_balls(source, ball, ball_pictures or [], angle, left)
-            else:
-                assert lights is not None
-                stage = stage_of_list(source, lights)
-            field = folder_of(stage, source / "stage.json", camera, kept=0)
-        else:
-            field = read_stage(source, camera, kept=0)
-        unmended = field
-        field, told = _mended(field, ambient, target, mask, flare, lamp_size, bars)
-        facts |= told
-        if dry_run:
-            tell(manner, {"would write": str(out), **work_of(field, memory), **facts})
+        _check(source, out, ball, ball_pictures, lights, film, ambient)
+        _check_camera(field_of_view, camera_distance, ball)
+        told_noise = _noise(noise, no_noise)
+        course = None if film is None else film_course(film, film_start, film_azimuth, clockwise)
+        if dry_run and course is not None and not source.is_dir():
+            tell(manner, {"would write": str(out), **work_of_film(source, course)})
             return
-        kinds = {"half": np.float16, "float": np.float32, "8bit": np.uint8}
-        options = [ball, field_of_view, film, film_start, film_azimuth, clockwise, target, flare, lamp_size, bars, camera]
-        others = [path for path in (*(ball_pictures or ()), lights, ambient, mask) if path]
-        made_from = {"options": options, "files": file_facts([*_files_of(source, unmended), *others])}
-        with progress(manner) as report:
-            build_store(
-                field, out, dtype=kinds[dtype], max_memory=memory, progress=lambda share: report("importing", share),
-                made_from=made_from,
-            )  # fmt: skip
+        angle = None if field_of_view is None else float(np.radians(field_of_view))
+        left = [path for path in (ambient, mask) if path is not None and path.is_file()]
+        # Of a film most frames are between those of the grid.
+        known = [*left, *(source.iterdir() if course is not None and source.is_dir() else [])]
+        facts: dict[str, object] = {}
+        with filmed_stage(source, out, course, left) as stage_of_film:
+            described = stage_of_film
+            if ball:
+                stage, facts = stage_of_balls(source, ball, ball_pictures or [], angle, left)
+                described = stage, source
+            elif lights is not None:
+                described = stage_of_list(source, lights, left), source
+            field, card = _field(source, described, camera, angle, camera_distance, known)
+            if target is not None:
+                card = _card(target)
+            field, told = _mended(field, ambient, card, mask, flare, lamp_size, bars, told_noise, no_noise)
+            facts |= told
+            if dry_run:
+                tell(manner, {"would write": str(out), **work_of(field, memory), **facts})
+                return
+            kinds = {"half": np.float16, "float": np.float32, "8bit": np.uint8}
+            with progress(manner) as report:
+                build_store(
+                    field, out, dtype=kinds[dtype], max_memory=memory, progress=lambda share: report("importing", share)
+                )
         tell(manner, {"written": str(out), "lights": len(field.lights), "size": list(field.shape[::-1]), **facts})
 
 
 def _check(
     source: Path, out: Path, ball: list[str] | None, ball_pictures: list[Path] | None, lights: Path | None,
     film: str | None, ambient: Path | None,
-    field_of_view: float | None,
 ) -> None:  # fmt: skip
     """Refuse what cannot be, before any work."""
     if not source.exists():
@@ -154,8 +185,6 @@ def _check(
         raise ValueError(f"{source}: a film; tell its lamp's course with --film RINGS,COLUMNS,FRAMES")
     if out.exists() and not out.is_dir():
         raise OutputNotWritten(f"-o {out}: a file, not a store; choose another name")
-    if field_of_view is not None and not 0 < field_of_view < 180:
-        raise ValueError(f"--field-of-view is {field_of_view}; give degrees above 0 and below 180")
     if ball_pictures and not ball:
         raise ValueError("--ball-pictures are for --ball; give --ball find, or its circle")
     for folder in ball_pictures or []:
@@ -164,27 +193,81 @@ def _check(
     require_files([path for path in (lights, ambient) if path])
 
 
-def _files_of(source: Path, field: ReflectanceField) -> list[Path]:
-    """The files that the source's values come from: what describes it and, but for a film, its pictures."""
-    from relume.lightstage.folder import PictureFolder
+def _check_camera(field_of_view: float | None, distance: float | None, ball: list[str] | None) -> None:
+    """Refuse a camera that is told by half, or twice."""
+    if field_of_view is not None and not 0 < field_of_view < 180:
+        raise ValueError(f"--field-of-view is {field_of_view}; give degrees above 0 and below 180")
+    if distance is not None:
+        if not 0 < distance < float("inf"):
+            raise ValueError(f"--camera-distance is {distance}; give metres above 0")
+        if field_of_view is None:
+            raise ValueError("--camera-distance tells no camera by itself; give --field-of-view too")
+        if ball and all("=" in word for word in ball):
+            raise ValueError("--camera-distance: balls in metres tell it already; leave one of both out")
+    elif field_of_view is not None and not ball:
+        raise ValueError("--field-of-view tells no camera by itself; give --camera-distance too")
 
-    if source.suffix.lower() in VIDEOS or not isinstance(field, PictureFolder):
-        return [source / "zarr.json" if source.is_dir() else source]
-    described = [source / "stage.json", *sorted(source.glob("*.lp"))] if source.is_dir() else [source]
-    pictures = [path for names in field.files for path in names]
-    return [path for path in described if path.is_file()] + pictures
+
+def _noise(text: str | None, unknown: bool) -> Noise | None:
+    """The noise of --noise."""
+    from relume.lightstage.field import Noise
+
+    if text is None:
+        return None
+    if unknown:
+        raise ValueError("--noise and --no-noise: give one of them")
+    try:
+        constant, slope = (float(word) for word in text.split(","))
+        return Noise(constant, slope)
+    except ValueError:
+        raise ValueError(
+            f'--noise: "{text}" is no variance; write CONSTANT,SLOPE, two numbers of 0 or more, like 1e-6,2e-4'
+        ) from None
+
+
+def _field(
+    source: Path,
+    described: tuple[Stage, Path] | None,
+    camera: str | None,
+    field_of_view: float | None,
+    distance: float | None,
+    known: Collection[Path],
+) -> tuple[ReflectanceField, TargetPlace | None]:
+    """The field as it was taken, and the card that its stage file tells of.
+
+    described : the stage and its pictures' place where options tell them; None where the source does
+    known : files that are meant to be of no light
+    """
+    from relume.lightstage import reading
+    from relume.lightstage.store import is_store
+
+    if described is None and is_store(source):
+        if field_of_view is not None:
+            raise ValueError(f"--field-of-view: {source} is a store, which keeps its camera; leave --field-of-view out")
+        return reading.read_stage(source, camera), None
+    stage, place = reading.described(source) if described is None else described
+    if stage.target is not None and len(stage.lights[0].files) > 1:
+        raise ValueError(
+            f'{place}: its "target" is of one camera\'s pictures, and it has {", ".join(stage.lights[0].files)}; take '
+            "it out, and give --target with each import"
+        )
+    if field_of_view is not None and distance is not None:
+        stage = camera_ahead(stage, place, field_of_view, distance)
+    return reading.folder_of(stage, place, camera, kept=0, known=known), stage.target
 
 
 def _mended(
     field: ReflectanceField,
     ambient: Path | None,
-    target: str | None,
+    card: TargetPlace | None,
     mask: Path | None,
     flare: bool,
     lamp_size: float,
     bars: bool,
+    noise: Noise | None,
+    no_noise: bool,
 ) -> tuple[ReflectanceField, dict[str, object]]:
-    """The field calibrated and filled, and what was done to it."""
+    """The field calibrated and filled, with its noise, and what was done to it."""
     import numpy as np
 
     from relume.lightstage import masking
@@ -196,22 +279,27 @@ def _mended(
 
     facts: dict[str, object] = {}
     masks: list[masking.Mask] = []
+    step = 0.0
     if isinstance(field, PictureFolder):
         masks.append(masking.Saturated(field))
+        step = field.step()
     taken: ReflectanceField = field
     if ambient is not None:
         if not isinstance(field, PictureFolder):
             raise ValueError("--ambient is for pictures, not for a store")
         taken = WithoutAmbient.of(field, ambient)
     gains = None
-    if target is not None:
-        measured = calibrate(taken, _target(target, taken.shape))
+    if card is not None:
+        measured = calibrate(taken, _target(card, taken.shape))
         gains = measured.gains
+        facts["target"] = f"{','.join(map(str, card.rectangle))}={card.reflectance:g}"
         facts["irradiance, median"] = [float(f"{v:.4g}") for v in np.median(measured.irradiances, axis=0)]
         facts["lights not on the target"] = int((~measured.measured).sum())
     if flare:
         if taken.camera is None:
-            raise ValueError("--flare needs the camera; tell it in stage.json")
+            raise ValueError(
+                "--flare needs the camera; tell it in stage.json, or with --field-of-view and --camera-distance"
+            )
         masks.append(
             masking.lens_flare_and_direct_light(taken, taken.camera, angular_radius=float(np.radians(lamp_size) / 2))
         )
@@ -219,60 +307,69 @@ def _mended(
         masks.append(bar_shadow(taken))
     if mask is not None:
         masks.append(masking.user_mask(mask, taken.lights, taken.shape))
-    if gains is None and not masks:
-        return taken, facts
-    return Corrected(taken, gains, mask=masking.AnyOf(tuple(masks)) if masks else None), facts
+    if noise is None and taken.noise is None and not no_noise:
+        noise = _noise_seen(taken, step)
+    mended = Corrected(taken, gains, mask=masking.AnyOf(tuple(masks)) if masks else None, measured_noise=noise)
+    if mended.noise is not None:
+        facts["noise"] = [float(f"{v:.3g}") for v in (mended.noise.constant, mended.noise.slope)]
+    return mended, facts
 
 
-def _target(text: str, shape: tuple[int, int]):
+def _noise_seen(field: ReflectanceField, step: float) -> Noise | None:
+    """The noise of the pictures as they show it; None, which is told, where they do not."""
+    from relume.lightstage.corrected import estimate_noise
+
+    height, width = field.shape
+    why = f"pictures of {width}×{height} are too small to tell it from detail"
+    if height * width >= _LEAST_PIXELS:
+        try:
+            found = estimate_noise(field, step=step)
+        except ValueError as error:
+            why = str(error).partition(";")[0]
+        else:
+            level = _level(field)
+            if found.constant + found.slope * level > (_NO_NOISE * level) ** 2:
+                return found
+            why = "the pictures show none"
+    warnings.warn(f"the noise stays unknown: {why}; --noise tells it", stacklevel=2)
+    return None
+
+
+def _level(field: ReflectanceField) -> float:
+    """The mean value of the picture in the middle of the lights."""
+    light = len(field.lights) // 2
+    return float(field.block(slice(light, light + 1), slice(0, field.shape[0])).mean())
+
+
+def _card(text: str) -> TargetPlace:
     """The card of --target."""
-    import numpy as np
-
-    from relume.lightstage.calibration import Target
+    from relume.lightstage.stage_file import TargetPlace
 
     place, equals, reflectance = text.partition("=")
     try:
         left, top, width, height = (int(word) for word in place.split(","))
         share = float(reflectance)
-        if (
-            not equals
-            or min(left, top) < 0
-            or min(width, height) < 1
-            or left + width > shape[1]
-            or top + height > shape[0]
-        ):
+        if not equals or min(left, top) < 0 or min(width, height) < 1 or not 0 < share <= 1:
             raise ValueError
     except ValueError:
         raise ValueError(
-            f'--target: "{text}" is no card in pictures of {shape[1]}×{shape[0]}; write '
-            "LEFT,TOP,WIDTH,HEIGHT=REFLECTANCE, like 40,60,80,80=0.9"
+            f'--target: "{text}" is no card; write LEFT,TOP,WIDTH,HEIGHT=REFLECTANCE, like 40,60,80,80=0.9'
         ) from None
-    pixels = np.zeros(shape, bool)
-    pixels[top : top + height, left : left + width] = True
-    return Target(pixels, share)
+    return TargetPlace((left, top, width, height), share)
 
 
-def _filmed(source: Path, out: Path, film: str, start: float, azimuth: float, clockwise: bool) -> ReflectanceField:
-    """The field of a film, whose frames are unpacked beside the store."""
+def _target(card: TargetPlace, shape: tuple[int, int]) -> Target:
+    """The card's pixels in pictures of a shape; raises ValueError where it is not in them."""
     import numpy as np
 
-    from relume.lightstage.reading import folder_of, read_stage
-    from relume.lightstage.spinning import SpinningStage, SteadyTurning
-    from relume.lightstage.spinning_film import frame_paths, stage_of_frames, unpack_video
+    from relume.lightstage.calibration import Target
 
-    try:
-        rings, columns, frames = (float(word) for word in film.split(","))
-        if rings < 1 or columns < 1 or frames <= 0 or rings % 1 or columns % 1:
-            raise ValueError
-    except ValueError:
-        raise ValueError(f'--film: "{film}" is no course; write RINGS,COLUMNS,FRAMES, like 32,64,72') from None
-    course = SpinningStage(
-        SteadyTurning(1 / frames, start), int(rings), float(np.pi / (2 * rings)), float(np.pi / rings),
-        float(np.radians(azimuth)), clockwise,
-    )  # fmt: skip
-    if source.is_dir():
-        paths = frame_paths(source)
-        return folder_of(stage_of_frames(paths, course, int(columns)), source / "stage.json", kept=0)
-    folder = out.with_name(out.stem + "_frames")
-    unpack_video(source, folder, course, int(columns))
-    return read_stage(folder, kept=0)
+    left, top, width, height = card.rectangle
+    if left + width > shape[1] or top + height > shape[0]:
+        raise ValueError(
+            f"the target at {left},{top} of {width}×{height} pixels is not within pictures of {shape[1]}×{shape[0]}; "
+            "give LEFT,TOP,WIDTH,HEIGHT=REFLECTANCE"
+        )
+    pixels = np.zeros(shape, bool)
+    pixels[top : top + height, left : left + width] = True
+    return Target(pixels, card.reflectance)

@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
+import tempfile
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from relume.errors import InvalidStage, UnreadableFile
+from relume.errors import InvalidStage, OutputNotWritten, UnreadableFile
 
 if TYPE_CHECKING:
     import numpy as np
 
     from relume.lightstage.highlights import MirrorBall
     from relume.lightstage.spinning import SpinningStage
-    from relume.lightstage.stage_file import Stage, View
+    from relume.lightstage.stage_file import Stage
     from relume.scene.camera import Camera
 
 VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm")
 
 
-def stage_of_list(folder: Path, listed: Path) -> Stage:
-    """The pictures of a folder under lights that an .lp or a plain list of directions names, in their order."""
+def stage_of_list(folder: Path, listed: Path, leave_out: Sequence[Path] = ()) -> Stage:
+    """The pictures of a folder under lights that an .lp or a plain list of directions names, in their order.
+
+    leave_out : pictures that are of no light
+    """
     from relume.lightstage.light_files import LIST, read_directions, read_lp
     from relume.lightstage.stage_file import LightEntry, Stage
 
@@ -33,7 +38,7 @@ def stage_of_list(folder: Path, listed: Path) -> Stage:
             for name, direction in zip(named.names, named.directions.tolist(), strict=True)
         ]
         return Stage(tuple(entries))
-    paths, directions = pictures_in(folder), read_directions(listed)
+    paths, directions = pictures_in(folder, leave_out), read_directions(listed)
     if len(paths) != len(directions):
         raise InvalidStage(f"{listed}: {len(directions)} directions for the {len(paths)} pictures in {folder}")
     pairs = zip(paths, directions.tolist(), strict=True)
@@ -62,7 +67,7 @@ def stage_of_balls(
     from relume.lightstage.near_lights import light_places
     from relume.lightstage.stage_file import LightEntry, Stage, View
 
-    paths = [path for path in pictures_in(folder) if path.resolve() not in {each.resolve() for each in leave_out}]
+    paths = pictures_in(folder, leave_out)
     names = [path.name for path in paths]
     shown = _shown(words, elsewhere, paths)
     balls = [ball_of(word, pictures, field_of_view) for word, pictures in zip(words, shown, strict=True)]
@@ -137,6 +142,36 @@ def film_course(text: str, start: float, azimuth: float, clockwise: bool) -> Fil
     return FilmCourse(course, int(columns))
 
 
+@contextmanager
+def filmed_stage(
+    source: Path, out: Path, course: FilmCourse | None, leave_out: Sequence[Path]
+) -> Iterator[tuple[Stage, Path] | None]:
+    """The stage of a film and where its frames are; None where there is no film.
+
+    Those of a video lie beside the store only as long as this lasts. Raises InvalidStage where the film does not go
+    round the stage, UnreadableFile, OutputNotWritten.
+    """
+    if course is None:
+        yield None
+        return
+    from relume.lightstage.spinning_film import frame_paths, stage_of_frames, unpack_video
+    from relume.lightstage.stage_file import read_stage_file
+
+    if source.is_dir():
+        passed = {path.resolve() for path in leave_out}
+        paths = [path for path in frame_paths(source) if path.resolve() not in passed]
+        yield stage_of_frames(paths, course.stage, course.columns), source
+        return
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        place = tempfile.TemporaryDirectory(prefix=f".{out.name}.frames_", dir=out.parent)
+    except OSError as error:
+        raise OutputNotWritten(f"{out.parent}: cannot be written: {error.strerror}; choose another place") from None
+    with place as folder:
+        file = unpack_video(source, folder, course.stage, course.columns)
+        yield read_stage_file(file), file
+
+
 def work_of_film(video: Path, course: FilmCourse) -> dict[str, object]:
     """What a video would come to, from looking at all its frames and keeping none: facts for a dry run."""
     from relume.lightstage.spinning_film import video_frames
@@ -198,12 +233,17 @@ def _camera(shape: tuple[int, ...], field_of_view: float) -> Camera:
     return Camera(width, height, float(width / 2 / np.tan(field_of_view / 2)), np.zeros(3), np.eye(3))
 
 
-def pictures_in(folder: Path) -> list[Path]:
-    """The pictures of a folder in the order of their names, 9 before 10."""
+def pictures_in(folder: Path, leave_out: Sequence[Path] = ()) -> list[Path]:
+    """The pictures of a folder in the order of their names, 9 before 10, but for some."""
     from relume.capture.folder import name_order
     from relume.lightstage.reading import PICTURES
 
-    found = [path for path in folder.iterdir() if path.suffix.lower() in PICTURES and not path.name.startswith(".")]
+    passed = {path.resolve() for path in leave_out}
+    found = [
+        path
+        for path in folder.iterdir()
+        if path.suffix.lower() in PICTURES and not path.name.startswith(".") and path.resolve() not in passed
+    ]
     masks = [path for path in found if path.stem.endswith("mask")]
     if masks:
         warnings.warn(f"{folder}: {masks[0].name} is taken for a mask and is no light's picture", stacklevel=2)

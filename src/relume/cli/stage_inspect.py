@@ -7,11 +7,11 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from relume.cli.arguments import DryRun, require_files
+from relume.cli.arguments import DryRun, made_folder, require_files
 from relume.cli.console import Manner, note, progress, speaking, tell
 from relume.cli.light_input import read_light
 from relume.cli.stage_options import Camera, Stage, work_of
-from relume.cli.stage_output import made_folder, require_output_folder
+from relume.cli.stage_output import require_output_folder
 
 
 def inspect(

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from relume.cli.arguments import require_suffix
+from relume.cli.arguments import made_folder, require_suffix
 from relume.errors import OutputNotWritten
 
 if TYPE_CHECKING:
@@ -38,14 +38,6 @@ def require_frames(out: Path, frames: int) -> None:
 def require_output_folder(out: Path) -> None:
     if out.exists() and not out.is_dir():
         raise OutputNotWritten(f"-o {out}: a file, not a folder; choose another name")
-
-
-def made_folder(out: Path) -> Path:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputNotWritten(f"-o {out}: cannot be made a folder ({error.strerror}); choose another") from None
-    return out
 
 
 def film_for(picture: RadianceMap, stops: float) -> Film:

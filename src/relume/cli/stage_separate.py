@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from relume.cli.arguments import DryRun, require_files
+from relume.cli.arguments import DryRun, made_folder, require_files
 from relume.cli.console import Manner, progress, speaking, tell
 from relume.cli.stage_options import Camera, Stage, work_of
-from relume.cli.stage_output import made_folder, require_output_folder
+from relume.cli.stage_output import require_output_folder
 
 if TYPE_CHECKING:
     import numpy as np

@@ -173,8 +173,8 @@ def write_stage_file(path: str | os.PathLike[str], stage: Stage) -> None:
 def read_stage_file(path: str | os.PathLike[str]) -> Stage:
     """The stage that a stage file describes; its pictures are not looked at.
 
-    Raises InvalidStage for a file that is missing, no JSON, or has a wrong value, an unknown key in one of its tables, a
-    misspelt one at the top, or a light without direction.
+    Raises InvalidStage for a file that is missing, no JSON, or has a wrong value, an unknown key in one of its tables,
+    a misspelt one at the top, or a light without direction.
     """
     from relume.lightstage.stage_file_checks import stage_of
 

@@ -206,7 +206,9 @@ def _refuse_misspelt(table: Mapping[str, Any], path: str) -> None:
         if meant is None and line and _nearest(before, ["camera", "cameras"]):
             meant = _CAMERA + name
         if meant is not None:
-            raise InvalidStage(f'{path}: unknown key "{key}"; did you mean {meant}? Rename it if it means another thing')
+            raise InvalidStage(
+                f'{path}: unknown key "{key}"; did you mean {meant}? Rename it if it means another thing'
+            )
 
 
 def _nearest(key: str, known: Sequence[str]) -> str | None:

@@ -9,19 +9,23 @@ import numpy as np
 
 from relume.image import files
 from relume.lightstage.field import Pictures, ReflectanceField
+from relume.lightstage.lights import StageLights
 from relume.lightstage.low_rank import compress_low_rank
 from relume.lightstage.mosaic import mosaic
 from relume.lightstage.turning import turnable
 from relume.shot import plots
-from relume.shot.page import figure, heading, main_heading, note, page, paragraph, side_by_side, table
+from relume.shot.page import figure, heading, main_heading, note, page, paragraph, side_by_side, table, triple
 from relume.shot.stage_plots import levels_of, lights_of_stage
 from relume.shot.turning_page import turning_part
 from relume.sphere.illumination import IlluminationMap
+from relume.sphere.mappings import LatLong, pixel_directions
 
 RANK = 24
 """Pictures of the page: with 24 its size is some megabytes, and its error is told."""
 WIDE = 480
 """Pixels of the page's subject, along its longer side, at most."""
+LONELY = np.radians(80)
+"""Beyond this, no light is near, however few they are: four that stand evenly leave nothing further than 71°."""
 MEMORY = 256 << 20
 """Bytes for the pictures that the page's basis is found from: a stage of many lights gets fewer pixels."""
 ODD = 4.0
@@ -85,16 +89,30 @@ def doubts_of(field: ReflectanceField, levels: np.ndarray) -> tuple[str, ...]:
     odd = (levels > ODD * around) | (levels * ODD < around)
     if odd.any() and count > 6:
         names = ", ".join(field.lights.names[i] for i in np.flatnonzero(odd)[:4])
-        lines.append(
-            f"{odd.sum()} pictures are {ODD:g} times brighter or darker than those of the lights around: {names}"
-        )
-    widest = int(np.argmax(field.lights.solid_angles))
-    if field.lights.solid_angles[widest] > 4 * 4 * np.pi / count and count > 3:
-        lines.append(
-            f"lights do not stand all around: {field.lights.names[widest]} alone speaks for "
-            f"{field.lights.solid_angles[widest] / (4 * np.pi):.0%} of the sphere, where none is near"
-        )
+        told = "1 picture is" if odd.sum() == 1 else f"{odd.sum()} pictures are"
+        lines.append(f"{told} {ODD:g} times brighter or darker than those of the lights around: {names}")
+    if gap := _gap_told(field.lights):
+        lines.append(gap)
     return tuple(lines)
+
+
+def _gap_told(lights: StageLights) -> str:
+    """The part of the sphere that is far from every light; nothing where there is none."""
+    from scipy.spatial import cKDTree
+
+    towards, areas = pixel_directions(LatLong(), 60), LatLong().solid_angles(60)
+    chord, nearest = cKDTree(lights.directions).query(towards)
+    angle = 2 * np.arcsin(np.clip(chord / 2, 0, 1))
+    # Twice the breadth of a mean cell: of even lights, and of grids by inclination and azimuth, all is nearer.
+    far = min(2 * np.sqrt(4 * np.pi / len(lights)), LONELY)
+    worst = np.unravel_index(int(np.argmax(angle)), angle.shape)
+    if len(lights) < 4 or angle[worst] <= far:
+        return ""
+    return (
+        f"lights do not stand all around: {areas[angle > far].sum() / (4 * np.pi):.0%} of the sphere is further than "
+        f"{np.degrees(far):.0f}° from any; towards {triple(np.round(towards[worst], 2) + 0.0)} the nearest is "
+        f"{lights.names[nearest[worst]]}, {np.degrees(angle[worst]):.0f}° away"
+    )
 
 
 def square_side(field: ReflectanceField, wide: int = WIDE, memory: int = MEMORY) -> int:
@@ -160,8 +178,6 @@ def _white(radiance: np.ndarray) -> float:
 
 def _window() -> IlluminationMap:
     """A soft light from the upper left and a little from everywhere, where no map is given."""
-    from relume.sphere.mappings import LatLong, pixel_directions
-
     towards = np.array([-0.6, 0.5, 0.62])
     lobe = np.maximum(pixel_directions(LatLong(), 32) @ (towards / np.linalg.norm(towards)), 0) ** 20
     return IlluminationMap((0.1 + 4 * lobe[..., None] * [1.0, 0.9, 0.75]).astype(np.float32))
