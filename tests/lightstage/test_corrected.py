@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from relume.lightstage.cells import even_directions
-from relume.lightstage.corrected import Corrected, estimate_noise, noise_of_repeats
+from relume.lightstage.corrected import Corrected, _bands, estimate_noise, noise_of_repeats
 from relume.lightstage.fall_off import FlatField, NearLights, exponents, flat_field_of_board
 from relume.lightstage.field import Noise, Pictures, whole
 from relume.lightstage.filling import Filling
@@ -80,6 +80,15 @@ def test_twice_the_gain_is_four_times_the_constant_and_twice_the_slope() -> None
     assert (field.noise.constant, field.noise.slope) == pytest.approx((4e-4, 2e-3))
 
 
+def test_noise_that_was_measured_goes_before_the_field_s_own() -> None:
+    gains = np.full((COUNT, 3), 2.0)
+    unknown = Corrected(Pictures(smooth_values(), LIGHTS), gains, measured_noise=Noise(1e-4, 1e-3))
+    assert unknown.noise is not None
+    assert (unknown.noise.constant, unknown.noise.slope) == pytest.approx((4e-4, 2e-3))
+    known = Corrected(Pictures(smooth_values(), LIGHTS, noise=Noise(9.0)), measured_noise=Noise(1e-4))
+    assert known.noise == Noise(1e-4)
+
+
 def test_noise_through_gains_and_patterns_is_that_of_noisy_pictures() -> None:
     rng = np.random.default_rng(4)
     noise = rng.normal(0, 0.02, (COUNT, HEIGHT, WIDTH, 3)).astype(np.float32)
@@ -121,6 +130,25 @@ def test_noise_is_read_off_smooth_pictures(constant: float, slope: float) -> Non
     found = estimate_noise(noisy(constant, slope))
     for level in (0.1, 0.5, 0.9):
         assert found.constant + found.slope * level == pytest.approx(constant + slope * level, rel=0.2)
+
+
+def test_black_cloth_around_the_subject_does_not_hide_its_noise() -> None:
+    taken = noisy(1e-5, 4e-4)
+    framed = np.full((6, 240, 320, 3), 0.01, np.float32)
+    framed[:, 70:166, 90:218] = taken.values
+    found = estimate_noise(Pictures(framed, taken.lights))
+    assert found.constant + found.slope * 0.5 == pytest.approx(1e-5 + 2e-4, rel=0.2)
+
+
+def test_noise_of_large_pictures_is_read_off_bands_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("relume.lightstage.corrected._NOISE_MEMORY", 70 * 6 * 8 * 6 * 128 * 3)
+    bands = _bands(96, 70)
+    np.testing.assert_array_equal(bands[:, 0], [8, 56])
+    found = estimate_noise(noisy(1e-5, 4e-4))
+    assert found != estimate_noise(Pictures(noisy(1e-5, 4e-4).values[:, :70], noisy(1e-5, 4e-4).lights))
+    assert found.constant + found.slope * 0.5 == pytest.approx(1e-5 + 2e-4, rel=0.2)
+    assert _bands(40, 70).shape == (1, 40) and _bands(5000, 3).shape == (1, 32)
+    assert _bands(4000, 93).max() < 4000
 
 
 @pytest.mark.parametrize(("constant", "slope"), [(1e-4, 0.0), (1e-5, 4e-4)])

@@ -5,6 +5,9 @@ A square hovers over a matte floor: what the floor receives from any direction i
 
 from __future__ import annotations
 
+from dataclasses import replace
+from time import perf_counter
+
 import numpy as np
 import pytest
 
@@ -12,7 +15,7 @@ from relume.lightstage.cells import even_directions
 from relume.lightstage.dense_directions import DirectedLight, leaves_of
 from relume.lightstage.dense_fit import fitted_direct
 from relume.lightstage.dense_surface import disc_directions, over_neighbours
-from relume.lightstage.densified import Densification, densely_relit, densified
+from relume.lightstage.densified import Densification, densely_relit, densified, row_blocks, seconds_for
 from relume.lightstage.field import Pictures, whole
 from relume.lightstage.interpolation import NearestCell, Smooth
 from relume.lightstage.lights import StageLights
@@ -96,6 +99,51 @@ def test_relighting_is_linear_in_the_light() -> None:
         for p in (power[0], power[1], 2 * power[0] + power[1])
     )
     np.testing.assert_allclose(both, 2 * one + other, rtol=1e-4, atol=1e-4)
+
+
+def test_lights_add_whatever_share_of_the_whole_they_make() -> None:
+    bright = np.zeros((16, 32, 3), np.float32)
+    bright[3, 20], bright[8:, 4:9] = 500.0, 0.3
+    strong, faint = leaves_of(IlluminationMap(bright), 60), leaves_of(IlluminationMap(np.flip(bright, 1) * 0.01), 60)
+    settings = Densification(light_radius=0.0, alpha=0.2, side=3)
+    both, one, other = (
+        densely_relit(FIELD, light, MESHES, settings) for light in (DirectedLight.of([strong, faint]), strong, faint)
+    )
+    assert strong.looked_at()[:, 0].min() == 1 and strong.looked_at()[:, 0].max() > 9
+    # Against the fainter light's own picture, not against the sum, in which it would drown.
+    assert np.abs(both - one - other).max() < 2e-5 * both.max()
+    assert np.abs(both - one - other).mean() < 1e-4 * other.mean()
+
+
+def test_pictures_do_not_depend_on_memory_or_threads() -> None:
+    light = DirectedLight(BETWEEN.directions, np.ones((len(BETWEEN), 3)), np.zeros(len(BETWEEN)))
+    settings = Densification(alpha=0.2, side=2)
+    little = densely_relit(FIELD, light, MESHES, settings, memory=80 * 28 * 96 * 5, threads=1)
+    np.testing.assert_allclose(little, densely_relit(FIELD, light, MESHES, settings, threads=2), atol=1e-5)
+    assert row_blocks(FIELD, 80 * 28 * 96 * 5) == [slice(i, min(i + 3, 20)) for i in range(0, 20, 3)]
+    with pytest.raises(ValueError, match=r"memory is 0.1 MB; rows of 28 pixels under 80 lights need at least 0.7 MB"):
+        densely_relit(FIELD, light, MESHES, settings, memory=100_000)
+
+
+def test_the_time_of_a_mesh_is_estimated() -> None:
+    light = DirectedLight(BETWEEN.directions, np.ones((len(BETWEEN), 3)), np.zeros(len(BETWEEN)))
+    begin = perf_counter()
+    densely_relit(FIELD, light, MESHES, EXACT)
+    took = perf_counter() - begin
+    assert 0.05 * took < seconds_for(FIELD, light, MESHES, EXACT) < 20 * took + 1
+
+
+@pytest.mark.parametrize("meshes", [MESHES, None])
+def test_mirrors_are_never_below_zero_with_a_mesh_or_without(meshes: tuple[Mesh, ...] | None) -> None:
+    glints = FIELD.values.copy()
+    glints[7, 4:12] += 5.0
+    field = Pictures(glints, LIGHTS, CAMERA)
+    light = DirectedLight(BETWEEN.directions, np.ones((len(BETWEEN), 3)), np.zeros(len(BETWEEN)))
+    assert whole(densified(field, BETWEEN, meshes, EXACT))[:, 4:12].min() >= 0
+    assert whole(densified(field, BETWEEN, meshes, replace(EXACT, glints=Smooth())))[:, 4:12].min() < -0.1
+    for i in (3, 20):
+        one = DirectedLight(light.directions[i : i + 1], light.irradiances[:1], light.radii[:1])
+        assert densely_relit(field, one, meshes, EXACT)[4:12].min() >= 0
 
 
 def test_some_rows_are_those_of_the_whole() -> None:

@@ -13,10 +13,11 @@ from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 from relume.lightstage.field import whole
 from relume.lightstage.folder import PictureFolder
-from relume.lightstage.reading import folder_of, read_stage
+from relume.lightstage.reading import described, folder_of, read_stage
 from relume.lightstage.stage_file import read_stage_file
 
 HEAD = Path(__file__).resolve().parents[3] / "shared" / "stages" / "head"
+HALF = {"irradiance_at_normal_incidence": 0.5}
 DIRECTIONS = [[0, 1, 0], [0, 0, 1], [1, 0, 0], [0, -1, 0.1]]
 
 
@@ -66,6 +67,39 @@ def test_photographs_are_srgb_unless_the_stage_says_otherwise(tmp_path: Path) ->
     np.testing.assert_allclose(whole(linear), 128 / 255, rtol=1e-6)
     deep = read_stage(stage_of(tmp_path / "c", values.astype(np.uint16) * 257, "png"))
     np.testing.assert_allclose(whole(deep), 0.2158605, rtol=1e-5)
+
+
+def test_the_steps_of_codes_are_told_in_the_field_s_values(tmp_path: Path) -> None:
+    values = np.full((3, 4, 4, 3), 128, np.uint8)
+    linear = read_stage(stage_of(tmp_path / "a", values, "png", encoding="linear", light=HALF))
+    assert isinstance(linear, PictureFolder) and linear.step() == pytest.approx(1 / 255 / 0.5)
+    srgb = read_stage(stage_of(tmp_path / "b", values, "png"))
+    # Half of the way from code 127 to 129: ((129/255 + 0.055)/1.055)^2.4 − ((127/255 + 0.055)/1.055)^2.4, 0.00729544.
+    assert isinstance(srgb, PictureFolder) and srgb.step() == pytest.approx(0.00364772, rel=1e-5)
+    radiance = read_stage(stage_of(tmp_path / "c", pictures()))
+    assert isinstance(radiance, PictureFolder) and radiance.step() == 0
+
+
+def test_a_target_is_for_an_import_and_that_is_told(tmp_path: Path) -> None:
+    folder = stage_of(tmp_path, pictures(), target={"rectangle": [0, 0, 2, 2], "reflectance": 0.5})
+    with pytest.warns(UserWarning, match='"target" is passed over here: relume stage import'):
+        field = read_stage(folder)
+    np.testing.assert_array_equal(whole(field), pictures())
+    stage, source = described(folder)
+    assert stage.target is not None and stage.target.reflectance == 0.5 and source == folder / "stage.json"
+
+
+def test_pictures_without_a_file_of_their_lights_are_told_by_their_folder(tmp_path: Path) -> None:
+    stage, source = described(stage_of(tmp_path, pictures()))
+    source.unlink()
+    files.write(tmp_path / "off.exr", RadianceMap(pictures()[0]))
+    np.testing.assert_array_equal(whole(folder_of(stage, tmp_path, known=[tmp_path / "off.exr"])), pictures())
+    with pytest.warns(UserWarning, match="named by none, such as off.exr"):
+        folder_of(stage, tmp_path)
+    (tmp_path / "2.exr").unlink()
+    with pytest.raises(InvalidStage) as caught:
+        folder_of(stage, tmp_path)
+    assert str(caught.value).startswith(f"{tmp_path}: 1 of 3 pictures") and "stage.json" not in str(caught.value)
 
 
 def test_a_response_beside_the_stage_linearises_its_photographs(tmp_path: Path) -> None:

@@ -82,7 +82,6 @@ def test_a_stage_is_written_as_it_was_read(tmp_path: Path) -> None:
         "encoding": "linear",
         "subject": [0, 1, 0],
         "target": {"rectangle": [1, 2, 3, 4], "reflectance": 0.18},
-        "mirrored_balls": [{"circle": [10, 20, 5], "radius": 0.03}, {"circle": [1, 2, 3]}],
         "note": "mine",
     }
     stage = read_stage_file(written(tmp_path, table))
@@ -92,7 +91,7 @@ def test_a_stage_is_written_as_it_was_read(tmp_path: Path) -> None:
     again = read_stage_file(tmp_path / "again.json")
     assert again.cameras["left"].field_of_view == pytest.approx(np.radians(30))
     assert again.lights == stage.lights and again.target == stage.target
-    assert again.mirrored_balls == stage.mirrored_balls and again.others == {"note": "mine"}
+    assert again.others == {"note": "mine"}
 
 
 def test_told_cells_that_do_not_fill_the_sphere_are_not_believed(tmp_path: Path) -> None:
@@ -145,6 +144,37 @@ def test_a_light_without_direction_is_refused(tmp_path: Path) -> None:
 )
 def test_a_wrong_stage_is_refused(tmp_path: Path, table: object, told: str) -> None:
     assert told in refused(tmp_path, table)
+
+
+VIEW = {"position": [0, 0, 1], "look_at": [0, 0, 0], "hfov_deg": 30}
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (
+            {"light": {"irradiance": 10}},
+            'light: unknown key "irradiance"; did you mean irradiance_at_normal_incidence?',
+        ),
+        ({"light": {"diameter": 2}}, 'light: unknown key "diameter"'),
+        ({"grid": {"inclination": 1, "azimuth": 3, "azimut": 3}}, 'grid: unknown key "azimut"; did you mean azimuth?'),
+        ({"camera_front": VIEW | {"fov": 30}}, 'camera front: unknown key "fov"; expected position, look_at, hfov_deg'),
+        ({"cameras": {"left": VIEW | {"hfov": 3}}}, 'camera left: unknown key "hfov"; did you mean hfov_deg?'),
+        ({"encodng": "linear"}, 'unknown key "encodng"; did you mean encoding?'),
+        ({"camra_front": VIEW}, 'unknown key "camra_front"; did you mean camera_front?'),
+        ({"camera": VIEW}, 'unknown key "camera"; did you mean cameras?'),
+        ({"Target": {}}, 'unknown key "Target"; did you mean target?'),
+        ({"gird": {}}, 'unknown key "gird"; did you mean grid?'),
+        ({"mehs": "a.obj"}, 'unknown key "mehs"; did you mean mesh?'),
+    ],
+)
+def test_a_misspelt_key_is_refused(tmp_path: Path, change: dict[str, object], told: str) -> None:
+    assert told in refused(tmp_path, {"lights": THREE} | change)
+
+
+def test_keys_of_other_programs_are_kept(tmp_path: Path) -> None:
+    others = {"frame": "+Y up", "truth_points": [], "backdrop": {}, "object": "cat", "note": 1, "mesh": "a.obj"}
+    assert read_stage_file(written(tmp_path, {"lights": THREE} | others)).others == others
 
 
 def test_a_picture_of_two_lights_is_refused(tmp_path: Path) -> None:

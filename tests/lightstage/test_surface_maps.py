@@ -9,7 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from command_line import refused
+from relume.cli import main
 from relume.image import files
+from relume.image.radiance import RadianceMap
 from relume.light.brdf import GGX
 from relume.lightstage.cells import even_directions
 from relume.lightstage.field import Pictures
@@ -24,6 +27,9 @@ from relume.scene.materials import Material
 from relume.scene.meshes import read_meshes
 from relume.scene.shapes import Mesh
 from relume.sphere.directions import normalised
+from small_stages import ALBEDO as BALL
+from small_stages import CAMERA as FRONT
+from small_stages import lit, normals, write_stage
 
 STAGE = Path(__file__).resolve().parents[3] / "shared" / "stages" / "head"
 LIGHTS = StageLights.towards(even_directions(1000))
@@ -244,6 +250,32 @@ def test_a_camera_of_another_size_and_another_suffix_are_refused(tmp_path: Path)
         textured(card(), CAMERA.resized(16, 12), maps_of_card())
     with pytest.raises(ValueError, match="materials are written as"):
         write_material(tmp_path / "card.obj", card(), CAMERA, maps_of_card())
+
+
+def test_the_command_tells_an_albedo_that_no_subject_has(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stage = write_stage(tmp_path / "ball", light={"irradiance_at_normal_incidence": 1e4})
+    assert main(["stage", "separate", str(stage), "-o", str(tmp_path / "maps")]) == 0
+    assert "irradiance of the stage's lights is told too large" in capsys.readouterr().err
+    maps = files.read_layers(tmp_path / "maps" / "maps.exr")
+    known = np.linalg.norm(normals(), axis=-1) > 0
+    cosine = np.einsum("pk,pk->p", maps["normal"][known], normals()[known])
+    assert np.degrees(np.arccos(np.clip(np.median(cosine), -1, 1))) < 1
+    np.testing.assert_allclose(np.median(maps["albedo"][known], axis=0), BALL / 1e4, rtol=0.05)
+
+
+def test_the_command_refuses_a_stage_of_which_nothing_can_be_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Lights in one plane tell no normals."""
+    entries = []
+    for index, angle in enumerate(np.linspace(-1.2, 1.2, 12)):
+        direction = np.array([np.sin(angle), 0, np.cos(angle)])
+        files.write(tmp_path / f"{index}.exr", RadianceMap(lit(direction)))
+        entries.append({"file": f"{index}.exr", "direction": direction.tolist(), "solid_angle": 1.0})
+    (tmp_path / "stage.json").write_text(json.dumps({"lights": entries, "cameras": {"front": FRONT}}), "utf-8")
+    told = refused(["stage", "separate", str(tmp_path), "-o", str(tmp_path / "maps")], capsys)
+    assert "nothing could be told of any of its 768 pixels" in told
+    assert not (tmp_path / "maps").exists()
 
 
 @pytest.mark.slow

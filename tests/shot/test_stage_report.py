@@ -18,9 +18,7 @@ from relume.shot.stage_report import doubts_of, reduced, square_side, write_stag
 from relume.sphere.illumination import IlluminationMap
 
 LIGHTS = StageLights.towards(even_directions(60), tuple(f"lamp {i}" for i in range(60)))
-NORMALS = np.stack(
-    [*np.meshgrid(np.linspace(-0.6, 0.6, 12), np.linspace(0.6, -0.6, 10)), np.zeros((10, 12))], axis=-1
-)
+NORMALS = np.stack([*np.meshgrid(np.linspace(-0.6, 0.6, 12), np.linspace(0.6, -0.6, 10)), np.zeros((10, 12))], axis=-1)
 NORMALS[..., 2] = np.sqrt(1 - (NORMALS**2).sum(axis=-1))
 
 
@@ -155,3 +153,16 @@ def test_the_page_tells_that_its_pixels_are_averages(tmp_path: Path) -> None:
     wide = Pictures(np.random.default_rng(3).random((5, 2, 962, 3), np.float32), lights)
     write_stage_report(wide, tmp_path / "report.html", {})
     assert "mean of 3×3 of the stage's" in (tmp_path / "report.html").read_text("utf-8").replace("&#x27;", "'")
+
+
+def test_lights_behind_a_subject_are_dark_and_no_doubt() -> None:
+    """Of 24 lights about a matte ball those behind it show less than a hundredth of what their neighbours show."""
+    lights = StageLights.towards(even_directions(24))
+    across = np.stack(np.meshgrid(np.linspace(-1, 1, 24), np.linspace(1, -1, 24)), axis=-1)
+    inside = (across**2).sum(axis=-1, keepdims=True) < 1
+    normals = np.concatenate([across, np.sqrt(np.maximum(1 - (across**2).sum(axis=-1, keepdims=True), 0))], axis=-1)
+    values = np.maximum(np.einsum("hwk,nk->nhw", normals * inside, lights.directions), 0)[..., None].repeat(3, axis=-1)
+    field = Pictures(values.astype(np.float32), lights)
+    levels = levels_of(field)[0]
+    assert levels.min() < 0.01 * np.median(levels)
+    assert doubts_of(field, levels) == ()

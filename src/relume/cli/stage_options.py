@@ -32,14 +32,17 @@ def bytes_of(text: str, option: str) -> int:
     return size
 
 
-def work_of(field: ReflectanceField, memory: int) -> dict[str, object]:
-    """What relighting would take: facts for a dry run; the time is that of some rows, times the rest."""
+def work_of(field: ReflectanceField, memory: int, more: float = 0.0) -> dict[str, object]:
+    """What relighting would take: facts for a dry run; the time is that of some rows, times the rest.
+
+    more : seconds of other work
+    """
     lights, (rows, columns) = len(field.lights), field.shape
     some = min(rows, 4)
     first = _seconds(field, slice(0, some))
     # The first rows of a folder cost reading its pictures, which those after them may find in memory.
     after = _seconds(field, slice(some, 2 * some)) if rows > some else 0.0
-    seconds = first + after * (rows / some - 1)
+    seconds = first + after * (rows / some - 1) + more
     size = lights * rows * columns * 3 * 4
     return {
         "lights": lights,

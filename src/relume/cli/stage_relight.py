@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -15,10 +17,19 @@ from relume.cli.stage_options import Camera, MaxMemory, Stage, bytes_of, work_of
 from relume.cli.stage_output import require_frames, require_picture, write_frames, write_picture
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from relume.image.radiance import RadianceMap
     from relume.lightstage.dense_directions import DirectedLight
+    from relume.lightstage.densified import Densification
     from relume.lightstage.field import ReflectanceField
+    from relume.lightstage.interpolation import Interpolation
+    from relume.lightstage.lights import StageLights
     from relume.lightstage.relighting import Progress
+    from relume.scene.shapes import Mesh
+
+_FAR = 0.05
+"""Share of the light from where the stage has no lights that is worth a word."""
 
 
 def relight(
@@ -42,9 +53,7 @@ def relight(
             "lights instead of fading over. The one that stage.json names, or the only one in objects/, unless given."
         ),
     ] = None,
-    no_mesh: Annotated[
-        bool, Parameter(negative="", help="Sum the stage's pictures alone; much faster, and linear to rounding.")
-    ] = False,
+    no_mesh: Annotated[bool, Parameter(negative="", help="Sum the stage's pictures alone; much faster.")] = False,
     frames: Annotated[
         int | None,
         Parameter(help="Turn the maps once about the vertical, right-handed, in so many pictures."),
@@ -63,8 +72,6 @@ def relight(
     gives a picture for each.
     """
     from relume.lightstage.reading import read_stage
-    from relume.lightstage.relighting import relight as relit
-    from relume.lightstage.sequences import relight_sequence
 
     with speaking(manner):
         light.check(maps_only=frames is not None)
@@ -80,26 +87,111 @@ def relight(
         field = read_stage(stage, camera)
         geometry = None if no_mesh or moving or light.nearest else _geometry(stage, mesh, field, manner)
         if dry_run:
-            tell(manner, {"would write": str(out), **work_of(field, memory), "mesh": geometry and str(geometry.path)})
+            more = 0.0 if geometry is None else geometry.seconds(field, light.directed()[0], threads, memory)
+            work = work_of(field, memory, more)
+            tell(manner, {"would write": str(out), **work, "mesh": geometry and str(geometry.path)})
             return
+        if geometry is not None and not geometry.fits(field, mesh is not None, threads, memory, manner):
+            geometry = None
+        _tell_far(light, field.lights, frames, manner)
         with progress(manner) as report:
             settings = {"threads": threads, "memory": memory, "progress": lambda share: report("relighting", share)}
             if moving:
-                amounts, unit = light.turning(field.lights, frames, lambda share: report("light", share))
-                pictures = relight_sequence(field, amounts, **settings)
+                pictures, unit = _sequence(field, light, frames, settings, lambda share: report("light", share))
                 count = write_frames(out, (replace(each, unit=unit) for each in pictures), exposure)
             else:
-                given, unit = light.irradiances(field.lights)
                 if geometry is None:
-                    picture = relit(field, given, **settings)
+                    picture, unit = _single(field, light, settings)
                 else:
-                    picture = geometry.relit(field, light.directed()[0], **settings)
+                    directed, unit = light.directed()
+                    picture = geometry.relit(field, directed, **settings)
                 write_picture(out, replace(picture, unit=unit), exposure)
                 count = 1
         facts = {"written": str(out), "pictures": count, "lights": len(field.lights)}
         if geometry is not None:
             facts["mesh"] = str(geometry.path)
         tell(manner, {**facts, "size": list(field.shape[::-1]), "unit": unit})
+
+
+class _GlintLight(Light):
+    """Light as pixels that are spikes have it."""
+
+    @staticmethod
+    def of(light: Light) -> _GlintLight:
+        return _GlintLight(**{each.name: getattr(light, each.name) for each in fields(light)})
+
+    def interpolation(self) -> Interpolation:
+        from relume.lightstage.interpolation import Barycentric
+
+        return Barycentric()
+
+
+def _single(field: ReflectanceField, light: Light, settings: dict[str, Any]) -> tuple[RadianceMap, str]:
+    """The subject under the light without a mesh, and its unit."""
+    from relume.lightstage.glints import relit
+    from relume.lightstage.relighting import relight as summed
+
+    given, unit = light.irradiances(field.lights)
+    if light.nearest:
+        return summed(field, given, **settings), unit
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it was said where the light was read first
+        glints, _ = _GlintLight.of(light).irradiances(field.lights)
+    return relit(field, given, glints, **settings), unit
+
+
+def _sequence(
+    field: ReflectanceField, light: Light, frames: int | None, settings: dict[str, Any], report: Progress
+) -> tuple[Iterator[RadianceMap], str]:
+    """The pictures of a sequence, and their unit."""
+    from relume.lightstage.glints import relit_sequence
+    from relume.lightstage.sequences import relight_sequence
+
+    if light.nearest:
+        amounts, unit = light.turning(field.lights, frames, report)
+        return relight_sequence(field, amounts, **settings), unit
+    smooth, unit = light.turning(field.lights, frames, lambda share: report(share / 2))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it was said where the light was read first
+        glints, _ = _GlintLight.of(light).turning(field.lights, frames, lambda share: report((1 + share) / 2))
+    return relit_sequence(field, smooth, glints, **settings), unit
+
+
+def _tell_far(light: Light, lights: StageLights, frames: int | None, manner: Manner) -> None:
+    """Say how much of the light comes from where the stage has no lights."""
+    from relume.lightstage.cells import even_directions
+    from relume.lightstage.interpolation import reached, unreached_share
+
+    if reached(lights, even_directions(4096)).min() == 1:
+        return
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what reading the light has to say is said where it is used
+        share = max(
+            unreached_share(lights, each.directions, each.irradiances) for each in _directed_lights(light, frames)
+        )
+    if share >= _FAR:
+        most = "up to " if frames or light.is_sequence else ""
+        note(
+            manner,
+            f"{most}{share:.0%} of the light comes from where the stage has no lights; the nearest lights give it "
+            "instead, and shading and shadows are wrong for it",
+        )
+
+
+def _directed_lights(light: Light, frames: int | None) -> Iterator[DirectedLight]:
+    """The light of every picture as directions."""
+    import numpy as np
+
+    from relume.sphere.directions import rotation_about
+
+    if light.is_sequence:
+        for path in sorted((light.light or [])[0].iterdir()):
+            if path.suffix.lower() in (".exr", ".hdr"):
+                yield replace(light, light=[path]).directed()[0]
+        return
+    directed, _ = light.directed()
+    for index in range(frames or 1):
+        yield directed.turned(rotation_about((0.0, 1.0, 0.0), 2 * np.pi * index / (frames or 1)))
 
 
 @dataclass(frozen=True)
@@ -114,17 +206,63 @@ class _Geometry:
     ) -> RadianceMap:
         """The subject with shadows of its mesh; where the noise is known its variance is that of the plain sum."""
         from relume.image.radiance import RadianceMap
-        from relume.lightstage.densified import Densification, densely_relit
+        from relume.lightstage.densified import densely_relit
+        from relume.lightstage.glints import share_below, warn_below
         from relume.lightstage.relighting import relight as summed
-        from relume.scene.meshes import read_meshes
 
-        settings = Densification() if self.light_radius is None else Densification(light_radius=self.light_radius)
-        radiance = densely_relit(field, light, read_meshes(self.path), settings, progress=progress)
+        settings = self.settings()
+        radiance = densely_relit(
+            field, light, self.meshes(), settings, progress=progress, threads=threads, memory=memory
+        )
+        warn_below(share_below(radiance))
         variance = None
         if field.noise is not None:
             given = settings.remainder.gathered(field.lights, light.directions, light.irradiances)
             variance = summed(field, given, threads=threads, memory=memory).variance
         return RadianceMap(radiance, variance)
+
+    def seconds(self, field: ReflectanceField, light: DirectedLight, threads: int | None, memory: int) -> float:
+        """About how long `relit` takes; refuses too little memory."""
+        from relume.lightstage.densified import row_blocks, seconds_for
+
+        row_blocks(field, memory)
+        return seconds_for(field, light, self.meshes(), self.settings(), threads=threads)
+
+    def fits(self, field: ReflectanceField, asked: bool, threads: int | None, memory: int, manner: Manner) -> bool:
+        """Whether the mesh is where the pictures show the subject: one that was asked for must be."""
+        from relume.lightstage.view_projection import Subject, check_mesh_matches
+
+        if field.camera is None:
+            return False
+        try:
+            sight = Subject.of(self.meshes()).seen(field.camera)
+            check_mesh_matches(_brightness(field, threads, memory), sight, "the stage's camera")
+        except ValueError as error:
+            if asked:
+                raise ValueError(f"--mesh: {self.path}: {error}") from None
+            note(manner, f"{self.path} is not used: {error}")
+            return False
+        return True
+
+    def meshes(self) -> Sequence[Mesh]:
+        from relume.scene.meshes import read_meshes
+
+        return read_meshes(self.path)
+
+    def settings(self) -> Densification:
+        from relume.lightstage.densified import Densification
+
+        return Densification() if self.light_radius is None else Densification(light_radius=self.light_radius)
+
+
+def _brightness(field: ReflectanceField, threads: int | None, memory: int) -> np.ndarray:
+    """The mean (H, W) of a field's pictures over the sphere."""
+    import numpy as np
+
+    from relume.lightstage.relighting import relight as summed
+
+    even = np.repeat(field.lights.solid_angles[:, None] / (4 * np.pi), 3, axis=1)
+    return summed(field, even, threads=threads, memory=memory).radiance.mean(axis=-1)
 
 
 def _geometry(stage: Path, mesh: Path | None, field: ReflectanceField, manner: Manner) -> _Geometry | None:

@@ -23,6 +23,8 @@ from relume.scene.camera import Camera
 _WORKING_MEMORY = 256 << 20
 _SAMPLED_LIGHTS = 24
 _LEVELS = 12
+_LIT = 0.05
+"""Of the brightest of a mean picture, above which a pixel shows the subject."""
 _NOISE_MEMORY = 512 << 20
 _BAND = 32
 """Rows of a piece of a large picture in which noise is looked for."""
@@ -202,9 +204,12 @@ def _above_black(pictures: np.ndarray) -> np.ndarray:
 
 
 def _smooth_pixels(mean: np.ndarray) -> np.ndarray:
-    """The quarter (…, H, W, 3) of the lit pixels of a mean picture that has least detail for its brightness."""
+    """The quarter (…, H, W, 3) of the lit pixels of a mean picture that has least detail for its brightness.
+
+    Black cloth behind the subject is not lit: codes that stand still there would be all that is seen.
+    """
     detail = ndimage.maximum_filter(np.abs(_detail(mean)), (1,) * (mean.ndim - 3) + (3, 3, 1))
-    lit = mean > 0
+    lit = mean > _LIT * np.percentile(mean, 99)
     if not lit.any():
         return lit
     relative = detail / np.where(lit, np.sqrt(np.where(lit, mean, 1)), 1)

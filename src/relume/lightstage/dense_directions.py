@@ -15,6 +15,10 @@ from relume.sphere.directions import required_rotation
 from relume.sphere.illumination import IlluminationMap
 from relume.sphere.mappings import pixel_directions
 
+ALL_RAYS = 1 << 30
+_BRIGHT, _MIDDLING = 2e-3, 5e-4
+"""Shares of a map's light from which on a leaf is looked at by all rays, and by three; many faint ones average."""
+
 
 @dataclass(frozen=True, eq=False)
 class DirectedLight:
@@ -23,11 +27,14 @@ class DirectedLight:
     directions : (M, 3) float64, unit, towards the light
     irradiances : (M, 3) float64, each on a surface that faces it
     radii : (M,) float64, radians, of the disc about each direction that the light fills
+    rays : (M, 2) int64, how many of the rays through a pixel look at each light, and which is the first of them; None
+        for all of them. A light keeps its own whatever it is put together with, so that pictures add as lights do
     """
 
     directions: np.ndarray
     irradiances: np.ndarray
     radii: np.ndarray
+    rays: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         count = len(self.directions)
@@ -36,6 +43,8 @@ class DirectedLight:
                 f"directions {self.directions.shape}, irradiances {self.irradiances.shape} and radii "
                 f"{self.radii.shape}; expected (M, 3), (M, 3) and (M,)"
             )
+        if self.rays is not None and (self.rays.shape != (count, 2) or self.rays.dtype.kind not in "iu"):
+            raise ValueError(f"rays are {self.rays.shape} {self.rays.dtype}; expected integers ({count}, 2)")
 
     @staticmethod
     def of(parts: Sequence[DirectedLight]) -> DirectedLight:
@@ -46,17 +55,26 @@ class DirectedLight:
             np.concatenate([part.directions for part in parts]),
             np.concatenate([part.irradiances for part in parts]),
             np.concatenate([part.radii for part in parts]),
+            np.concatenate([part.looked_at() for part in parts]),
         )
+
+    def looked_at(self) -> np.ndarray:
+        """`rays`, told for each light."""
+        return np.tile([ALL_RAYS, 0], (len(self.radii), 1)) if self.rays is None else self.rays
 
     def turned(self, rotation: np.ndarray) -> DirectedLight:
         """The light turned by an active rotation (3, 3)."""
-        return DirectedLight(self.directions @ required_rotation(rotation).T, self.irradiances, self.radii)
+        return DirectedLight(self.directions @ required_rotation(rotation).T, self.irradiances, self.radii, self.rays)
 
 
 def leaves_of(illumination: IlluminationMap, count: int = 1500) -> DirectedLight:
     """The light of a map from about `count` directions; the irradiances sum to the map's.
 
     The block with the greatest power times extent is divided next, down to single texels: a sun is told texel by texel.
+
+    Fainter leaves are to be looked at through fewer rays a pixel. Which leaves there are depends on the map: a picture
+    under two maps' leaves is the sum of the two pictures, but the leaves of two maps' sum are not theirs together, and
+    the picture is another as far as leaves stand for texels.
 
     count : 1500 moves shadows' edges on a rendered head by less than the pictures resolve
     Raises ValueError unless count is at least 1.
@@ -86,7 +104,14 @@ def leaves_of(illumination: IlluminationMap, count: int = 1500) -> DirectedLight
     if not lit:
         return DirectedLight(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
     towards, irradiances, radii = zip(*lit, strict=True)
-    return DirectedLight(np.array(towards), np.array(irradiances), np.array(radii))
+    return DirectedLight(np.array(towards), np.array(irradiances), np.array(radii), _rays_of(np.array(irradiances)))
+
+
+def _rays_of(irradiances: np.ndarray) -> np.ndarray:
+    """How many rays look at each leaf and which is the first, others each turn: over many all rays serve alike."""
+    share = irradiances.sum(axis=1) / irradiances.sum()
+    wanted = np.where(share < _MIDDLING, 1, np.where(share < _BRIGHT, 3, ALL_RAYS))
+    return np.stack([wanted, np.arange(len(share)) * np.where(wanted < ALL_RAYS, wanted, 0)], axis=1)
 
 
 def _leaf(power: np.ndarray, directions: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray, float] | None:

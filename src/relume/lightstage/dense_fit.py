@@ -8,15 +8,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from relume.lightstage.glints import spikes_of
 from relume.lightstage.lights import StageLights
 
 _EXPLAINED = 0.5
+_SPIKE_EXPLAINED = 0.8
+"""Of a function that is a spike: a little off the model it would be turned into light below 0."""
 
 
 def fitted_direct(values: np.ndarray, basis: np.ndarray, lights: StageLights) -> np.ndarray:
     """The scales (K, 2, 3) float32 of the direct light, by least squares over the sphere, none below 0.
 
-    0 where direct light explains less than half of what indirect light leaves over, as on a mirror.
+    0 where direct light explains less than half of what indirect light leaves over, or four fifths where the function
+    is a spike, and where one light alone makes most of it, as on a mirror.
 
     values : (N, K, 3) of a reflectance field
     basis : (N, 2, K) of `direct_light`
@@ -36,7 +40,9 @@ def fitted_direct(values: np.ndarray, basis: np.ndarray, lights: StageLights) ->
     scales = _not_negative(normal, right)
     total = np.einsum("knc,knc->k", effects, effects)
     explained = 2 * np.einsum("kbc,kbc->k", scales, right) - np.einsum("kbc,kbd,kdc->k", scales, normal, scales)
-    return np.where((explained > _EXPLAINED * total)[:, None, None], scales, 0).astype(np.float32)
+    spiky, mirrors = spikes_of(values, lights)
+    modelled = (explained > np.where(spiky, _SPIKE_EXPLAINED, _EXPLAINED) * total) & ~mirrors
+    return np.where(modelled[:, None, None], scales, 0).astype(np.float32)
 
 
 def _not_negative(normal: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -60,16 +60,18 @@ class Geometry:
         return Geometry(RayCaster.of(meshes), Surfaces.of(meshes), extent)
 
 
-def samples_of(geometry: Geometry, camera: Camera, rows: np.ndarray, side: int) -> tuple[Sample, ...]:
+def samples_of(
+    geometry: Geometry, camera: Camera, rows: np.ndarray, side: int, threads: int | None = None
+) -> tuple[Sample, ...]:
     """What side² rays a pixel meet in these rows (R,) of a camera's picture."""
     offsets = (np.arange(side) + 0.5) / side
     x, y = np.arange(camera.width), rows
-    return tuple(_sample(geometry, camera, x + across, y + down) for down in offsets for across in offsets)
+    return tuple(_sample(geometry, camera, x + across, y + down, threads) for down in offsets for across in offsets)
 
 
-def _sample(geometry: Geometry, camera: Camera, x: np.ndarray, y: np.ndarray) -> Sample:
+def _sample(geometry: Geometry, camera: Camera, x: np.ndarray, y: np.ndarray, threads: int | None) -> Sample:
     through = camera.rays_through(np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)).reshape(-1, 3)
-    hits = geometry.caster.nearest(camera.position, through)
+    hits = geometry.caster.nearest(camera.position, through, threads=threads)
     met = np.flatnonzero(hits.shape >= 0)
     surface = geometry.surfaces.at(camera.position, through, hits)
     facing = [_towards(normal[met], -through[met]) for normal in (surface.shading_normal, surface.geometric_normal)]
@@ -106,6 +108,7 @@ def direct_light(
     direction: np.ndarray,
     radius: float,
     alpha: float,
+    threads: int | None = None,
 ) -> np.ndarray:
     """What a light of irradiance 1 does to each pixel: (2, pixels) float32, irradiance and reflected gloss.
 
@@ -122,7 +125,7 @@ def direct_light(
         incident = sample.normals @ light
         facing = np.flatnonzero(incident > 0)
         rays = np.broadcast_to(towards, (len(facing), 3))
-        lit = facing[~geometry.caster.occluded(sample.points[facing], rays)]
+        lit = facing[~geometry.caster.occluded(sample.points[facing], rays, threads=threads)]
         found[0, sample.pixels[lit]] += incident[lit]
         found[1, sample.pixels[lit]] += _gloss(
             sample.normals[lit], sample.towards_eye[lit], light, incident[lit], alpha

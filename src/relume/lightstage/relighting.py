@@ -83,9 +83,18 @@ def relight_per_pixel(
 
 
 def summed(
-    field: ReflectanceField, irradiances: np.ndarray, *, threads: int | None, memory: int, progress: Progress | None
+    field: ReflectanceField,
+    irradiances: np.ndarray,
+    *,
+    threads: int | None,
+    memory: int,
+    progress: Progress | None,
+    seen: Callable[[slice, np.ndarray, np.ndarray | None], None] | None = None,
 ) -> Iterator[RadianceMap]:
-    """Pictures under each of the irradiances (K, N, 3), in one pass over the field."""
+    """Pictures under each of the irradiances (K, N, 3), in one pass over the field.
+
+    seen : called with every block on the way: its rows, and what `encoded` tells of it
+    """
     from relume.lightstage.sum_kernel import add_weighted
 
     count, (rows, columns), noise = len(irradiances), field.shape, field.noise
@@ -102,6 +111,8 @@ def summed(
             # What a stored 1 stands for goes into the weights: the values are read as they are kept.
             scaled = weights[light] if scale is None else weights[light] * scale[:, None, None]
             add_weighted(values.reshape(len(values), -1), np.ascontiguousarray(scaled), totals, threads)
+            if seen:
+                seen(row, values, scale)
             del values
             if progress:
                 progress(plan.done(row, light))

@@ -17,10 +17,10 @@ def lights_of_stage(lights: StageLights, levels: np.ndarray) -> bytes:
     levels : (N,) mean of each light's picture, which colours its disc
     """
     from matplotlib.figure import Figure
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     rows = 180
-    nearest = cKDTree(lights.directions).query(pixel_directions(LatLong(), rows))[1]
+    nearest = np.asarray(KDTree(lights.directions).query(pixel_directions(LatLong(), rows))[1])
     border = np.zeros(nearest.shape, bool)
     border[:, :-1] |= nearest[:, :-1] != nearest[:, 1:]
     border[:-1] |= nearest[:-1] != nearest[1:]

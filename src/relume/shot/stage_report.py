@@ -29,7 +29,7 @@ LONELY = np.radians(80)
 MEMORY = 256 << 20
 """Bytes for the pictures that the page's basis is found from: a stage of many lights gets fewer pixels."""
 ODD = 4.0
-"""Times the median of the lights about it, or a share of it: a picture so much brighter or darker is told."""
+"""Times brighter than the pictures of all the lights about it but one, or darker: such a picture is told."""
 
 
 def write_stage_report(
@@ -80,17 +80,23 @@ def write_stage_report(
 
 def doubts_of(field: ReflectanceField, levels: np.ndarray) -> tuple[str, ...]:
     """Lights whose pictures are dark or out of line with their neighbours', and parts of the sphere without lights."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     lines = []
     count = len(levels)
-    near = cKDTree(field.lights.directions).query(field.lights.directions, k=min(7, count))[1].reshape(count, -1)[:, 1:]
-    around = np.median(levels[near], axis=1) if near.shape[1] else levels
-    odd = (levels > ODD * around) | (levels * ODD < around)
-    if odd.any() and count > 6:
+    near = KDTree(field.lights.directions).query(field.lights.directions, k=min(7, count))[1].reshape(count, -1)[:, 1:]
+    if count > 6:
+        # Behind the subject levels fall as fast from light to light: a good one still lies between its neighbours, or
+        # these give next to nothing themselves.
+        around = np.sort(levels[near], axis=1)
+        telling = around[:, 1] * ODD > np.median(levels)
+        odd = (levels > ODD * around[:, -2]) | (telling & (levels * ODD < around[:, 1]))
+    else:
+        odd = np.zeros(count, bool)
+    if odd.any():
         names = ", ".join(field.lights.names[i] for i in np.flatnonzero(odd)[:4])
         told = "1 picture is" if odd.sum() == 1 else f"{odd.sum()} pictures are"
-        lines.append(f"{told} {ODD:g} times brighter or darker than those of the lights around: {names}")
+        lines.append(f"{told} {ODD:g} times brighter or darker than those of nearly all lights around: {names}")
     if gap := _gap_told(field.lights):
         lines.append(gap)
     return tuple(lines)
@@ -98,10 +104,10 @@ def doubts_of(field: ReflectanceField, levels: np.ndarray) -> tuple[str, ...]:
 
 def _gap_told(lights: StageLights) -> str:
     """The part of the sphere that is far from every light; nothing where there is none."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     towards, areas = pixel_directions(LatLong(), 60), LatLong().solid_angles(60)
-    chord, nearest = cKDTree(lights.directions).query(towards)
+    chord, nearest = (np.asarray(found) for found in KDTree(lights.directions).query(towards))
     angle = 2 * np.arcsin(np.clip(chord / 2, 0, 1))
     # Twice the breadth of a mean cell: of even lights, and of grids by inclination and azimuth, all is nearer.
     far = min(2 * np.sqrt(4 * np.pi / len(lights)), LONELY)

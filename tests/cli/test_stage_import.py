@@ -1,0 +1,415 @@
+"""`relume stage import`: lights from balls, films and lists, what is mended, what is told, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from command_line import refused
+from relume.cli import main
+from relume.image.files import write
+from relume.image.photograph import Photograph
+from relume.image.radiance import RadianceMap
+from relume.lightstage.cells import even_directions
+from relume.lightstage.field import whole
+from relume.lightstage.store import StoredField, read_store
+from relume.scene.camera import Camera
+from relume.sphere.directions import normalised
+from small_stages import LIGHTS, write_stage
+
+pytest.importorskip("zarr", reason="stores need the extra lightstage")
+
+FAR = even_directions(24)[even_directions(24)[:, 2] > -0.4]
+CIRCLE = (60.0, 45.0, 32.0)
+FIELD_OF_VIEW = 40.0
+CAMERA = Camera(240, 150, 120 / np.tan(np.radians(20)), np.zeros(3), np.eye(3))
+BALLS = np.array([[-0.25, 0.02, -1.5], [0.25, -0.02, -1.6]])
+RADIUS = 0.22
+LAMPS = np.array([[0.6, 1.5, 0.4], [-0.9, 0.8, 0.2], [0.2, 0.9, 0.5], [1.2, -0.6, 0.3], [-0.5, -0.9, 0.6]])
+
+
+def glow(towards: np.ndarray, light: np.ndarray) -> np.ndarray:
+    """What a ball mirrors of a room of 0.02 and a lamp 12° wide, by where each ray goes."""
+    return 0.02 + 5 * np.exp(-((np.arccos(np.clip((towards * light).sum(-1), -1, 1)) / np.radians(6)) ** 2))
+
+
+def far_ball(light: np.ndarray, circle: tuple[float, float, float] = CIRCLE) -> np.ndarray:
+    """A mirrored ball seen from far away, before a grey wall that every light reaches, (90, 120, 3)."""
+    rows, columns = np.indices((90, 120)) + 0.5
+    x, y = (columns - circle[0]) / circle[2], (circle[1] - rows) / circle[2]
+    z = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
+    mirrored = np.stack([2 * z * x, 2 * z * y, 2 * z * z - 1], axis=-1)
+    picture = np.where(x**2 + y**2 < 1, glow(mirrored, light), 0.3)
+    return np.repeat(picture[..., None], 3, axis=2).astype(np.float32)
+
+
+def near_balls(lamp: np.ndarray) -> np.ndarray:
+    """Two mirrored balls and a lamp that stands near, as `CAMERA` sees them, (150, 240, 3)."""
+    rays = CAMERA.rays()
+    picture = np.full(rays.shape[:2], 0.3)
+    for centre in BALLS:
+        along = rays @ centre
+        inside = RADIUS**2 - centre @ centre + along**2
+        points = (along - np.sqrt(np.maximum(inside, 0)))[..., None] * rays
+        normals = (points - centre) / RADIUS
+        leaving = rays - 2 * (rays * normals).sum(-1, keepdims=True) * normals
+        picture = np.where(inside > 0, glow(leaving, normalised(lamp - points)), picture)
+    return np.repeat(picture[..., None], 3, axis=2).astype(np.float32)
+
+
+def near_word(centre: np.ndarray) -> str:
+    """The middle of a ball's outline in `near_balls`, the radius of a circle of its area, and that in metres."""
+    distance = float(np.linalg.norm(centre))
+    axis, sine = centre / distance, RADIUS / distance
+    side = normalised(np.cross(axis, [0.0, 1.0, 0.0]))
+    turns = np.linspace(0, 2 * np.pi, 90, endpoint=False)[:, None]
+    ring = np.cos(turns) * side + np.sin(turns) * np.cross(axis, side)
+    rim = CAMERA.project(np.sqrt(1 - sine**2) * axis + sine * ring)
+    middle = (rim.max(axis=0) + rim.min(axis=0)) / 2
+    x, y = (rim - middle).T
+    area = abs((x * np.roll(y, 1) - y * np.roll(x, 1)).sum()) / 2
+    return f"{middle[0]:.3f},{middle[1]:.3f},{np.sqrt(area / np.pi):.3f}={RADIUS}"
+
+
+def pictures(folder: Path, values: list[np.ndarray]) -> Path:
+    folder.mkdir(parents=True)
+    for index, value in enumerate(values):
+        write(folder / f"shot_{index}.exr", RadianceMap(value))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def ball_shots(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return pictures(tmp_path_factory.mktemp("far") / "shots", [far_ball(light) for light in FAR])
+
+
+@pytest.fixture(scope="module")
+def near_shots(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return pictures(tmp_path_factory.mktemp("near") / "shots", [near_balls(lamp) for lamp in LAMPS])
+
+
+def imported(source: Path, out: Path, *options: str) -> StoredField:
+    command = ["stage", "import", str(source), "-o", str(out), "--dtype", "float", "--json", *options]
+    assert main(command) == 0
+    return read_store(out)
+
+
+def told(capsys: pytest.CaptureFixture[str]) -> dict:
+    return json.loads(capsys.readouterr().out)
+
+
+def degrees_apart(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    return np.degrees(np.arccos(np.clip((first * second).sum(-1), -1, 1)))
+
+
+# Lights
+
+
+def test_lights_are_found_in_a_ball_whose_circle_is_told(ball_shots, tmp_path, capsys):
+    field = imported(ball_shots, tmp_path / "a.zarr", "--ball", ",".join(map(str, CIRCLE)))
+    assert degrees_apart(field.lights.directions, FAR).max() < 2
+    assert field.camera is None and field.lights.names[0] == "shot_0.exr"
+    assert told(capsys)["balls"] == [list(CIRCLE)]
+
+
+def test_a_ball_is_found(ball_shots, tmp_path, capsys):
+    field = imported(ball_shots, tmp_path / "a.zarr", "--ball", "find")
+    assert degrees_apart(field.lights.directions, FAR).max() < 2
+    np.testing.assert_allclose(told(capsys)["balls"], [CIRCLE], atol=0.5)
+
+
+def test_a_ball_in_pictures_of_its_own_tells_the_lights_of_the_subject_s(ball_shots, tmp_path):
+    subject = pictures(
+        tmp_path / "subject", [np.full((20, 30, 3), 0.1 + 0.01 * i, np.float32) for i in range(len(FAR))]
+    )
+    options = ["--ball", "60,45,32", "--ball-pictures", str(ball_shots)]
+    field = imported(subject, tmp_path / "a.zarr", *options)
+    assert field.shape == (20, 30) and degrees_apart(field.lights.directions, FAR).max() < 2
+    np.testing.assert_allclose(whole(field)[3], 0.13, rtol=1e-6)
+
+
+def test_as_many_pictures_of_the_ball_as_of_the_subject_are_asked_for(ball_shots, tmp_path, capsys):
+    subject = pictures(tmp_path / "subject", [np.full((20, 30, 3), 0.1, np.float32)] * 3)
+    command = ["stage", "import", str(subject), "-o", str(tmp_path / "a.zarr"), "--ball", "60,45,32"]
+    line = refused([*command, "--ball-pictures", str(ball_shots)], capsys)
+    assert f"{len(FAR)} pictures of the ball, 3 of the subject" in line and "stage.json" not in line
+
+
+def test_two_balls_in_metres_tell_where_lamps_and_camera_stand(near_shots, tmp_path):
+    options = [word for centre in BALLS for word in ("--ball", near_word(centre))]
+    field = imported(near_shots, tmp_path / "a.zarr", *options, "--field-of-view", str(FIELD_OF_VIEW))
+    middle = BALLS.mean(axis=0)
+    assert field.lights.positions is not None and field.camera is not None
+    away = np.linalg.norm(field.lights.positions - (LAMPS - middle), axis=1) / np.linalg.norm(LAMPS - middle, axis=1)
+    assert away.max() < 0.05
+    np.testing.assert_allclose(field.camera.position, -middle, atol=0.01)
+    np.testing.assert_allclose(field.camera.rotation, np.eye(3), atol=1e-12)
+    # The camera sees the origin between the two balls, where it is.
+    np.testing.assert_allclose(field.camera.project(np.zeros(3)), CAMERA.project(middle), atol=0.5)
+
+
+def test_a_camera_is_told_by_its_field_of_view_and_distance(ball_shots, tmp_path):
+    circle = ["--ball", "60,45,32", "--field-of-view", "40"]
+    field = imported(ball_shots, tmp_path / "a.zarr", *circle, "--camera-distance", "2.5")
+    assert field.camera is not None
+    assert field.camera.focal_length == pytest.approx(60 / np.tan(np.radians(20)))
+    np.testing.assert_allclose(field.camera.position, [0, 0, 2.5])
+    np.testing.assert_allclose(field.camera.rays()[45, 60], [0, 0, -1], atol=0.01)
+    assert imported(ball_shots, tmp_path / "b.zarr", *circle).camera is None
+
+
+def test_a_list_of_directions_has_no_line_for_the_ambient_picture(tmp_path):
+    folder = pictures(tmp_path / "shots", [np.full((8, 8, 3), 0.5 + 0.1 * i, np.float32) for i in range(4)])
+    write(folder / "off.exr", RadianceMap(np.full((8, 8, 3), 0.2, np.float32)))
+    (tmp_path / "lights.txt").write_text("1 0 0\n0 1 0\n0 0 1\n-1 0 0\n")
+    options = ["--lights", str(tmp_path / "lights.txt"), "--ambient", str(folder / "off.exr")]
+    field = imported(folder, tmp_path / "a.zarr", *options, "--field-of-view", "30", "--camera-distance", "3")
+    np.testing.assert_allclose(whole(field)[:, 4, 4, 0], [0.3, 0.4, 0.5, 0.6], rtol=1e-5)
+    assert field.camera is not None and field.camera.position[2] == 3
+
+
+def frame(index: int) -> np.ndarray:
+    return np.full((32, 48, 3), 40 + 10 * index, np.uint8)
+
+
+def test_a_folder_of_frames_is_a_spinning_stage(tmp_path, capsys):
+    (tmp_path / "film").mkdir()
+    for index in range(16):
+        write(tmp_path / "film" / f"f{index}.png", Photograph(frame(index)))
+    # A picture without the lamp among them is none of its frames.
+    write(tmp_path / "film" / "a.png", Photograph(np.full((32, 48, 3), 40, np.uint8)))
+    options = ["--film", "2,4,8", "--ambient", str(tmp_path / "film" / "a.png")]
+    field = imported(tmp_path / "film", tmp_path / "a.zarr", *options)
+    assert len(field.lights) == 8 and field.lights.grid == (2, 4)
+    # Two rings, at 45° and 135° from +Y; the first light is seen an eighth of a turn from +Z towards +X.
+    np.testing.assert_allclose(field.lights.directions[:, 1], np.repeat([0.5**0.5, -(0.5**0.5)], 4), atol=1e-12)
+    numbers = np.array([int(name[-6:]) for name in field.lights.names])
+    linear = (((40 + 10 * numbers) / 255 + 0.055) / 1.055) ** 2.4 - ((40 / 255 + 0.055) / 1.055) ** 2.4
+    np.testing.assert_allclose(whole(field)[:, 0, 0, 0], linear, atol=1e-6)
+    # Frames between those of the grid are no surprise.
+    assert "named by none" not in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    pytest.importorskip("av")
+    from relume.image.files.video import Movie
+
+    path = tmp_path_factory.mktemp("video") / "spin.mp4"
+    with Movie(path, 30) as movie:
+        for index in range(16):
+            movie.add(frame(index))
+    return path
+
+
+def test_a_dry_run_of_a_film_writes_nothing(video, tmp_path, capsys):
+    command = ["stage", "import", str(video), "-o", str(tmp_path / "new" / "a.zarr"), "--film", "2,4,8", "--dry-run"]
+    assert main([*command, "--json"]) == 0
+    facts = told(capsys)
+    assert (facts["frames"], facts["lights"], facts["size"]) == (16, 8, [48, 32])
+    assert list(tmp_path.iterdir()) == [] and [path.name for path in video.parent.iterdir()] == ["spin.mp4"]
+
+
+def test_the_frames_of_a_film_do_not_stay_beside_the_store(video, tmp_path):
+    field = imported(video, tmp_path / "a.zarr", "--film", "2,4,8", "--field-of-view", "30", "--camera-distance", "2")
+    assert len(field.lights) == 8 and field.shape == (32, 48) and field.camera is not None
+    assert [path.name for path in tmp_path.iterdir()] == ["a.zarr"]
+
+
+def test_the_frames_of_a_film_that_is_refused_do_not_stay(video, tmp_path, capsys):
+    command = ["stage", "import", str(video), "-o", str(tmp_path / "a.zarr"), "--film", "2,4,8"]
+    assert "not within pictures of 48×32" in refused([*command, "--target", "0,0,99,9=0.5"], capsys)
+    assert list(tmp_path.iterdir()) == []
+
+
+# Mending
+
+
+def plain(folder: Path, shape: tuple[int, int] = (60, 80), noise: float = 0.0, **table: object) -> Path:
+    """A smooth thing that every light of 24 reaches, on a camera that looks along −Z."""
+    rng = np.random.default_rng(3)
+    rows = np.linspace(1, 1.3, shape[0])[:, None, None]
+    folder.mkdir()
+    lights = []
+    for index, direction in enumerate(even_directions(LIGHTS)):
+        value = rows * (0.3 + 0.1 * direction[1]) * np.ones((*shape, 3))
+        value = value + noise * np.sqrt(value) * rng.standard_normal(value.shape)
+        write(folder / f"light_{index:02d}.exr", RadianceMap(value.astype(np.float32)))
+        lights.append({"file": f"light_{index:02d}.exr", "direction": direction.tolist()})
+    front = {"position": [0, 0, 3], "look_at": [0, 0, 0], "hfov_deg": 60}
+    (folder / "stage.json").write_text(json.dumps({"lights": lights, "cameras": {"front": front}} | table))
+    return folder
+
+
+def painted(folder: Path, light: int, pixels: np.ndarray, value: float) -> np.ndarray:
+    """Spoil one light's picture at pixels (H, W) bool; the picture as it was."""
+    from relume.image.files import read_radiance
+
+    path = folder / f"light_{light:02d}.exr"
+    before = read_radiance(path).radiance
+    write(path, RadianceMap(np.where(pixels[..., None], np.float32(value), before)))
+    return before
+
+
+def test_the_room_s_own_light_is_taken_off(tmp_path):
+    folder = plain(tmp_path / "shots", (8, 8))
+    write(folder / "off.exr", RadianceMap(np.full((8, 8, 3), 0.05, np.float32)))
+    bare = imported(folder, tmp_path / "b.zarr", "--ambient", str(folder / "off.exr"))
+    expected = whole(imported(folder, tmp_path / "a.zarr")) - 0.05
+    np.testing.assert_allclose(whole(bare), expected, atol=1e-6)
+
+
+def test_what_a_mask_paints_white_is_filled_from_the_lights_around(tmp_path):
+    folder = plain(tmp_path / "shots")
+    spot = np.zeros((60, 80), bool)
+    spot[20:30, 30:40] = True
+    before = painted(folder, 5, spot, 9.0)
+    (tmp_path / "masks").mkdir()
+    write(tmp_path / "masks" / "light_05.png", Photograph(np.repeat(spot[..., None] * np.uint8(255), 3, axis=2)))
+    seen = whole(imported(folder, tmp_path / "a.zarr", "--mask", str(tmp_path / "masks")))[5]
+    np.testing.assert_allclose(seen[spot], before[spot], rtol=0.15)
+    np.testing.assert_array_equal(seen[~spot], before[~spot])
+
+
+def test_the_stage_s_own_bar_is_filled(tmp_path):
+    folder = plain(tmp_path / "shots")
+    bar = np.zeros((60, 80), bool)
+    bar[:, 40:43] = True
+    before = painted(folder, 5, bar, 0.002)
+    with_bar = whole(imported(folder, tmp_path / "a.zarr"))[5]
+    assert with_bar[bar].max() < 0.01
+    seen = whole(imported(folder, tmp_path / "b.zarr", "--bars"))[5]
+    np.testing.assert_allclose(seen[bar], before[bar], rtol=0.15)
+
+
+def test_a_lamp_that_shines_into_the_lens_is_filled(tmp_path):
+    folder = plain(tmp_path / "shots")
+    front = Camera.looking_at(np.array([0, 0, 3.0]), np.zeros(3), width=80, height=60, focal_length=40 * 3**0.5)
+    ahead = int(np.argmin(even_directions(LIGHTS)[:, 2]))
+    angle = degrees_apart(front.rays(), even_directions(LIGHTS)[ahead])
+    assert angle.min() < 1
+    before = painted(folder, ahead, angle < 3, 500.0)
+    seen = whole(imported(folder, tmp_path / "a.zarr", "--flare", "--lamp-size", "6"))[ahead]
+    np.testing.assert_allclose(seen, before, rtol=0.3)
+
+
+def test_the_stage_file_s_own_target_is_used_and_told(tmp_path, capsys):
+    card = {"rectangle": [2, 3, 4, 5], "reflectance": 0.5}
+    folder = plain(tmp_path / "shots", (12, 12), target=card)
+    own = whole(imported(folder, tmp_path / "a.zarr"))
+    facts = told(capsys)
+    assert facts["target"] == "2,3,4,5=0.5" and "irradiance, median" in facts
+    np.testing.assert_array_equal(whole(imported(folder, tmp_path / "b.zarr", "--target", "2,3,4,5=0.5")), own)
+    other = whole(imported(folder, tmp_path / "c.zarr", "--target", "2,3,4,5=1"))
+    np.testing.assert_allclose(other, 2 * own, rtol=1e-5)
+
+
+# Noise
+
+
+def test_the_noise_is_seen_in_the_pictures_kept_and_told(tmp_path, capsys):
+    field = imported(plain(tmp_path / "shots", (96, 128), 0.02), tmp_path / "a.zarr")
+    assert field.noise is not None
+    # The variance is 4e-4 of the value.
+    assert field.noise.constant + 0.35 * field.noise.slope == pytest.approx(0.35 * 4e-4, rel=0.1)
+    assert told(capsys)["noise"] == pytest.approx([field.noise.constant, field.noise.slope], rel=0.01)
+
+
+def test_noise_that_is_told_goes_into_the_store_with_the_gains(tmp_path):
+    folder = plain(tmp_path / "shots", (70, 70), target={"rectangle": [0, 0, 70, 70], "reflectance": 1.0})
+    field = imported(folder, tmp_path / "a.zarr", "--noise", "1e-4,2e-3")
+    gains = (
+        whole(field)[:, 35, 35, 0] / whole(imported(plain(tmp_path / "b", (70, 70)), tmp_path / "b.zarr"))[:, 35, 35, 0]
+    )
+    assert field.noise is not None
+    assert field.noise.constant == pytest.approx(1e-4 * (gains**2).mean(), rel=1e-3)
+    assert field.noise.slope == pytest.approx(2e-3 * gains.mean(), rel=1e-3)
+
+
+def test_the_steps_of_8_bits_are_in_the_noise(tmp_path):
+    (tmp_path / "shots").mkdir()
+    lights = []
+    for index, direction in enumerate(even_directions(4)):
+        write(tmp_path / "shots" / f"{index}.png", Photograph(np.full((64, 64, 3), 100 + index, np.uint8)))
+        lights.append({"file": f"{index}.png", "direction": direction.tolist()})
+    (tmp_path / "shots" / "stage.json").write_text(json.dumps({"lights": lights, "encoding": "linear"}))
+    field = imported(tmp_path / "shots", tmp_path / "a.zarr")
+    assert field.noise is not None
+    assert field.noise.constant == pytest.approx((1 / 255) ** 2 / 12) and field.noise.slope == 0
+
+
+def test_noise_is_left_unknown_where_that_is_asked_for_or_nothing_shows_it(tmp_path, capsys):
+    folder = plain(tmp_path / "shots", (96, 128), 0.02)
+    assert imported(folder, tmp_path / "a.zarr", "--no-noise").noise is None
+    assert "noise" not in capsys.readouterr().err
+    assert imported(plain(tmp_path / "clean", noise=1e-4), tmp_path / "b.zarr").noise is None
+    assert "the pictures show none; --noise tells it" in capsys.readouterr().err
+    assert imported(plain(tmp_path / "small", (20, 20), 0.02), tmp_path / "c.zarr").noise is None
+    assert "20×20 are too small" in capsys.readouterr().err
+
+
+# Refusals
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_stage(tmp_path_factory.mktemp("stage") / "ball", 6)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--ball", "find", "--film", "2,4,8"], "give one of them"),
+        (["--ball", "round"], '"round" is no ball'),
+        (["--ball", "3,3,-1"], '"3,3,-1" is no ball'),
+        (["--ball", "3,3,2=0"], '"3,3,2=0" is no ball'),
+        (["--ball", "500,500,9"], "the ball at 500,500 is not in a picture of 32×24"),
+        (["--ball-pictures", "."], "--ball-pictures are for --ball"),
+        (["--film", "2,4"], "--film"),
+        (["--film", "8,4,8"], "not the 8 rings of the stage"),
+        (["--lights", "none.txt"], "none.txt"),
+        (["--field-of-view", "40"], "give --camera-distance too"),
+        (["--camera-distance", "2"], "give --field-of-view too"),
+        (["--camera-distance", "0", "--field-of-view", "40"], "--camera-distance is 0"),
+        (["--camera-distance", "2", "--field-of-view", "40"], "tells its own camera"),
+        (["--ball", "9,9,5=0.1", "--camera-distance", "2", "--field-of-view", "40"], "balls in metres tell it already"),
+        (["--noise", "a"], "write CONSTANT,SLOPE"),
+        (["--noise", "1,-1"], "write CONSTANT,SLOPE"),
+        (["--noise", "1e-6,0", "--no-noise"], "give one of them"),
+        (["--target", "0,0,4,4"], "--target"),
+        (["--target", "0,0,40,4=0.9"], "not within pictures of 32×24"),
+        (["--ambient", "off.exr"], "off.exr"),
+        (["--ball", "9,9,5", "--flare"], "the ball shows no lamp"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(stage, options, said, tmp_path, capsys):
+    out = tmp_path / "a.zarr"
+    assert said in refused(["stage", "import", str(stage), "-o", str(out), *options], capsys)
+    assert not out.exists()
+
+
+def test_a_ball_that_is_not_there_is_not_found(tmp_path, capsys):
+    folder = plain(tmp_path / "shots", (60, 60))
+    command = ["stage", "import", str(folder), "-o", str(tmp_path / "a.zarr"), "--ball", "find"]
+    assert "no mirrored ball found" in refused(command, capsys)
+
+
+def test_flare_without_a_camera_tells_how_to_give_one(ball_shots, tmp_path, capsys):
+    command = ["stage", "import", str(ball_shots), "-o", str(tmp_path / "a.zarr"), "--ball", "60,45,32", "--flare"]
+    assert "--camera-distance" in refused(command, capsys)
+
+
+def test_a_target_of_one_of_several_cameras_is_not_guessed(stage, tmp_path, capsys):
+    table = json.loads((stage / "stage.json").read_text())
+    lights = [
+        {"files": {"left": light["file"]}, "direction": light["direction"]}
+        | ({"files": {"left": light["file"], "right": f"r{light['file']}"}})
+        for light in table["lights"]
+    ]
+    card = {"rectangle": [0, 0, 4, 4], "reflectance": 1}
+    (tmp_path / "stage.json").write_text(json.dumps({"lights": lights, "target": card}))
+    line = refused(["stage", "import", str(tmp_path), "-o", str(tmp_path / "a.zarr")], capsys)
+    assert "left, right" in line and "--target" in line
