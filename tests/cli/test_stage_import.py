@@ -131,6 +131,15 @@ def test_a_ball_in_pictures_of_its_own_tells_the_lights_of_the_subject_s(ball_sh
     np.testing.assert_allclose(whole(field)[3], 0.13, rtol=1e-6)
 
 
+def test_the_ambient_picture_beside_the_ball_s_is_no_light_s(tmp_path, capsys):
+    folder = pictures(tmp_path / "shots", [far_ball(light) for light in FAR[:4]])
+    write(folder / "off.exr", RadianceMap(np.full((90, 120, 3), 0.01, np.float32)))
+    options = ["--ball", "60,45,32", "--ambient", str(folder / "off.exr")]
+    field = imported(folder, tmp_path / "a.zarr", *options)
+    assert len(field.lights) == 4 and "off.exr" not in capsys.readouterr().err
+    np.testing.assert_allclose(whole(field)[:, 2, 2], 0.29, rtol=1e-5)
+
+
 def test_as_many_pictures_of_the_ball_as_of_the_subject_are_asked_for(ball_shots, tmp_path, capsys):
     subject = pictures(tmp_path / "subject", [np.full((20, 30, 3), 0.1, np.float32)] * 3)
     command = ["stage", "import", str(subject), "-o", str(tmp_path / "a.zarr"), "--ball", "60,45,32"]
@@ -359,6 +368,24 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_stage(tmp_path_factory.mktemp("stage") / "ball", 6)
 
 
+def test_a_dry_run_tells_what_would_be_done_and_writes_nothing(stage, tmp_path, capsys):
+    command = [
+        "stage",
+        "import",
+        str(stage),
+        "-o",
+        str(tmp_path / "a.zarr"),
+        "--noise",
+        "1e-6,0",
+        "--dry-run",
+        "--json",
+    ]
+    assert main(command) == 0
+    facts = told(capsys)
+    assert facts["lights"] == 6 and facts["noise"] == [1e-6, 0]
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -413,3 +440,49 @@ def test_a_target_of_one_of_several_cameras_is_not_guessed(stage, tmp_path, caps
     (tmp_path / "stage.json").write_text(json.dumps({"lights": lights, "target": card}))
     line = refused(["stage", "import", str(tmp_path), "-o", str(tmp_path / "a.zarr")], capsys)
     assert "left, right" in line and "--target" in line
+
+
+def test_one_mask_leaves_its_pixels_black_under_every_light(tmp_path):
+    folder = plain(tmp_path / "stage")
+    painted_white = np.zeros((60, 80, 3), np.uint8)
+    painted_white[:10] = 255
+    write(tmp_path / "mask.png", Photograph(painted_white))
+    values = whole(imported(folder, tmp_path / "a.zarr", "--mask", str(tmp_path / "mask.png")))
+    np.testing.assert_array_equal(values[:, :10], 0)
+    assert values[:, 10:].max() > 0
+
+
+@pytest.mark.parametrize(("encoding", "value"), [("linear", 128 / 255), ("srgb", 0.21586), (None, 0.21586)])
+def test_photographs_stand_for_what_they_are_told_to(encoding, value, tmp_path):
+    folder = tmp_path / "stage"
+    folder.mkdir()
+    for index in range(4):
+        write(folder / f"light_{index}.png", Photograph(np.full((20, 30, 3), 128, np.uint8)))
+    (folder / "lights.lp").write_text("4\n" + "".join(f"light_{i}.png {i - 1.5} 0.5 1\n" for i in range(4)))
+    options = [] if encoding is None else ["--encoding", encoding]
+    values = whole(imported(folder, tmp_path / "a.zarr", *options))
+    np.testing.assert_allclose(values, value, rtol=1e-4)
+
+
+def test_an_import_is_gone_on_with_only_as_it_was_begun(tmp_path, capsys):
+    folder, store = plain(tmp_path / "stage"), tmp_path / "a.zarr"
+    imported(folder, store)
+    chunk = max(path for path in (store / "values").rglob("*") if path.is_file() and path.name != "zarr.json")
+    chunk.unlink()
+    capsys.readouterr()
+    command = ["stage", "import", str(folder), "-o", str(store), "--dtype", "float"]
+    assert main([*command, "--noise", "1e-6,0"]) == 2
+    assert "another" in capsys.readouterr().err
+    assert main(command) == 0
+
+
+def test_a_store_remembers_the_stage_s_mesh(tmp_path):
+    from relume.lightstage.reading import geometry_of
+
+    folder = plain(tmp_path / "stage", light={"angular_diameter_deg": 3.0})
+    (folder / "objects").mkdir()
+    (folder / "objects" / "ball.ply").write_text("ply\n")
+    imported(folder, tmp_path / "a.zarr")
+    mesh, radius = geometry_of(tmp_path / "a.zarr")
+    assert mesh == (folder / "objects" / "ball.ply").resolve()
+    assert radius == pytest.approx(np.radians(1.5))

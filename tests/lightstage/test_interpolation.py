@@ -82,6 +82,14 @@ def test_light_from_where_the_stage_has_none_goes_to_the_nearest(by: Interpolati
     np.testing.assert_allclose(by.gathered(HALF, BETWEEN, power), by.weights(HALF, BETWEEN).T @ power, atol=1e-9)
 
 
+def test_within_half_a_stage_only_lights_near_a_direction_share_it() -> None:
+    within = BETWEEN[BETWEEN[:, 2] > 0]
+    sharing = Barycentric().weights(HALF, within) > 1e-9
+    away = np.arccos(np.clip(within @ HALF.directions.T, -1, 1))
+    # Neighbours are 0.3 radians apart; the floor of the dome's hull joins lights across all of it.
+    assert away[sharing].max() < 0.7
+
+
 def test_between_the_lights_and_beyond_them_shares_change_without_a_jump() -> None:
     path = np.linspace(0.0, np.pi, 4001)
     towards = np.stack([np.sin(path), np.zeros(4001), np.cos(path)], axis=1)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -20,18 +20,13 @@ from relume.cli.stage_import_lights import (
     stage_of_list,
     work_of_film,
 )
+from relume.cli.stage_import_mending import mended
 from relume.cli.stage_options import Camera, MaxMemory, bytes_of, work_of
 from relume.errors import OutputNotWritten, UnreadableFile
 
 if TYPE_CHECKING:
-    from relume.lightstage.calibration import Target
     from relume.lightstage.field import Noise, ReflectanceField
     from relume.lightstage.stage_file import Stage, TargetPlace
-
-_LEAST_PIXELS = 64 * 64
-"""Of a picture whose noise is told from its detail."""
-_NO_NOISE = 3e-4
-"""Of a value: a deviation that is less is no sensor's, but the rounding of half floats."""
 
 
 def import_stage(
@@ -98,8 +93,19 @@ def import_stage(
             "intensity are measured on it and divided out; that of stage.json unless given."
         ),
     ] = None,
+    encoding: Annotated[
+        str | None,
+        Parameter(
+            help="What photographs' values stand for: srgb, linear, or a response that `relume merge` recovered "
+            "(.json); as stage.json says, else srgb."
+        ),
+    ] = None,
     mask: Annotated[
-        Path | None, Parameter(help="White where values say nothing: one picture, or a folder with one a light.")
+        Path | None,
+        Parameter(
+            help="White where values say nothing: one picture, which leaves those pixels black, or a folder with one a "
+            "light, whose values are filled from the lights around."
+        ),
     ] = None,
     flare: Annotated[
         bool, Parameter(negative="", help="Leave out, and fill, lights that shine into the lens, and their flare.")
@@ -131,7 +137,8 @@ def import_stage(
     """
     import numpy as np
 
-    from relume.lightstage.store_building import build_store
+    from relume.lightstage.reading import geometry_of
+    from relume.lightstage.store_building import build_store, file_facts
 
     with speaking(manner):
         memory = bytes_of(max_memory, "--max-memory")
@@ -154,19 +161,26 @@ def import_stage(
                 described = stage, source
             elif lights is not None:
                 described = stage_of_list(source, lights, left), source
-            field, card = _field(source, described, camera, angle, camera_distance, known)
+            field, card = _field(source, described, camera, angle, camera_distance, known, encoding)
             if target is not None:
                 card = _card(target)
-            field, told = _mended(field, ambient, card, mask, flare, lamp_size, bars, told_noise, no_noise)
+            field, told = mended(field, ambient, card, mask, flare, lamp_size, bars, told_noise, no_noise)
             facts |= told
             if dry_run:
                 tell(manner, {"would write": str(out), **work_of(field, memory), **facts})
                 return
             kinds = {"half": np.float16, "float": np.float32, "8bit": np.uint8}
+            mesh, light_radius = geometry_of(source)
+            options = [ball, ball_pictures, lights, field_of_view, camera_distance, film, film_start, film_azimuth]
+            options += [clockwise, ambient, target, encoding, mask, flare, lamp_size, bars, noise, no_noise, camera]
+            seen = [source, *(each for each in (ambient, mask, lights) if each), *(ball_pictures or [])]
             with progress(manner) as report:
                 build_store(
-                    field, out, dtype=kinds[dtype], max_memory=memory, progress=lambda share: report("importing", share)
-                )
+                    field, out, dtype=kinds[dtype], max_memory=memory,
+                    progress=lambda share: report("importing", share),
+                    made_from=[[str(each) for each in options], file_facts(seen)],
+                    mesh=mesh, light_radius=light_radius,
+                )  # fmt: skip
         tell(manner, {"written": str(out), "lights": len(field.lights), "size": list(field.shape[::-1]), **facts})
 
 
@@ -232,6 +246,7 @@ def _field(
     field_of_view: float | None,
     distance: float | None,
     known: Collection[Path],
+    encoding: str | None,
 ) -> tuple[ReflectanceField, TargetPlace | None]:
     """The field as it was taken, and the card that its stage file tells of.
 
@@ -242,10 +257,15 @@ def _field(
     from relume.lightstage.store import is_store
 
     if described is None and is_store(source):
+        if encoding is not None:
+            raise ValueError(f"--encoding: {source} is a store, whose values are linear; leave --encoding out")
         if field_of_view is not None:
             raise ValueError(f"--field-of-view: {source} is a store, which keeps its camera; leave --field-of-view out")
         return reading.read_stage(source, camera), None
     stage, place = reading.described(source) if described is None else described
+    if encoding is not None:
+        word = encoding if encoding in ("srgb", "linear") else str(Path(encoding).resolve())
+        stage = replace(stage, encoding=word)
     if stage.target is not None and len(stage.lights[0].files) > 1:
         raise ValueError(
             f'{place}: its "target" is of one camera\'s pictures, and it has {", ".join(stage.lights[0].files)}; take '
@@ -254,91 +274,6 @@ def _field(
     if field_of_view is not None and distance is not None:
         stage = camera_ahead(stage, place, field_of_view, distance)
     return reading.folder_of(stage, place, camera, kept=0, known=known), stage.target
-
-
-def _mended(
-    field: ReflectanceField,
-    ambient: Path | None,
-    card: TargetPlace | None,
-    mask: Path | None,
-    flare: bool,
-    lamp_size: float,
-    bars: bool,
-    noise: Noise | None,
-    no_noise: bool,
-) -> tuple[ReflectanceField, dict[str, object]]:
-    """The field calibrated and filled, with its noise, and what was done to it."""
-    import numpy as np
-
-    from relume.lightstage import masking
-    from relume.lightstage.ambient import WithoutAmbient
-    from relume.lightstage.bar_shadow import bar_shadow
-    from relume.lightstage.calibration import calibrate
-    from relume.lightstage.corrected import Corrected
-    from relume.lightstage.folder import PictureFolder
-
-    facts: dict[str, object] = {}
-    masks: list[masking.Mask] = []
-    step = 0.0
-    if isinstance(field, PictureFolder):
-        masks.append(masking.Saturated(field))
-        step = field.step()
-    taken: ReflectanceField = field
-    if ambient is not None:
-        if not isinstance(field, PictureFolder):
-            raise ValueError("--ambient is for pictures, not for a store")
-        taken = WithoutAmbient.of(field, ambient)
-    gains = None
-    if card is not None:
-        measured = calibrate(taken, _target(card, taken.shape))
-        gains = measured.gains
-        facts["target"] = f"{','.join(map(str, card.rectangle))}={card.reflectance:g}"
-        facts["irradiance, median"] = [float(f"{v:.4g}") for v in np.median(measured.irradiances, axis=0)]
-        facts["lights not on the target"] = int((~measured.measured).sum())
-    if flare:
-        if taken.camera is None:
-            raise ValueError(
-                "--flare needs the camera; tell it in stage.json, or with --field-of-view and --camera-distance"
-            )
-        masks.append(
-            masking.lens_flare_and_direct_light(taken, taken.camera, angular_radius=float(np.radians(lamp_size) / 2))
-        )
-    if bars:
-        masks.append(bar_shadow(taken))
-    if mask is not None:
-        masks.append(masking.user_mask(mask, taken.lights, taken.shape))
-    if noise is None and taken.noise is None and not no_noise:
-        noise = _noise_seen(taken, step)
-    mended = Corrected(taken, gains, mask=masking.AnyOf(tuple(masks)) if masks else None, measured_noise=noise)
-    if mended.noise is not None:
-        facts["noise"] = [float(f"{v:.3g}") for v in (mended.noise.constant, mended.noise.slope)]
-    return mended, facts
-
-
-def _noise_seen(field: ReflectanceField, step: float) -> Noise | None:
-    """The noise of the pictures as they show it; None, which is told, where they do not."""
-    from relume.lightstage.corrected import estimate_noise
-
-    height, width = field.shape
-    why = f"pictures of {width}×{height} are too small to tell it from detail"
-    if height * width >= _LEAST_PIXELS:
-        try:
-            found = estimate_noise(field, step=step)
-        except ValueError as error:
-            why = str(error).partition(";")[0]
-        else:
-            level = _level(field)
-            if found.constant + found.slope * level > (_NO_NOISE * level) ** 2:
-                return found
-            why = "the pictures show none"
-    warnings.warn(f"the noise stays unknown: {why}; --noise tells it", stacklevel=2)
-    return None
-
-
-def _level(field: ReflectanceField) -> float:
-    """The mean value of the picture in the middle of the lights."""
-    light = len(field.lights) // 2
-    return float(field.block(slice(light, light + 1), slice(0, field.shape[0])).mean())
 
 
 def _card(text: str) -> TargetPlace:
@@ -356,20 +291,3 @@ def _card(text: str) -> TargetPlace:
             f'--target: "{text}" is no card; write LEFT,TOP,WIDTH,HEIGHT=REFLECTANCE, like 40,60,80,80=0.9'
         ) from None
     return TargetPlace((left, top, width, height), share)
-
-
-def _target(card: TargetPlace, shape: tuple[int, int]) -> Target:
-    """The card's pixels in pictures of a shape; raises ValueError where it is not in them."""
-    import numpy as np
-
-    from relume.lightstage.calibration import Target
-
-    left, top, width, height = card.rectangle
-    if left + width > shape[1] or top + height > shape[0]:
-        raise ValueError(
-            f"the target at {left},{top} of {width}×{height} pixels is not within pictures of {shape[1]}×{shape[0]}; "
-            "give LEFT,TOP,WIDTH,HEIGHT=REFLECTANCE"
-        )
-    pixels = np.zeros(shape, bool)
-    pixels[top : top + height, left : left + width] = True
-    return Target(pixels, card.reflectance)

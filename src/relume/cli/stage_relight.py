@@ -242,6 +242,10 @@ class _Geometry:
                 raise ValueError(f"--mesh: {self.path}: {error}") from None
             note(manner, f"{self.path} is not used: {error}")
             return False
+        if not asked:
+            note(
+                manner, f"shadows between the stage's lights are {self.path.name}'s; --no-mesh sums the pictures alone"
+            )
         return True
 
     def meshes(self) -> Sequence[Mesh]:
@@ -278,6 +282,4 @@ def _geometry(stage: Path, mesh: Path | None, field: ReflectanceField, manner: M
             raise ValueError(f"--mesh: {stage} tells no camera, so that nothing says where the mesh is seen; add it")
         note(manner, f"{chosen} is not used: the stage tells no camera")
         return None
-    if mesh is None:
-        note(manner, f"shadows between the stage's lights are {chosen.name}'s; --no-mesh sums the pictures alone")
     return _Geometry(chosen, radius)

@@ -1,4 +1,4 @@
-"""A reflectance field without the light that was in every picture: the room's own, taken once with all lights off."""
+"""A reflectance field without what is no part of it: the room's own light, and pixels that do not belong."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.lightstage.field import Noise, ReflectanceField
+from relume.lightstage.field import Derived, ReflectanceField
 from relume.lightstage.folder import PictureFolder
-from relume.lightstage.lights import StageLights
-from relume.scene.camera import Camera
 
 
 @dataclass(frozen=True, eq=False)
-class WithoutAmbient:
+class WithoutAmbient(Derived):
     """The field less a picture; noise may leave values below 0, which keep their mean right.
+
+    The noise is the field's; the ambient picture's own, one for all, is not counted.
 
     field : as taken
     ambient : (H, W, 3) float32 radiance, as of the pictures before they were divided by their lights' irradiances
@@ -38,23 +38,21 @@ class WithoutAmbient:
                 f"the ambient picture is {width}×{height}; expected {self.field.shape[1]}×{self.field.shape[0]}"
             )
 
-    @property
-    def lights(self) -> StageLights:
-        return self.field.lights
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        return self.field.shape
-
-    @property
-    def camera(self) -> Camera | None:
-        return self.field.camera
-
-    @property
-    def noise(self) -> Noise | None:
-        """That of the field; the ambient picture's own, one for all, is not counted."""
-        return self.field.noise
-
     def block(self, lights: slice, rows: slice) -> np.ndarray:
         share = self.ambient[rows] / self.irradiances[lights, None, None].astype(np.float32)
         return self.field.block(lights, rows) - share
+
+
+@dataclass(frozen=True, eq=False)
+class WithoutPixels(Derived):
+    """The field with pixels black under every light.
+
+    field : as taken
+    left_out : (H, W) bool
+    """
+
+    field: ReflectanceField
+    left_out: np.ndarray
+
+    def block(self, lights: slice, rows: slice) -> np.ndarray:
+        return np.where(self.left_out[rows][None, ..., None], np.float32(0), self.field.block(lights, rows))

@@ -14,11 +14,9 @@ from scipy import ndimage
 from scipy.optimize import nnls
 
 from relume.lightstage.fall_off import FallOff
-from relume.lightstage.field import Noise, ReflectanceField
+from relume.lightstage.field import Derived, Noise, ReflectanceField
 from relume.lightstage.filling import Filling
-from relume.lightstage.lights import StageLights
 from relume.lightstage.masking import Mask
-from relume.scene.camera import Camera
 
 _WORKING_MEMORY = 256 << 20
 _SAMPLED_LIGHTS = 24
@@ -33,7 +31,7 @@ _MEDIAN_TO_DEVIATION = 1.4826
 
 
 @dataclass(frozen=True, eq=False)
-class Corrected:
+class Corrected(Derived):
     """A reflectance field with its lights made even and its empty values filled.
 
     field : as taken
@@ -64,18 +62,6 @@ class Corrected:
                 f'the gains of light "{self.field.lights.names[odd]}" are {self.gains[odd].tolist()}; expected numbers '
                 "above 0"
             )
-
-    @property
-    def lights(self) -> StageLights:
-        return self.field.lights
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        return self.field.shape
-
-    @property
-    def camera(self) -> Camera | None:
-        return self.field.camera
 
     @property
     def noise(self) -> Noise | None:

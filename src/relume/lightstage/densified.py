@@ -192,7 +192,7 @@ class Densified:
 
 def _glinting(scales: np.ndarray, left: np.ndarray, lights: StageLights) -> np.ndarray:
     """Which of K pixels (K,) are spikes that direct light (K, 2, 3) does not explain: all is left over (N, K, 3)."""
-    found = ~scales.any(axis=(1, 2))
+    found = np.asarray(~scales.any(axis=(1, 2)))
     found[found] = spikes_of(left[:, found], lights)[0]
     return found
 

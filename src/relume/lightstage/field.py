@@ -57,6 +57,28 @@ class ReflectanceField(Protocol):
         ...
 
 
+class Derived:
+    """A field that is made of another, `field`, with its lights, size, camera and noise."""
+
+    field: ReflectanceField
+
+    @property
+    def lights(self) -> StageLights:
+        return self.field.lights
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.field.shape
+
+    @property
+    def camera(self) -> Camera | None:
+        return self.field.camera
+
+    @property
+    def noise(self) -> Noise | None:
+        return self.field.noise
+
+
 @dataclass(frozen=True, eq=False)
 class Pictures:
     """A reflectance field held in memory.

@@ -106,8 +106,10 @@ def _triangles(lights: StageLights) -> tuple[np.ndarray, np.ndarray]:
         hull = ConvexHull(lights.directions)
     except (QhullError, ValueError):  # fewer than four lights, or all on one circle
         return np.zeros((0, 3), np.int64), np.zeros((0, 3, 3))
-    # A dome's hull has a floor; seen from the subject it is behind the lights, not among them.
-    corners = hull.simplices[hull.equations[:, 3] < -1e-6]
+    # A dome's hull has a floor, and slivers along its rim. The circle through a triangle's corners holds no light: where
+    # it is wider than lights reach, the triangle is not among the lights but beyond them.
+    widest = min(REACH[1] * _width(lights), np.pi / 2)
+    corners = hull.simplices[hull.equations[:, 3] < -max(float(np.cos(widest)), 1e-6)]
     matrices = lights.directions[corners].transpose(0, 2, 1)
     sound = np.abs(np.linalg.det(matrices)) > 1e-12
     return corners[sound].astype(np.int64), np.linalg.inv(matrices[sound])
@@ -154,10 +156,14 @@ def _crossed(
 def _known(lights: StageLights, chord: np.ndarray) -> np.ndarray:
     """1 (M,) for directions whose nearest light is so near that they are between lights, 0 beyond, smooth from one to
     the other."""
-    width = float(np.sqrt(np.median(lights.solid_angles)))
-    away = 2 * np.arcsin(np.clip(chord / 2, 0, 1)) / width
+    away = 2 * np.arcsin(np.clip(chord / 2, 0, 1)) / _width(lights)
     part = np.clip((REACH[1] - away) / (REACH[1] - REACH[0]), 0, 1)
     return part**2 * (3 - 2 * part)
+
+
+def _width(lights: StageLights) -> float:
+    """Radians across the lights' median cell."""
+    return float(np.sqrt(np.median(lights.solid_angles)))
 
 
 def _totals(index: np.ndarray, power: np.ndarray, count: int) -> np.ndarray:
@@ -234,7 +240,7 @@ class Smooth:
 
     def _covariance(self, lights: StageLights, directions: np.ndarray) -> np.ndarray:
         """(M, N) between these directions and the lights."""
-        length = self.length or self.cells * float(np.sqrt(np.median(lights.solid_angles)))
+        length = self.length or self.cells * _width(lights)
         # Of the chord: of the angle along the sphere a Matérn-3/2 function is no covariance (Gneiting 2013), and with
         # few lights and a long reach weights would explode.
         chord = np.sqrt(np.clip(2 - 2 * directions @ lights.directions.T, 0, 4))

@@ -68,7 +68,11 @@ def geometry_of(path: str | os.PathLike[str]) -> tuple[Path | None, float | None
     The mesh is the one that `stage.json` names as "mesh", else the only one in the folder `objects` beside it.
     Raises InvalidStage for a name without a file.
     """
+    from relume.lightstage.store import is_store, stored_geometry
+
     path = Path(path)
+    if is_store(path):
+        return stored_geometry(path)
     file = path / STAGE_FILE if path.is_dir() else path
     if file.name != STAGE_FILE or not file.is_file():
         return None, None
