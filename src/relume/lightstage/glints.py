@@ -170,7 +170,7 @@ def warn_below(share: float) -> None:
     """Tell of pixels below 0; they are left as they are, for a sum stays linear only so."""
     if share > 0:
         warnings.warn(
-            f"{share:.2%} of the picture's pixels are below 0, as smooth interpolation makes them beside bright light; "
-            "they are written as they are",
+            f"{100 * share:.2g}% of the picture's pixels are below 0, as smooth interpolation makes them beside "
+            "bright light; they are written as they are",
             stacklevel=3,
         )

@@ -106,8 +106,8 @@ def _triangles(lights: StageLights) -> tuple[np.ndarray, np.ndarray]:
         hull = ConvexHull(lights.directions)
     except (QhullError, ValueError):  # fewer than four lights, or all on one circle
         return np.zeros((0, 3), np.int64), np.zeros((0, 3, 3))
-    # A dome's hull has a floor, and slivers along its rim. The circle through a triangle's corners holds no light: where
-    # it is wider than lights reach, the triangle is not among the lights but beyond them.
+    # A dome's hull has a floor, and slivers along its rim. The circle through a triangle's corners holds no light:
+    # where it is wider than lights reach, the triangle is not among the lights but beyond them.
     widest = min(REACH[1] * _width(lights), np.pi / 2)
     corners = hull.simplices[hull.equations[:, 3] < -max(float(np.cos(widest)), 1e-6)]
     matrices = lights.directions[corners].transpose(0, 2, 1)
