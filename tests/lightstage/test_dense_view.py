@@ -8,8 +8,8 @@ import trimesh
 
 from relume.lightstage.cells import even_directions
 from relume.lightstage.dense_directions import DirectedLight
+from relume.lightstage.dense_model import Densification
 from relume.lightstage.dense_view import directly_lit_view
-from relume.lightstage.densified import Densification
 from relume.lightstage.field import Pictures
 from relume.lightstage.lights import StageLights
 from relume.lightstage.view_gathering import Source

@@ -14,8 +14,9 @@ import pytest
 from relume.lightstage.cells import even_directions
 from relume.lightstage.dense_directions import ALL_RAYS, DirectedLight, leaves_of
 from relume.lightstage.dense_fit import fitted_direct
+from relume.lightstage.dense_model import Densification
 from relume.lightstage.dense_surface import disc_directions, over_neighbours
-from relume.lightstage.densified import Densification, densely_relit, densified, row_blocks, seconds_for
+from relume.lightstage.densified import densely_relit, densified, row_blocks, seconds_for
 from relume.lightstage.field import Pictures, whole
 from relume.lightstage.interpolation import NearestCell, Smooth
 from relume.lightstage.lights import StageLights

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from relume.image.radiance import RadianceMap
     from relume.lightstage.dense_directions import DirectedLight
-    from relume.lightstage.densified import Densification
+    from relume.lightstage.dense_model import Densification
     from relume.lightstage.field import ReflectanceField
     from relume.lightstage.interpolation import Interpolation
     from relume.lightstage.lights import StageLights
@@ -254,7 +254,7 @@ class _Geometry:
         return read_meshes(self.path)
 
     def settings(self) -> Densification:
-        from relume.lightstage.densified import Densification
+        from relume.lightstage.dense_model import Densification
 
         return Densification() if self.light_radius is None else Densification(light_radius=self.light_radius)
 

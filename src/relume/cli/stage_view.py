@@ -64,8 +64,8 @@ def view(
     What no camera of the stage saw is left out, and told.
     """
     from relume.image import files
+    from relume.lightstage.dense_model import Densification
     from relume.lightstage.dense_view import directly_lit_view
-    from relume.lightstage.densified import Densification
     from relume.lightstage.reading import geometry_of, read_stage
     from relume.lightstage.view_gathering import Source
     from relume.scene.meshes import read_meshes

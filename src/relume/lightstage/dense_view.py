@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from relume.lightstage.dense_directions import DirectedLight
-from relume.lightstage.densified import Densification, DirectModel, direct_model, direct_picture
+from relume.lightstage.dense_model import Densification, DirectModel, direct_model, direct_picture, left_over
 from relume.lightstage.view_blending import Blending
 from relume.lightstage.view_gathering import NewRays, Source, View, gathered
 from relume.lightstage.view_projection import Outline, Subject, without_background
@@ -64,14 +64,16 @@ def directly_lit_view(
 def _told(model: DirectModel, light: DirectedLight) -> tuple[np.ndarray, np.ndarray]:
     """What direct light leaves over under this light, (H, W, 3), and the scales of its two parts, (H, W, 6)."""
     field = model.source
-    amounts = model.settings.remainder.gathered(field.lights, light.directions, light.irradiances)
+    amounts, glints = (
+        by.gathered(field.lights, light.directions, light.irradiances)
+        for by in (model.settings.remainder, model.settings.glints)
+    )
     left, scales = np.zeros((*field.shape, 3)), np.zeros((*field.shape, 6))
     for begin in range(0, field.shape[0], _ROWS):
         rows = slice(begin, min(begin + _ROWS, field.shape[0]))
-        wide, samples = model.samples(rows)
-        found, over = model.fitted(samples, wide, rows)
+        over, found = left_over(model, rows, amounts, glints)
         scales[rows] = found.reshape(-1, field.shape[1], 6)
-        left[rows] = np.einsum("nkc,nc->kc", over, amounts).reshape(-1, field.shape[1], 3)
+        left[rows] = over.reshape(-1, field.shape[1], 3)
     return left, scales
 
 

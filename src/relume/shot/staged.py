@@ -14,8 +14,8 @@ import numpy as np
 
 from relume.errors import InvalidShot
 from relume.lightstage.dense_directions import leaves_of
+from relume.lightstage.dense_model import Densification
 from relume.lightstage.dense_view import directly_lit_view
-from relume.lightstage.densified import Densification
 from relume.lightstage.reading import geometry_of, read_stage
 from relume.lightstage.view_gathering import Source, View
 from relume.lightstage.view_projection import Subject
