@@ -26,8 +26,8 @@ def stage(count: int = 3, rows: int = 48) -> Turnable:
     directions = pixel_directions(LatLong(), rows)
     functions = np.stack([np.maximum(directions @ axis, 0) for axis in RANDOM.normal(size=(count, 3))], axis=-1)
     codes = RANDOM.integers(0, 256, (count, 4, 6, 3)).astype(np.uint8)
-    return Turnable(codes, np.float32([-1, 0, 2])[:count], np.float32([0.01, 0.02, 0.03])[:count],
-                    functions.astype(np.float32))  # fmt: skip
+    lowest, step = np.array([-1, 0, 2], np.float32), np.array([0.01, 0.02, 0.03], np.float32)
+    return Turnable(codes, lowest[:count], step[:count], functions.astype(np.float32))
 
 
 @pytest.mark.parametrize(("yaw", "pitch"), [(0.0, 0.0), (0.7, -0.4), (-2.0, 1.2)])

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import QhullError, SphericalVoronoi, cKDTree
+from scipy.spatial import KDTree, QhullError, SphericalVoronoi
 
 CLOSEST = 1e-5
 """Radians: lights nearer to each other are one."""
@@ -27,7 +27,7 @@ def cell_solid_angles(directions: np.ndarray, names: Sequence[str]) -> np.ndarra
     """
     if len(directions) == 1:
         return np.array([4 * np.pi])
-    tree = cKDTree(directions)
+    tree = KDTree(directions)
     for first, second in sorted(tree.query_pairs(CLOSEST)):
         raise ValueError(f'the lights "{names[first]}" and "{names[second]}" have one direction; leave one out')
     try:
