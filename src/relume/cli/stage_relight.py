@@ -71,7 +71,7 @@ def relight(
     The light is integrated over all of the sphere. Values are radiance, in the map's unit. A folder of maps as --light
     gives a picture for each.
     """
-    from relume.lightstage.reading import read_stage
+    from relume.lightstage.reading import geometry_of, read_stage
 
     with speaking(manner):
         light.check(maps_only=frames is not None)
@@ -86,6 +86,8 @@ def relight(
         memory = bytes_of(max_memory, "--max-memory")
         field = read_stage(stage, camera)
         geometry = None if no_mesh or moving or light.nearest else _geometry(stage, mesh, field, manner)
+        if moving and not no_mesh and not light.nearest and geometry_of(stage)[0] is not None:
+            note(manner, "sequences sum the stage's pictures alone; single pictures take the mesh's shadows too")
         if dry_run:
             more = 0.0 if geometry is None else geometry.seconds(field, light.directed()[0], threads, memory)
             work = work_of(field, memory, more)
