@@ -319,6 +319,7 @@ def test_sizes_that_cannot_be_are_refused(rows, views, azimuths):
         glossy_map(constant(8), GGX(0.5), rows, views=views, azimuths=azimuths)
 
 
+@pytest.mark.slow
 def test_narrow_lobes_keep_the_level_of_constant_light_under_coarse_maps():
     normal, eye = np.array([[0.0, 0, 1]]), np.array([[np.sin(np.radians(60)), 0, np.cos(np.radians(60))]])
     for turn in np.linspace(0, 1, 7):

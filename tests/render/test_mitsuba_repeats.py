@@ -71,7 +71,7 @@ def test_adding_no_object_changes_no_bit():
     assert same(one, other) == []
 
 
-@pytest.mark.parametrize("samples", [16, 96])
+@pytest.mark.parametrize("samples", [16, pytest.param(96, marks=pytest.mark.slow)])
 def test_the_variance_reported_is_the_scatter_of_independent_renders(samples):
     small = Camera(12, 10, 13.0, CAMERA.position, CAMERA.rotation)
     renders = [render(SCENE, small, Mitsuba(samples=samples), seed=seed) for seed in range(40)]
