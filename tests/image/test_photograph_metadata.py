@@ -6,6 +6,7 @@ from __future__ import annotations
 import io
 import warnings
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import OpenImageIO as oiio
@@ -45,7 +46,9 @@ def by_openimageio(path, *names):
     return told
 
 
+@cache
 def profile():
+    """The same each time: a profile holds the second it was made in."""
     return ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
 
 
