@@ -114,15 +114,19 @@ class Light:
         return DirectedLight.of(parts), maps[0].unit if maps else "relative"
 
     def turning(
-        self, lights: StageLights, frames: int | None, report: Callable[[float], None]
+        self,
+        lights: StageLights,
+        frames: int | None,
+        report: Callable[[float], None],
+        by: Interpolation | None = None,
     ) -> tuple[np.ndarray, str]:
-        """Irradiances (K, N, 3) of every picture of a sequence, and their unit."""
+        """Irradiances (K, N, 3) of every picture of a sequence, and their unit; `by` as of `irradiances`."""
         import numpy as np
 
         from relume.lightstage.illumination import constellation_irradiances, irradiances
         from relume.sphere.directions import rotation_about
 
-        by, found = self.interpolation(), []
+        by, found = by or self.interpolation(), []
         if frames is None:
             units = set()
             for index, path in enumerate(self._listed()):
@@ -173,14 +177,14 @@ class Light:
 
         return np.eye(3) if self.rotate is None else read_rotation(self.rotate, "--rotate")
 
-    def irradiances(self, lights: StageLights) -> tuple[np.ndarray, str]:
-        """What each light of the stage has to give, (N, 3), and its unit."""
+    def irradiances(self, lights: StageLights, by: Interpolation | None = None) -> tuple[np.ndarray, str]:
+        """What each light of the stage has to give, (N, 3), and its unit; shared out as --nearest says unless given."""
         import numpy as np
 
         from relume.lightstage import illumination
         from relume.scene.lights import DistantLight, PointLight
 
-        by, maps = self.interpolation(), self.maps()
+        by, maps = by or self.interpolation(), self.maps()
         total = np.zeros((len(lights), 3))
         for light in maps:
             total += illumination.irradiances(lights, light, by, self.rotation())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from relume.lightstage.dense_directions import DirectedLight
     from relume.lightstage.dense_model import Densification
     from relume.lightstage.field import ReflectanceField
-    from relume.lightstage.interpolation import Interpolation
     from relume.lightstage.lights import StageLights
     from relume.lightstage.relighting import Progress
     from relume.scene.shapes import Mesh
@@ -115,22 +114,10 @@ def relight(
         tell(manner, {**facts, "size": list(field.shape[::-1]), "unit": unit})
 
 
-class _GlintLight(Light):
-    """Light as pixels that are spikes have it."""
-
-    @staticmethod
-    def of(light: Light) -> _GlintLight:
-        return _GlintLight(**{each.name: getattr(light, each.name) for each in fields(light)})
-
-    def interpolation(self) -> Interpolation:
-        from relume.lightstage.interpolation import Barycentric
-
-        return Barycentric()
-
-
 def _single(field: ReflectanceField, light: Light, settings: dict[str, Any]) -> tuple[RadianceMap, str]:
     """The subject under the light without a mesh, and its unit."""
     from relume.lightstage.glints import relit
+    from relume.lightstage.interpolation import Barycentric
     from relume.lightstage.relighting import relight as summed
 
     given, unit = light.irradiances(field.lights)
@@ -138,7 +125,7 @@ def _single(field: ReflectanceField, light: Light, settings: dict[str, Any]) -> 
         return summed(field, given, **settings), unit
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it was said where the light was read first
-        glints, _ = _GlintLight.of(light).irradiances(field.lights)
+        glints, _ = light.irradiances(field.lights, Barycentric())
     return relit(field, given, glints, **settings), unit
 
 
@@ -147,6 +134,7 @@ def _sequence(
 ) -> tuple[Iterator[RadianceMap], str]:
     """The pictures of a sequence, and their unit."""
     from relume.lightstage.glints import relit_sequence
+    from relume.lightstage.interpolation import Barycentric
     from relume.lightstage.sequences import relight_sequence
 
     if light.nearest:
@@ -155,7 +143,7 @@ def _sequence(
     smooth, unit = light.turning(field.lights, frames, lambda share: report(share / 2))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it was said where the light was read first
-        glints, _ = _GlintLight.of(light).turning(field.lights, frames, lambda share: report((1 + share) / 2))
+        glints, _ = light.turning(field.lights, frames, lambda share: report((1 + share) / 2), Barycentric())
     return relit_sequence(field, smooth, glints, **settings), unit
 
 
