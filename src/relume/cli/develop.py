@@ -1,4 +1,4 @@
-"""`relume develop`: a radiance map in, a picture out."""
+"""`relume develop`: radiance in, a picture out that a person believes; frames of a sequence, and the way back."""
 
 from __future__ import annotations
 
@@ -7,50 +7,99 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from relume.cli.arguments import DryRun, require_suffix
-from relume.cli.console import Manner, speaking, tell
+from relume.cli.arguments import DryRun, refuse_input, require_files, require_suffix
+from relume.cli.console import Manner, progress, speaking, tell
+from relume.cli.develop_options import CameraOptions
+from relume.cli.develop_view import ViewOptions
+from relume.cli.reading_options import ReadingOptions
 
 
 def develop(
-    picture: Annotated[Path, Parameter(help="The radiance map, .exr, .hdr or another format.")],
+    pictures: Annotated[
+        list[Path] | None,
+        Parameter(
+            name="IN",
+            negative="",
+            help="The radiance map, .exr, .hdr or another format; several are the frames of a sequence, in that order.",
+        ),
+    ] = None,
     /,
     *,
-    out: Annotated[Path, Parameter(alias="-o", help="The picture to write, .png or .jpg.")],
-    exposure: Annotated[
-        float, Parameter(help="Stops to brighten by; negative darkens.", allow_leading_hyphen=True)
-    ] = 0.0,
+    out: Annotated[
+        Path | None,
+        Parameter(
+            alias="-o",
+            help="The picture to write: .png or .jpg, .avif for --display pq and hlg; for a sequence a folder or an "
+            ".mp4; with --undo an .exr.",
+        ),
+    ] = None,
+    camera: CameraOptions = CameraOptions(),
+    scene: ViewOptions = ViewOptions(),
     response: Annotated[
         Path | None,
         Parameter(help="A profile or response that merge or insert wrote, or a curve of pfstools or hdrgen."),
     ] = None,
     seconds: Annotated[
         float | None,
-        Parameter(help="With --response: exposure per unit of radiance; chosen from the picture unless given."),
+        Parameter(help="With --response: exposure per unit of radiance; metered from the picture unless given."),
     ] = None,
+    match: Annotated[
+        Path | None, Parameter(help="A photograph whose camera it shall be: its exposure, fall-off, sharpness, grain.")
+    ] = None,
+    undo: Annotated[
+        bool, Parameter(negative="", help="The way back: IN is a photograph, OUT its radiance before the camera.")
+    ] = False,
+    repair: Annotated[
+        bool, Parameter(negative="", help="Replace NaN and infinite radiance by what is about it, and say so.")
+    ] = False,
+    sheet: Annotated[Path | None, Parameter(help="Write a contact sheet of the picture at several --stops too.")] = None,
+    stops: Annotated[
+        str, Parameter(help="Of --sheet, with commas between.", allow_leading_hyphen=True)
+    ] = "-4,-2,0,2,4",
+    false_colour: Annotated[
+        Path | None, Parameter(help="Write the luminances in false colour, with their scale, too.")
+    ] = None,
+    report: Annotated[Path | None, Parameter(help="Write a page with a wipe, stops and facts, .html, too.")] = None,
+    fps: Annotated[float, Parameter(help="Frames a second of a sequence.")] = 24.0,
+    settling: Annotated[
+        float, Parameter(help="Seconds in which a sequence's adaptation follows the light; 0 takes each frame alone.")
+    ] = 0.4,
+    list_presets: Annotated[bool, Parameter(negative="", help="Tell the presets that come along, and stop.")] = False,
+    accepted: ReadingOptions = ReadingOptions(),
     dry_run: DryRun = False,
     manner: Manner = Manner(),
 ) -> None:
-    """Develop a radiance map by a camera's own response or the sRGB curve, bright parts near white unless told."""
-    import numpy as np
+    """Develop radiance into a picture: through a lens, with glare, on film or as an eye sees it; undo a photograph.
 
-    from relume.capture.profile import read_profile
-    from relume.develop.film import Film
-    from relume.develop.film import develop as developed
-    from relume.image import files
+    Everything happens in linear light and in physical order, whatever order the options are in: motion, defocus, soft
+    focus, glare, distortion, vignetting, then the tone or film, then the display.
+    """
+    from relume.cli import develop_job as job
 
-    with speaking(manner):
-        require_suffix(out, ".png", ".jpg", ".jpeg")
-        radiance = files.read_radiance(picture).radiance
-        curve, top = None, 1.0
-        if response is not None:
-            curve = read_profile(response).response
-            if curve is None:
-                raise ValueError(f"{response.name}: a profile of camera raws, which holds no response; give another")
-            top = float(np.exp(curve.log_exposure[:, 248 * curve.levels // 256].mean()))
-        bright = float(np.percentile(radiance[np.isfinite(radiance)], 99)) if np.isfinite(radiance).any() else 0.0
-        film = Film(seconds or top / max(bright, 1e-30), curve).brighter(exposure)
-        if dry_run:
-            tell(manner, {"would write": str(out), "exposure": film.exposure})
+    with speaking(manner), progress(manner) as advance:
+        if list_presets:
+            from relume.shot.preset import builtin_presets
+
+            tell(manner, builtin_presets())
             return
-        files.write(out, developed(np.nan_to_num(radiance, posinf=3.4e38), film))
-        tell(manner, {"written": str(out), "exposure": film.exposure})
+        if not pictures or out is None:
+            raise ValueError("give a radiance map and -o, the picture to write, like: relume develop room.exr -o room.png")
+        require_files(pictures)
+        refuse_input(out, pictures)
+        for extra, suffixes in ((sheet, (".png", ".jpg")), (false_colour, (".png", ".jpg")), (report, (".html",))):
+            if extra is not None:
+                require_suffix(extra, *suffixes, option="--report" if extra is report else "--sheet, --false-colour")
+        extras = job.Extras(sheet, job.read_stops(stops), false_colour, report)
+        source = job.Source(response, seconds, match)
+        if undo:
+            facts = job.undo(pictures, out, camera.read(), scene, source, accepted.reading(), dry_run)
+        elif len(pictures) > 1 or out.suffix.lower() in ("", ".mp4"):
+            rate = job.Rate(fps, settling)
+            facts = job.frames(
+                pictures, out, camera.read(), scene, source, rate, accepted.reading(), repair, dry_run, advance
+            )
+        else:
+            facts = job.picture(
+                pictures[0], out, camera.read(), scene, source, extras, accepted.reading(), repair, dry_run, advance
+            )
+        tell(manner, facts)

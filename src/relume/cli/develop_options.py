@@ -1,0 +1,154 @@
+"""What `relume develop` is told of its camera: a preset, and single options that stand above it."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from relume.shot.preset import Preset
+
+ToneName = Literal[
+    "exposure", "reinhard", "reinhard-local", "histogram", "human", "tumblin-rushmeier", "ferwerda", "pattanaik",
+    "black-white", "ocio",
+]  # fmt: skip
+FilmName = Literal["black-and-white", "colour-negative", "slide"]
+DisplayName = Literal["srgb", "p3", "pq", "hlg", "gain-map"]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class CameraOptions:
+    """Lens, film, tone and display; each replaces what the preset says of it."""
+
+    preset: Annotated[
+        str | None,
+        Parameter(help="A TOML file of a whole camera, or the name of one that comes along; `--list-presets` tells."),
+    ] = None
+    exposure: Annotated[
+        float | None, Parameter(help="Stops to brighten by; negative darkens.", allow_leading_hyphen=True)
+    ] = None
+    tone: Annotated[ToneName | None, Parameter(help="What makes the light fit for a display; human is histogram with "
+                    "an eye's contrast, glare, acuity and colours.")] = None  # fmt: skip
+    film: Annotated[FilmName | None, Parameter(help="Develop as a film in the darkroom, in place of --tone.")] = None
+    glare: Annotated[
+        str | None, Parameter(help="eye, camera, or the picture of a point spread: light scattered on its way.")
+    ] = None
+    move: Annotated[
+        str | None, Parameter(help="DX,DY: pixels the picture moves while the shutter is open.", allow_leading_hyphen=True)
+    ] = None
+    turn: Annotated[
+        str | None,
+        Parameter(
+            help="YAW[,PITCH[,ROLL]]: degrees the camera turns while the shutter is open.", allow_leading_hyphen=True
+        ),
+    ] = None
+    focus: Annotated[float | None, Parameter(help="Metres that are sharp; the rest by --depth and --aperture.")] = None
+    aperture: Annotated[
+        float | None, Parameter(help="f-number: with --focus how wide the lens is, with --shutter how much it lets in.")
+    ] = None
+    lens: Annotated[float | None, Parameter(help="Focal length, mm, of --focus and --aperture.")] = None
+    shutter: Annotated[
+        str | None, Parameter(help="Seconds, like 1/60: with --aperture and --iso the exposure, for maps in cd/m².")
+    ] = None
+    iso: Annotated[float | None, Parameter(help="Sensitivity of --shutter; 100 unless given.")] = None
+    soft: Annotated[float | None, Parameter(help="Soft focus: the share of the light, 0 to 1, that is spread.")] = None
+    vignetting: Annotated[
+        bool, Parameter(negative="", help="Let the corners get less light, by cos⁴ of their angle.")
+    ] = False
+    display: Annotated[
+        DisplayName | None,
+        Parameter(help="What the picture is for: sRGB or Display P3 screens; HDR screens by pq or hlg (.avif) or a "
+                  "gain map (.jpg)."),
+    ] = None  # fmt: skip
+    set: Annotated[
+        list[str] | None,
+        Parameter(name="--set", negative="", help="KEY=VALUE of a preset, like tone.key=0.36; again for each."),
+    ] = None
+
+    def read(self) -> Preset:
+        """The preset with these options above it; raises InvalidShot naming a key, ValueError naming an option."""
+        from relume.shot.preset import preset_of, preset_table
+
+        table, origin = preset_table(self.preset) if self.preset else ({}, Path())
+        _merge(table, self._tables())
+        for text in self.set or ():
+            _merge(table, _setting(text))
+        return preset_of(table, origin)
+
+    def _tables(self) -> dict[str, Any]:
+        """The options as the tables of a preset."""
+        given: dict[str, Any] = {} if self.exposure is None else {"exposure": self.exposure}
+        if self.tone and self.film:
+            raise ValueError("--tone and --film both make the picture; leave one of them out")
+        if self.tone:
+            given["tone"] = {"kind": self.tone}
+        if self.film:
+            given["tone"] = {"kind": "darkroom", "stock": self.film}
+        if self.glare:
+            known = self.glare in ("eye", "camera")
+            given["glare"] = {"kind": self.glare} if known else {"kind": "measured", "picture": self.glare}
+        if self.move and self.turn:
+            raise ValueError("--move and --turn are both the motion; leave one of them out")
+        if self.move:
+            given["motion"] = {"kind": "straight", "pixels": _numbers(self.move, "--move", 2)}
+        if self.turn:
+            given["motion"] = {"kind": "turn", "degrees": (_numbers(self.turn, "--turn", 1, 3) + [0.0, 0.0])[:3]}
+        if self.focus is not None:
+            if self.aperture is None or self.lens is None:
+                raise ValueError("--focus needs --aperture, the f-number, and --lens, the focal length in mm")
+            given["defocus"] = {"focus": self.focus, "f_number": self.aperture, "focal_length": self.lens}
+        if self.shutter is not None:
+            from relume.cli.arguments import read_times
+
+            (seconds,) = read_times(self.shutter) or [0.0]
+            given["tone"] = {"kind": "camera", "seconds": seconds, "f_number": self.aperture, "iso": self.iso or 100.0}
+            given["tone"] = {key: value for key, value in given["tone"].items() if value is not None}
+        elif self.iso is not None:
+            raise ValueError("--iso is the sensitivity of --shutter; give that too, or leave it out")
+        if self.soft is not None:
+            given["soft_focus"] = {"share": self.soft}
+        if self.vignetting:
+            given["vignetting"] = {"kind": "natural"}
+        if self.display:
+            given["display"] = {"kind": self.display}
+        return given
+
+
+def _merge(table: dict[str, Any], given: dict[str, Any]) -> None:
+    """Put `given` above a table: a table of another kind replaces the one that stands there, else keys are added."""
+    for key, value in given.items():
+        there = table.get(key)
+        same = isinstance(there, dict) and isinstance(value, dict) and value.get("kind") in (None, there.get("kind"))
+        if same:
+            _merge(there, value)
+        else:
+            table[key] = value
+
+
+def _setting(text: str) -> dict[str, Any]:
+    """KEY=VALUE as tables; a value that is no TOML is a word."""
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise ValueError(f'--set "{text}": expected KEY=VALUE, like tone.key=0.36')
+    for written in (value, f'"{value}"'):
+        try:
+            return tomllib.loads(f"{key} = {written}")
+        except tomllib.TOMLDecodeError:
+            continue
+    raise ValueError(f'--set "{text}": expected KEY=VALUE, like tone.key=0.36')
+
+
+def _numbers(text: str, option: str, *counts: int) -> list[float]:
+    try:
+        numbers = [float(word) for word in text.replace(",", " ").split()]
+        if not min(counts) <= len(numbers) <= max(counts):
+            raise ValueError
+    except ValueError:
+        many = " to ".join(str(count) for count in sorted(set(counts)))
+        raise ValueError(f'{option}: "{text}"; write {many} numbers, with commas between') from None
+    return numbers

@@ -1,0 +1,51 @@
+"""The planes that may accompany a picture on the command line: its depth, and how its pixels move."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from relume.errors import UnreadableFile
+
+if TYPE_CHECKING:
+    import numpy as np
+
+DEPTH_NAMES = ("depth", "Depth", "Z", "z", "ViewLayer.Depth")
+MOTION_NAMES = ("motion", "Motion", "vector", "Vector", "forward")
+
+
+def read_depth(path: Path) -> np.ndarray:
+    """Depth (H, W) float32, metres along the view, from an EXR's layer of that name, or its only one.
+
+    0, and what is not finite, is the distance: renderers write either where nothing was hit. Raises UnreadableFile.
+    """
+    import numpy as np
+
+    plane = _layer(path, DEPTH_NAMES, "--depth")
+    depth = plane if plane.ndim == 2 else plane[..., 0]
+    if (depth < 0).any():
+        raise UnreadableFile(f"--depth {path}: has depths below 0; expected metres along the view")
+    return np.where(np.isfinite(depth) & (depth > 0), depth, np.inf).astype(np.float32)
+
+
+def read_motion(path: Path) -> np.ndarray:
+    """Motion (H, W, 2) float32, pixels right and down during the exposure, from R and G of an EXR's layer of that name,
+    or its only one; raises UnreadableFile."""
+    import numpy as np
+
+    plane = _layer(path, MOTION_NAMES, "--vectors")
+    if plane.ndim == 2:
+        raise UnreadableFile(f"--vectors {path}: a single plane; motion needs two, right in R and down in G")
+    return np.ascontiguousarray(plane[..., :2], np.float32)
+
+
+def _layer(path: Path, names: tuple[str, ...], option: str) -> np.ndarray:
+    from relume.image import files
+
+    layers = files.read_layers(path)
+    for name in names:
+        if name in layers:
+            return layers[name]
+    if len(layers) == 1:
+        return next(iter(layers.values()))
+    raise UnreadableFile(f"{option} {path}: has no layer named {names[0]} but {', '.join(layers)}; name it so")

@@ -1,0 +1,1 @@
+"""Display values → files and pictures for screens, paper and eyes that want numbers."""

@@ -1,0 +1,96 @@
+"""Whether a picture's radiance can be developed at all: finite, not negative, and not black everywhere."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+
+from relume.image.radiance import RadianceMap
+
+_BAND = 2**22
+"""Values looked at a time, so that no mask as large as the picture is made."""
+
+
+def sound(picture: RadianceMap, *, repair: bool = False, name: str = "the picture") -> RadianceMap:
+    """The picture with finite radiance of 0 or more, itself where it has that already.
+
+    repair : replaces NaN and infinity by what is about them, with a warning; else they are refused, because nobody
+        knows what was there
+    name : of the picture, for messages
+
+    Negative values are taken as 0, with a warning that says how many and how low: they are colours outside Rec. 709, or
+    what a filter or a subtraction left. Raises ValueError naming a pixel that is not finite, and for a picture that is
+    black everywhere.
+    """
+    radiance = picture.radiance
+    lowest, highest = _range(radiance)
+    if not (np.isfinite(lowest) and np.isfinite(highest)):
+        if not repair:
+            raise ValueError(_first(radiance, name))
+        radiance = _repaired(radiance, name)
+        lowest, highest = _range(radiance)
+    if lowest < 0:
+        negative = int(sum(np.count_nonzero(band < 0) for band in _bands(radiance)))
+        warnings.warn(
+            f"{name}: {negative} of {radiance.size} values are negative, as low as {lowest:.3g}; taken as 0",
+            stacklevel=2,
+        )
+        radiance = np.maximum(radiance, 0)
+    if not highest > 0:
+        raise ValueError(f"{name} is black everywhere: there is nothing to develop; check what it was made from")
+    return picture if radiance is picture.radiance else replace(picture, radiance=radiance)
+
+
+def _bands(radiance: np.ndarray) -> list[np.ndarray]:
+    step = max(1, _BAND // (radiance.shape[1] * 3))
+    return [radiance[row : row + step] for row in range(0, radiance.shape[0], step)]
+
+
+def _range(radiance: np.ndarray) -> tuple[float, float]:
+    """The least and the greatest value; NaN in both where any value is NaN."""
+    bands = _bands(radiance)
+    return float(np.min([band.min() for band in bands])), float(np.max([band.max() for band in bands]))
+
+
+def _first(radiance: np.ndarray, name: str) -> str:
+    """The one line that names the first pixel that is not finite, and how many there are."""
+    bad = ~np.isfinite(radiance).all(-1)
+    y, x = np.argwhere(bad)[0]
+    values = ", ".join(f"{value:g}" for value in radiance[y, x])
+    return (
+        f"{name}: the radiance at x {x}, y {y} is ({values}), and {int(bad.sum()) - 1} more pixels are not finite; "
+        "repair replaces them by what is about them"
+    )
+
+
+def _repaired(radiance: np.ndarray, name: str) -> np.ndarray:
+    """Radiance whose NaN are the mean of the nearest known pixels, and whose infinities the largest finite value."""
+    from scipy.ndimage import distance_transform_edt
+
+    radiance = radiance.copy()
+    endless = np.isposinf(radiance)
+    largest = float(radiance[np.isfinite(radiance)].max(initial=0.0))
+    radiance[endless] = largest
+    unknown = ~np.isfinite(radiance).all(-1)
+    if unknown.all():
+        raise ValueError(f"{name}: no pixel is finite; there is nothing to repair it from")
+    if unknown.any():
+        # The nearest known pixel, averaged with its known neighbours so that a single firefly is not spread.
+        rows, columns = distance_transform_edt(unknown, return_distances=False, return_indices=True)[:, unknown]
+        total, count = np.zeros((len(rows), 3)), np.zeros((len(rows), 1))
+        height, width = unknown.shape
+        for down in (-1, 0, 1):
+            for right in (-1, 0, 1):
+                y, x = np.clip(rows + down, 0, height - 1), np.clip(columns + right, 0, width - 1)
+                known = ~unknown[y, x, None]
+                total += np.where(known, radiance[y, x], 0)
+                count += known
+        radiance[unknown] = total / count
+    warnings.warn(
+        f"{name}: {int(unknown.sum())} pixels that were no number were replaced by what is about them, and "
+        f"{int(endless.any(-1).sum())} infinite ones by the largest finite value, {largest:.3g}",
+        stacklevel=3,
+    )
+    return radiance

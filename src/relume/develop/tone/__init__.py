@@ -1,0 +1,1 @@
+"""What makes radiance of any range fit for a display: each operator a frozen value."""
