@@ -52,7 +52,7 @@ def develop(
     repair: Annotated[
         bool, Parameter(negative="", help="Replace NaN and infinite radiance by what is about it, and say so.")
     ] = False,
-    sheet: Annotated[Path | None, Parameter(help="Write a contact sheet of the picture at several --stops too.")] = None,
+    sheet: Annotated[Path | None, Parameter(help="Write a contact sheet at several --stops too.")] = None,
     stops: Annotated[
         str, Parameter(help="Of --sheet, with commas between.", allow_leading_hyphen=True)
     ] = "-4,-2,0,2,4",
@@ -83,7 +83,7 @@ def develop(
             tell(manner, builtin_presets())
             return
         if not pictures or out is None:
-            raise ValueError("give a radiance map and -o, the picture to write, like: relume develop room.exr -o room.png")
+            raise ValueError("give a radiance map and -o, a picture, like: relume develop room.exr -o room.png")
         require_files(pictures)
         refuse_input(out, pictures)
         for extra, suffixes in ((sheet, (".png", ".jpg")), (false_colour, (".png", ".jpg")), (report, (".html",))):

@@ -39,7 +39,8 @@ class CameraOptions:
         str | None, Parameter(help="eye, camera, or the picture of a point spread: light scattered on its way.")
     ] = None
     move: Annotated[
-        str | None, Parameter(help="DX,DY: pixels the picture moves while the shutter is open.", allow_leading_hyphen=True)
+        str | None,
+        Parameter(help="DX,DY: pixels the picture moves while the shutter is open.", allow_leading_hyphen=True),
     ] = None
     turn: Annotated[
         str | None,
@@ -97,7 +98,7 @@ class CameraOptions:
         if self.move:
             given["motion"] = {"kind": "straight", "pixels": _numbers(self.move, "--move", 2)}
         if self.turn:
-            given["motion"] = {"kind": "turn", "degrees": (_numbers(self.turn, "--turn", 1, 3) + [0.0, 0.0])[:3]}
+            given["motion"] = {"kind": "turn", "degrees": [*_numbers(self.turn, "--turn", 1, 3), 0.0, 0.0][:3]}
         if self.focus is not None:
             if self.aperture is None or self.lens is None:
                 raise ValueError("--focus needs --aperture, the f-number, and --lens, the focal length in mm")

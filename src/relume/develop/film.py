@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from relume.capture.absolute import Scale
-from relume.image.colour import encode_srgb, luminance
+from relume.capture.absolute import Scale, scale_from_exposure
+from relume.develop.steps import Adaptation
+from relume.develop.view import View
+from relume.image.colour import decode_srgb, encode_srgb, luminance
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import OUTSIDE, RadianceMap
 from relume.image.response import Response
 from relume.sphere.illumination import IlluminationMap
+
+if TYPE_CHECKING:
+    from relume.develop.grain import Grain
+
+MOST = 0.5
+"""Share of the lit pixels beyond one end of a response above which that is told: more than any exposure for one part of
+a picture leaves out."""
+BAND, SEAM = 512, 16
+"""Rows of grain drawn at a time, so that a picture of any size needs little memory, and rows over which one such band
+passes into the next: several times as far as the grain of neighbours is alike."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,18 +35,71 @@ class Film:
 
     exposure : sensor exposure per unit of radiance (`Exposure.factor` of a photograph to be matched)
     response : a camera's recovered response; None for the sRGB curve, on which exposure 1 is white
+    grain : that is added to the pixel values, 0 to 255, as a `Tone`; None for none. `develop` and `developed_values`
+        give the values without
     """
 
     exposure: float = 1.0
     response: Response | None = None
+    grain: Grain | None = None
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.exposure) and self.exposure > 0):
             raise ValueError(f"exposure is {self.exposure}; expected a positive number")
 
+    @staticmethod
+    def of(
+        exposure: Exposure,
+        response: Response | None = None,
+        *,
+        scale: Scale | None = None,
+        grain: Grain | None = None,
+    ) -> Film:
+        """The film in a camera at that shutter, aperture and ISO.
+
+        response : of the camera; None for one that writes sRGB as its ISO number promises (ISO 12232, standard output:
+            10 / S lx·s make 118 of 255), for pictures in cd/m². Needs f-number and ISO
+        scale : cd/m² per relative unit of that response, for pictures in cd/m²; None for relative ones on the
+            response's own scale
+
+        Raises NotABracket where f-number or ISO are needed and unknown, and ValueError for a scale without a response.
+        """
+        if response is None:
+            if scale is not None:
+                raise ValueError("a scale belongs to a camera's response; give that too, or neither")
+            return Film(exposure.factor / scale_from_exposure(srgb_response(), exposure).luminance, grain=grain)
+        if scale is None:
+            return Film(exposure.factor, response, grain)
+        # Where the scale tells the channels apart, that is part of the response.
+        own = np.log(scale.factor) - np.log(scale.luminance)
+        balanced = Response(response.log_exposure + own[:, None], response.noise)
+        return Film(exposure.factor / scale.luminance, balanced if np.any(own) else response, grain)
+
     def brighter(self, stops: float) -> Film:
         """The same film exposed longer by `stops` factors of two."""
-        return Film(self.exposure * 2.0**stops, self.response)
+        return replace(self, exposure=self.exposure * 2.0**stops)
+
+    def adapted(self, radiance: np.ndarray, view: View) -> Adaptation:
+        """Nothing: the exposure is the film's own."""
+        return Adaptation(np.zeros(0))
+
+    def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
+        """Linear values (H, W, 3) float32, 0 to 1, that sRGB encodes as this film's pixel values / 255.
+
+        Grain is drawn with the view's seed. Warns where most of the picture is beyond what the response reaches.
+        """
+        _tell_reach(radiance, self)
+        if self.response is None:
+            shown = radiance * np.float32(self.exposure)
+            np.minimum(shown, np.float32(1), out=shown)
+        else:
+            from relume.develop.darkroom.float_table import mapped, tabulated
+
+            tables = np.stack([tabulated(_channel(self.response, c)) for c in range(3)])
+            shown = mapped(radiance, self.exposure, tables)
+        if self.grain is not None:
+            _grained(shown, self.grain, view.seed)
+        return shown
 
 
 def metered(light: IlluminationMap) -> Film:
@@ -107,6 +175,65 @@ def _noisy(values: np.ndarray, response: Response, generator: np.random.Generato
     spread = np.stack([np.interp(values[..., c], steps, sigma[c]) for c in range(3)], axis=-1)
     spread[values >= response.levels - 1] = 0.0
     return values + spread * generator.standard_normal(values.shape)
+
+
+def srgb_response(levels: int = 256) -> Response:
+    """The sRGB curve as a response (IEC 61966-2-1), exposure 1 white, its only noise that of rounding.
+
+    The value 0 has no exposure of its own: it stands a quarter of the way to 1.
+    """
+    share = np.arange(levels) / (levels - 1)
+    share[0] = 0.25 * share[1]
+    return Response(np.tile(np.log(decode_srgb(share)), (3, 1)), np.full(3, np.sqrt(1 / 12)))
+
+
+def _channel(response: Response, channel: int) -> Callable[[np.ndarray], np.ndarray]:
+    """Linear display value by exposure, of one channel."""
+    curve, values = response.log_exposure[channel], np.arange(response.levels) / (response.levels - 1)
+    return lambda exposed: decode_srgb(np.interp(np.log(exposed), curve, values))
+
+
+def _tell_reach(radiance: np.ndarray, film: Film) -> None:
+    """Warn where most lit pixels are beyond one end of the film's range: the picture shows little but that end."""
+    step = max(1, int(np.sqrt(radiance.shape[0] * radiance.shape[1] / 2**18)))
+    light = radiance[::step, ::step].reshape(-1, 3)
+    light = light[light.max(1) > 0]
+    if not light.size:
+        return
+    least, most = 0.5 / 255 / 12.92 * np.ones(3), np.ones(3)
+    if film.response is not None:
+        least, most = np.exp(film.response.log_exposure[:, 0]), np.exp(film.response.log_exposure[:, -1])
+    over, under = (light * film.exposure >= most).all(1).mean(), (light * film.exposure <= least).all(1).mean()
+    if max(over, under) <= MOST:
+        return
+    middle = np.log2(np.median(light.max(1)) * film.exposure)
+    stops = float(middle - np.log2((most if over > under else least).mean()))
+    side, colour, where = ("most", "white", "above") if over > under else ("least", "black", "below")
+    warnings.warn(
+        f"{100 * max(over, under):.0f} % of the picture is {colour}: its middle is {abs(stops):.1f} stops {where} the "
+        f"{side} exposure that the film tells apart; expose by {-stops:+.1f} stops or more",
+        stacklevel=3,
+    )
+
+
+def _grained(shown: np.ndarray, grain: Grain, seed: int) -> None:
+    """Add grain in pixel values to own linear values (H, W, 3), in place, band by band."""
+    height, width = shown.shape[:2]
+    above: np.ndarray | None = None
+    for band, top in enumerate(range(0, height, BAND)):
+        rows = min(BAND, height - top)
+        drawn = grain.drawn((width, rows + SEAM), int(np.random.SeedSequence((seed, band)).generate_state(1)[0]))
+        noise = drawn[:rows]
+        if above is not None:
+            # The squares of the weights have the sum 1: the seam is as noisy as the rest.
+            share = ((np.arange(SEAM) + 0.5) / SEAM)[: len(noise), None, None]
+            noise[:SEAM] = np.sqrt(share) * noise[:SEAM] + np.sqrt(1 - share) * above[: len(noise)]
+        above = drawn[rows:].copy()
+        part = shown[top : top + rows]
+        values = 255 * encode_srgb(part.astype(np.float64))
+        # What saturates does so without noise, being far above the largest value or clipped.
+        noise *= grain.deviation_at(values) * ((part > 0) & (part < 1))
+        part[:] = decode_srgb(np.clip(values + noise, 0, 255) / 255)
 
 
 _DEPTHS = {256: np.uint8, 65536: np.uint16}

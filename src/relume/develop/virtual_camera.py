@@ -8,10 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from relume.develop.display import Clipping, Display, Srgb, encoded, write_display
+from relume.develop.display.clipping import Clipping
+from relume.develop.display.displays import Display, Srgb
+from relume.develop.display.encoding import encoded
+from relume.develop.display.writing import write_display
 from relume.develop.soundness import sound
 from relume.develop.steps import Adaptation, Optics, Tone
-from relume.develop.tone.metered import Metered
+from relume.develop.tone.metered import Linear, Metered
 from relume.develop.view import FIELD_OF_VIEW, View, view_of
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
@@ -118,7 +121,7 @@ class Developed:
 
     def written(self, path: str | os.PathLike[str]) -> Clipping:
         """Write the picture for its display, and tell how much of it is white or black; raises as `write_display`."""
-        return write_display(path, self.values, self.display, gain=self.gain)
+        return write_display(path, self.displayed, self.display)
 
 
 def developed(
@@ -134,7 +137,7 @@ def developed(
     view = camera.view(picture) if view is None else view
     image, tone, stops = camera.image(picture.radiance, view), camera.tone, 2.0**camera.stops
     settled = tone.adapted(image, view) if adaptation is None else adaptation
-    if isinstance(tone, Metered):
+    if isinstance(tone, Linear):
         return Developed(image, tone.gain(settled, view) * stops, camera.display, settled)
     brighter = image if stops == 1 else image * np.float32(stops)
     return Developed(tone.displayed(brighter, view, settled), 1.0, camera.display, settled)
@@ -158,7 +161,7 @@ def developed_frames(
     frames_per_second: float = 24.0,
     settling: float = 0.4,
 ) -> Iterator[Developed]:
-    """Develop frame after frame, with an adaptation that follows the light as steadily as an eye's, so nothing flickers.
+    """Develop frame after frame, with an adaptation that follows the light as steadily as an eye's: nothing flickers.
 
     views : of the frames; the first frame's own for all unless given, so that a relative map's supposed luminance does
         not change from frame to frame. Every frame draws other grain
@@ -167,7 +170,9 @@ def developed_frames(
     Raises ValueError for a rate that is not above 0 or a negative settling, and as `developed`.
     """
     if not frames_per_second > 0 or not settling >= 0:
-        raise ValueError(f"frames_per_second {frames_per_second} and settling {settling}; expected above 0, and 0 or more")
+        raise ValueError(
+            f"frames_per_second {frames_per_second} and settling {settling}; expected above 0, and 0 or more"
+        )
     share = 1.0 if settling == 0 else 1 - float(np.exp(-1 / (frames_per_second * settling)))
     each = None if views is None else iter(views)
     view, settled = None, None

@@ -1,7 +1,7 @@
 """The eye: what it can tell apart at a luminance, how sharply, in which colours, and how wide its pupil is.
 
-Luminances are in cd/m². Thresholds are those of Ferwerda, Pattanaik, Shirley & Greenberg 1996, joined to one curve as by
-Ward Larson, Rushmeier & Piatko 1997.
+Luminances are in cd/m². Thresholds are those of Ferwerda, Pattanaik, Shirley & Greenberg 1996, joined to one curve as
+by Ward Larson, Rushmeier & Piatko 1997.
 """
 
 from __future__ import annotations

@@ -7,12 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.develop.display import Srgb
 from relume.develop.display.false_colour import false_colour
 from relume.develop.display.stops import stops_sheet
-from relume.develop.tone.metered import Metered
-from relume.develop.virtual_camera import VirtualCamera, photograph
+from relume.develop.film import Film
 from relume.develop.view import View
+from relume.develop.virtual_camera import VirtualCamera, developed, photograph
 from relume.image import files
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
@@ -41,11 +40,11 @@ def write_develop_report(
     shown : the developed picture
     Raises OutputNotWritten.
     """
-    plain = photograph(scene, VirtualCamera(tone=Metered(), display=Srgb()), view)
+    plain = photograph(scene, VirtualCamera(), view)
     before, after = plots.encoded(plain.pixels), plots.encoded(shown.pixels)
     lens = [figure(after, "The picture.")]
     if image is not scene:
-        drawn = photograph(image, VirtualCamera(tone=Metered(), display=Srgb()), view)
+        drawn = photograph(image, VirtualCamera(), view)
         lens.insert(0, figure(plots.encoded(drawn.pixels), "What the lens drew, plainly exposed."))
     lens.insert(0, figure(before, "The scene, plainly exposed: bright parts near white."))
     parts = [
@@ -55,7 +54,7 @@ def write_develop_report(
         heading("Side by side"),
         side_by_side(lens),
         heading("At several exposures"),
-        figure(plots.encoded(stops_sheet(image, STOPS).pixels), "What the lens drew, stops from plain exposure."),
+        figure(plots.encoded(_sheet(image)), "What the lens drew, stops from plain exposure."),
         heading("How bright it is"),
         figure(plots.encoded(false_colour(image).pixels), f"Luminance, {image.unit}."),
         heading("How it was made"),
@@ -63,6 +62,11 @@ def write_develop_report(
         paragraph("All but the tone is done in linear light, in the order in which light meets it."),
     ]
     files.write_text(path, page(title, parts))
+
+
+def _sheet(image: RadianceMap) -> np.ndarray:
+    settled = developed(image, VirtualCamera(), View(1.0)).gain
+    return stops_sheet(image, STOPS, Film(settled)).pixels
 
 
 def _told(value: object) -> str:

@@ -1,0 +1,309 @@
+"""What `relume develop` does: one picture, the frames of a sequence, or a photograph undone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import repeat
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from relume.cli.arguments import made_folder, require_suffix
+from relume.develop.display.displays import HLG, PQ, HdrGainMap, Srgb
+from relume.develop.film import Film
+from relume.develop.soundness import sound
+from relume.develop.tone.metered import Fixed, Metered
+from relume.develop.view import View
+from relume.develop.virtual_camera import IN_ORDER, developed, developed_frames
+from relume.image import files
+from relume.image.files.encodings import SUFFIXES
+
+if TYPE_CHECKING:
+    from relume.cli.develop_view import ViewOptions
+    from relume.develop.steps import Optics
+    from relume.develop.virtual_camera import Developed, VirtualCamera
+    from relume.image.files.reading import Reading
+    from relume.image.photograph import Photograph
+    from relume.image.radiance import RadianceMap
+    from relume.image.response import Response
+    from relume.shot.preset import Preset
+
+Advance = Callable[[str, float], None]
+_NO_VIEW = View(1.0)
+PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".avif")
+
+
+@dataclass(frozen=True)
+class Source:
+    """The camera that the picture shall be taken by, where it is a real one.
+
+    response : a profile or curve; None for none
+    seconds : exposure per unit of radiance on it; None to meter
+    match : a photograph by the camera; None for none
+    """
+
+    response: Path | None = None
+    seconds: float | None = None
+    match: Path | None = None
+
+
+@dataclass(frozen=True)
+class Extras:
+    """What is written beside the picture: a contact sheet of some stops, false colour, a report; None for none."""
+
+    sheet: Path | None
+    stops: tuple[float, ...]
+    false_colour: Path | None
+    report: Path | None
+
+
+@dataclass(frozen=True)
+class Rate:
+    """Frames a second, and the seconds in which adaptation follows the light."""
+
+    frames_per_second: float
+    settling: float
+
+
+def read_stops(text: str) -> tuple[float, ...]:
+    """Stops from "-4,-2,0"; raises ValueError."""
+    try:
+        stops = tuple(float(word) for word in text.replace(",", " ").split())
+        if not stops or not all(abs(stop) <= 100 for stop in stops):
+            raise ValueError
+    except ValueError:
+        raise ValueError(f'--stops: "{text}"; write stops with commas between, like -4,-2,0,2,4') from None
+    return stops
+
+
+def picture(
+    path: Path,
+    out: Path,
+    preset: Preset,
+    scene: ViewOptions,
+    source: Source,
+    extras: Extras,
+    reading: Reading,
+    repair: bool,
+    dry_run: bool,
+    advance: Advance,
+) -> dict[str, object]:
+    """Develop one picture, and what is written beside it; facts to tell."""
+    require_suffix(out, *PICTURES)
+    advance("reading", 0.0)
+    read = _read(path, reading, repair)
+    camera, facts = _camera(preset, source, read)
+    view = scene.view(read, camera, preset)
+    facts |= _facts(camera, read, view.luminance_scale)
+    if dry_run:
+        return {"would write": str(out), **facts}
+    advance("reading", 1.0)
+    advance("developing", 0.0)
+    made = developed(read, camera, view)
+    advance("developing", 1.0)
+    clipping = made.written(out)
+    facts = {"written": str(out), **facts, "white": max(clipping.above), "black": max(clipping.below)}
+    if extras.sheet or extras.false_colour or extras.report:
+        _write_extras(extras, read, made, camera, view, facts)
+    return facts
+
+
+def _write_extras(
+    extras: Extras, scene: RadianceMap, made: Developed, camera: VirtualCamera, view: Any, facts: dict[str, object]
+) -> None:
+    """Write the sheet, the false colours and the report of a picture, from the light that the lens drew."""
+    from relume.develop.display.false_colour import false_colour
+    from relume.develop.display.stops import stops_sheet
+    from relume.image.radiance import RadianceMap
+
+    image = replace(scene, radiance=camera.image(scene.radiance, view)) if camera.optics else scene
+    if extras.sheet:
+        # The lens has drawn already; stops are the sheet's own.
+        bare = replace(camera, **dict.fromkeys(IN_ORDER), display=Srgb())
+
+        def at(radiance: np.ndarray) -> Photograph:
+            return developed(RadianceMap(radiance), bare, view, adaptation=made.adaptation).photograph()
+
+        files.write(extras.sheet, stops_sheet(image, extras.stops, at))
+        facts["sheet"] = str(extras.sheet)
+    if extras.false_colour:
+        files.write(extras.false_colour, false_colour(image))
+        facts["false colour"] = str(extras.false_colour)
+    if extras.report:
+        from relume.shot.develop_report import write_develop_report
+
+        shown = replace(made, display=Srgb()).photograph()
+        write_develop_report(extras.report, scene, image, shown, view, facts=facts)
+        facts["report"] = str(extras.report)
+
+
+def frames(
+    paths: list[Path],
+    out: Path,
+    preset: Preset,
+    scene: ViewOptions,
+    source: Source,
+    rate: Rate,
+    reading: Reading,
+    repair: bool,
+    dry_run: bool,
+    advance: Advance,
+) -> dict[str, object]:
+    """Develop a sequence into numbered pictures or a movie; facts to tell."""
+    movie = out.suffix.lower() == ".mp4"
+    if not movie and out.suffix:
+        raise ValueError(f"-o {out}: {len(paths)} pictures were given; name a folder or an .mp4 for a sequence")
+    if scene.depth is not None or scene.vectors is not None:
+        raise ValueError("--depth and --vectors are of one picture; develop the frames of a sequence one by one")
+    first = _read(paths[0], reading, repair)
+    camera, facts = _camera(preset, source, first)
+    if movie and camera.display != Srgb():
+        raise ValueError("an .mp4 is for sRGB screens; leave --display out, or write pictures into a folder")
+    if dry_run:
+        return {"would write": str(out), "frames": len(paths), **facts}
+
+    def each() -> Iterator[RadianceMap]:
+        for index, path in enumerate(paths):
+            advance("developing", index / len(paths))
+            yield _read(path, reading, repair)
+
+    view = scene.view(first, camera, preset)
+    made = developed_frames(
+        each(), camera, repeat(view), frames_per_second=rate.frames_per_second, settling=rate.settling
+    )
+    if movie:
+        from relume.image.files.video import Movie
+
+        with Movie(out, rate.frames_per_second) as file:
+            for frame in made:
+                file.add(frame.photograph().pixels)
+    else:
+        folder, suffix = made_folder(out), _suffix(camera)
+        for path, frame in zip(paths, made, strict=True):
+            frame.written(folder / f"{path.stem}{suffix}")
+    advance("developing", 1.0)
+    return {"written": str(out), "frames": len(paths), **facts}
+
+
+def undo(
+    paths: list[Path],
+    out: Path,
+    preset: Preset,
+    scene: ViewOptions,
+    source: Source,
+    reading: Reading,
+    dry_run: bool,
+) -> dict[str, object]:
+    """Take a photograph's camera out of it again; facts to tell."""
+    from relume.develop.inverse import radiance_of, undone_all
+
+    require_suffix(out, *SUFFIXES)
+    if len(paths) != 1:
+        raise ValueError(f"--undo takes one photograph, and {len(paths)} were given; merge a bracket with relume merge")
+    if source.match is not None:
+        raise ValueError("--undo is of IN's own camera, and --match of another's; leave one of them out")
+    photograph = files.read_photograph(paths[0], reading)
+    film, unit, falloff, facts = _film_of(photograph, source)
+    camera = preset.camera
+    if falloff is not None and camera.vignetting is None:
+        camera = replace(camera, vignetting=falloff)
+        facts["vignetting"] = "the profile's, divided out"
+    facts["undone"] = [type(part).__name__ for part in reversed(camera.optics)]
+    if dry_run:
+        return {"would write": str(out), **facts}
+    radiance = replace(radiance_of(photograph, film), unit=unit)
+    radiance = undone_all(radiance, camera.optics, scene.view(radiance, replace(camera, tone=Fixed()), preset))
+    files.write(out, radiance)
+    flags = radiance.clipped
+    shares = {} if flags is None else {"white": float(np.mean(flags == 1)), "black": float(np.mean(flags == 2))}
+    return {"written": str(out), "unit": unit, **facts, **shares}
+
+
+def _film_of(photograph: Photograph, source: Source) -> tuple[Film, str, Optics | None, dict[str, object]]:
+    """The film that a photograph was taken on, the unit of its radiance, the lens's fall-off, and what told them."""
+    from relume.capture.absolute import Scale
+    from relume.capture.profile import read_profile
+    from relume.capture.vignetting import Vignetting
+    from relume.develop.lens.vignetting import MeasuredVignetting
+
+    exposure = photograph.exposure
+    factor = source.seconds or (1.0 if exposure is None else exposure.factor)
+    told = "--seconds" if source.seconds else "1, for the photograph tells none" if exposure is None else "EXIF"
+    facts: dict[str, object] = {"exposure from": told, "response": "sRGB"}
+    if source.response is None:
+        return Film(factor), "relative", None, facts
+    profile = read_profile(source.response)
+    if profile.response is None:
+        raise ValueError(f"{source.response.name}: a profile of camera raws, which holds no response; give another")
+    facts["response"] = source.response.name
+    falloff = None if profile.vignetting is None else MeasuredVignetting(Vignetting.from_dict(profile.vignetting))
+    if profile.scale is None or exposure is None or source.seconds:
+        return Film(factor, profile.response), "relative", falloff, facts
+    scale = Scale.grey(profile.scale, profile.scale_deviation or 0.0, "the profile")
+    return Film.of(exposure, profile.response, scale=scale), "cd/m²", falloff, facts
+
+
+def _read(path: Path, reading: Reading, repair: bool) -> RadianceMap:
+    return sound(files.read_radiance(path, reading), repair=repair, name=path.name)
+
+
+def _camera(preset: Preset, source: Source, picture: RadianceMap) -> tuple[VirtualCamera, dict[str, object]]:
+    """The preset's camera, or the real one that is asked for; facts on it.
+
+    Without --seconds a response is metered from the picture, so that its bright parts come out near white.
+    """
+    camera = preset.camera
+    if source.match is not None:
+        return _matched(camera, source, picture)
+    if source.response is None:
+        if source.seconds is not None:
+            raise ValueError("--seconds is the exposure on --response; give that too, or leave it out")
+        return camera, {}
+    if preset.tone is not None:
+        raise ValueError("--response is a tone of its own; leave --tone, --film, --shutter and the preset's tone out")
+    curve = _response(source.response)
+    seconds = source.seconds
+    if seconds is None:
+        bright = float(np.exp(Metered().adapted(picture.radiance, _NO_VIEW).values[0]))
+        seconds = bright * float(np.exp(curve.log_exposure[:, 248 * curve.levels // 256].mean()))
+    return replace(camera, tone=Film(seconds, curve)), {"exposure": seconds * 2.0**camera.stops}
+
+
+def _matched(camera: VirtualCamera, source: Source, picture: RadianceMap) -> tuple[VirtualCamera, dict[str, object]]:
+    """The camera with the film, fall-off and sharpness of a plate in its places."""
+    from relume.capture.profile import read_profile
+    from relume.develop.plate_match import Softness, matched_film
+
+    assert source.match is not None
+    plate = files.read_photograph(source.match)
+    match = matched_film(plate, picture, None if source.response is None else read_profile(source.response))
+    film = match.film if source.seconds is None else replace(match.film, exposure=source.seconds)
+    for part in match.optics:
+        camera = replace(camera, **{"soft_focus" if isinstance(part, Softness) else "vignetting": part})
+    return replace(camera, tone=film), {"matched": list(match.facts)}
+
+
+def _response(path: Path) -> Response:
+    from relume.capture.profile import read_profile
+
+    if (response := read_profile(path).response) is None:
+        raise ValueError(f"{path.name}: a profile of camera raws, which holds no response; give another")
+    return response
+
+
+def _facts(camera: VirtualCamera, picture: RadianceMap, scale: float) -> dict[str, object]:
+    """What stands between the file's radiance and the picture."""
+    told: dict[str, object] = {
+        "lens": [type(part).__name__ for part in camera.optics],
+        "tone": type(camera.tone).__name__,
+    }
+    if camera.is_absolute:
+        told["cd/m² per unit"] = scale
+    return told | {"unit": picture.unit}
+
+
+def _suffix(camera: VirtualCamera) -> str:
+    display = camera.display
+    return ".avif" if isinstance(display, PQ | HLG) else ".jpg" if isinstance(display, HdrGainMap) else ".png"

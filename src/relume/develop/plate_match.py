@@ -1,0 +1,181 @@
+"""A virtual camera like the one that took a plate: what it does to light before, at and after the sensor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from relume.capture.absolute import Scale, scale_from_exposure
+from relume.capture.profile import CameraProfile
+from relume.capture.vignetting import Vignetting
+from relume.develop.darkroom.darkroom import metered
+from relume.develop.film import Film, srgb_response
+from relume.develop.grain import Grain, photograph_grain
+from relume.develop.inverse import AllButEnds, radiance_of
+from relume.develop.lens.vignetting import MeasuredVignetting
+from relume.develop.sharpness import Sharpness, measured_sharpness
+from relume.develop.steps import Optics
+from relume.develop.view import View
+from relume.errors import NotABracket
+from relume.image.colour import luminance
+from relume.image.photograph import Photograph
+from relume.image.radiance import RadianceMap
+from relume.image.response import Response
+
+MIDDLE = 118 / 255
+"""Share of the largest value that a light meter's reading becomes (ISO 12232, standard output sensitivity)."""
+JPEG_GUARD = 5
+"""Values at either end that JPEG leaves in patches that were white or black."""
+
+
+@dataclass(frozen=True)
+class Softness:
+    """A plate's sharpness as `Optics`: what is rendered with pixels as wide as they are becomes as soft as it."""
+
+    sharpness: Sharpness
+
+    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+        """Radiance (H, W, 3) float32 as that lens spreads it; light stays the same, mirrored at the border."""
+        out = np.empty(radiance.shape, np.float32)
+        for channel in range(3):
+            out[..., channel] = self.sharpness.blurred(radiance[..., channel])
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class MatchedCamera:
+    """What develops a picture as the plate's camera would have.
+
+    film : its exposure, response and grain
+    optics : in the order in which light passes them
+    facts : a line each on what was taken from where, to be shown
+    """
+
+    film: Film
+    optics: tuple[Optics, ...]
+    facts: tuple[str, ...]
+
+
+def matched_film(
+    photograph: Photograph,
+    picture: RadianceMap,
+    profile: CameraProfile | Response | None = None,
+    *,
+    clean: np.ndarray | None = None,
+) -> MatchedCamera:
+    """The virtual camera for `picture`, so that it looks as if the camera of `photograph` had taken it.
+
+    photograph : the plate, as the camera wrote it
+    picture : what is to be developed, rendered without a lens of its own; its unit says whether exposures hold for it,
+        and it is metered where none do
+    profile : the camera's profile, or its response alone; None for sRGB, with a line in the facts
+    clean : (H, W, 3) the plate's values without noise, not rounded, for its grain (`photograph_grain`)
+
+    The plate's EXIF exposure counts where picture and camera are on one scale: a picture in cd/m² and a camera with
+    f-number and ISO or a measured scale, or a relative picture and a response, on whose scale merging puts radiance.
+    Else a light meter exposes the picture: its log mean becomes 118 of 255. The tones of the plate say nothing of
+    that, for it shows another scene.
+    """
+    facts: list[str] = []
+    response, vignetting, scale = _known(profile, photograph, facts)
+    film = _exposed(photograph, picture, response, scale, facts)
+    optics: list[Optics] = []
+    if vignetting is not None:
+        optics.append(MeasuredVignetting(vignetting))
+    sharpness = _sharpness(photograph, film)
+    if sharpness is None:
+        facts.append("sharpness: the plate shows too few clean edges; left as rendered")
+    else:
+        facts.append(f"sharpness: sigma {sharpness.sigma:.2f} pixels, from {sharpness.edges} edges of the plate")
+        if sharpness.sigma > 0:
+            optics.append(Softness(sharpness))
+    grain = photograph_grain(photograph, clean=clean, response=response)
+    if grain is None:
+        facts.append("grain: the plate shows too few flat patches; none is added")
+    else:
+        grain = _of_eight_bits(grain, photograph)
+        middle = float(grain.deviation_at(np.full(3, 255 * MIDDLE)).mean())
+        facts.append(f"grain: standard deviation {middle:.2f} of 255 at middle grey, from the plate's flat patches")
+    return MatchedCamera(replace(film, grain=grain), tuple(optics), tuple(facts))
+
+
+def _known(
+    profile: CameraProfile | Response | None, photograph: Photograph, facts: list[str]
+) -> tuple[Response | None, Vignetting | None, Scale | None]:
+    """Response, fall-off and scale that a profile tells and that hold for the photograph."""
+    if isinstance(profile, Response):
+        facts.append("response: as given")
+        return profile, None, None
+    if profile is None or profile.response is None:
+        why = "no profile was given" if profile is None else "the profile is that of raws"
+        facts.append(f"response: sRGB, for {why}; a camera's own differs in contrast")
+        response = None
+    else:
+        facts.append(f"response: of the profile of {profile.camera or 'an unnamed camera'}")
+        # Its balance is a factor on radiance that was measured, so its inverse on what is to be exposed.
+        curves = profile.response.log_exposure + np.log(profile.balance)[:, None]
+        response = Response(curves, profile.response.noise) if profile.balance != (1, 1, 1) else profile.response
+    if profile is None:
+        return response, None, None
+    told = photograph.exposure
+    vignetting = None if profile.vignetting is None else Vignetting.from_dict(profile.vignetting)
+    if vignetting is not None:
+        at = None if told is None else told.f_number
+        other = vignetting.f_number is not None and at is not None and abs(np.log(at / vignetting.f_number)) > 0.03
+        facts.append(
+            "vignetting: of the profile"
+            + (f", measured at f/{vignetting.f_number:g}; the plate is at f/{at:g}" if other else "")
+        )
+    scale = None
+    if profile.scale is not None and told is not None:
+        if profile.scale_exposure in (None, (told.f_number is not None, told.iso is not None)):
+            scale = Scale.grey(profile.scale, profile.scale_deviation or 0.0, "the camera's profile")
+        else:
+            facts.append("scale: the profile's holds for exposures that tell other settings than the plate's; not used")
+    return response, vignetting, scale
+
+
+def _exposed(
+    photograph: Photograph, picture: RadianceMap, response: Response | None, scale: Scale | None, facts: list[str]
+) -> Film:
+    """The film at the plate's exposure where that holds for the picture, else at a meter's."""
+    told, absolute = photograph.exposure, picture.unit == "cd/m²"
+    why = "the plate tells no exposure"
+    if told is not None:
+        settings = f"{told.seconds:.4g} s"
+        settings += "" if told.f_number is None else f", f/{told.f_number:g}"
+        settings += "" if told.iso is None else f", ISO {told.iso:g}"
+        if absolute and response is not None and scale is not None:
+            facts.append(f"exposure: the plate's, {settings}, and the profile's scale")
+            return Film.of(told, response, scale=scale)
+        if absolute and told.f_number is not None and told.iso is not None:
+            facts.append(f"exposure: the plate's, {settings}, by what ISO 12232 promises (to a third of a stop)")
+            return Film.of(told, response, scale=None if response is None else scale_from_exposure(response, told))
+        if not absolute and response is not None:
+            facts.append(f"exposure: the plate's, {settings}; the picture is taken to be on the response's scale")
+            return Film.of(told, response)
+        why = (
+            "the plate tells no f-number or ISO, and no scale is known"
+            if absolute
+            else "the picture is relative, and sRGB has no scale of its own"
+        )
+    curves = srgb_response().log_exposure if response is None else response.log_exposure
+    levels = np.arange(curves.shape[1])
+    wanted = luminance(np.exp([np.interp(MIDDLE * levels[-1], levels, curve) for curve in curves]))
+    facts.append(f"exposure: metered, the picture's log mean becomes 118 of 255, for {why}")
+    return Film(float(wanted) / float(np.exp(metered(picture.radiance))), response)
+
+
+def _sharpness(photograph: Photograph, film: Film) -> Sharpness | None:
+    guard = JPEG_GUARD if photograph.pixels.dtype == np.uint8 else 0
+    try:
+        return measured_sharpness(radiance_of(photograph, film, weighting=AllButEnds(guard)))
+    except NotABracket:
+        return None
+
+
+def _of_eight_bits(grain: Grain, photograph: Photograph) -> Grain:
+    """The grain of values 0 to 255, of one of the photograph's own."""
+    factor = 255 / float(np.iinfo(photograph.pixels.dtype).max)
+    return replace(grain, values=grain.values * factor, deviation=grain.deviation * factor)
