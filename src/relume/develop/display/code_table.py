@@ -20,6 +20,7 @@ Curve = Callable[[np.ndarray], np.ndarray]
 _INFINITY = 0x7F800000  # its bits; those of the floats from 0 up to it rise with them
 _MANTISSA = 23
 _MOST_BITS = 15  # of mantissa: a table of 16-bit sRGB then is 1.4 MB, which a core's own cache holds
+_ROUNDING = 1e-12  # by which a curve that is level may seem to fall
 _ROWS = 64
 
 
@@ -70,7 +71,8 @@ def code_table(curve: Curve, bits: int = 8) -> CodeTable:
     first = shown(np.zeros((1, 3), np.float32))
     white = _least(lambda floats: shown(floats) >= last, (1, 3))[0]
     black = _below(_least(lambda floats: shown(floats) > first, (1, 3))[0])
-    channels = 1 if all(np.array_equal(found[:, 0], found[:, c], equal_nan=True) for c in (1, 2)) else 3
+    told = np.concatenate([found, [black, white]])
+    channels = 1 if all(np.array_equal(told[:, 0], told[:, c], equal_nan=True) for c in (1, 2)) else 3
     thresholds = np.full((channels, top + 1), np.nan, np.float32)
     thresholds[:, :-1] = found.T[:channels]
     lowest, shift, comparisons, starts = _bins(thresholds)
@@ -120,11 +122,13 @@ def _bins(thresholds: np.ndarray) -> tuple[int, int, int, np.ndarray]:
 
 
 def _refuse_falling(shown: Callable[[np.ndarray], np.ndarray], bins: int, lowest: int, shift: int) -> None:
-    floats = np.minimum((np.arange(lowest, lowest + bins + 1, dtype=np.int64) << shift), _INFINITY).astype(np.int32)
-    values = shown(np.repeat(floats.view(np.float32)[:, None], 3, axis=1))
-    fallen = np.flatnonzero((np.diff(values, axis=0) < -1e-12).any(1))
+    """Where each bin begins, and coarsely everywhere: bisection would not notice."""
+    bits = np.union1d(np.arange(lowest, lowest + bins + 1) << shift, np.arange(0, _INFINITY + 1, 1 << 17))
+    floats = np.minimum(bits, _INFINITY).astype(np.int32).view(np.float32)
+    values = shown(np.repeat(floats[:, None], 3, axis=1))
+    fallen = np.flatnonzero((np.diff(values, axis=0) < -_ROUNDING).any(1))
     if fallen.size:
-        where = float(floats.view(np.float32)[fallen[0]])
+        where = float(floats[fallen[0]])
         raise ValueError(f"the curve falls above {where:g}; a table needs one that never does: sort or smooth it")
 
 
@@ -145,17 +149,14 @@ def coded(
     gains = np.broadcast_to(np.asarray(gain, np.float32), 3).copy()
     if not (np.all(np.isfinite(gains)) and np.all(gains > 0)):
         raise ValueError(f"gain is {gain}; expected positive numbers")
-    thresholds, starts, black, white = (
-        np.ascontiguousarray(np.broadcast_to(part, (3, *part.shape[1:])) if len(part) == 3 else part)
-        for part in (table.thresholds, table.starts, table.black, table.white)
-    )
     codes = np.empty(values.shape, table.starts.dtype)
-    bounds = np.stack([np.broadcast_to(black, 3), np.broadcast_to(white, 3)])
+    bounds = np.stack([np.broadcast_to(bound, 3) for bound in (table.black, table.white)])
 
     def work(begin: int, end: int) -> np.ndarray:
         counts = np.zeros((3, 3), np.int64)
         rows, into = values[begin:end], codes[begin:end]
-        look_up(rows, gains, thresholds, starts, table.lowest, table.shift, table.comparisons, bounds, into, counts)
+        bins = (table.starts, table.lowest, table.shift, table.comparisons)
+        look_up(rows, gains, table.thresholds, *bins, bounds, into, counts)
         return counts
 
     counts = np.sum(in_threads(work, height, chunk=_ROWS), axis=0)

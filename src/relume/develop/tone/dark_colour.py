@@ -11,11 +11,15 @@ from relume.image.primaries import REC709
 
 
 def colours_in_the_dark(
-    radiance: np.ndarray, view: View, adaptation_luminance: np.ndarray | float
+    radiance: np.ndarray,
+    view: View,
+    adaptation_luminance: np.ndarray | float,
+    out: np.ndarray | None = None,
 ) -> np.ndarray:
     """Radiance (H, W, 3) float32 as seen by cones and rods, in its unit.
 
     adaptation_luminance : cd/m²; one for the picture, or a grid (h, w) that lies evenly over it, as foveal samples do
+    out : where it goes, which may be `radiance` itself; None for an array of its own
 
     Above 5.62 cd/m² colours are kept, below 5.6e-3 they are greys of the scotopic luminance, and between them they are
     mixed in proportion to the luminance (Ward Larson et al. 1997, §5.2 and eq. 13). The rods' luminance is told in the
@@ -29,11 +33,11 @@ def colours_in_the_dark(
     cones = cone_share(adaptation_grid(adaptation_luminance)).astype(np.float32)
     to_xyz = REC709.to_xyz()
     scale = float(1 / scotopic_luminance(to_xyz.sum(1)))
-    across, down = between(width, cones.shape[1]), between(height, cones.shape[0])
-    seen = np.empty(radiance.shape, np.float32)
+    places = *between(height, cones.shape[0]), *between(width, cones.shape[1])
+    seen = np.empty(radiance.shape, np.float32) if out is None else out
 
     def work(begin: int, end: int) -> None:
-        greyed(radiance, to_xyz, scale, cones, *down, *across, begin, end, seen)
+        greyed(radiance, to_xyz, scale, cones, *places, begin, end, seen)
 
     in_threads(work, height, chunk=32)
     return seen

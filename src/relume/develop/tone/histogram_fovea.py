@@ -40,8 +40,8 @@ def foveal_samples(picture: np.ndarray, view: View, shape: tuple[int, int] | Non
 
 
 def edges(pixels: int, samples: int) -> np.ndarray:
-    """(samples + 1,) int64, where each sample begins: whole pixels, shared out as evenly as they can be."""
-    return np.arange(samples + 1) * pixels // samples
+    """(samples + 1,) int64, where each sample begins: a pixel belongs to that in which its upper left corner lies."""
+    return -(-np.arange(samples + 1) * pixels // samples)
 
 
 def directions(shape: tuple[int, int], picture: tuple[int, int], view: View) -> np.ndarray:

@@ -29,12 +29,12 @@ def averaged(picture, tops, lefts, begin, end, samples):
 
 
 @kernel
-def scattered(rays, solid_angle, light, begin, end, veil):
+def scattered(rays, solid_angle, own, light, begin, end, veil):
     channels = light.shape[1]
     total = np.empty(channels)
     for i in range(begin, end):
-        total[:] = 0
-        weights = 0.0
+        weights = own[i]
+        total[:] = weights * light[i]
         for j in range(len(rays)):
             cosine = rays[i, 0] * rays[j, 0] + rays[i, 1] * rays[j, 1] + rays[i, 2] * rays[j, 2]
             if j == i or cosine <= 0:
@@ -90,15 +90,20 @@ def greyed(radiance, to_xyz, scale, cones, top, down, left, right, begin, end, s
 
 @kernel
 def halved(finer, begin, end, coarser):
+    """Half the rows and columns by weights 1, 3, 3, 1 along each: a few times over, they come near a Gaussian."""
     height, width = finer.shape[:2]
-    quarter = np.float32(0.25)
+    one, three = np.float32(1 / 8), np.float32(3 / 8)
+    rows = np.empty((width, 3), np.float32)
     for y in range(begin, end):
-        upper, lower = 2 * y, min(2 * y + 1, height - 1)
-        for x in range(coarser.shape[1]):
-            left, right = 2 * x, min(2 * x + 1, width - 1)
+        above, below = finer[max(2 * y - 1, 0)], finer[min(2 * y + 2, height - 1)]
+        upper, lower = finer[2 * y], finer[min(2 * y + 1, height - 1)]
+        for x in range(width):
             for c in range(3):
-                pair = finer[upper, left, c] + finer[upper, right, c]
-                coarser[y, x, c] = quarter * (pair + finer[lower, left, c] + finer[lower, right, c])
+                rows[x, c] = one * (above[x, c] + below[x, c]) + three * (upper[x, c] + lower[x, c])
+        for x in range(coarser.shape[1]):
+            before, left, right, after = max(2 * x - 1, 0), 2 * x, min(2 * x + 1, width - 1), min(2 * x + 2, width - 1)
+            for c in range(3):
+                coarser[y, x, c] = one * (rows[before, c] + rows[after, c]) + three * (rows[left, c] + rows[right, c])
 
 
 @inlined
@@ -155,3 +160,38 @@ def blended(radiance, deeper, starts, sizes, width, top, down, left, right, begi
             seen[y, x, 0] = red
             seen[y, x, 1] = green
             seen[y, x, 2] = blue
+
+
+@kernel
+def counted(radiance, red, green, blue, begin, end):
+    """How many luminances have each upper half of a float32, and the least and the greatest above 0."""
+    counts = np.zeros(1 << 15, np.int64)
+    luminance = np.empty(radiance.shape[1], np.float32)
+    bits = luminance.view(np.uint32)
+    least, most = np.float32(np.inf), np.float32(0)
+    for y in range(begin, end):
+        for x in range(radiance.shape[1]):
+            luminance[x] = red * radiance[y, x, 0] + green * radiance[y, x, 1] + blue * radiance[y, x, 2]
+        for x in range(radiance.shape[1]):
+            counts[bits[x] >> 16] += 1
+            most = max(most, luminance[x])
+            if luminance[x] > 0:
+                least = min(least, luminance[x])
+    return counts, least, most
+
+
+@kernel
+def shown_by(radiance, red, green, blue, gains, begin, end, display):
+    """Each pixel times the gain at its luminance, linear between the edges of the upper halves."""
+    luminance = np.empty(radiance.shape[1], np.float32)
+    bits = luminance.view(np.uint32)
+    part = np.float32(1 / 65536)
+    for y in range(begin, end):
+        for x in range(radiance.shape[1]):
+            luminance[x] = red * radiance[y, x, 0] + green * radiance[y, x, 1] + blue * radiance[y, x, 2]
+        for x in range(radiance.shape[1]):
+            half = bits[x] >> 16
+            share = np.float32(bits[x] & 0xFFFF) * part
+            gain = gains[half] + share * (gains[half + 1] - gains[half])
+            for c in range(3):
+                display[y, x, c] = gain * radiance[y, x, c]

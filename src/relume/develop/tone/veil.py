@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume.develop.tone.histogram_fovea import between, directions, foveal_samples, foveal_shape
+from relume.develop.tone.histogram_fovea import FOVEA, between, directions, foveal_samples, foveal_shape
 from relume.develop.view import View
 
 SHARE = 0.087
@@ -24,7 +24,7 @@ def veil_luminance(foveal: np.ndarray, view: View, picture: tuple[int, int]) -> 
 
     The sum over all other samples p of 0.087·L(p)·w(p)/Σw with w = cos θ/θ², θ the angle between the two, and
     θ² ≈ 2 − 2·cos θ (Ward Larson et al. 1997, eqs. 9–10); a sample weighs as much as its solid angle. Where everything
-    has one luminance, the veil is 0.087 of it.
+    has one luminance, the veil is 0.087 of it. Light from outside the picture is not known, and is taken to be like it.
     """
     from relume._kernel import in_threads
     from relume.develop.tone.histogram_kernels import scattered
@@ -34,9 +34,13 @@ def veil_luminance(foveal: np.ndarray, view: View, picture: tuple[int, int]) -> 
     light = np.ascontiguousarray(foveal.reshape(rows * columns, -1), np.float64)
     if len(rays) == 1:
         return np.asarray(SHARE * foveal, foveal.dtype)
+    # Solid angles in units of a sample's in the middle. One wider than the fovea scatters light into its own middle too,
+    # from the ring between the two: ∫ cos θ/θ² over it is 2π·ln of the ratio of their widths.
+    middle = picture[0] / rows * picture[1] / columns / view.focal_length**2
     solid_angle = rays[:, 2] ** 3
+    own = np.pi * np.maximum(np.log(solid_angle * middle / FOVEA**2), 0) / middle
     veil = np.empty_like(light)
-    in_threads(lambda begin, end: scattered(rays, solid_angle, light, begin, end, veil), len(rays), chunk=256)
+    in_threads(lambda begin, end: scattered(rays, solid_angle, own, light, begin, end, veil), len(rays), chunk=256)
     return (SHARE * veil).reshape(foveal.shape).astype(foveal.dtype)
 
 
@@ -53,8 +57,8 @@ def veiled(radiance: np.ndarray, view: View) -> np.ndarray:
     fewer = max(1.0, np.sqrt(rows * columns / _MOST))
     shape = max(1, int(rows / fewer)), max(1, int(columns / fewer))
     veil = veil_luminance(foveal_samples(radiance, view, shape), view, (height, width))
-    across, down = between(width, shape[1]), between(height, shape[0])
+    places = *between(height, shape[0]), *between(width, shape[1])
     seen = np.empty(radiance.shape, np.float32)
     kept = np.float32(1 - SHARE)
-    in_threads(lambda begin, end: added(radiance, kept, veil, *down, *across, begin, end, seen), height, chunk=32)
+    in_threads(lambda begin, end: added(radiance, kept, veil, *places, begin, end, seen), height, chunk=32)
     return seen

@@ -117,6 +117,25 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: GainMap = 
     warnings.warn(f"{path}: {written.losses}", stacklevel=3)
 
 
+def write_rendition(
+    path: str | os.PathLike[str], bright: np.ndarray, base: np.ndarray, quality: int = GainMap().quality
+) -> None:
+    """Write a JPEG of a picture made for displays, with a gain map from it to the same for brighter ones.
+
+    bright : (H, W, 3) float32, linear Rec. 709, 1 = the base's white; base : (H, W, 3) uint8 sRGB
+
+    Warns where more than 5 % of the bright one's luminance is lost, in 1 pixel of 100 or in all light together.
+    Raises ValueError for negative, NaN and infinite pixels (counted), OutputNotWritten.
+    """
+    from relume.image.files import gain_map_encoding
+
+    written = gain_map_encoding.encoded_rendition(path, bright, base, quality)
+    with replacing(path) as temporary:
+        temporary.write_bytes(written.file)
+    if written.losses:
+        warnings.warn(f"{path}: {written.losses}", stacklevel=3)
+
+
 def _opened(path: str | os.PathLike[str]) -> BinaryIO:
     try:
         return open(path, "rb")

@@ -110,6 +110,47 @@ def encoded(path: str | os.PathLike[str], image: RadianceMap, encoding: GainMap)
         )
     with np.errstate(over="ignore"):
         base_jpeg = _jpeg(_base(pixels, scale), encoding.quality)
+    made = _gain_map(path, pixels, scale, base_jpeg, encoding)
+    if max(made.losses.most, made.losses.whole) > encoding.tolerance:
+        raise ValueError(
+            f"{path}: a gain map would be off by {_share(made.losses.most)} of the luminance in 1 of 100 pixels, and "
+            f"by {_share(made.losses.whole)} in their sum, where {_share(encoding.tolerance)} is accepted: the picture "
+            f"spans {_stops(pixels):.0f} stops; write .exr, or accept a larger tolerance"
+        )
+    kept = _fitting(image.attributes)
+    told = {**kept, gain_map_xmp.SCALE: repr(scale), gain_map_xmp.UNIT: image.unit}
+    return Encoded(_assembled(told, base_jpeg, made.jpeg, made.metadata), made.losses.sentence, tuple(kept))
+
+
+def encoded_rendition(path: str | os.PathLike[str], bright: np.ndarray, base: np.ndarray, quality: int) -> Encoded:
+    """A gain-map JPEG of two renditions of a picture, both made for displays: nothing of it is measured light.
+
+    bright : (H, W, 3) float32, linear Rec. 709, 1 = the base's white, at least 0
+    base : (H, W, 3) uint8 sRGB, what every program shows
+    returns : losses are told where they are above 5 % of the luminance, in 1 pixel of 100 or in all light together
+    Raises ValueError for pixels that are negative or no numbers, and for a size that no JPEG has.
+    """
+    _refuse_unusable(path, bright)
+    base_jpeg = _jpeg(base, quality)
+    made = _gain_map(path, bright, 1.0, base_jpeg, GainMap(quality))
+    # Of what is for the eye, as much is expected to be lost as a JPEG loses.
+    told = made.losses.sentence if max(made.losses.most, made.losses.whole) > _GOOD else ""
+    return Encoded(_assembled({}, base_jpeg, made.jpeg, made.metadata), told, ())
+
+
+@dataclass(frozen=True)
+class _Made:
+    """A gain map as it goes into the file, what its codes mean, and what it loses."""
+
+    jpeg: bytes
+    metadata: GainMapMetadata
+    losses: Losses
+
+
+def _gain_map(
+    path: str | os.PathLike[str], pixels: np.ndarray, scale: float, base_jpeg: bytes, encoding: GainMap
+) -> _Made:
+    """The gains from the base as it comes out of its JPEG, in the least quality that loses little."""
     base = _decoded(base_jpeg)
     linear = icc_profile.srgb().curves[:, 0]
     metadata = _metadata(path, pixels, scale, base, linear)
@@ -122,15 +163,7 @@ def encoded(path: str | os.PathLike[str], image: RadianceMap, encoding: GainMap)
         losses = _losses(given, pixels, scale)
         if max(losses.most, losses.whole) <= min(encoding.tolerance, _GOOD):
             break
-    if max(losses.most, losses.whole) > encoding.tolerance:
-        raise ValueError(
-            f"{path}: a gain map would be off by {_share(losses.most)} of the luminance in 1 of 100 pixels, and by "
-            f"{_share(losses.whole)} in their sum, where {_share(encoding.tolerance)} is accepted: the picture spans "
-            f"{_stops(pixels):.0f} stops; write .exr, or accept a larger tolerance"
-        )
-    kept = _fitting(image.attributes)
-    told = {**kept, gain_map_xmp.SCALE: repr(scale), gain_map_xmp.UNIT: image.unit}
-    return Encoded(_assembled(told, base_jpeg, map_jpeg, metadata), losses.sentence, tuple(kept))
+    return _Made(map_jpeg, metadata, losses)
 
 
 def _refuse_unusable(path: str | os.PathLike[str], pixels: np.ndarray) -> None:

@@ -110,7 +110,8 @@ def write_jpeg(path: str | os.PathLike[str], photograph: Photograph) -> None:
 def write_png(path: str | os.PathLike[str], photograph: Photograph) -> None:
     """Write a PNG of 8 or 16 bits with EXIF and profile, and an alpha channel where some of it is `outside`."""
     profile = _profile_to_write(path, photograph)
-    encoded = png.encode(_with_alpha(photograph), exif_writing.encoded(photograph), profile)
+    told = exif_writing.encoded(photograph)
+    encoded = png.encode(_with_alpha(photograph), told, profile, strategy=zlib.Z_RLE)
     with replacing(path) as temporary:
         temporary.write_bytes(encoded)
 
