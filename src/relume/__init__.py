@@ -25,7 +25,38 @@ if TYPE_CHECKING:
     from relume.composite.differential import Ratio, differential
     from relume.composite.local_scene import Recovered, recover_reflectance
     from relume.composite.reflectance import recover
+    from relume.develop.darkroom.darkroom import Darkroom
+    from relume.develop.darkroom.stocks import black_and_white_negative, colour_negative, colour_paper, paper, slide
+    from relume.develop.display.displays import HLG, PQ, DisplayP3, HdrGainMap, Srgb
+    from relume.develop.display.false_colour import false_colour
+    from relume.develop.display.stops import stops_sheet
+    from relume.develop.display.writing import write_display
     from relume.develop.film import Film, develop, virtual_photograph
+    from relume.develop.glare.camera import CameraGlare
+    from relume.develop.glare.eye import EyeGlare
+    from relume.develop.glare.measured import MeasuredGlare
+    from relume.develop.inverse import radiance_of, undone_all
+    from relume.develop.lens.blade_shapes import Blades
+    from relume.develop.lens.defocus_blur import Defocus
+    from relume.develop.lens.geometry import LensGeometry
+    from relume.develop.lens.lateral_colour import LateralColour, RadialScale
+    from relume.develop.lens.motion_path import HomographyPath, TurningCamera
+    from relume.develop.lens.motion_straight import StraightMotion
+    from relume.develop.lens.motion_vectors import MotionVectors
+    from relume.develop.lens.soft_focus import SoftFocus
+    from relume.develop.lens.vignetting import CosineFourth, MeasuredVignetting, PolynomialVignetting
+    from relume.develop.plate_match import matched_film
+    from relume.develop.steps import Screen
+    from relume.develop.tone.black_white_point import BlackWhitePoint
+    from relume.develop.tone.ferwerda import Ferwerda
+    from relume.develop.tone.histogram import HistogramAdjustment
+    from relume.develop.tone.metered import CameraExposure, Fixed, Metered
+    from relume.develop.tone.ocio import Ocio
+    from relume.develop.tone.pattanaik import Pattanaik
+    from relume.develop.tone.reinhard import Reinhard
+    from relume.develop.tone.reinhard_local import ReinhardLocal
+    from relume.develop.tone.tumblin_rushmeier import TumblinRushmeier
+    from relume.develop.virtual_camera import VirtualCamera, developed, developed_frames, photograph
     from relume.errors import (
         BallNotFound,
         DoubtfulResult,
@@ -96,6 +127,7 @@ if TYPE_CHECKING:
     from relume.scene.whitted import Checks, WhittedMaterial
     from relume.shot.insert import insert
     from relume.shot.outcome import Inserted
+    from relume.shot.preset import read_preset
     from relume.shot.project import Shot, read_shot
     from relume.shot.scene_file import SceneFile, read_scene
     from relume.sphere.audit import audit
@@ -126,6 +158,71 @@ _HOMES = {
     "composite.differential": ("Ratio", "differential"),
     "composite.local_scene": ("Recovered", "recover_reflectance"),
     "composite.reflectance": ("recover",),
+    "develop.darkroom.darkroom": ("Darkroom",),
+    "develop.darkroom.stocks": (
+        "black_and_white_negative",
+        "colour_negative",
+        "colour_paper",
+        "paper",
+        "slide",
+    ),
+    "develop.display.displays": (
+        "HLG",
+        "PQ",
+        "DisplayP3",
+        "HdrGainMap",
+        "Srgb",
+    ),
+    "develop.display.false_colour": ("false_colour",),
+    "develop.display.stops": ("stops_sheet",),
+    "develop.display.writing": ("write_display",),
+    "develop.glare.camera": ("CameraGlare",),
+    "develop.glare.eye": ("EyeGlare",),
+    "develop.glare.measured": ("MeasuredGlare",),
+    "develop.inverse": (
+        "radiance_of",
+        "undone_all",
+    ),
+    "develop.lens.blade_shapes": ("Blades",),
+    "develop.lens.defocus_blur": ("Defocus",),
+    "develop.lens.geometry": ("LensGeometry",),
+    "develop.lens.lateral_colour": (
+        "LateralColour",
+        "RadialScale",
+    ),
+    "develop.lens.motion_path": (
+        "HomographyPath",
+        "TurningCamera",
+    ),
+    "develop.lens.motion_straight": ("StraightMotion",),
+    "develop.lens.motion_vectors": ("MotionVectors",),
+    "develop.lens.soft_focus": ("SoftFocus",),
+    "develop.lens.vignetting": (
+        "CosineFourth",
+        "MeasuredVignetting",
+        "PolynomialVignetting",
+    ),
+    "develop.plate_match": ("matched_film",),
+    "develop.steps": ("Screen",),
+    "develop.tone.black_white_point": ("BlackWhitePoint",),
+    "develop.tone.ferwerda": ("Ferwerda",),
+    "develop.tone.histogram": ("HistogramAdjustment",),
+    "develop.tone.metered": (
+        "CameraExposure",
+        "Fixed",
+        "Metered",
+    ),
+    "develop.tone.ocio": ("Ocio",),
+    "develop.tone.pattanaik": ("Pattanaik",),
+    "develop.tone.reinhard": ("Reinhard",),
+    "develop.tone.reinhard_local": ("ReinhardLocal",),
+    "develop.tone.tumblin_rushmeier": ("TumblinRushmeier",),
+    "develop.virtual_camera": (
+        "VirtualCamera",
+        "developed",
+        "developed_frames",
+        "photograph",
+    ),
     "develop.film": ("Film", "develop", "virtual_photograph"),
     "errors": (
         "BallNotFound",
@@ -197,6 +294,7 @@ _HOMES = {
     "scene.whitted": ("Checks", "WhittedMaterial"),
     "shot.insert": ("insert",),
     "shot.outcome": ("Inserted",),
+    "shot.preset": ("read_preset",),
     "shot.project": ("Shot", "read_shot"),
     "shot.scene_file": ("SceneFile", "read_scene"),
     "sphere.audit": ("audit",),
@@ -213,25 +311,35 @@ _HOMES = {
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
+    "HLG",
     "PFM",
+    "PQ",
     "AmbientLight",
     "Angular",
     "BallNotFound",
     "BallView",
+    "BlackWhitePoint",
+    "Blades",
     "Box",
     "Bracket",
     "Calibration",
     "Camera",
+    "CameraExposure",
+    "CameraGlare",
     "CameraProfile",
     "Change",
     "Checks",
     "Cloths",
     "Constant",
     "Constellation",
+    "CosineFourth",
     "Cross",
+    "Darkroom",
     "DebevecMalik",
+    "Defocus",
     "Differential",
     "Diffuse",
+    "DisplayP3",
     "DistantLight",
     "Distortion",
     "Dome",
@@ -239,15 +347,21 @@ __all__ = [
     "EnvironmentMatte",
     "EqualArea",
     "Exposure",
+    "EyeGlare",
+    "Ferwerda",
     "Film",
     "Fisheye",
+    "Fixed",
     "FloatTIFF",
     "FormatError",
     "GainMap",
     "GridNotFound",
     "Harmonics",
     "Hat",
+    "HdrGainMap",
     "Hemispheres",
+    "HistogramAdjustment",
+    "HomographyPath",
     "HotSpot",
     "IlluminationMap",
     "Inserted",
@@ -257,29 +371,39 @@ __all__ = [
     "InverseVariance",
     "KMeans",
     "LatLong",
+    "LateralColour",
+    "LensGeometry",
     "LogLuv",
     "Mapped",
     "Material",
+    "MeasuredGlare",
+    "MeasuredVignetting",
     "Measurement",
     "MedianCut",
     "Mesh",
+    "Metered",
     "MirrorBall",
     "Mitsuba",
     "MitsunagaNayar",
+    "MotionVectors",
     "Noise",
     "NotABracket",
     "NotAPanorama",
+    "Ocio",
     "Octahedral",
     "OpenEXR",
     "OutputNotWritten",
     "PanoramaView",
     "Patches",
+    "Pattanaik",
     "Photograph",
     "Pictures",
     "Plane",
     "PointLight",
     "Polygon",
+    "PolynomialVignetting",
     "Probe",
+    "RadialScale",
     "RadianceHDR",
     "RadianceMap",
     "Ratio",
@@ -289,6 +413,8 @@ __all__ = [
     "Recovered",
     "ReflectionMap",
     "Reflective",
+    "Reinhard",
+    "ReinhardLocal",
     "RelumeError",
     "Render",
     "Renderer",
@@ -297,19 +423,26 @@ __all__ = [
     "Sampler",
     "Scene",
     "SceneFile",
+    "Screen",
     "Shot",
+    "SoftFocus",
     "Source",
     "Sphere",
     "SphereLight",
+    "Srgb",
     "StageLights",
+    "StraightMotion",
     "Strip",
     "SunNotFound",
     "SunNotRecovered",
     "Treatment",
+    "TumblinRushmeier",
+    "TurningCamera",
     "UnreadableFile",
     "UnsupportedScene",
     "VarianceMinimisation",
     "VerticalCross",
+    "VirtualCamera",
     "Ward",
     "Whitted",
     "WhittedMaterial",
@@ -318,35 +451,46 @@ __all__ = [
     "as_radiance_map",
     "assemble",
     "audit",
+    "black_and_white_negative",
     "build_store",
     "camera_from_grid",
+    "colour_negative",
+    "colour_paper",
     "constellation",
     "deghost",
     "develop",
+    "developed",
+    "developed_frames",
     "differential",
     "drive",
     "environment",
     "environment_matte",
     "extract_sun",
+    "false_colour",
     "fit_vanishing_lines",
     "insert",
     "irradiances",
     "key_lights",
+    "matched_film",
     "measure",
     "merge",
     "merge_raw",
     "mosaic",
     "oriented",
     "paint",
+    "paper",
     "perspective_view",
+    "photograph",
     "preset",
     "project",
+    "radiance_of",
     "read",
     "read_bracket",
     "read_camera",
     "read_meshes",
     "read_patches",
     "read_photograph",
+    "read_preset",
     "read_profile",
     "read_radiance",
     "read_raw",
@@ -363,10 +507,14 @@ __all__ = [
     "relight",
     "render",
     "separate",
+    "slide",
+    "stops_sheet",
+    "undone_all",
     "view",
     "view_ball",
     "virtual_photograph",
     "write",
+    "write_display",
     "write_layers",
     "write_profile",
 ]

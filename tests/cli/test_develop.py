@@ -144,7 +144,14 @@ def test_planes_beside_a_picture(tmp_path, capsys):
     depth = np.full((32, 48), 2.0, np.float32)
     depth[:4] = 0
     files.write_layers(tmp_path / "layers.exr", {"with": np.ones((32, 48, 3), np.float32), "depth": depth})
-    assert np.isinf(read_depth(tmp_path / "layers.exr")[0, 0]) and read_depth(tmp_path / "layers.exr")[9, 9] == 2
+    read = read_depth(tmp_path / "layers.exr", 24.0)
+    assert np.isinf(read[0, 0]) and read[9, 9] == 2
+    # Along a ray 23.5 pixels across and 15.5 down, of 24 along the axis.
+    along = read_depth(tmp_path / "layers.exr", 24.0, "rays")
+    assert along[-1, -1] == pytest.approx(2 * 24 / np.sqrt(24**2 + 23.5**2 + 15.5**2))
+    ours = {name: np.ones((32, 48), np.float32) for name in ("objects", "matte", "difference", "depth")}
+    files.write_layers(tmp_path / "ours.exr", ours)
+    assert read_depth(tmp_path / "ours.exr", 24.0)[0, 0] < 1 == read_depth(tmp_path / "ours.exr", 24.0, "axis")[0, 0]
     files.write_layers(tmp_path / "small.exr", {"depth": depth[:16]})
     room = window(tmp_path / "room.exr")
     words = ["develop", str(room), "-o", str(tmp_path / "a.png"), "--focus", "1", "--aperture", "2", "--lens", "50"]

@@ -82,6 +82,7 @@ def test_every_key_reaches_its_value(tmp_path):
 def test_what_is_left_out_is_the_values_own_default():
     camera = preset_of({"glare": {"kind": "eye"}, "tone": {"kind": "exposure"}}).camera
     assert camera.glare == EyeGlare() and camera.tone == Metered()
+    assert preset_of({"tone": {"kind": "exposure", "grey": 0.2}}).camera.tone == Metered(None, 0.2)
     assert preset_of({}).camera.tone == Metered() and preset_of({}).camera.optics == ()
 
 

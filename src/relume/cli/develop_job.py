@@ -252,7 +252,7 @@ def _read(path: Path, reading: Reading, repair: bool) -> RadianceMap:
 def _camera(preset: Preset, source: Source, picture: RadianceMap) -> tuple[VirtualCamera, dict[str, object]]:
     """The preset's camera, or the real one that is asked for; facts on it.
 
-    Without --seconds a response is metered from the picture, so that its bright parts come out near white.
+    Without --seconds the picture is metered as for plain exposure, whose white is the response's value 248 of 255.
     """
     camera = preset.camera
     if source.match is not None:
@@ -266,8 +266,8 @@ def _camera(preset: Preset, source: Source, picture: RadianceMap) -> tuple[Virtu
     curve = _response(source.response)
     seconds = source.seconds
     if seconds is None:
-        bright = float(np.exp(Metered().adapted(picture.radiance, _NO_VIEW).values[0]))
-        seconds = bright * float(np.exp(curve.log_exposure[:, 248 * curve.levels // 256].mean()))
+        gain = float(np.exp(Metered().adapted(picture.radiance, _NO_VIEW).values[0]))
+        seconds = gain * float(np.exp(curve.log_exposure[:, 248 * curve.levels // 256].mean()))
     return replace(camera, tone=Film(seconds, curve)), {"exposure": seconds * 2.0**camera.stops}
 
 

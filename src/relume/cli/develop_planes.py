@@ -3,29 +3,41 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from relume.errors import UnreadableFile
 
 if TYPE_CHECKING:
     import numpy as np
 
+Along = Literal["axis", "rays"]
 DEPTH_NAMES = ("depth", "Depth", "Z", "z", "ViewLayer.Depth")
+OURS = {"objects", "matte", "difference", "depth"}
+"""Layers that `relume insert` writes together; its depth is along each pixel's ray."""
 MOTION_NAMES = ("motion", "Motion", "vector", "Vector", "forward")
 
 
-def read_depth(path: Path) -> np.ndarray:
-    """Depth (H, W) float32, metres along the view, from an EXR's layer of that name, or its only one.
+def read_depth(path: Path, focal_length: float, along: Along | None = None) -> np.ndarray:
+    """Depth (H, W) float32, metres along the viewing axis, from an EXR's layer of that name, or its only one.
+
+    focal_length : pixels, by which distances along rays become depths
+    along : what the file's metres are along; None for rays in layers of `relume insert`, else the axis, as most
+        programs write
 
     0, and what is not finite, is the distance: renderers write either where nothing was hit. Raises UnreadableFile.
     """
     import numpy as np
 
-    plane = _layer(path, DEPTH_NAMES, "--depth")
+    layers, plane = _layer(path, DEPTH_NAMES, "--depth")
     depth = plane if plane.ndim == 2 else plane[..., 0]
     if (depth < 0).any():
-        raise UnreadableFile(f"--depth {path}: has depths below 0; expected metres along the view")
-    return np.where(np.isfinite(depth) & (depth > 0), depth, np.inf).astype(np.float32)
+        raise UnreadableFile(f"--depth {path}: has depths below 0; expected metres before the camera")
+    depth = np.where(np.isfinite(depth) & (depth > 0), depth, np.inf).astype(np.float32)
+    if (along or ("rays" if OURS <= layers else "axis")) == "axis":
+        return depth
+    height, width = depth.shape
+    y, x = np.ogrid[0.5 - height / 2 : height / 2, 0.5 - width / 2 : width / 2]
+    return (depth / np.sqrt(1 + (x**2 + y**2) / focal_length**2)).astype(np.float32)
 
 
 def read_motion(path: Path) -> np.ndarray:
@@ -33,19 +45,20 @@ def read_motion(path: Path) -> np.ndarray:
     or its only one; raises UnreadableFile."""
     import numpy as np
 
-    plane = _layer(path, MOTION_NAMES, "--vectors")
+    _, plane = _layer(path, MOTION_NAMES, "--vectors")
     if plane.ndim == 2:
         raise UnreadableFile(f"--vectors {path}: a single plane; motion needs two, right in R and down in G")
     return np.ascontiguousarray(plane[..., :2], np.float32)
 
 
-def _layer(path: Path, names: tuple[str, ...], option: str) -> np.ndarray:
+def _layer(path: Path, names: tuple[str, ...], option: str) -> tuple[set[str], np.ndarray]:
+    """The names of all layers, and the one that is asked for."""
     from relume.image import files
 
     layers = files.read_layers(path)
     for name in names:
         if name in layers:
-            return layers[name]
+            return set(layers), layers[name]
     if len(layers) == 1:
-        return next(iter(layers.values()))
+        return set(layers), next(iter(layers.values()))
     raise UnreadableFile(f"{option} {path}: has no layer named {names[0]} but {', '.join(layers)}; name it so")

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from relume.cli.develop_planes import Along, read_depth, read_motion
+
 if TYPE_CHECKING:
     from relume.develop.view import View
     from relume.develop.virtual_camera import VirtualCamera
@@ -30,6 +32,11 @@ class ViewOptions:
     depth: Annotated[
         Path | None, Parameter(help="An EXR with a depth layer, metres, as `relume insert` writes (layers.exr).")
     ] = None
+    depth_along: Annotated[
+        Along | None,
+        Parameter(help="What the depth is along: the axis, as most programs write, or rays, as relume's layers do; "
+                  "told by the file unless given."),
+    ] = None  # fmt: skip
     vectors: Annotated[
         Path | None, Parameter(help="An EXR of motion, pixels right in R and down in G while the shutter is open.")
     ] = None
@@ -37,16 +44,15 @@ class ViewOptions:
 
     def view(self, picture: RadianceMap, camera: VirtualCamera, preset: Preset) -> View:
         """The view of a picture; raises ValueError for planes of another size, UnreadableFile."""
-        from relume.cli.develop_planes import read_depth, read_motion
-
         told = preset.view
         degrees = told.field_of_view if self.field_of_view is None else self.field_of_view
         scale = told.luminance if self.luminance is None else self.luminance
+        focal_length = picture.size[0] / 2 / math.tan(math.radians(degrees) / 2) if 0 < degrees < 180 else 1.0
         return camera.view(
             picture,
             field_of_view=math.radians(degrees),
             luminance_scale=scale,
-            depth=None if self.depth is None else read_depth(self.depth),
+            depth=None if self.depth is None else read_depth(self.depth, focal_length, self.depth_along),
             motion=None if self.vectors is None else read_motion(self.vectors),
             seed=told.seed if self.seed is None else self.seed,
         )

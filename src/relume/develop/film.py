@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -21,10 +20,7 @@ from relume.sphere.illumination import IlluminationMap
 if TYPE_CHECKING:
     from relume.develop.grain import Grain
 
-MOST = 0.5
-"""Share of the lit pixels beyond one end of a response above which that is told: more than any exposure for one part of
-a picture leaves out."""
-BAND, SEAM = 512, 16
+BAND, SEAM = 256, 16
 """Rows of grain drawn at a time, so that a picture of any size needs little memory, and rows over which one such band
 passes into the next: several times as far as the grain of neighbours is alike."""
 
@@ -88,7 +84,12 @@ class Film:
 
         Grain is drawn with the view's seed. Warns where most of the picture is beyond what the response reaches.
         """
-        _tell_reach(radiance, self)
+        from relume.develop.darkroom.reach import tell_reach
+
+        least, most = np.full(3, decode_srgb(np.array(0.5 / 255))), np.ones(3)
+        if self.response is not None:
+            least, most = np.exp(self.response.log_exposure[:, [0, -1]]).T
+        tell_reach(radiance, lambda light: light * self.exposure, least, most)
         if self.response is None:
             shown = radiance * np.float32(self.exposure)
             np.minimum(shown, np.float32(1), out=shown)
@@ -191,29 +192,6 @@ def _channel(response: Response, channel: int) -> Callable[[np.ndarray], np.ndar
     """Linear display value by exposure, of one channel."""
     curve, values = response.log_exposure[channel], np.arange(response.levels) / (response.levels - 1)
     return lambda exposed: decode_srgb(np.interp(np.log(exposed), curve, values))
-
-
-def _tell_reach(radiance: np.ndarray, film: Film) -> None:
-    """Warn where most lit pixels are beyond one end of the film's range: the picture shows little but that end."""
-    step = max(1, int(np.sqrt(radiance.shape[0] * radiance.shape[1] / 2**18)))
-    light = radiance[::step, ::step].reshape(-1, 3)
-    light = light[light.max(1) > 0]
-    if not light.size:
-        return
-    least, most = 0.5 / 255 / 12.92 * np.ones(3), np.ones(3)
-    if film.response is not None:
-        least, most = np.exp(film.response.log_exposure[:, 0]), np.exp(film.response.log_exposure[:, -1])
-    over, under = (light * film.exposure >= most).all(1).mean(), (light * film.exposure <= least).all(1).mean()
-    if max(over, under) <= MOST:
-        return
-    middle = np.log2(np.median(light.max(1)) * film.exposure)
-    stops = float(middle - np.log2((most if over > under else least).mean()))
-    side, colour, where = ("most", "white", "above") if over > under else ("least", "black", "below")
-    warnings.warn(
-        f"{100 * max(over, under):.0f} % of the picture is {colour}: its middle is {abs(stops):.1f} stops {where} the "
-        f"{side} exposure that the film tells apart; expose by {-stops:+.1f} stops or more",
-        stacklevel=3,
-    )
 
 
 def _grained(shown: np.ndarray, grain: Grain, seed: int) -> None:

@@ -121,7 +121,7 @@ class Developed:
 
     def written(self, path: str | os.PathLike[str]) -> Clipping:
         """Write the picture for its display, and tell how much of it is white or black; raises as `write_display`."""
-        return write_display(path, self.displayed, self.display)
+        return write_display(path, self.values, self.display, gain=self.gain)
 
 
 def developed(

@@ -22,7 +22,7 @@ _B = 1 - 4 * _A
 _C = 0.5 - _A * np.log(4 * _A)
 
 
-def encode_pq(luminance: np.ndarray) -> np.ndarray:
+def encode_pq(luminance: np.ndarray | float) -> np.ndarray:
     """PQ signal, 0 to 1, of luminance, the inverse EOTF (BT.2100-2, table 4).
 
     luminance : any shape, cd/m²; below 0 it is taken for 0, above 10,000 for 10,000
@@ -33,20 +33,20 @@ def encode_pq(luminance: np.ndarray) -> np.ndarray:
     return ((_C1 + _C2 * power) / (1 + _C3 * power)) ** _M2
 
 
-def decode_pq(signal: np.ndarray) -> np.ndarray:
+def decode_pq(signal: np.ndarray | float) -> np.ndarray:
     """Luminance in cd/m² of a PQ signal, the EOTF (BT.2100-2, table 4); signals are clipped to 0 … 1."""
     root = np.clip(np.asarray(signal, np.float64), 0, 1) ** (1 / _M2)
     return PQ_PEAK * (np.maximum(root - _C1, 0) / (_C2 - _C3 * root)) ** (1 / _M1)
 
 
-def encode_hlg(scene: np.ndarray) -> np.ndarray:
+def encode_hlg(scene: np.ndarray | float) -> np.ndarray:
     """HLG signal, 0 to 1, of linear scene light, 0 to 1, the OETF (BT.2100-2, table 5); clipped to both ends."""
     light = np.clip(np.asarray(scene, np.float64), 0, 1)
     # The logarithm is of no dark value: those are on the other piece.
     return np.where(light <= 1 / 12, np.sqrt(3 * light), _A * np.log(np.maximum(12 * light, 1) - _B) + _C)
 
 
-def decode_hlg(signal: np.ndarray) -> np.ndarray:
+def decode_hlg(signal: np.ndarray | float) -> np.ndarray:
     """Linear scene light, 0 to 1, of an HLG signal, the inverse OETF (BT.2100-2, table 5); clipped to 0 … 1."""
     code = np.clip(np.asarray(signal, np.float64), 0, 1)
     return np.where(code <= 0.5, code**2 / 3, (np.exp((code - _C) / _A) + _B) / 12)

@@ -40,14 +40,14 @@ class ScreenTable(Step):
 
 
 class ExposureTone(Step):
-    """Plain exposure, by the bright parts or, with grey, by the mean."""
+    """Plain exposure, by the bright parts or the mean where one of them is told, by the brighter of both else."""
 
     kind: Literal["exposure"]
     percentile: Annotated[float, Field(gt=0, le=100)] | None = None
     grey: Positive | None = None
 
     def made(self, folder: Path) -> Tone:
-        return Metered(**self.given())
+        return Metered(self.percentile, self.grey) if self.given() else Metered()
 
 
 class FixedTone(Step):

@@ -20,7 +20,7 @@ Curve = Callable[[np.ndarray], np.ndarray]
 _INFINITY = 0x7F800000  # its bits; those of the floats from 0 up to it rise with them
 _MANTISSA = 23
 _MOST_BITS = 15  # of mantissa: a table of 16-bit sRGB then is 1.4 MB, which a core's own cache holds
-_ROUNDING = 1e-12  # by which a curve that is level may seem to fall
+_ROUNDING = 1e-12  # of a curve: 1.055 − 0.055 is a little less than 1
 _ROWS = 64
 
 
@@ -69,7 +69,7 @@ def code_table(curve: Curve, bits: int = 8) -> CodeTable:
     found = _least(lambda floats: np.rint(top * shown(floats)) >= levels, levels.shape)
     last = shown(np.full((1, 3), np.inf, np.float32))
     first = shown(np.zeros((1, 3), np.float32))
-    white = _least(lambda floats: shown(floats) >= last, (1, 3))[0]
+    white = _least(lambda floats: shown(floats) >= last - _ROUNDING, (1, 3))[0]
     black = _below(_least(lambda floats: shown(floats) > first, (1, 3))[0])
     told = np.concatenate([found, [black, white]])
     channels = 1 if all(np.array_equal(told[:, 0], told[:, c], equal_nan=True) for c in (1, 2)) else 3

@@ -34,7 +34,7 @@ def veil_luminance(foveal: np.ndarray, view: View, picture: tuple[int, int]) -> 
     light = np.ascontiguousarray(foveal.reshape(rows * columns, -1), np.float64)
     if len(rays) == 1:
         return np.asarray(SHARE * foveal, foveal.dtype)
-    # Solid angles in units of a sample's in the middle. One wider than the fovea scatters light into its own middle too,
+    # Solid angles in units of a sample's in the middle. One wider than the fovea scatters light into its middle too,
     # from the ring between the two: ∫ cos θ/θ² over it is 2π·ln of the ratio of their widths.
     middle = picture[0] / rows * picture[1] / columns / view.focal_length**2
     solid_angle = rays[:, 2] ** 3

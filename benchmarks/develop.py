@@ -1,0 +1,196 @@
+"""Developing 24 megapixels, and glare at 3840×2160, against the same by other tools: medians of rounds by turns.
+
+numpy.power for plain exposure and sRGB, OpenCV's TonemapReinhard for Reinhard's global operator, and, where it is
+installed, `luminance-hdr-cli` for the operators that both have, as whole processes from the same .hdr to the same
+8-bit file. Peak memory of each step (VmHWM, in a process of its own) over the picture's bytes, its input included.
+
+The picture is the room's composite (examples/room), enlarged and with noise, so that no two pixels are alike.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from relume.develop.display.displays import Srgb
+from relume.develop.display.encoding import encoded
+from relume.develop.glare.blades import Iris
+from relume.develop.glare.camera import CameraGlare
+from relume.develop.glare.eye import EyeGlare
+from relume.develop.tone.ferwerda import Ferwerda
+from relume.develop.tone.histogram import HistogramAdjustment
+from relume.develop.tone.histogram_curve import HumanContrast
+from relume.develop.tone.metered import Metered
+from relume.develop.tone.pattanaik import Pattanaik
+from relume.develop.tone.reinhard import Reinhard
+from relume.develop.tone.reinhard_local import ReinhardLocal
+from relume.develop.tone.tumblin_rushmeier import TumblinRushmeier
+from relume.develop.virtual_camera import VirtualCamera, developed
+from relume.image import files
+from relume.image.radiance import RadianceMap
+
+ROUNDS = 5
+SIZE, GLARE_SIZE = (6000, 4000), (3840, 2160)
+TONES: dict[str, Any] = {
+    "plain exposure": Metered(),
+    "Reinhard, global": Reinhard(),
+    "Reinhard, local": ReinhardLocal(),
+    "histogram adjustment": HistogramAdjustment(),
+    "histogram adjustment, human contrast": HistogramAdjustment(contrast=HumanContrast()),
+    "Tumblin & Rushmeier": TumblinRushmeier(),
+    "Ferwerda, without acuity and colour": Ferwerda(acuity=False, colour=False),
+    "Pattanaik": Pattanaik(),
+}
+GLARES: dict[str, Any] = {
+    "eye by day": EyeGlare(adaptation=100.0),
+    "eye at night": EyeGlare(adaptation=0.001),
+    "camera, seven blades": CameraGlare(Iris(7), f_number=16.0),
+}
+
+
+def made(size: tuple[int, int]) -> RadianceMap:
+    """A picture in cd/m² with a range of 10⁵ and a lamp."""
+    width, height = size
+    generator = np.random.default_rng(0)
+    coarse = np.exp(generator.normal(3, 1.2, (height // 40, width // 40, 3))).astype(np.float32)
+    radiance = cv2.resize(coarse, size, interpolation=cv2.INTER_CUBIC)
+    np.maximum(radiance, 0.05, out=radiance)
+    for row in range(0, height, 500):
+        band = radiance[row : row + 500]
+        band *= np.exp(0.05 * generator.standard_normal(band.shape, dtype=np.float32))
+    radiance[height // 4 : height // 4 + 20, width // 3 : width // 3 + 20] = 30_000
+    return RadianceMap(radiance, unit="cd/m²")
+
+
+def by_turns(works: dict[str, Callable[[], Any]]) -> dict[str, float]:
+    """Median seconds of each, one after the other in every round; the first round is not counted."""
+    seconds: dict[str, list[float]] = {name: [] for name in works}
+    for turn in range(ROUNDS + 1):
+        for name, work in works.items():
+            start = time.perf_counter()
+            work()
+            if turn:
+                seconds[name].append(time.perf_counter() - start)
+    return {name: statistics.median(each) for name, each in seconds.items()}
+
+
+def power(radiance: np.ndarray, gain: float) -> np.ndarray:
+    """Plain exposure and sRGB by numpy.power."""
+    linear = np.clip(radiance * np.float32(gain), 0, 1)
+    return np.rint(
+        255 * np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.power(linear, 1 / 2.4) - 0.055)
+    ).astype(np.uint8)
+
+
+def race() -> None:
+    """Seconds of every step, and what the peers take."""
+    picture = made(SIZE)
+    radiance = picture.radiance
+    gain = developed(picture, VirtualCamera()).gain
+    peer = cv2.createTonemapReinhard(gamma=1.0, intensity=0.0, light_adapt=0.0, color_adapt=0.0)
+    works: dict[str, Callable[[], Any]] = {
+        "table, exposure and sRGB": lambda: encoded(radiance, Srgb(), gain=gain),
+        "numpy.power, the same": lambda: power(radiance, gain),
+        "OpenCV's TonemapReinhard": lambda: peer.process(radiance),
+    }
+    for name, tone in TONES.items():
+        camera = VirtualCamera(tone=tone)
+        works[name] = lambda camera=camera: developed(picture, camera).values
+    camera = VirtualCamera()
+    works["photograph: checked, metered, exposed, 8 bits"] = lambda: developed(picture, camera).photograph()
+    tell(f"{SIZE[0]}×{SIZE[1]}", by_turns(works))
+
+
+def race_of_glares() -> None:
+    """Seconds of each glare, its point spread made anew each time."""
+    small = made(GLARE_SIZE)
+    view = VirtualCamera().view(small)
+    glares = {name: (lambda part=part: part.applied(small.radiance, view)) for name, part in GLARES.items()}
+    tell(f"glare at {GLARE_SIZE[0]}×{GLARE_SIZE[1]}", by_turns(glares))
+
+
+def whole_processes() -> None:
+    """From .hdr to .tif as whole processes, against Luminance HDR's command line."""
+    if (peer := shutil.which("luminance-hdr-cli")) is None:
+        print("luminance-hdr-cli: not installed, not compared")
+        return
+    relume = str(Path(sys.executable).with_name("relume"))
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        files.write(place / "in.hdr", made(SIZE))
+        environment = os.environ | {"QT_QPA_PLATFORM": "offscreen", "HOME": folder}
+        pairs = {"reinhard": "reinhard02", "ferwerda": "ferwerda"}
+        works: dict[str, Callable[[], Any]] = {}
+        for ours, theirs in pairs.items():
+            words = [relume, "develop", "in.hdr", "-o", f"{ours}.jpg", "--tone", ours, "-q", "--luminance", "1"]
+            others = [peer, "-l", "in.hdr", "--tmo", theirs, "-o", f"{theirs}.jpg"]
+            works[f"relume develop --tone {ours}"] = lambda words=words: run(words, place, environment)
+            works[f"luminance-hdr-cli --tmo {theirs}"] = lambda words=others: run(words, place, environment)
+        tell("whole processes, .hdr to .jpg", by_turns(works))
+
+
+def run(words: list[str], folder: Path, environment: dict[str, str]) -> None:
+    done = subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True)
+    if done.returncode:
+        raise SystemExit(f"{' '.join(words)}: {done.stderr[-500:]}")
+
+
+def tell(title: str, seconds: dict[str, float]) -> None:
+    print(title)
+    for name, each in seconds.items():
+        print(f"  {name.ljust(48)} {each:8.3f} s")
+
+
+def peak(name: str) -> None:
+    """In a process of its own: how far memory grows over what it was with the picture, over the picture's bytes."""
+    picture = made(GLARE_SIZE if name in GLARES else SIZE)
+    if name in GLARES:
+        part, view = GLARES[name], VirtualCamera().view(picture)
+        tiny = np.ones((64, 64, 3), np.float32)
+        part.applied(tiny, view)
+        before = status("VmRSS")
+        restart_peak()
+        part.applied(picture.radiance, view)
+    else:
+        camera = VirtualCamera(tone=TONES[name])
+        developed(RadianceMap(np.ones((64, 64, 3), np.float32), unit="cd/m²"), camera).photograph()
+        before = status("VmRSS")
+        restart_peak()
+        developed(picture, camera).photograph()
+    grown = (status("VmHWM") - before) * 1024 + picture.radiance.nbytes
+    print(f"  {name.ljust(48)} {grown / picture.radiance.nbytes:8.2f} pictures")
+
+
+def status(key: str) -> int:
+    """kB, from the kernel."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith(key):
+            return int(line.split()[1])
+    raise SystemExit(f"no {key} on this system")
+
+
+def restart_peak() -> None:
+    Path("/proc/self/clear_refs").write_text("5")
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["--peak"]:
+        peak(sys.argv[2])
+        raise SystemExit
+    race()
+    race_of_glares()
+    whole_processes()
+    print("peak memory, the input included")
+    for each in (*TONES, *GLARES):
+        subprocess.run([sys.executable, __file__, "--peak", each], check=True)

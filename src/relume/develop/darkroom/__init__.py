@@ -1,0 +1,1 @@
+"""The Virtual Darkroom: radiance → negative → print."""

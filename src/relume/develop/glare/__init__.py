@@ -1,0 +1,1 @@
+"""Glare: light that an eye or a lens scatters."""

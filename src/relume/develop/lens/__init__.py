@@ -1,0 +1,1 @@
+"""What a lens and its shutter do to light on its way to the sensor."""

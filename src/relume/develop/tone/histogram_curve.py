@@ -1,0 +1,135 @@
+"""The curve of histogram adjustment: from how often each luminance occurs to what the screen shows of it.
+
+Logarithms are natural, luminances in cd/m². A bin of the fine histogram holds the luminances that share the upper half
+of a float32: 128 in an octave, so that a pixel's bin is had without a logarithm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from relume.develop.steps import Screen
+from relume.develop.vision import threshold
+
+DARKEST, BRIGHTEST = 1e-7, 1e7
+"""Luminances that can be told from black and from each other, at most: the limits of Radiance's `pcond`."""
+
+BINS = 100
+"""Of the histogram that is adjusted: as many as Ward Larson et al. take, §4.2."""
+
+_TOLERANCE = 0.025
+"""Of all samples, above the ceiling in the end (Ward Larson et al. 1997, §4.4)."""
+
+_FIRST, _LAST = (int(np.float32(limit).view(np.uint32) >> 16) for limit in (DARKEST, BRIGHTEST))
+FINE = slice(_FIRST, _LAST + 1)
+"""The fine bins from the darkest to the brightest, among all upper halves of positive float32."""
+
+UPPER_HALVES = 2**15 + 1
+_INFINITY = 0x7F80
+
+
+def fine_edges() -> np.ndarray:
+    """(32769,) float64, the least luminance of each upper half; from infinity on the greatest finite one."""
+    finite = (np.arange(_INFINITY, dtype=np.uint32) << 16).view(np.float32)
+    return np.pad(finite.astype(np.float64), (0, UPPER_HALVES - _INFINITY), constant_values=np.finfo(np.float32).max)
+
+
+class Contrast(Protocol):
+    """How much steeper than the world a screen may show it."""
+
+    def slope(self, world: np.ndarray, shown: np.ndarray) -> np.ndarray:
+        """The greatest d ln(shown)/d ln(world) where luminances `world` are `shown`, cd/m²."""
+        ...
+
+    def exposure(self, world: float, shown: float) -> float:
+        """The factor on luminances near `world` when they fit on the screen unchanged, about `shown`."""
+        ...
+
+
+@dataclass(frozen=True)
+class LinearContrast:
+    """No contrast beyond that of the scene (Ward Larson et al. 1997, eq. 5)."""
+
+    def slope(self, world: np.ndarray, shown: np.ndarray) -> np.ndarray:
+        return np.ones_like(world)
+
+    def exposure(self, world: float, shown: float) -> float:
+        return shown / world
+
+
+@dataclass(frozen=True)
+class HumanContrast:
+    """Nothing seen on the screen that could not be seen in the scene (Ward Larson et al. 1997, eqs. 7a–c)."""
+
+    def slope(self, world: np.ndarray, shown: np.ndarray) -> np.ndarray:
+        return threshold(shown) / threshold(world) * world / shown
+
+    def exposure(self, world: float, shown: float) -> float:
+        return float(threshold(np.array(shown)) / threshold(np.array(world)))
+
+
+def gains(shares: np.ndarray, darkest: float, brightest: float, screen: Screen, contrast: Contrast) -> np.ndarray:
+    """(32769,) float32, display value per cd/m² at the lower edge of every upper half of a float32.
+
+    shares : of the samples in the bins FINE; all 0 for a picture without light, which is shown black
+    darkest, brightest : logarithms of the least and the greatest luminance of any sample
+
+    A scene that fits on the screen is shown in proportion, its log mean at the screen's.
+    """
+    edges = fine_edges()
+    total = shares.sum()
+    if not total > 0:
+        return np.zeros(UPPER_HALVES, np.float32)
+    logs = np.log(edges[_FIRST : _LAST + 2])
+    top = min(brightest + np.log(1.01), np.log(BRIGHTEST))
+    # A false bin below the darkest sample lets the curve begin at the screen's black.
+    false_bin = darkest > np.log(DARKEST)
+    bottom = top - (top - darkest) * BINS / (BINS - 1) if false_bin else np.log(DARKEST)
+    black, white = np.log(screen.black), np.log(screen.white)
+    adjusted = None
+    if top - bottom > white - black:
+        cumulated = np.concatenate([[0], np.cumsum(shares)])
+        ends = np.linspace(bottom, top, BINS + 1)
+        at = np.interp(ends, logs, cumulated)
+        at[0], at[-1] = 0, total
+        samples = np.diff(at)
+        if false_bin:
+            samples[1] /= 2
+            samples[0] += samples[1]
+        adjusted = _below_ceiling(samples, bottom, top, black, white, contrast)
+    if adjusted is None:
+        mean = float(np.exp(shares @ ((logs[1:] + logs[:-1]) / 2) / total))
+        scale = contrast.exposure(mean, float(np.exp((black + white) / 2))) / screen.white
+        return np.full(UPPER_HALVES, scale, np.float32)
+    # ln Ld = ln Ldmin + (ln Ldmax − ln Ldmin)·P(ln Lw) (eq. 4), and the screen adds its own black.
+    known = np.maximum(edges, DARKEST)
+    share = np.interp(np.log(known), np.linspace(bottom, top, BINS + 1), adjusted)
+    shown = (np.exp(black + (white - black) * share) - screen.black) / (screen.white - screen.black)
+    return (shown / known).astype(np.float32)
+
+
+def _below_ceiling(
+    samples: np.ndarray, bottom: float, top: float, black: float, white: float, contrast: Contrast
+) -> np.ndarray | None:
+    """(BINS + 1,) the cumulated shares of a histogram cut off where the curve would be too steep; None where so little
+    is left that nothing needs to be compressed (Ward Larson et al. 1997, §4.4)."""
+    step = (top - bottom) / BINS
+    world = np.exp(bottom + (np.arange(BINS) + 0.5) * step)
+    kept, all_samples = samples, samples.sum()
+    curve, trimmed = np.linspace(0, 1, BINS + 1), np.inf
+    while (total := kept.sum()) > _TOLERANCE * all_samples:
+        last, cut = curve, trimmed
+        curve = np.concatenate([[0], np.cumsum(kept)]) / total
+        shown = np.exp(black + (white - black) * (curve[1:] + curve[:-1]) / 2)
+        ceiling = contrast.slope(world, shown) * total * step / (white - black)
+        trimmed = np.maximum(kept - ceiling, 0).sum() / total
+        kept = np.minimum(kept, ceiling)
+        if trimmed <= _TOLERANCE:
+            # Between this curve and the one before, where just the tolerance is trimmed: an end at whole rounds would
+            # make a sequence leap whenever it needs one more.
+            share = (cut - _TOLERANCE) / (cut - trimmed) if np.isfinite(cut) else 1.0
+            return last + share * (curve - last)
+    return None
