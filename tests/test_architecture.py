@@ -47,7 +47,8 @@ RENDERERS = {"mitsuba", "drjit", "mitsuba_oidn"}
 INSTALLED_AS = {"PIL": "pillow", "cv2": "opencv-python-headless"}  # where import and distribution differ in name
 NAMES_WITHOUT_MEANING = {"utils", "util", "common", "core", "helpers", "types"}
 LONGEST = 400
-MAY_BE_LONGER: dict[str, str] = {}  # path in the package → the reason why it is not split
+# Path in the package → the reason why it is not split.
+MAY_BE_LONGER = {"__init__.py": "a list and no code: every public name, its home, and its import for type checkers"}
 HEAVY = [
     "numpy",
     "scipy",
@@ -275,7 +276,7 @@ def test_every_exception_to_a_rule_is_still_needed_and_says_why():
 
 
 def test_every_part_the_package_imports_is_declared():
-    assert undeclared_imports(PACKAGE, declared_parts("studio", "cluster", "lightstage", "video")) == []
+    assert undeclared_imports(PACKAGE, declared_parts("studio", "cluster", "lightstage", "ocio", "video")) == []
 
 
 def test_every_part_the_tests_import_is_declared():

@@ -1,7 +1,7 @@
 """The ciliary corona: fine coloured needles about a small light, drawn by particles in the lens of the eye.
 
 Each needle is light that many particles diffract; its brightness wanders along it, and everything lies farther out the
-longer the wavelength, so needles are coloured (van den Berg, Hagenouw & Coppens 2005). Spencer et al. 1995, §3.2 draw
+longer the wavelength, so needles are coloured (van den Berg, Hagenouw & Coppens 2005). Spencer et al. 1995 draw
 it as rays of random strength that vanish by averaging about sources wider than 20 minutes of arc: here convolution
 does that. Strengths and widths below are chosen by eye; the mean over all directions is always that of the
 point spread.

@@ -1,9 +1,9 @@
 """The star that an iris draws about a light: Fraunhofer diffraction, near the light exactly, far from it by edges.
 
 The light at x, in pixels, is |F(2π x / q)|² / (q² A) with the transform F of an opening of area A and diameter 1, and
-q = λ N / pitch, the width of an order of diffraction in pixels (Goodman 2005, eq. 4-25). Far from the light an opening
+q = λ N / pitch, the width of an order of diffraction in pixels (Goodman 2005). Far from the light an opening
 is its edges: a straight one of length L gives (k·ν)² L² sinc²(k·τ L / 2) / |k|⁴ along its normal ν (Keller 1962; the
-transform of a polygon is a sum over edges: Lee & Mittra 1983, eq. 2). There the fringes between edges are finer than
+transform of a polygon is a sum over edges: Lee & Mittra 1983). There the fringes between edges are finer than
 the band of wavelengths that a colour holds, so their lights add. A curved edge is a fan of short straight ones.
 """
 

@@ -39,11 +39,11 @@ from relume.develop.vision import pupil_diameter
 from relume.image.colour import luminance
 
 PHOTOPIC, MESOPIC, SCOTOPIC = (0.384, 0.478, 0.138, 0.0), (0.368, 0.478, 0.138, 0.016), (0.282, 0.478, 0.207, 0.033)
-"""Shares of f₀, f₁, f₂ and f₃ (Spencer et al. 1995, §3.4)."""
+"""Shares of f₀, f₁, f₂ and f₃ (Spencer et al. 1995)."""
 ADAPTATIONS = (0.01, 0.173, 3.0)
 """cd/m² up to which vision is scotopic, in the middle of which it is mesopic, and from which it is photopic."""
 HALO_PUPIL = (3.0, 4.0)
-"""mm: a narrower pupil hides the outer fibres of the lens, which alone draw the halo (§3.3); a wider shows all."""
+"""mm: a narrower pupil hides the outer fibres of the lens, which alone draw the halo; a wider shows all."""
 INTEGRATED = 12
 """Pixels round a light in which point spreads are integrated over each pixel."""
 ANGLES = 4096
@@ -144,7 +144,7 @@ class EyeGlare:
             own = [np.trapezoid(2 * np.pi * distance**2 * other(distance, c), log) for c in range(3)]
             return common + np.array(own) + (0 if blurred else shares[0])
 
-        return spread
+        return balanced(spread, within)
 
 
 def _on_retina(distance: np.ndarray, focal: float) -> tuple[np.ndarray, np.ndarray]:

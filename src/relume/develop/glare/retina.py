@@ -1,4 +1,4 @@
-"""How far from a light on the retina its light is scattered (Spencer, Shirley, Zimmerman & Greenberg 1995, §3.4).
+"""How far from a light on the retina its light is scattered (Spencer, Shirley, Zimmerman & Greenberg 1995).
 
 Point spreads are in 1/sr by the angle θ in degrees. As printed each sums to 1 within a thousandth over the hemisphere;
 `norms_of_scatter` takes out the rest.
@@ -19,22 +19,22 @@ HALO_DEGREES = np.linspace(0, 8, 2001)
 
 
 def unscattered(degrees: np.ndarray) -> np.ndarray:
-    """f₀, sr⁻¹ (Spencer et al. 1995, §3.4): 2.61·10⁶ exp(−(θ / 0.02)²)."""
+    """f₀, sr⁻¹ (Spencer et al. 1995): 2.61·10⁶ exp(−(θ / 0.02)²)."""
     return 2.61e6 * np.exp(-((degrees / CORE) ** 2))
 
 
 def steep_scatter(degrees: np.ndarray) -> np.ndarray:
-    """f₁, sr⁻¹ (Spencer et al. 1995, §3.4): 20.91 / (θ + 0.02)³."""
+    """f₁, sr⁻¹ (Spencer et al. 1995): 20.91 / (θ + 0.02)³."""
     return 20.91 / (degrees + CORE) ** 3
 
 
 def wide_scatter(degrees: np.ndarray) -> np.ndarray:
-    """f₂, sr⁻¹ (Spencer et al. 1995, §3.4): 72.37 / (θ + 0.02)²."""
+    """f₂, sr⁻¹ (Spencer et al. 1995): 72.37 / (θ + 0.02)²."""
     return 72.37 / (degrees + CORE) ** 2
 
 
 def lenticular_halo(degrees: np.ndarray, wavelength: float = REFERENCE) -> np.ndarray:
-    """f₃, sr⁻¹ (Spencer et al. 1995, §3.4): 436.9 (568 / λ) exp(−19.75 (θ − 3 λ / 568)²)."""
+    """f₃, sr⁻¹ (Spencer et al. 1995): 436.9 (568 / λ) exp(−19.75 (θ − 3 λ / 568)²)."""
     return 436.9 * REFERENCE / wavelength * np.exp(-19.75 * (degrees - 3 * wavelength / REFERENCE) ** 2)
 
 

@@ -9,14 +9,14 @@ from relume.image.primaries import REC709
 REFERENCE = 568.0
 """nm, at which the point spreads of Spencer et al. 1995 are written."""
 
-# Wyman, Sloan & Shirley 2013, table 1: height, peak (nm), falloff below and above it (1/nm).
+# Wyman, Sloan & Shirley 2013: height, peak (nm), falloff below and above it (1/nm).
 _RED = ((0.362, 442.0, 0.0624, 0.0374), (1.056, 599.8, 0.0264, 0.0323), (-0.065, 501.1, 0.0490, 0.0382))
 _GREEN = ((0.821, 568.8, 0.0213, 0.0247), (0.286, 530.9, 0.0613, 0.0322))
 _BLUE = ((1.217, 437.0, 0.0845, 0.0278), (0.681, 459.0, 0.0385, 0.0725))
 
 
 def colour_matching(wavelengths: np.ndarray) -> np.ndarray:
-    """(N, 3) CIE 1931 x̄, ȳ, z̄ at wavelengths (N,) in nm (Wyman, Sloan & Shirley 2013, eq. 4)."""
+    """(N, 3) CIE 1931 x̄, ȳ, z̄ at wavelengths (N,) in nm (Wyman, Sloan & Shirley 2013)."""
     return np.stack([sum(_lobe(wavelengths, *lobe) for lobe in lobes) for lobes in (_RED, _GREEN, _BLUE)], axis=-1)
 
 
