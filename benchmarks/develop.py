@@ -2,7 +2,7 @@
 
 numpy.power for plain exposure and sRGB, OpenCV's TonemapReinhard for Reinhard's global operator, and, where it is
 installed, `luminance-hdr-cli` for the operators that both have, as whole processes from the same .hdr to the same
-8-bit file. Peak memory of each step (VmHWM, in a process of its own) over the picture's bytes, its input included.
+8-bit file. --processes does these alone. Peak memory of each step (VmHWM, in a process of its own) over the picture's bytes, its input included.
 
 The picture is the room's composite (examples/room), enlarged and with noise, so that no two pixels are alike.
 """
@@ -130,13 +130,17 @@ def whole_processes() -> None:
         place = Path(folder)
         files.write(place / "in.hdr", made(SIZE))
         environment = os.environ | {"QT_QPA_PLATFORM": "offscreen", "HOME": folder}
-        pairs = {"reinhard": "reinhard02", "ferwerda": "ferwerda"}
+        operators = {
+            "reinhard": ["reinhard02"],
+            "reinhard-local": ["reinhard02", "--tmoR02Scales", "true"],
+            "ferwerda": ["ferwerda"],
+        }
         works: dict[str, Callable[[], Any]] = {}
-        for ours, theirs in pairs.items():
-            words = [relume, "develop", "in.hdr", "-o", f"{ours}.jpg", "--tone", ours, "-q", "--luminance", "1"]
-            others = [peer, "-l", "in.hdr", "--tmo", theirs, "-o", f"{theirs}.jpg"]
+        for ours, theirs in operators.items():
+            words = [relume, "develop", "in.hdr", "-o", f"{ours}.jpg", "--tone", ours, "-q"]
+            others = [peer, "-l", "in.hdr", "--tmo", *theirs, "-o", f"{ours}_peer.jpg"]
             works[f"relume develop --tone {ours}"] = lambda words=words: run(words, place, environment)
-            works[f"luminance-hdr-cli --tmo {theirs}"] = lambda words=others: run(words, place, environment)
+            works[f"luminance-hdr-cli --tmo {' '.join(theirs)}"] = lambda words=others: run(words, place, environment)
         tell("whole processes, .hdr to .jpg", by_turns(works))
 
 
@@ -188,8 +192,9 @@ if __name__ == "__main__":
     if sys.argv[1:2] == ["--peak"]:
         peak(sys.argv[2])
         raise SystemExit
-    race()
-    race_of_glares()
+    if "--processes" not in sys.argv:
+        race()
+        race_of_glares()
     whole_processes()
     print("peak memory, the input included")
     for each in (*TONES, *GLARES):

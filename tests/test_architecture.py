@@ -44,7 +44,8 @@ IMAGE_READERS = {"OpenEXR", "OpenImageIO", "PIL", "rawpy", "imageio", "tifffile"
 IMAGE_FILE_CALLS = {"imread", "imwrite", "imdecode", "imencode", "imsave"}  # cv2, matplotlib and imageio spell it so
 MAY_OPEN_IMAGES: dict[str, str] = {}  # path in the package → the reason why it may, beside image/files/
 RENDERERS = {"mitsuba", "drjit", "mitsuba_oidn"}
-INSTALLED_AS = {"PIL": "pillow", "cv2": "opencv-python-headless"}  # where import and distribution differ in name
+# Where import and distribution differ in name.
+INSTALLED_AS = {"PIL": "pillow", "cv2": "opencv-python-headless", "PyOpenColorIO": "opencolorio"}
 NAMES_WITHOUT_MEANING = {"utils", "util", "common", "core", "helpers", "types"}
 LONGEST = 400
 # Path in the package → the reason why it is not split.
