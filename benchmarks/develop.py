@@ -1,10 +1,9 @@
 """Developing 24 megapixels, and glare at 3840×2160, against the same by other tools: medians of rounds by turns.
 
 numpy.power for plain exposure and sRGB, OpenCV's TonemapReinhard for Reinhard's global operator, and, where it is
-installed, `luminance-hdr-cli` for the operators that both have, as whole processes from the same .hdr to the same
-8-bit file. --processes does these alone. Peak memory of each step (VmHWM, in a process of its own) over the picture's bytes, its input included.
-
-The picture is the room's composite (examples/room), enlarged and with noise, so that no two pixels are alike.
+installed, `luminance-hdr-cli` for the operators that both have, as whole processes from the same .hdr to the same kind
+of file (--processes does these alone). Peak memory of each step (VmHWM, in a process of its own) over the picture's
+bytes, its input included. The picture is made: 24 megapixels of noise with a range of 10⁵ and a lamp.
 """
 
 from __future__ import annotations
@@ -23,9 +22,9 @@ from typing import Any
 import cv2
 import numpy as np
 
+from relume.develop.blades import Blades
 from relume.develop.display.displays import Srgb
 from relume.develop.display.encoding import encoded
-from relume.develop.glare.blades import Iris
 from relume.develop.glare.camera import CameraGlare
 from relume.develop.glare.eye import EyeGlare
 from relume.develop.tone.ferwerda import Ferwerda
@@ -55,7 +54,7 @@ TONES: dict[str, Any] = {
 GLARES: dict[str, Any] = {
     "eye by day": EyeGlare(adaptation=100.0),
     "eye at night": EyeGlare(adaptation=0.001),
-    "camera, seven blades": CameraGlare(Iris(7), f_number=16.0),
+    "camera, seven blades": CameraGlare(Blades(7), f_number=16.0),
 }
 
 

@@ -7,17 +7,18 @@ from __future__ import annotations
 
 import sys
 import warnings
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from relume.cli.develop_planes import read_depth
 from relume.develop.display.lettering import Words, lettered
+from relume.develop.view import log_mean
 from relume.develop.virtual_camera import photograph
 from relume.image import files
-from relume.image.photograph import Photograph
+from relume.image.colour import luminance
 from relume.image.radiance import RadianceMap
 from relume.image.resizing import resized
 from relume.shot.preset import preset_of, preset_table
@@ -29,6 +30,7 @@ GREY = {"kind": "exposure", "grey": 0.18}
 LOOKS: dict[str, dict[str, Any]] = {
     "plain exposure, the bright parts near white": {"tone": {"kind": "exposure", "percentile": 99.0}},
     "plain exposure, the log mean at 18 %": {"tone": GREY},
+    "plain exposure, the brighter of both": {},
     "Reinhard et al. 2002, global": {"tone": {"kind": "reinhard"}},
     "Reinhard et al. 2002, dodging and burning": {"tone": {"kind": "reinhard-local"}},
     "Ward Larson et al. 1997, histogram adjustment": {"tone": {"kind": "histogram"}},
@@ -37,7 +39,7 @@ LOOKS: dict[str, dict[str, Any]] = {
     "Ferwerda et al. 1996": {"tone": {"kind": "ferwerda"}},
     "Ferwerda et al. 1996, the log mean at 0.05 cd/m²": {"tone": {"kind": "ferwerda"}, "night": 0.05},
     "Pattanaik et al. 1998, multiscale": {"tone": {"kind": "pattanaik"}},
-    "ACES, through OpenColorIO": {"tone": {"kind": "ocio", "grey": 0.18}},
+    "ACES, through OpenColorIO": {"tone": {"kind": "ocio"}},
     "black point 10 %, white point 4 (HDRExpose)": {"tone": {"kind": "black-white", "black": 0.1, "white": 4.0}},
     "black-and-white negative on paper, with grain": preset_table("black-and-white")[0],
     "colour negative on paper, with grain and halation": preset_table("colour-negative")[0],
@@ -72,13 +74,14 @@ def looked(picture: RadianceMap, depth: np.ndarray | None, look: dict[str, Any])
         look.pop("defocus", None)
     preset = preset_of(look)
     camera = preset.camera
-    scale = None
-    if picture.unit != "cd/m²" or night:
-        picture = replace(picture, unit="relative")
-        mean = float(np.exp(np.log(np.maximum(picture.radiance.mean(2), 1e-9)).mean()))
-        scale = (night or 100.0) / mean
+    # All three alike in front of operators that know no meter: the log mean is a grey card's.
+    gain = 0.18 / log_mean(luminance(picture.radiance))
+    picture = RadianceMap(picture.radiance * np.float32(gain))
     view = camera.view(
-        picture, field_of_view=float(np.radians(preset.view.field_of_view)), luminance_scale=scale, depth=depth
+        picture,
+        field_of_view=float(np.radians(preset.view.field_of_view)),
+        luminance_scale=(night or 100.0) / 0.18,
+        depth=depth,
     )
     shown = photograph(picture, camera, view).pixels
     linear = RadianceMap((shown / np.float32(255)) ** np.float32(2.2))
@@ -103,7 +106,7 @@ def main(church: Path, probe: Path, room: Path, out: Path) -> None:
         y, x = GAP + index // COLUMNS * down, GAP + index % COLUMNS * (width + GAP)
         page[y : y + HEIGHT, x : x + width] = row
         words.append(Words(x + 2, y + HEIGHT + 4, caption, 9.0))
-    files.write(out / "develop_sheet.jpg", Photograph(lettered(page, words), "sheet"))
+    Image.fromarray(lettered(page, words)).save(out / "develop_sheet.jpg", quality=85)
 
 
 def padded(picture: np.ndarray) -> np.ndarray:

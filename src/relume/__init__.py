@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from relume.composite.differential import Ratio, differential
     from relume.composite.local_scene import Recovered, recover_reflectance
     from relume.composite.reflectance import recover
+    from relume.develop.blades import Blades
     from relume.develop.darkroom.darkroom import Darkroom
     from relume.develop.darkroom.stocks import black_and_white_negative, colour_negative, colour_paper, paper, slide
     from relume.develop.display.displays import HLG, PQ, DisplayP3, HdrGainMap, Srgb
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
     from relume.develop.glare.eye import EyeGlare
     from relume.develop.glare.measured import MeasuredGlare
     from relume.develop.inverse import radiance_of, undone_all
-    from relume.develop.lens.blade_shapes import Blades
     from relume.develop.lens.defocus_blur import Defocus
     from relume.develop.lens.geometry import LensGeometry
     from relume.develop.lens.lateral_colour import LateralColour, RadialScale
@@ -158,6 +158,7 @@ _HOMES = {
     "composite.differential": ("Ratio", "differential"),
     "composite.local_scene": ("Recovered", "recover_reflectance"),
     "composite.reflectance": ("recover",),
+    "develop.blades": ("Blades",),
     "develop.darkroom.darkroom": ("Darkroom",),
     "develop.darkroom.stocks": (
         "black_and_white_negative",
@@ -183,7 +184,6 @@ _HOMES = {
         "radiance_of",
         "undone_all",
     ),
-    "develop.lens.blade_shapes": ("Blades",),
     "develop.lens.defocus_blur": ("Defocus",),
     "develop.lens.geometry": ("LensGeometry",),
     "develop.lens.lateral_colour": (

@@ -72,7 +72,7 @@ def test_every_key_reaches_its_value(tmp_path):
     assert isinstance(camera.defocus, Defocus) and camera.defocus.aperture == aperture_of(2, 50) == 0.025
     assert camera.defocus.blades.count == 6 and np.degrees(camera.defocus.blades.rotation) == pytest.approx(30)
     assert camera.soft_focus == SoftFocus(0.2)
-    assert isinstance(camera.glare, CameraGlare) and camera.glare.f_number == 11 and camera.glare.iris.blades == 7
+    assert isinstance(camera.glare, CameraGlare) and camera.glare.f_number == 11 and camera.glare.blades.count == 7
     assert isinstance(camera.geometry, LensGeometry) and camera.geometry.distortion is not None
     assert camera.geometry.distortion.k1 == -0.1 and camera.geometry.lateral is not None
     assert (camera.geometry.lateral.red.scale, camera.geometry.lateral.blue.scale) == (0.001, 0)

@@ -19,7 +19,7 @@ COMMANDS = {
     "stage": "Light stages: a real thing, photographed under one light at a time, under any light.",
     "render": "Render a scene or a mesh under an illumination map: a picture, frames or a movie.",
     "insert": "Insert objects into a photograph, lit by the light photographed there.",
-    "develop": "Develop a radiance map into a picture, through a camera's response or sRGB.",
+    "develop": "Develop radiance into a picture: lens, glare, film or tone, display; and back.",
     "demo": "Run the main job on the example room and say where the pictures are.",
 }
 

@@ -20,11 +20,6 @@ from relume.sphere.illumination import IlluminationMap
 if TYPE_CHECKING:
     from relume.develop.grain import Grain
 
-BAND, SEAM = 256, 16
-"""Rows of grain drawn at a time, so that a picture of any size needs little memory, and rows over which one such band
-passes into the next: several times as far as the grain of neighbours is alike."""
-
-
 @dataclass(frozen=True, eq=False)
 class Film:
     """What stands between radiance and pixel values.
@@ -195,23 +190,26 @@ def _channel(response: Response, channel: int) -> Callable[[np.ndarray], np.ndar
 
 
 def _grained(shown: np.ndarray, grain: Grain, seed: int) -> None:
-    """Add grain in pixel values to own linear values (H, W, 3), in place, band by band."""
-    height, width = shown.shape[:2]
-    above: np.ndarray | None = None
-    for band, top in enumerate(range(0, height, BAND)):
-        rows = min(BAND, height - top)
-        drawn = grain.drawn((width, rows + SEAM), int(np.random.SeedSequence((seed, band)).generate_state(1)[0]))
-        noise = drawn[:rows]
-        if above is not None:
-            # The squares of the weights have the sum 1: the seam is as noisy as the rest.
-            share = ((np.arange(SEAM) + 0.5) / SEAM)[: len(noise), None, None]
-            noise[:SEAM] = np.sqrt(share) * noise[:SEAM] + np.sqrt(1 - share) * above[: len(noise)]
-        above = drawn[rows:].copy()
-        part = shown[top : top + rows]
-        values = 255 * encode_srgb(part.astype(np.float64))
+    """Add grain in pixel values to own linear values (H, W, 3), in place."""
+    from relume.develop.darkroom.float_table import tabulated
+    from relume.develop.grain_kernels import add_to_values
+
+    def value(light: np.ndarray) -> np.ndarray:
+        return 255 * encode_srgb(light)
+
+    measured = zip(grain.values, grain.deviation, strict=True)
+    tables = (
+        tabulated(value),
+        np.stack([tabulated(lambda light, known=known: np.interp(value(light), *known)) for known in measured]),
+        tabulated(lambda values: decode_srgb(values / 255)),
+    )
+
+    def add(top: int, left: int, noise: np.ndarray) -> None:
         # What saturates does so without noise, being far above the largest value or clipped.
-        noise *= grain.deviation_at(values) * ((part > 0) & (part < 1))
-        part[:] = decode_srgb(np.clip(values + noise, 0, 255) / 255)
+        part = shown[top : top + noise.shape[1], left : left + noise.shape[2]]
+        add_to_values(part, noise, *tables)
+
+    grain.noise(seed).each_square(*shown.shape[:2], add)
 
 
 _DEPTHS = {256: np.uint8, 65536: np.uint16}

@@ -15,6 +15,7 @@ from relume.capture.denoising import denoise
 from relume.capture.merging import merge
 from relume.develop.film import Film, developed_values
 from relume.develop.flat_patches import REACH, FlatPatches, flat_patches
+from relume.develop.grain_noise import Noise, noise_of
 from relume.errors import NotABracket
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
@@ -55,22 +56,26 @@ class Grain:
         tables = zip(self.values, self.deviation, strict=True)
         return np.stack([np.interp(values[..., c], *table) for c, table in enumerate(tables)], axis=-1)
 
+    def noise(self, seed: int) -> Noise:
+        """Noise of variance 1 with the grain's correlation, of a picture of any size.
+
+        seed : ≥ 0; the same gives the same noise, and a larger picture that of a smaller one in its corner
+        """
+        return noise_of(_kernels(self.correlation), seed)
+
     def drawn(self, size: tuple[int, int], seed: int) -> np.ndarray:
-        """Noise (H, W, 3) float64 of variance 1 with the grain's correlation; the same seed gives the same noise.
+        """The `noise` (H, W, 3) float32 of a picture.
 
         size : (width, height) in pixels
-        seed : ≥ 0
         """
-        from scipy.signal import oaconvolve
-
         width, height = size
-        kernels = _kernels(self.correlation)
-        reach = kernels.shape[-1] // 2
-        generator = np.random.default_rng(seed)
-        white = generator.standard_normal((3, height + 2 * reach, width + 2 * reach))
-        return np.stack(
-            [sum(oaconvolve(white[b], kernels[a, b], mode="valid") for b in range(3)) for a in range(3)], axis=-1
-        )
+        drawn = np.empty((height, width, 3), np.float32)
+
+        def put(top: int, left: int, noise: np.ndarray) -> None:
+            drawn[top : top + noise.shape[1], left : left + noise.shape[2]] = np.moveaxis(noise, 0, -1)
+
+        self.noise(seed).each_square(height, width, put)
+        return drawn
 
     def applied(self, values: np.ndarray, share: np.ndarray | float = 1.0, *, seed: int = 0) -> np.ndarray:
         """Values with the grain that belongs to them, (H, W, 3) float64.

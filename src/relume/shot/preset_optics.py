@@ -76,8 +76,8 @@ class DefocusTable(Step):
         return self
 
     def made(self) -> Optics:
+        from relume.develop.blades import Blades
         from relume.develop.defocus import aperture_of
-        from relume.develop.lens.blade_shapes import Blades
         from relume.develop.lens.defocus_blur import Defocus
 
         blades = Blades(self.blades, self.curvature, float(np.radians(self.rotation)))
@@ -128,11 +128,11 @@ class CameraGlareTable(Step):
         return self
 
     def made(self, folder: Path) -> Optics:
-        from relume.develop.glare.blades import Iris
+        from relume.develop.blades import Blades
         from relume.develop.glare.camera import CameraGlare
 
-        iris = Iris(self.blades, self.curvature, float(np.radians(self.rotation)))
-        return CameraGlare(iris, **self.given("blades", "curvature", "rotation"))
+        blades = Blades(self.blades, self.curvature, float(np.radians(self.rotation)))
+        return CameraGlare(blades, **self.given("blades", "curvature", "rotation"))
 
 
 class MeasuredGlareTable(Step):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from relume import _kernel
+from relume.develop.blades import Blades
 from relume.develop.glare import convolution
-from relume.develop.glare.blades import Iris
 from relume.develop.glare.camera import CameraGlare
 from relume.develop.glare.convolution import Canvas, general_transfer, spread_out, symmetric_transfer
 from relume.develop.glare.eye import EyeGlare
@@ -76,7 +76,7 @@ def test_stars_draw_no_lines_over_the_night():
     random = np.random.default_rng(1)
     radiance = np.full((height, width, 3), 1e-3, np.float32)
     radiance[random.integers(0, height, 12), random.integers(0, width, 12)] = 1e6
-    spread = CameraGlare(Iris(6), veil=0).point_spread(height, width)
+    spread = CameraGlare(Blades(6), veil=0).point_spread(height, width)
     expected = np.empty(radiance.shape)
     shape = 3 * height, 3 * width
     for channel in range(3):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from relume.develop.blades import Blades
 from relume.develop.lens import defocus_blur
-from relume.develop.lens.blade_shapes import Blades
 from relume.develop.lens.defocus_blur import Defocus
 from relume.develop.lens.defocus_kernels import LAYER
 from relume.develop.lens.disc_table import disc_table, size_of

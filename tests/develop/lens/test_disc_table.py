@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from relume.develop.lens.blade_shapes import Blades
+from relume.develop.blades import Blades
 from relume.develop.lens.disc_table import DiscTable, disc_table, radius_of, size_of
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.develop.glare.blades import Iris
+from relume.develop.blades import Blades
 from relume.develop.glare.convolution import spread_out
 from relume.develop.glare.diffraction import far_radial, near_light, near_reach, star
 from relume.develop.glare.point_spread import SAMPLES, PolarSpread, balanced, pixel_means, table_distances
@@ -24,7 +24,7 @@ LEVELS, ANGLES = 128, 8192
 class CameraGlare:
     """Glare of a camera.
 
-    iris : the opening
+    blades : of the iris; six, as most lenses for 35 mm film have, unless given
     f_number : its f-number; stars grow with it
     sensor_width : mm, that the picture's width covers; 36 is 35 mm film
     veil : share of all light that lens and body spread evenly over the frame (the veiling glare index of ISO 9358):
@@ -35,7 +35,7 @@ class CameraGlare:
     mirrored : whether the world goes on beside the picture as its mirror image; else it is black there
     """
 
-    iris: Iris = Iris()
+    blades: Blades = Blades(6)
     f_number: float = 8.0
     sensor_width: float = 36.0
     veil: float = 0.01
@@ -71,14 +71,14 @@ class CameraGlare:
         distances, levels = table_distances(reach, SAMPLES), table_distances(reach, LEVELS)
         starlight = 1 - self.veil - self.halo
 
-        rays = np.stack([star(self.iris, order, share, levels, ANGLES) for share in shares])
-        mean = far_radial(self.iris, shares @ order, distances) * starlight
+        rays = np.stack([star(self.blades, order, share, levels, ANGLES) for share in shares])
+        mean = far_radial(self.blades, shares @ order, distances) * starlight
         halo = pixel_means(self._halo_at(diagonal), distances)
-        part = far_radial(self.iris, shares @ order, levels) * starlight
+        part = far_radial(self.blades, shares @ order, levels) * starlight
         part /= part + self._halo_at(diagonal)(levels)
         pattern = (1 + part[:, :, None] * (rays - 1)).astype(np.float32)
 
-        near = starlight * np.tensordot(shares, near_light(self.iris, order, near_size), 1)
+        near = starlight * np.tensordot(shares, near_light(self.blades, order, near_size), 1)
         away = np.arange(-near_size, near_size + 1)
         scattered = pixel_means(self._halo_at(diagonal), np.hypot(away, away[:, None]))
         scattered[near_size, near_size] = 0
@@ -90,7 +90,7 @@ class CameraGlare:
 
         def within(radius: float) -> np.ndarray:
             # The integral of r^−3 r dr from the radius on is 1 / radius.
-            outside = 2 * np.pi / radius * far_radial(self.iris, shares @ order, np.ones(1))[:, 0]
+            outside = 2 * np.pi / radius * far_radial(self.blades, shares @ order, np.ones(1))[:, 0]
             return starlight * (1 - outside) + self.halo * (1 - (1 + (radius / core) ** 2) ** (1 - self.halo_power))
 
         return balanced(spread, within)

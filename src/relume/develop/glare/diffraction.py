@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from relume.develop.blades import Blades
 from relume.develop.glare.angular import waves_of
-from relume.develop.glare.blades import Iris
 
 FRINGES = 12.0
 """Orders of diffraction from the light at which those of a colour's wavelengths no longer agree: 500 nm over the
@@ -27,16 +27,16 @@ PER_ORDER = 8.0
 """Samples; fringes are as fine as an order, which a cubic then follows within a thousandth."""
 
 
-def far_radial(iris: Iris, order: np.ndarray, distances: np.ndarray) -> np.ndarray:
+def far_radial(blades: Blades, order: np.ndarray, distances: np.ndarray) -> np.ndarray:
     """(N, distances) mean light per pixel on a circle about the point, for orders of `order` (N,) pixels.
 
     2 P / (k³ q² A) with k = 2π r / q and the opening's perimeter P: what a circle's Airy pattern has in the mean too.
     """
-    perimeter, area = iris.blades * iris.edge, np.pi / 4
+    perimeter, area = blades.edges * blades.edge, np.pi / 4
     return perimeter * order[:, None] / (4 * np.pi**3 * area * np.maximum(distances, 1e-3) ** 3)
 
 
-def star(iris: Iris, order: np.ndarray, shares: np.ndarray, distances: np.ndarray, angles: int) -> np.ndarray:
+def star(blades: Blades, order: np.ndarray, shares: np.ndarray, distances: np.ndarray, angles: int) -> np.ndarray:
     """(distances, angles) light over that mean, over half a turn, of light in which orders of `order` (N,) pixels have
     `shares` (N,).
 
@@ -44,9 +44,9 @@ def star(iris: Iris, order: np.ndarray, shares: np.ndarray, distances: np.ndarra
     are transforms of positive functions, and so is the result.
     """
     waves = waves_of(angles)
-    blades = iris.rotation + 2 * np.pi / iris.blades * np.arange(iris.blades)
-    rays = np.exp(-1j * waves * blades[:, None]).mean(0)
-    rays *= np.sinc(waves * iris.half_arc / np.pi)
+    # Patterns count angles from the right downwards.
+    rays = np.exp(1j * waves * blades.normals[:, None]).mean(0)
+    rays *= np.sinc(waves * blades.half_arc / np.pi)
     # The table's own step, twice: no ray is finer than what linear interpolation can draw.
     rays *= np.sinc(waves / (2 * angles)) ** 2 * (1 - waves / waves[-1])
     away = np.maximum(distances, 1e-3)[:, None]
@@ -57,12 +57,12 @@ def star(iris: Iris, order: np.ndarray, shares: np.ndarray, distances: np.ndarra
     weights = shares * order / (shares @ order)
     sums = np.maximum(1 - ends[:, None] * order, 0) @ weights
     # Along a curved edge light adds over the first zone of Fresnel alone, where it strays by a quarter of a wave.
-    length = np.minimum(iris.edge, np.sqrt(2 * iris.edge_radius * (shares @ order) / away))
+    length = np.minimum(blades.edge, np.sqrt(2 * blades.edge_radius * (shares @ order) / away))
     width = np.interp(waves / (2 * np.pi * length * away), ends, sums, right=0.0)
     return np.maximum(np.fft.irfft(width * pixel * rays, angles, axis=1) * angles, 0)
 
 
-def near_light(iris: Iris, order: np.ndarray, reach: int) -> np.ndarray:
+def near_light(blades: Blades, order: np.ndarray, reach: int) -> np.ndarray:
     """(N, 2 reach + 1, 2 reach + 1) light per pixel about the point, for orders of `order` (N,) pixels.
 
     One pattern in orders serves all: pixels are means over it, each order's of another size. Orders below LEAST leave
@@ -70,7 +70,7 @@ def near_light(iris: Iris, order: np.ndarray, reach: int) -> np.ndarray:
     """
     drawn = np.maximum(order, LEAST)
     most = int(np.ceil((reach + 0.5) / drawn.min() * PER_ORDER)) + 2
-    pattern = _pattern(iris, most)
+    pattern = _pattern(blades, most)
     lights = np.empty((len(order), 2 * reach + 1, 2 * reach + 1))
     for light, one in zip(lights, drawn, strict=True):
         means = _pixel_means(one / PER_ORDER, reach, most)
@@ -81,11 +81,11 @@ def near_light(iris: Iris, order: np.ndarray, reach: int) -> np.ndarray:
     return lights
 
 
-def _pattern(iris: Iris, most: int) -> np.ndarray:
+def _pattern(blades: Blades, most: int) -> np.ndarray:
     """(2 most + 1, 2 most + 1) |F|² / A at every 1 / PER_ORDER of an order."""
-    opening = iris.drawn(CELLS)
-    cell = 2 * iris.corner / CELLS
-    across = (np.arange(CELLS) + 0.5) * cell - iris.corner
+    opening = blades.drawn(CELLS)
+    cell = 2 * blades.corner / CELLS
+    across = (np.arange(CELLS) + 0.5) * cell - blades.corner
     places = np.arange(-most, most + 1) / PER_ORDER
     # A cell is a square and not a point: its own transform weighs the far orders.
     waves = np.exp(-2j * np.pi * np.outer(places, across)) * (np.sinc(places * cell)[:, None] * cell)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.develop.blades import Blades
 from relume.develop.defocus import disc_of_confusion
-from relume.develop.lens.blade_shapes import Blades
 from relume.develop.view import View
 
 TILE = 256

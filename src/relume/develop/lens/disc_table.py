@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume._kernel import exact_kernel
-from relume.develop.lens.blade_shapes import Blades
+from relume.develop.blades import Blades
 
 FINE = 8
 """Sizes a pixel of radius, up to EVEN pixels: the nearest is within a sixteenth of a pixel."""
