@@ -130,3 +130,22 @@ def test_the_presets_that_come_along_are_whole():
         assert title == read_preset(name).title and read_preset(name).camera is not None
     with pytest.raises(InvalidShot, match=r"no such preset; give a \.toml, or one of .*night"):
         read_preset("nigth")
+
+
+def test_the_documents_preset_can_be_read(tmp_path):
+    text = (Path(__file__).parents[2] / "docs" / "develop.md").read_text(encoding="utf-8")
+    (tmp_path / "doc.toml").write_text(text.split("```toml\n")[1].split("```")[0], encoding="utf-8")
+    preset = read_preset(tmp_path / "doc.toml")
+    assert preset.camera.stops == 0.5 and preset.title == "An old fast lens"
+
+
+def test_the_document_names_every_kind_of_tone():
+    text = (Path(__file__).parents[2] / "docs" / "develop.md").read_text(encoding="utf-8")
+    kinds = (
+        "exposure, fixed, camera, reinhard, reinhard-local, histogram, human",
+        "tumblin-rushmeier, ferwerda, pattanaik, black-white, ocio",
+    )
+    assert all(line in text for line in kinds)
+    for kind in ", ".join(kinds).split(", "):
+        needed = {"camera": {"seconds": 1.0, "f_number": 8.0}}.get(kind, {})
+        assert preset_of({"tone": {"kind": kind, **needed}}).camera.tone is not None

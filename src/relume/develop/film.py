@@ -20,6 +20,7 @@ from relume.sphere.illumination import IlluminationMap
 if TYPE_CHECKING:
     from relume.develop.grain import Grain
 
+
 @dataclass(frozen=True, eq=False)
 class Film:
     """What stands between radiance and pixel values.

@@ -67,3 +67,10 @@ class Screen:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.white) and 0 < self.black < self.white):
             raise ValueError(f"a screen of white {self.white} and black {self.black} cd/m²; expected 0 < black < white")
+
+    def values_of(self, luminance: np.ndarray) -> np.ndarray:
+        """Linear display values that show luminances in cd/m²: (L − black) / (white − black), none below 0.
+
+        The screen and the room add the black by themselves, whatever is shown; what is darker cannot be shown.
+        """
+        return np.maximum((luminance - self.black) / (self.white - self.black), 0)

@@ -135,8 +135,13 @@ def developed(
     """
     picture = sound(picture)
     view = camera.view(picture) if view is None else view
-    image, tone, stops = camera.image(picture.radiance, view), camera.tone, 2.0**camera.stops
-    settled = tone.adapted(image, view) if adaptation is None else adaptation
+    image = camera.image(picture.radiance, view)
+    return _toned(image, camera, view, camera.tone.adapted(image, view) if adaptation is None else adaptation)
+
+
+def _toned(image: np.ndarray, camera: VirtualCamera, view: View, settled: Adaptation) -> Developed:
+    """What the tone makes of the light behind the lens."""
+    tone, stops = camera.tone, 2.0**camera.stops
     if isinstance(tone, Linear):
         return Developed(image, tone.gain(settled, view) * stops, camera.display, settled)
     brighter = image if stops == 1 else image * np.float32(stops)
@@ -183,6 +188,7 @@ def developed_frames(
         elif view is None:
             view = camera.view(frame)
         now = replace(view, seed=view.seed + index)
-        own = camera.tone.adapted(camera.image(frame.radiance, now), now)
+        image = camera.image(frame.radiance, now)
+        own = camera.tone.adapted(image, now)
         settled = own if settled is None else settled.mixed(own, share)
-        yield developed(frame, camera, now, adaptation=settled)
+        yield _toned(image, camera, now, settled)

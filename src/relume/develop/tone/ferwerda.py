@@ -38,8 +38,8 @@ class Ferwerda:
     acuity : whether detail is lost that the eye does not resolve in that light
     colour : whether the rods see greys, as they do; or else everything keeps the colour that cones see
 
-    Cones and rods are added (§4.1): nothing here depends on a pixel's place, and daylight is plain exposure. For
-    pictures in cd/m², or with `View.luminance_scale`.
+    Cones and rods are added (§4.1): nothing here depends on a pixel's place, and daylight is plain exposure but for the
+    screen's black, which is taken off. For pictures in cd/m², or with `View.luminance_scale`.
 
     Adaptation: (2,), natural logarithms of what cones and rods are adapted to, cd/m², photopic and scotopic.
     """
@@ -64,13 +64,14 @@ class Ferwerda:
         return Adaptation(np.log([cones, max(cones * rods_per_cones, _DARKEST)]))
 
     def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
-        """Display values (H, W, 3), luminances as shares of the screen's white."""
+        """Display values (H, W, 3): `Screen.values_of` what an eye would see, its channels in cd/m² of white."""
         from relume._kernel import in_threads
         from relume.develop.tone.acuity import blurred_by_acuity
         from relume.develop.tone.ferwerda_kernel import see
 
-        factors = multipliers(adaptation, self.screen) * view.luminance_scale / self.screen.white
-        cones, rods = factors.astype(np.float32)
+        contrast = self.screen.white - self.screen.black
+        cones, rods = (multipliers(adaptation, self.screen) * view.luminance_scale / contrast).astype(np.float32)
+        black = np.float32(self.screen.black / contrast)
         if self.acuity:
             radiance = blurred_by_acuity(radiance, view, float(np.exp(adaptation.values[0])))
             pixels = result = np.ascontiguousarray(radiance).reshape(-1, 3)
@@ -78,7 +79,7 @@ class Ferwerda:
             pixels = np.ascontiguousarray(radiance, dtype=np.float32).reshape(-1, 3)
             result = np.empty_like(pixels)
         matrix = REC709.to_xyz().astype(np.float32)
-        in_threads(lambda begin, end: see(pixels, matrix, cones, rods, self.colour, begin, end, result), len(pixels))
+        in_threads(lambda begin, end: see(pixels, matrix, cones, rods, black, self.colour, begin, end, result), len(pixels))
         return result.reshape(radiance.shape)
 
 

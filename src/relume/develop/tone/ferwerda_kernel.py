@@ -8,8 +8,9 @@ from relume._kernel import kernel
 
 
 @kernel
-def see(pixels, to_xyz, cones, rods, colour, begin, end, result):
-    """Pixels begin to end as cones and rods see them: cones · (R, G, B) + rods · scotopic luminance in each channel.
+def see(pixels, to_xyz, cones, rods, black, colour, begin, end, result):
+    """Pixels begin to end as cones and rods see them: cones · (R, G, B) + rods · scotopic luminance − black in each channel, 0
+    or more.
 
     pixels, result : (N, 3) float32, which may be one array
     to_xyz : (3, 3) float32
@@ -26,8 +27,9 @@ def see(pixels, to_xyz, cones, rods, colour, begin, end, result):
         if x > 0:
             share = rods * max(np.float32(1.33) * (1 + (y + z) / x) - np.float32(1.68), np.float32(0))
         if colour:
-            grey = share * y
-            result[i, 0], result[i, 1], result[i, 2] = cones * red + grey, cones * green + grey, cones * blue + grey
+            factor, added = cones, share * y - black
         else:
-            factor = cones + share
-            result[i, 0], result[i, 1], result[i, 2] = factor * red, factor * green, factor * blue
+            factor, added = cones + share, -black
+        result[i, 0] = max(factor * red + added, np.float32(0))
+        result[i, 1] = max(factor * green + added, np.float32(0))
+        result[i, 2] = max(factor * blue + added, np.float32(0))

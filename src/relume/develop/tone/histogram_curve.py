@@ -107,8 +107,7 @@ def gains(shares: np.ndarray, darkest: float, brightest: float, screen: Screen, 
     # ln Ld = ln Ldmin + (ln Ldmax − ln Ldmin)·P(ln Lw) (eq. 4), and the screen adds its own black.
     known = np.maximum(edges, DARKEST)
     share = np.interp(np.log(known), np.linspace(bottom, top, BINS + 1), adjusted)
-    shown = (np.exp(black + (white - black) * share) - screen.black) / (screen.white - screen.black)
-    return (shown / known).astype(np.float32)
+    return (screen.values_of(np.exp(black + (white - black) * share)) / known).astype(np.float32)
 
 
 def _below_ceiling(

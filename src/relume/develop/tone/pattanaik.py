@@ -68,15 +68,10 @@ class Pattanaik:
         result = np.empty_like(radiance)
 
         def show(begin: int, end: int) -> None:
-            result[begin:end] = self._on_screen(eye.full_bands(radiance, blurs, picture, begin, end))
+            result[begin:end] = self.screen.values_of(eye.full_bands(radiance, blurs, picture, begin, end))
 
         in_threads(show, len(result), chunk=_BAND)
         return result
-
-    def _on_screen(self, luminances: np.ndarray) -> np.ndarray:
-        luminances -= np.float32(self.screen.black)
-        luminances /= np.float32(self.screen.white - self.screen.black)
-        return np.maximum(luminances, 0, out=luminances)
 
 
 def light_of_signals(adapted: float) -> np.ndarray:

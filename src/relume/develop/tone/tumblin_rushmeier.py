@@ -37,15 +37,13 @@ class TumblinRushmeier:
         return Adaptation(np.log([log_average(radiance, NEAR_BLACK / scale) * scale]))
 
     def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
-        """Display values (H, W, 3), luminances as shares of the screen's white."""
+        """Display values (H, W, 3) whose luminances, with the screen's black, are those of `screen_luminance`."""
         from relume.develop.tone.luminance_curve import curved
 
         adapted = float(np.exp(adaptation.values[0]))
         return curved(
             radiance,
-            lambda luminance: (
-                screen_luminance(luminance * view.luminance_scale, adapted, self.screen) / self.screen.white
-            ),
+            lambda light: self.screen.values_of(screen_luminance(light * view.luminance_scale, adapted, self.screen)),
         )
 
 
