@@ -10,17 +10,16 @@ from __future__ import annotations
 
 import os
 import shutil
-import statistics
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+from rounds import by_turns
 
 from relume.develop.blades import Blades
 from relume.develop.display.displays import Srgb
@@ -39,7 +38,6 @@ from relume.develop.virtual_camera import VirtualCamera, developed
 from relume.image import files
 from relume.image.radiance import RadianceMap
 
-ROUNDS = 5
 SIZE, GLARE_SIZE = (6000, 4000), (3840, 2160)
 TONES: dict[str, Any] = {
     "plain exposure": Metered(),
@@ -70,18 +68,6 @@ def made(size: tuple[int, int]) -> RadianceMap:
         band *= np.exp(0.05 * generator.standard_normal(band.shape, dtype=np.float32))
     radiance[height // 4 : height // 4 + 20, width // 3 : width // 3 + 20] = 30_000
     return RadianceMap(radiance, unit="cd/m²")
-
-
-def by_turns(works: dict[str, Callable[[], Any]]) -> dict[str, float]:
-    """Median seconds of each, one after the other in every round; the first round is not counted."""
-    seconds: dict[str, list[float]] = {name: [] for name in works}
-    for turn in range(ROUNDS + 1):
-        for name, work in works.items():
-            start = time.perf_counter()
-            work()
-            if turn:
-                seconds[name].append(time.perf_counter() - start)
-    return {name: statistics.median(each) for name, each in seconds.items()}
 
 
 def power(radiance: np.ndarray, gain: float) -> np.ndarray:

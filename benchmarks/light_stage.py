@@ -11,18 +11,17 @@ from __future__ import annotations
 
 import json
 import os
-import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numba
 import numpy as np
+from rounds import ROUNDS, by_turns
 from scipy.spatial import KDTree
 
 from relume.image.files import read_radiance
@@ -37,24 +36,11 @@ from relume.lightstage.store_building import build_store
 from relume.sphere.illumination import as_illumination
 from relume.sphere.mappings import pixel_directions
 
-ROUNDS = 5
 ROWS, COLUMNS = 480, 720
 SHARED = Path(__file__).resolve().parents[1] / "shared"
 if not SHARED.exists():
     SHARED = Path(__file__).resolve().parents[2] / "shared"
 MAPS = ("three/royal_esplanade_1k.hdr", "three/quarry_01_1k.hdr", "spruit_sunrise/spruit_sunrise_1k.hdr")
-
-
-def by_turns(works: dict[str, Callable[[], Any]]) -> dict[str, float]:
-    """Median seconds of each, one after the other in every round; the first round is not counted."""
-    seconds: dict[str, list[float]] = {name: [] for name in works}
-    for turn in range(ROUNDS + 1):
-        for name, work in works.items():
-            start = time.perf_counter()
-            work()
-            if turn:
-                seconds[name].append(time.perf_counter() - start)
-    return {name: statistics.median(each) for name, each in seconds.items()}
 
 
 def race(folder: Path, count: int = 2048) -> None:

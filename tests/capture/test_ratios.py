@@ -7,7 +7,7 @@ import pytest
 
 from camera_curves import CurveCamera, camera_curves, exposure_error, mixed_scene
 from relume.capture.bracket import Bracket
-from relume.capture.calibration import corrected, recover_response
+from relume.capture.calibration import Calibration, corrected, recover_response
 from relume.capture.ratios import ExposureRatios, Ratios
 from relume.image.photograph import Exposure, Photograph
 
@@ -22,6 +22,18 @@ def camera() -> CurveCamera:
 @pytest.fixture(scope="module")
 def right(camera) -> Bracket:
     return camera.bracket(mixed_scene())
+
+
+@pytest.fixture(scope="module")
+def plain(right) -> Calibration:
+    """From the right times, none of them doubted."""
+    return recover_response(right)
+
+
+@pytest.fixture(scope="module")
+def refined(right) -> Calibration:
+    """From the right times, each of them doubted."""
+    return recover_response(right, refine=Ratios())
 
 
 def ratios_of(brackets: Bracket | list[Bracket]) -> ExposureRatios:
@@ -53,7 +65,7 @@ def told(bracket: Bracket, factors: dict[int, float]) -> Bracket:
         pytest.param({5: 1 / 1024.0}, id="ten stops less", marks=pytest.mark.slow),
     ],
 )
-def test_wrong_times_are_found_and_the_curve_is_as_good_as_with_right_ones(camera, right, factors):
+def test_wrong_times_are_found_and_the_curve_is_as_good_as_with_right_ones(camera, right, plain, factors):
     wrong = told(right, factors)
     found = recover_response(wrong, refine=Ratios())
     mended = {p.name: seconds(p) for p in corrected(wrong, found).photographs}
@@ -61,12 +73,11 @@ def test_wrong_times_are_found_and_the_curve_is_as_good_as_with_right_ones(camer
         assert mended[photograph.name] == pytest.approx(seconds(photograph), rel=0.005)
     true = camera.true_exposure()
     for channel in range(3):
-        good = exposure_error(recover_response(right).response.log_exposure[channel], true[channel])
+        good = exposure_error(plain.response.log_exposure[channel], true[channel])
         assert exposure_error(found.response.log_exposure[channel], true[channel]) < good + 5e-4
 
 
-def test_right_times_stay_as_they_are(right):
-    plain, refined = recover_response(right), recover_response(right, refine=Ratios())
+def test_right_times_stay_as_they_are(right, plain, refined):
     assert refined.ratios is not None and np.all(refined.ratios.corrections[0] == 0)
     np.testing.assert_array_equal(refined.response.log_exposure, plain.response.log_exposure)
     assert corrected(right, refined).exposures.tolist() == right.exposures.tolist()
@@ -107,8 +118,7 @@ def test_one_bracket_s_wrong_time_is_found_beside_another_bracket(camera, right)
     assert set(factors.values()) == {1.0} and len(factors) == 17
 
 
-def test_a_bracket_that_was_not_calibrated_is_refused(right):
-    found = recover_response(right, refine=Ratios())
+def test_a_bracket_that_was_not_calibrated_is_refused(right, refined):
     stranger = Bracket(tuple(replace(p, name="other.jpg") for p in right.photographs[:1]))
     with pytest.raises(ValueError, match=r"other\.jpg is not one of the photographs"):
-        corrected(stranger, found)
+        corrected(stranger, refined)

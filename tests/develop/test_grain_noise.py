@@ -1,11 +1,10 @@
-"""Endless noise: every pixel's own number, convolved exactly, the same however large the picture and however many cores."""
+"""Endless noise: every pixel's own number, convolved exactly, the same in any picture and on any cores."""
 
 import numpy as np
 import pytest
 from scipy.signal import convolve2d
 from scipy.special import ndtr, ndtri
 
-import relume._kernel
 from relume.develop.grain_kernels import QUANTILES, add_to_values, fill_white
 from relume.develop.grain_noise import SIDE, noise_of
 
@@ -87,7 +86,7 @@ def test_squares_meet_without_a_seam():
 
 @pytest.mark.parametrize("cores", [1, 3])
 def test_squares_cover_a_picture_once_whatever_the_cores(cores, monkeypatch):
-    monkeypatch.setattr(relume._kernel.os, "cpu_count", lambda: cores)
+    monkeypatch.setattr("os.cpu_count", lambda: cores)
     drawn = np.zeros((3, 600, 400), np.float32)
 
     def put(top: int, left: int, noise: np.ndarray) -> None:

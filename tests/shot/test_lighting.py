@@ -32,8 +32,10 @@ def test_a_plate_in_candelas_is_not_mixed_with_relative_light(
     shot = read_shot(path)
     write(out / "absolute.exr", replace(read_radiance(room[1] / "composite.exr"), unit="cd/m²"))
     plate = shot.plate.model_copy(update={"photographs": [str(out / "absolute.exr")], "denoise": False})
+    # The light of the balls as it was measured: without the plate's photographs it would be measured anew.
+    light = type(shot.light)(map=str(room[1] / "light.exr"))
     with pytest.raises(InvalidShot, match=r"cd/m².*relative"):
-        insert(shot.model_copy(update={"plate": plate}), out, renderer=FAKE)
+        insert(shot.model_copy(update={"plate": plate, "light": light}), out, renderer=FAKE)
 
 
 def test_a_ball_camera_that_stood_elsewhere_is_told(copied_room: tuple[Path, Path]) -> None:

@@ -16,6 +16,7 @@ from relume.develop.lens.motion_path import TurningCamera
 from relume.develop.lens.soft_focus import SoftFocus
 from relume.develop.lens.vignetting import PolynomialVignetting
 from relume.develop.steps import Screen
+from relume.develop.tone.ferwerda import Ferwerda
 from relume.develop.tone.histogram import HistogramAdjustment
 from relume.develop.tone.histogram_curve import HumanContrast
 from relume.develop.tone.metered import CameraExposure, Metered
@@ -84,6 +85,9 @@ def test_what_is_left_out_is_the_values_own_default():
     assert camera.glare == EyeGlare() and camera.tone == Metered()
     assert preset_of({"tone": {"kind": "exposure", "grey": 0.2}}).camera.tone == Metered(None, 0.2)
     assert preset_of({}).camera.tone == Metered() and preset_of({}).camera.optics == ()
+    assert preset_of({"tone": {"kind": "ferwerda"}}).camera.tone == Ferwerda()
+    bright = preset_of({"tone": {"kind": "ferwerda", "screen": {"white": 400, "black": 0.5}, "colour": False}}).camera
+    assert bright.tone == Ferwerda(Screen(400, 0.5), colour=False)
 
 
 def test_human_is_histogram_with_an_eye():

@@ -210,7 +210,7 @@ def _grained(shown: np.ndarray, grain: Grain, seed: int) -> None:
         part = shown[top : top + noise.shape[1], left : left + noise.shape[2]]
         add_to_values(part, noise, *tables)
 
-    grain.noise(seed).each_square(*shown.shape[:2], add)
+    grain.noise(seed).each_square(shown.shape[0], shown.shape[1], add)
 
 
 _DEPTHS = {256: np.uint8, 65536: np.uint16}

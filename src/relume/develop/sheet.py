@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from relume.develop.display.lettering import Words, lettered
 from relume.develop.film import Film, develop
 from relume.image.colour import luminance
 from relume.image.photograph import Photograph
@@ -16,7 +17,6 @@ from relume.sphere.mappings import LatLong, pixel_points
 COLUMNS = 6
 _MAP_COLUMNS = 4
 _GAP, _MARGIN, _CAPTION = 28, 40, 58
-_DPI = 100
 _PAGE, _INK, _FAINT = 28, "#e8e6e1", "#9a978f"
 MIDDLE_GREY = 0.18
 NOTES = (
@@ -52,14 +52,16 @@ def contact_sheet(balls: Sequence[Ball], light: IlluminationMap, film: Film, tit
     shown = develop(_seen(light, map_height), film).pixels
     page[_MARGIN : _MARGIN + map_height, _MARGIN : _MARGIN + 2 * map_height] = shown
     notes = (f"One light, one exposure: radiance {1 / film.exposure:.3g} is white.", *NOTES)
-    texts = [(_MARGIN + _MAP_COLUMNS * step, _MARGIN + 4, title, 14, _INK)]
-    texts += [(texts[0][0], _MARGIN + 42 + 22 * line, note, 9, _FAINT) for line, note in enumerate(notes)]
+    beside = _MARGIN + _MAP_COLUMNS * step
+    words = [Words(beside, _MARGIN + 4, title, 14, _INK)]
+    words += [Words(beside, _MARGIN + 42 + 22 * line, note, 9, _FAINT) for line, note in enumerate(notes)]
     for index, ball in enumerate(balls):
         y, x = top + index // COLUMNS * (size + _CAPTION), _MARGIN + index % COLUMNS * step
         here = page[y : y + size, x : x + size]
         here[:] = np.rint(_PAGE + ball.matte[..., None] * (develop(ball.radiance, film).pixels - float(_PAGE)))
-        texts += [(x, y + size + 6, ball.caption, 10, _INK), (x, y + size + 25, ball.section, 8, _FAINT)]
-    return Photograph(_lettered(page.astype(np.uint8), texts), "contact sheet")
+        words.append(Words(x, y + size + 6, ball.caption, 10, _INK))
+        words.append(Words(x, y + size + 25, ball.section, 8, _FAINT))
+    return Photograph(lettered(page.astype(np.uint8), words), "contact sheet")
 
 
 def _seen(light: IlluminationMap, height: int) -> np.ndarray:
@@ -67,18 +69,3 @@ def _seen(light: IlluminationMap, height: int) -> np.ndarray:
     finer = int(np.clip(np.ceil(light.size / height), 1, 6))
     points = pixel_points(LatLong(), height, finer)
     return light.look_up(LatLong().directions(points)).reshape(height, finer, 2 * height, finer, 3).mean((1, 3))
-
-
-def _lettered(page: np.ndarray, texts: Sequence[tuple[int, int, str, int, str]]) -> np.ndarray:
-    """The page with texts (left, top, words, points, colour), its pixels otherwise untouched."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    height, width = page.shape[:2]
-    figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI)
-    canvas = FigureCanvasAgg(figure)
-    figure.figimage(page)
-    for x, y, words, points, colour in texts:
-        figure.text(x / width, 1 - y / height, words, fontsize=points, color=colour, va="top", ha="left")
-    canvas.draw()
-    return np.asarray(canvas.buffer_rgba())[..., :3].copy()

@@ -9,8 +9,8 @@ import numpy as np
 
 from relume.image.radiance import RadianceMap
 
-_BAND = 2**22
-"""Values looked at a time, so that no mask as large as the picture is made."""
+_BAND = 2**18
+"""Values that a thread looks at a time: they stay in its cache, and no mask as large as the picture is made."""
 
 
 def sound(picture: RadianceMap, *, repair: bool = False, name: str = "the picture") -> RadianceMap:
@@ -50,8 +50,11 @@ def _bands(radiance: np.ndarray) -> list[np.ndarray]:
 
 def _range(radiance: np.ndarray) -> tuple[float, float]:
     """The least and the greatest value; NaN in both where any value is NaN."""
-    bands = _bands(radiance)
-    return float(np.min([band.min() for band in bands])), float(np.max([band.max() for band in bands]))
+    from relume._kernel import in_threads
+
+    step = max(1, _BAND // (radiance.shape[1] * 3))
+    ends = in_threads(lambda a, b: (radiance[a:b].min(), radiance[a:b].max()), len(radiance), chunk=step)
+    return float(np.min([low for low, _ in ends])), float(np.max([high for _, high in ends]))
 
 
 def _first(radiance: np.ndarray, name: str) -> str:
@@ -73,12 +76,13 @@ def _repaired(radiance: np.ndarray, name: str) -> np.ndarray:
     endless = np.isposinf(radiance)
     largest = float(radiance[np.isfinite(radiance)].max(initial=0.0))
     radiance[endless] = largest
-    unknown = ~np.isfinite(radiance).all(-1)
+    unknown: np.ndarray = ~np.isfinite(radiance).all(-1)
     if unknown.all():
         raise ValueError(f"{name}: no pixel is finite; there is nothing to repair it from")
     if unknown.any():
         # The nearest known pixel, averaged with its known neighbours so that a single firefly is not spread.
-        rows, columns = distance_transform_edt(unknown, return_distances=False, return_indices=True)[:, unknown]
+        nearest = np.asarray(distance_transform_edt(unknown, return_distances=False, return_indices=True))
+        rows, columns = nearest[:, unknown]
         total, count = np.zeros((len(rows), 3)), np.zeros((len(rows), 1))
         height, width = unknown.shape
         for down in (-1, 0, 1):

@@ -33,7 +33,7 @@ def threshold(adapted: np.ndarray) -> np.ndarray:
 
 
 def acuity(adapted: np.ndarray) -> np.ndarray:
-    """The finest grating seen, cycles per degree (Shlaer 1937, fitted by Ward Larson et al. 1997, of 3e-4 cd/m² or more)."""
+    """The finest grating seen, cycles per degree (Shlaer 1937; Ward Larson et al. 1997), from 3e-4 cd/m² on."""
     return 17.25 * np.arctan(1.4 * np.log10(np.maximum(adapted, 1e-12)) + 0.35) + 25.72
 
 

@@ -7,15 +7,12 @@ carries out of the frame comes back in.
 from __future__ import annotations
 
 import numpy as np
-from scipy.fft import dctn, idctn, rfft
+from scipy.fft import dctn, idctn
 from scipy.signal import oaconvolve
-from scipy.special import erf
 
+from relume.image.blur_weights import gaussian_taps, line_weights, mirrored_transfer
 from relume.image.filtering import Spread, spread_through
 from relume.image.radiance import RadianceMap
-
-_REACH = 8.0
-"""Deviations to which a Gaussian is followed: light a million times brighter than its surroundings ends unseen."""
 
 
 def motion_blurred(picture: RadianceMap, length: float, angle: float = 0.0) -> RadianceMap:
@@ -34,6 +31,7 @@ def motion_blurred(picture: RadianceMap, length: float, angle: float = 0.0) -> R
         )
     if not np.isfinite(angle):
         raise ValueError(f"the angle is {angle}; expected radians")
+    # Not `develop`'s StraightMotion, which averages what a camera saw: an edit keeps the mean, variance and marks.
     streak = streak_kernel(length, angle)
     return spread_through(picture, _convolution(streak), _convolution(streak**2))
 
@@ -50,7 +48,7 @@ def soft_blurred(picture: RadianceMap, sigma: float, *, share: float = 1.0) -> R
         raise ValueError(f"sigma is {sigma:g} pixels; expected 0 to the longer side, {max(picture.size)} pixels")
     if not 0 <= share <= 1:
         raise ValueError(f"the share is {share:g}; expected 0 to 1")
-    taps = _gaussian(sigma)
+    taps = gaussian_taps(sigma)
     blur, square = _symmetric(taps), _symmetric(taps**2)
 
     def glow(field: np.ndarray) -> np.ndarray:
@@ -70,25 +68,11 @@ def streak_kernel(length: float, angle: float) -> np.ndarray:
     length : pixels
     angle : radians, anticlockwise from the right; rows count downwards
     """
-    step = np.array([np.cos(angle), -np.sin(angle)])
-    ends = np.abs(step) * length / 2
-    half = np.ceil(ends - 1e-12).astype(int)
-    if length == 0:
-        return np.ones((1, 1))
-    # Between crossings of the pixel lattice the area shared is a quadratic of the time: two nodes integrate it.
-    crossings = [np.arange(-h, h + 1) / s for h, s in zip(half, step, strict=True) if abs(s) > 1e-12]
-    times = np.unique(np.clip(np.concatenate([*crossings, [-length / 2, length / 2]]), -length / 2, length / 2))
-    nodes, weights = np.polynomial.legendre.leggauss(2)
-    middle, radius = (times[1:] + times[:-1]) / 2, np.diff(times) / 2
-    moments = (middle[:, None] + radius[:, None] * nodes).ravel()
-    spent = (radius[:, None] * weights).ravel() / length
-    kernel = np.zeros((2 * half[1] + 3, 2 * half[0] + 3))
-    x, y = (moments * s for s in step)
-    left, above = np.floor(x).astype(int), np.floor(y).astype(int)
-    for down, by_row in ((0, 1 - (y - above)), (1, y - above)):
-        for right, by_column in ((0, 1 - (x - left)), (1, x - left)):
-            np.add.at(kernel, (above + down + half[1] + 1, left + right + half[0] + 1), spent * by_row * by_column)
-    return kernel / kernel.sum()
+    rows, columns, weights = line_weights(length * np.cos(angle), -length * np.sin(angle))
+    reach = np.abs(rows).max(), np.abs(columns).max()
+    kernel = np.zeros((2 * reach[0] + 1, 2 * reach[1] + 1))
+    kernel[rows + reach[0], columns + reach[1]] = weights
+    return kernel
 
 
 def _convolution(kernel: np.ndarray) -> Spread:
@@ -101,29 +85,13 @@ def _convolution(kernel: np.ndarray) -> Spread:
     return spread
 
 
-def _gaussian(sigma: float) -> np.ndarray:
-    """Weights of the middle pixel and of its neighbours to one side: the Gaussian's share of each pixel's width."""
-    if sigma == 0:
-        return np.ones(1)
-    edges = (np.arange(int(np.ceil(_REACH * sigma)) + 2) - 0.5) / (sigma * np.sqrt(2))
-    taps = np.diff(erf(edges)) / 2
-    return taps / (taps[0] + 2 * taps[1:].sum())
-
-
 def _symmetric(taps: np.ndarray) -> Spread:
     """The separable convolution with symmetric taps of a picture mirrored at its border: a product of cosine series."""
 
-    def transfer(size: int) -> np.ndarray:
-        # Far taps fall on the same pixels again, mirrored and mirrored back.
-        folded = np.zeros(2 * size)
-        places = np.arange(len(taps))
-        np.add.at(folded, places % (2 * size), taps)
-        np.add.at(folded, -places[1:] % (2 * size), taps[1:])
-        return np.real(np.asarray(rfft(folded)))[:size]
-
     def spread(field: np.ndarray) -> np.ndarray:
+        down, across = (mirrored_transfer(taps, size) for size in field.shape[:2])
         waves = dctn(field, axes=(0, 1), workers=-1)
-        waves *= (transfer(field.shape[0])[:, None] * transfer(field.shape[1]))[..., None]
+        waves *= (down[:, None] * across)[..., None]
         return np.asarray(idctn(waves, axes=(0, 1), workers=-1))
 
     return spread

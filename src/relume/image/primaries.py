@@ -104,4 +104,8 @@ def _white(white: tuple[float, float]) -> np.ndarray:
 
 
 REC709 = Primaries((0.64, 0.33), (0.30, 0.60), (0.15, 0.06), (0.3127, 0.3290))
+P3 = Primaries((0.680, 0.320), (0.265, 0.690), (0.150, 0.060), REC709.white)
+"""Of SMPTE RP 431-2 with the white of sRGB, D65."""
+BT2020 = Primaries((0.708, 0.292), (0.170, 0.797), (0.131, 0.046), REC709.white)
+"""Of ITU-R BT.2020, and of BT.2100's HDR."""
 EQUAL_ENERGY = (1 / 3, 1 / 3)

@@ -152,7 +152,7 @@ class FerwerdaTone(Step):
     """Ferwerda et al. 1996."""
 
     kind: Literal["ferwerda"]
-    screen: ScreenTable = ScreenTable()
+    screen: ScreenTable | None = None
     percentile: Annotated[float, Field(gt=0, le=100)] | None = None
     acuity: bool | None = None
     colour: bool | None = None
@@ -160,7 +160,8 @@ class FerwerdaTone(Step):
     def made(self, folder: Path) -> Tone:
         from relume.develop.tone.ferwerda import Ferwerda
 
-        return Ferwerda(self.screen.made(), **self.given("screen"))
+        screen = {} if self.screen is None else {"screen": self.screen.made()}
+        return Ferwerda(**screen, **self.given("screen"))
 
 
 class PattanaikTone(Step):

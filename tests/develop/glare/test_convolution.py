@@ -122,6 +122,6 @@ def test_both_ways_to_a_transfer_agree_where_both_are_right():
     kernel = spread.drawn(19, 30)[..., 2].copy()
     kernel[19, 30] = 0
     columns = canvas.columns // 2 + 1
-    real = symmetric_transfer(lambda begin, end: spread.rows(2, begin, end, canvas), canvas)(0, columns)
+    real = symmetric_transfer(lambda begin, end: spread.rows(2, begin, end, canvas), canvas)(0, columns)(0, columns)
     assert real.dtype == np.float32 and real.shape == (canvas.rows, columns)
-    assert np.abs(general_transfer(kernel, canvas)(0, columns) - real).max() < 1e-6
+    assert np.abs(general_transfer(kernel, canvas)(0, columns)(0, columns) - real).max() < 1e-6

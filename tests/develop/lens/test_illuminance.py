@@ -11,6 +11,8 @@ def test_known_illuminances():
     assert image_illuminance(1000.0, 8.0, transmittance=0.9) == pytest.approx(11.0446617, abs=1e-6)
     assert image_illuminance(4000.0, 1.0) == pytest.approx(1000 * np.pi)
     assert image_illuminance(1.0, 1.0, angle=np.pi / 4) == pytest.approx(np.pi / 16)
+    # ISO 12232's 0.65 is this with its lens: 0.9 of the light at 10° off the axis, 0.98 unvignetted.
+    assert image_illuminance(0.98, 1.0, transmittance=0.9, angle=np.radians(10)) == pytest.approx(0.65, abs=0.003)
 
 
 def test_a_stop_is_a_factor_of_exactly_two():

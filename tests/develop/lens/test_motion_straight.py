@@ -7,8 +7,9 @@ import pytest
 
 from naive_motion import averaged
 from relume.develop.lens.motion_shutter import Shutter
-from relume.develop.lens.motion_straight import StraightMotion, line_weights
+from relume.develop.lens.motion_straight import StraightMotion
 from relume.develop.view import View
+from relume.image.blur_weights import line_weights
 
 VIEW = View(100.0)
 
@@ -33,21 +34,6 @@ def test_the_light_of_a_shutter_sums_to_one():
         Shutter(0.6)
 
 
-def test_the_weights_of_a_level_line_are_the_tents_time_within_it():
-    # Of a length of 3 the middle and its neighbours see 1, 1 and 1 less an eighth, the next ones an eighth.
-    rows, columns, weights = line_weights(3.0, 0.0, Shutter())
-    np.testing.assert_array_equal(rows, 0)
-    np.testing.assert_array_equal(columns, [-2, -1, 0, 1, 2])
-    np.testing.assert_allclose(weights, np.array([1, 7, 8, 7, 1]) / 24)
-    # A triangle 2 pixels wide is a tent: its product with the pixel's own, integrated, is 1/6, 2/3, 1/6.
-    np.testing.assert_allclose(line_weights(0.0, 2.0, Shutter(0.5))[2], [1 / 6, 2 / 3, 1 / 6])
-    # Along the diagonal of a pixel, from (−½, −½) to (½, ½): ∫ (1 − |t|)² and ∫ t (1 − t) over it.
-    rows, columns, weights = line_weights(1.0, 1.0, Shutter())
-    grid = np.zeros((3, 3))
-    grid[rows + 1, columns + 1] = weights
-    np.testing.assert_allclose(grid, np.array([[1, 2, 0], [2, 14, 2], [0, 2, 1]]) / 24)
-
-
 @pytest.mark.parametrize("motion", [(3.3, -7.7), (0.0, 21.5), (33.4, 0.0), (0.4, 0.3)])
 @pytest.mark.parametrize("opening", [0.0, 0.3])
 def test_it_is_the_mean_of_many_shifted_pictures(motion: tuple[float, float], opening: float):
@@ -63,7 +49,7 @@ def test_it_is_the_mean_of_many_shifted_pictures(motion: tuple[float, float], op
 def test_running_sums_are_the_taps_sums():
     picture = rough()
     for motion in ((17.3, 0.0), (0.0, 17.3), (90.0, 0.0), (0.0, 90.0)):
-        rows, columns, weights = line_weights(*motion, Shutter())
+        rows, columns, weights = line_weights(*motion)
         total, known = np.zeros(picture.shape), np.zeros((30, 43))
         height, width = picture.shape[:2]
         for row, column, weight in zip(rows, columns, weights, strict=True):

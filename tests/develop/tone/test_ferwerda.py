@@ -11,7 +11,7 @@ from relume.develop.vision import cone_threshold, rod_threshold, scotopic_lumina
 from relume.image.primaries import REC709
 
 VIEW = View(500.0)
-PLAIN = Ferwerda(acuity=False)
+PLAIN = Ferwerda(Screen(), acuity=False)
 
 
 def adapted_to(cones: float, rods: float) -> Adaptation:
@@ -51,16 +51,27 @@ def test_rods_fade_over_the_mesopic_range():
 @pytest.mark.parametrize("colour", [True, False])
 @pytest.mark.parametrize("scale", [1e-5, 0.05, 100.0])
 def test_the_picture_is_its_slow_twin(picture: np.ndarray, colour: bool, scale: float):
-    tone, view = Ferwerda(acuity=False, colour=colour), View(500.0, luminance_scale=scale)
+    tone, view = Ferwerda(Screen(), acuity=False, colour=colour), View(500.0, luminance_scale=scale)
     settled = tone.adapted(picture, view)
     cones, rods = multipliers(settled, Screen())
     xyz = picture.astype(np.float64) @ REC709.to_xyz().T * scale
     grey = rods * scotopic_luminance(xyz)
     if colour:
-        expected = (cones * picture * scale + grey[..., None]) / 100
+        shown = cones * picture * scale + grey[..., None]
     else:
-        expected = picture * scale * (cones + grey / xyz[..., 1])[..., None] / 100
-    np.testing.assert_allclose(tone.displayed(picture, view, settled), expected, rtol=5e-6)
+        shown = picture * scale * (cones + grey / xyz[..., 1])[..., None]
+    # The screen's black of 1 of 100 cd/m² is there without a signal.
+    expected = np.maximum((shown - 1) / 99, 0)
+    np.testing.assert_allclose(tone.displayed(picture, view, settled), expected, rtol=5e-6, atol=1e-7)
+
+
+def test_the_screen_adds_its_black_to_what_is_displayed():
+    # Adapted to 1000 cd/m², cones are shown by 3.0879464 / 55.590426, as above: 900 cd/m² as 49.993352.
+    grey = np.full((1, 1, 3), 900.0, np.float32)
+    assert PLAIN.displayed(grey, VIEW, adapted_to(1000.0, 2500.0)) == pytest.approx((49.993352 - 1) / 99, rel=1e-6)
+    dark_room = Ferwerda(acuity=False)
+    assert dark_room.displayed(grey, VIEW, adapted_to(1000.0, 2500.0)) == pytest.approx(49.983352 / 99.99, rel=1e-6)
+    assert PLAIN.displayed(grey / 60, VIEW, adapted_to(1000.0, 2500.0)).max() == 0
 
 
 def test_an_eye_adapts_to_half_of_what_is_bright(picture: np.ndarray):
@@ -82,21 +93,24 @@ def test_rods_adapt_to_the_scotopic_light_of_the_picture():
 def test_by_day_it_is_plain_exposure_and_by_night_grey(picture: np.ndarray):
     day, night = View(500.0, luminance_scale=1000.0), View(500.0, luminance_scale=1e-6)
     bright = PLAIN.displayed(picture, day, PLAIN.adapted(picture, day))
-    np.testing.assert_allclose(bright / picture, (bright / picture)[0, 0, 0], rtol=1e-5)
-    dark = PLAIN.displayed(picture, night, PLAIN.adapted(picture, night))
+    shown, factor = bright * 99 + 1, multipliers(PLAIN.adapted(picture, day), Screen())[0] * 1000
+    np.testing.assert_allclose(shown, np.maximum(factor * picture, 1), rtol=1e-5)
+    dark_room = Ferwerda(Screen(100.0, 1e-12), acuity=False)
+    dark = dark_room.displayed(picture, night, dark_room.adapted(picture, night))
     assert np.max(dark.max(-1) / dark.min(-1)) < 1.3
     assert dark.mean() < 0.1 * bright.mean()
 
 
 def test_without_colour_loss_proportions_stay(picture: np.ndarray):
-    tone, night = Ferwerda(acuity=False, colour=False), View(500.0, luminance_scale=1e-6)
+    tone = Ferwerda(Screen(100.0, 1e-12), acuity=False, colour=False)
+    night = View(500.0, luminance_scale=1e-6)
     dark = tone.displayed(picture, night, tone.adapted(picture, night))
     np.testing.assert_allclose(dark[..., 0] * picture[..., 1], dark[..., 1] * picture[..., 0], rtol=1e-5)
 
 
 def test_acuity_is_lost_before_thresholds_are_met(picture: np.ndarray):
     night = View(2000.0, luminance_scale=1e-3)
-    tone = Ferwerda()
+    tone = Ferwerda(Screen())
     settled, before = tone.adapted(picture, night), picture.copy()
     blurred = blurred_by_acuity(picture, night, float(np.exp(settled.values[0])))
     assert blurred.std() < 0.7 * picture.std()

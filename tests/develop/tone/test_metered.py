@@ -9,7 +9,6 @@ from relume.develop.tone.metered import (
     Linear,
     Metered,
     saturation_luminance,
-    sensor_illuminance,
 )
 from relume.develop.view import View
 from relume.image.photograph import Exposure
@@ -102,14 +101,6 @@ def test_what_saturates_the_camera_is_white():
     wall = np.full((2, 2, 3), 7680 / 50, np.float32)
     tone, view = CameraExposure(ONE), View(500.0, luminance_scale=50.0)
     np.testing.assert_allclose(tone.displayed(wall, view, tone.adapted(wall, view)), 1, rtol=1e-6)
-
-
-def test_a_sensor_gets_pi_over_four_n_squared_of_the_luminance():
-    assert sensor_illuminance(100.0, 2.0) == pytest.approx(np.pi / 4 * 25, rel=1e-15)
-    assert sensor_illuminance(100.0, 2.0, transmittance=0.5) / sensor_illuminance(100.0, 2.0) == 0.5
-    assert sensor_illuminance(1.0, 1.0, angle=np.pi / 3) == pytest.approx(np.pi / 64, rel=1e-12)
-    # The standard's 0.65 is this with its lens: 0.9 of the light at 10° off the axis, 0.98 unvignetted.
-    assert sensor_illuminance(0.98, 1.0, transmittance=0.9, angle=np.radians(10)) == pytest.approx(0.65, abs=0.003)
 
 
 @pytest.mark.parametrize("wrong", [Exposure(0.01, None, 100.0), Exposure(0.01, 8.0, None)])

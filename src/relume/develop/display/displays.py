@@ -5,13 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from relume.image.primaries import REC709, Primaries
 from relume.image.transfer import PQ_PEAK, hlg_gamma
 
-P3 = Primaries((0.680, 0.320), (0.265, 0.690), (0.150, 0.060), REC709.white)
-"""Of SMPTE RP 431-2 with the white of sRGB, D65."""
-BT2020 = Primaries((0.708, 0.292), (0.170, 0.797), (0.131, 0.046), REC709.white)
-"""Of ITU-R BT.2020, and of BT.2100's HDR."""
 DIFFUSE_WHITE = 203.0
 """cd/m², what a white sheet of paper is shown as on HDR screens (ITU-R BT.2408, table 1)."""
 

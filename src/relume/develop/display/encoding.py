@@ -9,9 +9,9 @@ import numpy as np
 
 from relume.develop.display.clipping import Clipping
 from relume.develop.display.code_table import CodeTable, code_table, coded
-from relume.develop.display.displays import BT2020, HLG, P3, PQ, Display, DisplayP3, HdrGainMap, Srgb
+from relume.develop.display.displays import HLG, PQ, Display, DisplayP3, HdrGainMap, Srgb
 from relume.image.colour import encode_srgb
-from relume.image.primaries import REC709, between
+from relume.image.primaries import BT2020, P3, REC709, between
 from relume.image.transfer import encode_hlg, encode_pq, hlg_scene
 
 _MOST = np.float32(1e30)  # infinity times a matrix's 0 is no number

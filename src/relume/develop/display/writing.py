@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from relume.develop.display.clipping import Clipping, clipping_of
-from relume.develop.display.displays import HLG, P3, PQ, Display, DisplayP3, HdrGainMap, Srgb
+from relume.develop.display.displays import HLG, PQ, Display, DisplayP3, HdrGainMap, Srgb
 from relume.develop.display.encoding import encoded_and_clipped
 from relume.image import files
 from relume.image.photograph import Photograph
-from relume.image.primaries import REC709
+from relume.image.primaries import P3, REC709
 
 _ROWS = 64
 _SUFFIXES = {

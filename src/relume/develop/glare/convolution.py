@@ -25,8 +25,10 @@ NEAR = 16
 TILE = 128, 576
 """Rows and columns of what is convolved at once in float64: the margins of `NEAR` are a third of it."""
 
-Transfer = Callable[[int, int], np.ndarray]
+Block = Callable[[int, int], np.ndarray]
 """The transform (padded rows, end − begin) of a point spread at columns begin…end of the half plane."""
+Transfer = Callable[[int, int], Block]
+"""Makes ready for blocks within such columns: all at once take as much memory as the picture's own, a part less."""
 
 
 @dataclass(frozen=True)
@@ -77,34 +79,49 @@ def spread_out(radiance: np.ndarray, spread: PointSpread, *, mirrored: bool = Fa
 
     mirrored : whether the picture goes on as its mirror image outside the frame; else all is black there
 
-    It holds twice the picture's memory beside the input.
+    It holds less than twice the picture's memory beside the input.
     """
     height, width = radiance.shape[:2]
     canvas = Canvas(height, width, mirrored)
     nearby = spread.nearby()
-    # Planes, not yet pixels: while the last is made two thirds of the result are in memory.
-    planes = []
-    for channel in range(3):
+    # Memory that nothing was written to takes no room yet. Pairs of the first two channels wait in the last two thirds
+    # of the result: there pixels put in from the front never come upon a pair that is still to be read.
+    result = np.empty(radiance.shape, np.float32)
+    pairs = result.reshape(-1)[height * width :].reshape(height, width, 2)
+
+    def plane_of(channel: int, parts: int) -> np.ndarray:
         light = radiance[..., channel]
-        plane = _far(light, spread, channel, canvas)
+        plane = _far(light, spread, channel, canvas, parts)
         _add_near(plane, light, nearby[..., channel], float(spread.kept[channel]), mirrored)
-        planes.append(plane)
-    return np.stack(planes, axis=-1)
+        return plane
+
+    first, second = plane_of(0, 1), plane_of(1, 1)
+    pairs[..., 0], pairs[..., 1] = first, second
+    del first, second
+    # Most is in memory now: the last point spread is made in two parts, each drawn anew.
+    last = plane_of(2, 2)
+    for row in range(0, height, ROWS):
+        rows = slice(row, row + ROWS)
+        # Read before it is written: a band may cover its own pairs.
+        result[rows, :, :2] = pairs[rows].copy()
+        result[rows, :, 2] = last[rows]
+    return result
 
 
-def _far(light: np.ndarray, spread: PointSpread, channel: int, canvas: Canvas) -> np.ndarray:
-    """(H, W) float32, what of the light (H, W) goes farther than `NEAR`."""
+def _far(light: np.ndarray, spread: PointSpread, channel: int, canvas: Canvas, parts: int) -> np.ndarray:
+    """(H, W) float32, what of the light (H, W) goes farther than `NEAR`, the transfer made ready in so many parts."""
     from scipy.fft import irfft
 
-    plane = np.zeros(light.shape, np.float32)
     unit = np.float32(light.max())
     transfer = spread.transfer(channel, canvas) if unit > 0 else None
     if transfer is None:
-        return plane
+        return np.zeros(light.shape, np.float32)
     # Far from 1, products of float32 leave its range: the glare of starlight is as good as the sun's.
     waves = row_waves(lambda begin, end: light[begin:end] / unit, len(light), canvas)
-    _multiply(waves, transfer, canvas)
-    del transfer  # as large as the waves
+    part = -(-waves.shape[1] // parts)
+    for left in range(0, waves.shape[1], part):
+        _multiply(waves, transfer, left, min(left + part, waves.shape[1]), canvas)
+    plane = np.empty(light.shape, np.float32)
 
     def crop(begin: int, end: int) -> None:
         scattered = np.asarray(irfft(waves[begin:end], canvas.columns, axis=1))[:, : canvas.width]
@@ -114,22 +131,24 @@ def _far(light: np.ndarray, spread: PointSpread, channel: int, canvas: Canvas) -
     return plane
 
 
-def _multiply(waves: np.ndarray, transfer: Transfer, canvas: Canvas) -> None:
-    """Convolve in place: the transforms of rows (H, padded columns // 2 + 1) are also transformed along columns."""
+def _multiply(waves: np.ndarray, transfer: Transfer, left: int, right: int, canvas: Canvas) -> None:
+    """Convolve columns left…right of `waves` in place: transforms of rows, (H, padded columns // 2 + 1), are also
+    transformed along columns."""
     from scipy.fft import fft, ifft
 
-    height = canvas.height
+    height, spread = canvas.height, transfer(left, right)
 
     def multiply(begin: int, end: int) -> None:
+        begin, end = left + begin, left + end
         block = np.zeros((canvas.rows, end - begin), np.complex64)
         block[:height] = waves[:, begin:end]
         if canvas.mirrored:
             block[height:] = block[height - 1 :: -1]
         block = np.asarray(fft(block, axis=0, overwrite_x=True))
-        block *= transfer(begin, end)
+        block *= spread(begin, end)
         waves[:, begin:end] = np.asarray(ifft(block, axis=0, overwrite_x=True))[:height]
 
-    in_threads(multiply, waves.shape[1], chunk=COLUMNS)
+    in_threads(multiply, right - left, chunk=COLUMNS)
 
 
 def _add_near(plane: np.ndarray, light: np.ndarray, nearby: np.ndarray, kept: float, mirrored: bool) -> None:
@@ -169,17 +188,20 @@ def _beyond(places: np.ndarray, size: int) -> np.ndarray:
     return np.minimum(turned, 2 * size - 1 - turned)
 
 
-def row_waves(rows: Callable[[int, int], np.ndarray], count: int, canvas: Canvas) -> np.ndarray:
-    """(count, padded columns // 2 + 1) complex64, transforms of rows (n, W) or (n, padded columns) float32."""
+def row_waves(
+    rows: Callable[[int, int], np.ndarray], count: int, canvas: Canvas, columns: slice = slice(None)
+) -> np.ndarray:
+    """(count, padded columns // 2 + 1) complex64, or `columns` of them: transforms of rows (n, W) or (n, padded
+    columns) float32."""
     from scipy.fft import rfft
 
-    waves = np.empty((count, canvas.columns // 2 + 1), np.complex64)
+    waves = np.empty((count, len(range(canvas.columns // 2 + 1)[columns])), np.complex64)
 
     def transform(begin: int, end: int) -> None:
         given = rows(begin, end)
         if canvas.mirrored and given.shape[1] == canvas.width:
             given = np.concatenate([given, given[:, ::-1]], axis=1)
-        waves[begin:end] = np.asarray(rfft(given, canvas.columns, axis=1))
+        waves[begin:end] = np.asarray(rfft(given, canvas.columns, axis=1))[:, columns]
 
     in_threads(transform, count, chunk=ROWS)
     return waves
@@ -192,9 +214,12 @@ def symmetric_transfer(rows: Callable[[int, int], np.ndarray], canvas: Canvas) -
     """
     from scipy.fft import hfft
 
-    waves = row_waves(rows, canvas.height, canvas)
-    # k(−x, −y) = k(x, y): the row above is the conjugate of the row below.
-    return lambda begin, end: np.asarray(hfft(waves[:, begin:end], canvas.rows, axis=0))
+    def ready(left: int, right: int) -> Block:
+        waves = row_waves(rows, canvas.height, canvas, slice(left, right))
+        # k(−x, −y) = k(x, y): the row above is the conjugate of the row below.
+        return lambda begin, end: np.asarray(hfft(waves[:, begin - left : end - left], canvas.rows, axis=0))
+
+    return ready
 
 
 def general_transfer(kernel: np.ndarray, canvas: Canvas) -> Transfer:
@@ -206,12 +231,16 @@ def general_transfer(kernel: np.ndarray, canvas: Canvas) -> Transfer:
     inner = kernel[y - down : y + down + 1, x - right : x + right + 1]
     ordered = np.zeros((2 * down + 1, canvas.columns), np.float32)
     ordered[:, np.arange(-right, right + 1) % canvas.columns] = inner
-    waves = row_waves(lambda begin, end: ordered[begin:end], len(ordered), canvas)
     places = np.arange(-down, down + 1) % canvas.rows
 
-    def transfer(begin: int, end: int) -> np.ndarray:
-        block = np.zeros((canvas.rows, end - begin), np.complex64)
-        block[places] = waves[:, begin:end]
-        return np.asarray(fft(block, axis=0, overwrite_x=True))
+    def ready(left: int, right: int) -> Block:
+        waves = row_waves(lambda begin, end: ordered[begin:end], len(ordered), canvas, slice(left, right))
 
-    return transfer
+        def transform(begin: int, end: int) -> np.ndarray:
+            block = np.zeros((canvas.rows, end - begin), np.complex64)
+            block[places] = waves[:, begin - left : end - left]
+            return np.asarray(fft(block, axis=0, overwrite_x=True))
+
+        return transform
+
+    return ready

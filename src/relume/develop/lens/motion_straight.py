@@ -8,6 +8,7 @@ import numpy as np
 
 from relume.develop.lens.motion_shutter import Shutter
 from relume.develop.view import View
+from relume.image.blur_weights import line_weights
 
 _BAND = 32
 _RUNNING = 4
@@ -43,7 +44,7 @@ class StraightMotion:
         from relume._kernel import in_threads
         from relume.develop.lens.motion_kernels import gathered, level_sums, upright_sums
 
-        rows, columns, weights = line_weights(self.dx, self.dy, self.shutter)
+        rows, columns, weights = self._weights()
         height, width = radiance.shape[:2]
         radiance = np.ascontiguousarray(radiance, np.float32)
         result = np.empty_like(radiance)
@@ -71,7 +72,7 @@ class StraightMotion:
         """The share (H, W) float32 of a pixel's light that a picture of that shape (rows, columns) tells."""
         height, width = shape
         steps = np.zeros((height + 1, width + 1))
-        for row, column, weight in zip(*line_weights(self.dx, self.dy, self.shutter), strict=True):
+        for row, column, weight in zip(*self._weights(), strict=True):
             # A tap is inside for a rectangle of pixels: its weight begins at one corner and ends at the other.
             top, bottom = np.clip([-row, height - row], 0, height)
             left, right = np.clip([-column, width - column], 0, width)
@@ -82,35 +83,8 @@ class StraightMotion:
         share = steps.cumsum(0).cumsum(1)[:-1, :-1]
         return np.clip(share, 0, 1).astype(np.float32)
 
-
-def line_weights(dx: float, dy: float, shutter: Shutter) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows and columns (N,) int64 relative to a pixel, and the weights (N,) float64, sum 1, that it gathers from there.
-
-    They are exact: between crossings of the pixel lattice and bends of the shutter's curve the bilinear weight times
-    the light is a cubic of the time, which two Gauss–Legendre nodes integrate (Abramowitz & Stegun 1964, 25.4.29).
-    """
-    bounds = [np.array(shutter.bends)]
-    for extent in (abs(dx), abs(dy)):
-        if extent > 0:
-            lattice = np.arange(-np.floor(extent / 2), np.floor(extent / 2) + 1)
-            bounds.append(np.clip(lattice / extent, -0.5, 0.5))
-    times = np.unique(np.concatenate(bounds))
-    middle, radius = (times[1:] + times[:-1]) / 2, np.diff(times) / 2
-    moments = (middle[:, None] + radius[:, None] * np.array([-1, 1]) / np.sqrt(3)).ravel()
-    light = np.repeat(radius, 2) * shutter.light(moments)
-    x, y = moments * dx, moments * dy
-    left, above = np.floor(x), np.floor(y)
-    rows, columns, weights = [], [], []
-    for down in (0, 1):
-        for right in (0, 1):
-            rows.append(above + down)
-            columns.append(left + right)
-            weights.append(light * np.abs(1 - right - (x - left)) * np.abs(1 - down - (y - above)))
-    places, index = np.unique(np.stack([np.concatenate(rows), np.concatenate(columns)]), axis=1, return_inverse=True)
-    summed = np.bincount(index.ravel(), np.concatenate(weights), places.shape[1])
-    kept = summed > 1e-12
-    taps = places[:, kept].astype(np.int64)
-    return taps[0], taps[1], summed[kept] / summed[kept].sum()
+    def _weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return line_weights(self.dx, self.dy, self.shutter.light, self.shutter.bends)
 
 
 def _ends(offsets: np.ndarray, weights: np.ndarray, half: int) -> tuple[float, float]:

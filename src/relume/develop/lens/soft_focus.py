@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.develop.view import View
+from relume.image.blur_weights import gaussian_taps, mirrored_transfer
 
-REACH = 8.0
-"""Deviations to which the glow is followed: a lamp a million times brighter than its surroundings ends unseen."""
 BAND = 64
 """Rows or columns that are transformed at once."""
 
@@ -41,7 +40,8 @@ class SoftFocus:
         sigma = self.radius * width
         if sigma == 0 or self.share == 0:
             return radiance.copy()
-        down, across = (self.share * _transfer(height, sigma), _transfer(width, sigma))
+        taps = gaussian_taps(sigma)
+        down, across = self.share * mirrored_transfer(taps, height), mirrored_transfer(taps, width)
         out, waves = np.empty_like(radiance), np.empty((height, width))
         for channel in range(radiance.shape[2]):
             # One channel at a time, in place: in double precision, or a sun's rounding would be seen in the shadows.
@@ -65,21 +65,3 @@ def _transform(plane: np.ndarray, down: np.ndarray, across: np.ndarray) -> None:
     for top in range(0, plane.shape[0], BAND):
         band = plane[top : top + BAND]
         band[:] = idct(dct(band, axis=1, workers=-1) * across, axis=1, workers=-1)
-
-
-def _transfer(size: int, sigma: float) -> np.ndarray:
-    """By what a Gaussian of pixels scales each cosine wave of a mirrored line of `size` pixels; 1 for the mean.
-
-    The weights are the Gaussian's share of each pixel's width: none is negative, and they sum to 1.
-    """
-    from scipy.fft import rfft
-    from scipy.special import erf
-
-    edges = (np.arange(int(np.ceil(REACH * sigma)) + 2) - 0.5) / (sigma * np.sqrt(2))
-    weights = np.diff(erf(edges)) / 2
-    weights /= weights[0] + 2 * weights[1:].sum()
-    # Far weights fall on the same pixels again, mirrored and mirrored back.
-    places, folded = np.arange(weights.size), np.zeros(2 * size)
-    np.add.at(folded, places % (2 * size), weights)
-    np.add.at(folded, -places[1:] % (2 * size), weights[1:])
-    return np.real(np.asarray(rfft(folded)))[:size]

@@ -31,7 +31,9 @@ _DARKEST = 1e-9
 class Ferwerda:
     """What is just visible in the scene is just visible on the screen: a factor for cones and one for rods.
 
-    screen : what the picture is shown on; the eye in front of it is adapted to half its white, and sees by its cones
+    screen : what the picture is shown on; the eye in front of it is adapted to half its white, and sees by its cones.
+        One in a dark room unless given: the light of a lit room, 1 cd/m², would lie over two thirds of a church whose
+        windows saturate
     percentile : of the channels' values above 0, %; half of it is the luminance that the eye in the scene is adapted
         to. The paper takes half the highest visible luminance, of a grey scene 100; the default lets lamps and the sun
         saturate, beside which the rest would be black
@@ -44,7 +46,7 @@ class Ferwerda:
     Adaptation: (2,), natural logarithms of what cones and rods are adapted to, cd/m², photopic and scotopic.
     """
 
-    screen: Screen = Screen()
+    screen: Screen = Screen(100.0, 0.01)
     percentile: float = 99.0
     acuity: bool = True
     colour: bool = True
@@ -79,7 +81,11 @@ class Ferwerda:
             pixels = np.ascontiguousarray(radiance, dtype=np.float32).reshape(-1, 3)
             result = np.empty_like(pixels)
         matrix = REC709.to_xyz().astype(np.float32)
-        in_threads(lambda begin, end: see(pixels, matrix, cones, rods, black, self.colour, begin, end, result), len(pixels))
+
+        def work(begin: int, end: int) -> None:
+            see(pixels, matrix, cones, rods, black, self.colour, begin, end, result)
+
+        in_threads(work, len(pixels))
         return result.reshape(radiance.shape)
 
 

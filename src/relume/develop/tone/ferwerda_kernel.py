@@ -9,8 +9,7 @@ from relume._kernel import kernel
 
 @kernel
 def see(pixels, to_xyz, cones, rods, black, colour, begin, end, result):
-    """Pixels begin to end as cones and rods see them: cones · (R, G, B) + rods · scotopic luminance − black in each channel, 0
-    or more.
+    """Pixels begin to end as cones and rods see them: cones · (R, G, B) + rods · scotopic luminance − black, or 0.
 
     pixels, result : (N, 3) float32, which may be one array
     to_xyz : (3, 3) float32

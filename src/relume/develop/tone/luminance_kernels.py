@@ -61,11 +61,14 @@ def fill_luminances(pixels, weights, begin, end, result):
 
 @exact_kernel
 def count_high_bits(bits, begin, end):
-    """(32768,) how many of `bits` (N,) int32 begin with each 15 bits after the sign."""
+    """(32768,) how many of `bits` (N,) int32 begin with each 15 bits after the sign; and how many have no other."""
     counts = np.zeros(1 << (31 - LOW_BITS), np.int64)
+    zeros = 0
     for i in range(begin, end):
-        counts[(bits[i] & _SIZE) >> LOW_BITS] += 1
-    return counts
+        size = bits[i] & _SIZE
+        counts[size >> LOW_BITS] += 1
+        zeros += size == 0
+    return counts, zeros
 
 
 @exact_kernel

@@ -14,8 +14,8 @@ from relume._kernel import in_threads
 from relume.develop.tone import luminance_kernels as kernels
 from relume.develop.tone.luminance_curve import WEIGHTS
 
-_CHUNK = 1 << 20
-"""Pixels a thread counts at a time: its table of counts is then small beside them."""
+_TABLES = 16
+"""Of counts for a picture: as many as keep the cores busy, none of them large beside the pixels it counts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +57,8 @@ def percentiles(light: np.ndarray, *percents: float) -> list[float]:
     Exact order statistics: bits of floats that are not negative sort as the floats do, so two counts find one.
     """
     bits = np.ascontiguousarray(light, dtype=np.float32).reshape(-1).view(np.int32)
-    high = np.sum(in_threads(lambda a, b: kernels.count_high_bits(bits, a, b), len(bits), chunk=_CHUNK), axis=0)
-    zeros = int(_low_counts(bits, 0)[0])
+    parts = in_threads(lambda a, b: kernels.count_high_bits(bits, a, b), len(bits), chunk=_chunk(bits))
+    high, zeros = np.sum([part[0] for part in parts], axis=0), sum(part[1] for part in parts)
     lit = len(bits) - zeros
     if not lit:
         return [0.0] * len(percents)
@@ -81,7 +81,13 @@ def luminances(radiance: np.ndarray) -> np.ndarray:
 
 
 def _low_counts(bits: np.ndarray, high: int) -> np.ndarray:
-    return np.sum(in_threads(lambda a, b: kernels.count_low_bits(bits, high, a, b), len(bits), chunk=_CHUNK), axis=0)
+    return np.sum(
+        in_threads(lambda a, b: kernels.count_low_bits(bits, high, a, b), len(bits), chunk=_chunk(bits)), axis=0
+    )
+
+
+def _chunk(bits: np.ndarray) -> int:
+    return max(1 << 20, -(-len(bits) // _TABLES))
 
 
 def _pixels(radiance: np.ndarray) -> np.ndarray:

@@ -58,11 +58,11 @@ class Metered:
         """The exposure that a meter asks for in front of radiance (H, W, 3)."""
         from relume.develop.tone.luminance_statistics import light_sum, log_average, percentiles
 
-        if light_sum(radiance).highest == 0:
+        # The percentile is of what is above 0: it is 0 where nothing is.
+        bright = light_sum(radiance).highest if self.percentile is None else percentiles(radiance, self.percentile)[0]
+        if bright == 0:
             return Adaptation(np.zeros(1))
-        gains = []
-        if self.percentile is not None:
-            gains.append(1 / max(percentiles(radiance, self.percentile)[0], _DARKEST))
+        gains = [] if self.percentile is None else [1 / max(bright, _DARKEST)]
         if self.grey is not None:
             gains.append(self.grey / max(log_average(radiance), _DARKEST))
         return Adaptation(np.log([max(gains)]))
@@ -145,15 +145,3 @@ def saturation_luminance(exposure: Exposure) -> float:
             raise ValueError(f"the exposure tells no {name}; absolute exposure needs seconds, f-number and ISO")
     assert exposure.f_number is not None and exposure.iso is not None
     return SATURATING * exposure.f_number**2 / (SPEED_FACTOR * exposure.iso * exposure.seconds)
-
-
-def sensor_illuminance(
-    luminance: np.ndarray | float, f_number: float, *, transmittance: float = 1.0, angle: np.ndarray | float = 0.0
-) -> np.ndarray | float:
-    """Illuminance, lx, that a lens focused far away gives its sensor: (π/4) τ L / N² · cos⁴ θ.
-
-    luminance : of what is photographed, cd/m²
-    transmittance : τ, share of the light that the glass lets through; 1 for a perfect lens
-    angle : θ from the axis, radians
-    """
-    return np.pi / 4 * transmittance * luminance / f_number**2 * np.cos(angle) ** 4
