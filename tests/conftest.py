@@ -1,8 +1,14 @@
 """The sample files beside the repository, for every test that wants real photographs."""
 
+import os
 from pathlib import Path
 
 import pytest
+
+# The processes of the suite share the cores already. OpenBLAS's threads wait for each other in a loop: where another
+# process has a core, a matrix of 256 rows takes a hundred times as long by two threads as by one. Read at NumPy's
+# import, by the tests' own child processes too.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 LONGEST = "test_room_truth.py"
 SHARED = Path(__file__).resolve().parents[2] / "shared"

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from command_line import refused
+from moving_scenes import known_response
+from relume.capture.profile import CameraProfile, write_profile
 from relume.cli import main
 from relume.cli.develop_planes import read_depth, read_motion
 from relume.errors import UnreadableFile
@@ -53,19 +55,19 @@ def test_a_picture_with_everything_beside_it(tmp_path, capsys):
 
 def test_absolute_exposure_by_shutter_aperture_and_iso(tmp_path, capsys):
     room = window(tmp_path / "room.exr", unit="cd/m²")
-    # ISO 12232: 78 · 4² / (0.65 · 100 · 0.5) = 38.4 cd/m² saturate.
+    # ISO 12232, standard output: 10 · 4² / (0.65 · 100 · 0.5) = 4.923 cd/m² make 118, of which 0.2 are 0.00736.
     words = ["--shutter", "1/2", "--aperture", "4", "--iso", "100", "--json"]
     assert main(["develop", str(room), "-o", str(tmp_path / "a.png"), *words]) == 0
     assert told(capsys)["white"] == pytest.approx(64 / (32 * 48))
     pixels = files.read_photograph(tmp_path / "a.png").pixels
-    assert pixels[0, 0, 0] == round(255 * (1.055 * (0.2 / 38.4) ** (1 / 2.4) - 0.055)) == 16
+    assert pixels[0, 0, 0] == round(255 * (1.055 * 0.00736 ** (1 / 2.4) - 0.055)) == 21
     assert main(["develop", str(room), "-o", str(tmp_path / "b.png"), *words, "--exposure", "-1"]) == 0
     assert told(capsys)["white"] == 0
 
 
 def test_the_way_back(tmp_path, capsys):
     room = window(tmp_path / "room.exr", brightness=0.9)
-    look = ["--tone", "exposure", "--set", "tone.kind='fixed'", "--vignetting", "--field-of-view", "60"]
+    look = ["--set", "tone.kind='fixed'", "--vignetting", "--field-of-view", "60"]
     assert main(["develop", str(room), "-o", str(tmp_path / "a.png"), *look]) == 0
     back = ["develop", str(tmp_path / "a.png"), "-o", str(tmp_path / "back.exr"), "--undo", "--vignetting"]
     assert main([*back, "--field-of-view", "60", "--json"]) == 0
@@ -91,6 +93,9 @@ def test_a_sequence_is_steadied_and_keeps_its_names(tmp_path, capsys):
 def test_presets_can_be_told_and_used(tmp_path, capsys):
     assert main(["develop", "--list-presets", "--json"]) == 0
     assert "night" in told(capsys)
+    assert main(["develop", "--show-preset", "night"]) == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith("title = ") and '[glare]\nkind = "eye"' in shown
     room = window(tmp_path / "room.exr")
     assert main(["develop", str(room), "-o", str(tmp_path / "a.png"), "--preset", "slide", "--dry-run", "--json"]) == 0
     assert told(capsys)["tone"] == "Darkroom" and not (tmp_path / "a.png").exists()
@@ -109,6 +114,16 @@ def test_presets_can_be_told_and_used(tmp_path, capsys):
         (["--display", "pq"], r"a picture for PQ is written to .avif"),
         (["--sheet", "sheet.txt"], "must end in .png"),
         (["--stops", "x", "--sheet", "sheet.png"], "--stops"),
+        (["--display", "pq", "--dry-run"], r"a picture for PQ is written to .avif"),
+        (["--match", "a.png", "--tone", "reinhard"], "--match is a whole camera"),
+        (["--shutter", "abc", "--aperture", "4"], '--shutter: "abc" is no exposure time'),
+        (["--tone", "histogram", "--set", "tone.kind='reinhard'"], "make the picture; leave one out"),
+        (["--fps", "0"], "--fps is 0"),
+        (["--lens", "50"], "--lens is the focal length of --focus"),
+        (["--aperture", "2"], "--aperture belongs to --focus or --shutter"),
+        (["--shutter", "1/60", "--aperture", "4", "--film", "slide"], "--shutter exposes a camera"),
+        (["--undo", "--exposure", "1"], "--undo has no tone"),
+        (["--preset", "old-lens", "--glare", "lamp.exr"], f"{Path.cwd()}/lamp.exr: no such file"),
         (["--seconds", "1"], "--seconds is the exposure on --response"),
         (["--field-of-view", "200"], "field_of_view is 200°"),
         (["--soft", "2"], "soft_focus.share"),
@@ -162,3 +177,131 @@ def test_planes_beside_a_picture(tmp_path, capsys):
     assert read_motion(tmp_path / "motion.exr").shape == (32, 48, 2)
     with pytest.raises(UnreadableFile, match="no layer named motion but with, depth"):
         read_motion(tmp_path / "layers.exr")
+
+
+def test_every_command_line_of_the_document_can_be_given(tmp_path, capsys):
+    """The options of docs/develop.md, each on a small picture: a lens, a film, an eye, a plate's camera, displays."""
+    room = window(tmp_path / "room.exr", unit="cd/m²")
+    depth = np.full((32, 48), 2.0, np.float32)
+    depth[8:16, 20:28] = 0.5
+    files.write_layers(tmp_path / "layers.exr", {"with": np.ones((32, 48, 3), np.float32), "depth": depth})
+    out = tmp_path / "out.png"
+    sharp = developed(room, out, "--tone", "reinhard")
+    for words in (
+        ["--turn", "2,0,6"],
+        ["--move", "9,0"],
+        ["--glare", "camera"],
+        ["--glare", str(lamp(tmp_path / "lamp.exr"))],
+        ["--soft", "0.3"],
+        ["--focus", "2", "--aperture", "1", "--lens", "200", "--depth", str(tmp_path / "layers.exr")],
+    ):
+        drawn = developed(room, out, "--tone", "reinhard", *words)
+        assert np.abs(drawn - sharp).max() > 4, words
+    grey = developed(room, out, "--film", "black-and-white", "--exposure", "1")
+    assert np.array_equal(grey[..., 0], grey[..., 2]) and np.ptp(grey) > 40
+    assert developed(room, out, "--preset", "night").shape == sharp.shape
+    assert main(["develop", str(room), "-o", str(tmp_path / "hdr.jpg"), "--display", "gain-map", "-q"]) == 0
+    light = files.read_radiance(tmp_path / "hdr.jpg").radiance
+    assert light[12, 24, 1] > 4 * light[0, 0, 1] > 0
+    capsys.readouterr()
+
+
+def test_a_turn_is_to_the_right_and_the_picture_moves_to_the_left(tmp_path):
+    radiance = np.full((33, 65, 3), 1e-3, np.float32)
+    radiance[16, 32] = 1.0
+    files.write(tmp_path / "dot.exr", RadianceMap(radiance))
+    fixed = ["--set", "tone.kind='fixed'", "--set", "motion.opening=0.0"]
+    rolled = developed(tmp_path / "dot.exr", tmp_path / "a.png", "--turn", "8", *fixed)
+    assert np.count_nonzero(rolled[16, :, 0] > 30) > 4
+    from relume.shot.preset import preset_of
+
+    turn = preset_of({"motion": {"kind": "turn", "degrees": [8.0, 0.0, 0.0]}}).camera.motion
+    # What the middle of the sensor sees at the end of a turn to the right lies to the right in the picture.
+    path = turn.path((33, 65), 70.0)  # pyright: ignore[reportOptionalMemberAccess, reportAttributeAccessIssue]
+    start, end = (np.asarray(path.matrices)[i] @ [32.5, 16.5, 1] for i in (0, -1))
+    assert end[0] / end[2] > 35 > 30 > start[0] / start[2]
+
+
+def test_a_plates_camera_makes_its_greys(tmp_path, capsys):
+    scene = np.full((64, 96, 3), 0.2, np.float32) * np.linspace(0.5, 2, 96, dtype=np.float32)[None, :, None]
+    files.write(tmp_path / "scene.exr", RadianceMap(scene))
+    plate = developed(tmp_path / "scene.exr", tmp_path / "plate.png", "--set", "tone.kind='fixed'")
+    assert (
+        main(
+            [
+                "develop",
+                str(tmp_path / "scene.exr"),
+                "-o",
+                str(tmp_path / "a.png"),
+                "--match",
+                str(tmp_path / "plate.png"),
+                "--json",
+            ]
+        )
+        == 0
+    )
+    assert any(line.startswith("exposure: metered") for line in told(capsys)["matched"])
+    # Metered: the log mean becomes 118, whatever the plate showed.
+    again = files.read_photograph(tmp_path / "a.png").pixels.astype(float)
+    assert np.median(again) == pytest.approx(118, abs=6) and np.median(plate) != pytest.approx(118, abs=2)
+
+
+def test_a_profiles_balance_and_scale_go_both_ways(tmp_path, capsys):
+    response = known_response()
+    profile = CameraProfile("Maker One", response, balance=(2.0, 1.0, 0.5), scale=100.0, scale_exposure=(True, True))
+    write_profile(tmp_path / "camera.json", profile)
+    files.write(tmp_path / "grey.png", Photograph(np.full((8, 8, 3), 128, np.uint8), "grey"))
+    undone = ["develop", str(tmp_path / "grey.png"), "-o", str(tmp_path / "grey.exr"), "--undo"]
+    assert main([*undone, "--response", str(tmp_path / "camera.json"), "--seconds", "0.01", "--json"]) == 0
+    facts = told(capsys)
+    assert facts["unit"] == "relative", "the photograph tells no f-number: the scale does not hold"
+    red, green, blue = files.read_radiance(tmp_path / "grey.exr").radiance[4, 4]
+    curves = np.exp(response.log_exposure[:, 128])
+    assert (red / green, blue / green) == pytest.approx(
+        (2 * curves[0] / curves[1], 0.5 * curves[2] / curves[1]), rel=0.01
+    )
+    words = ["--response", str(tmp_path / "camera.json"), "--seconds", "0.01"]
+    assert np.abs(developed(tmp_path / "grey.exr", tmp_path / "back.png", *words).astype(int) - 128).max() <= 1
+
+
+def test_nothing_that_was_given_or_made_is_written_over(tmp_path, capsys):
+    for index in range(2):
+        assert main(["develop", str(window(tmp_path / f"f{index}.exr")), "-o", str(tmp_path / f"f{index}.jpg"),
+                     "--display", "gain-map", "-q"]) == 0  # fmt: skip
+    maps = [str(tmp_path / f"f{index}.jpg") for index in range(2)]
+    before = [Path(each).read_bytes() for each in maps]
+    words = ["develop", *maps, "-o", str(tmp_path)]
+    assert "the input itself" in refused([*words, "--display", "gain-map"], capsys)
+    assert "the input itself" in refused(
+        ["develop", maps[0], "-o", str(tmp_path / "a.png"), "--sheet", maps[0]], capsys
+    )
+    assert [Path(each).read_bytes() for each in maps] == before
+    out = str(tmp_path / "a.png")
+    assert "another output has that name" in refused(["develop", maps[0], "-o", out, "--sheet", out], capsys)
+    (tmp_path / "b").mkdir()
+    window(tmp_path / "b" / "f0.exr")
+    same = ["develop", str(tmp_path / "f0.exr"), str(tmp_path / "b" / "f0.exr"), "-o", str(tmp_path / "seq")]
+    assert "another frame is called f0.png too" in refused(same, capsys)
+    assert not (tmp_path / "seq").exists()
+
+
+def test_a_movie_tells_its_worst_frame(tmp_path, capsys):
+    frames = [str(window(tmp_path / f"f{index}.exr", brightness=level)) for index, level in enumerate((0.1, 40.0))]
+    words = ["--set", "tone.kind='fixed'", "--json"]
+    assert main(["develop", *frames, "-o", str(tmp_path / "m.mp4"), *words]) == 0
+    assert told(capsys)["white in the worst frame"] == pytest.approx(64 / (32 * 48))
+    assert (tmp_path / "m.mp4").stat().st_size > 0
+
+
+def lamp(path: Path) -> Path:
+    """The picture of a small lamp in the dark, with a glow about it."""
+    y, x = np.ogrid[-10:11, -10:11]
+    light = np.exp(-np.hypot(y, x) / 3)[..., None] * np.ones(3)
+    files.write(path, RadianceMap(light.astype(np.float32)))
+    return path
+
+
+def developed(picture: Path, out: Path, *words: str) -> np.ndarray:
+    """Pixels (H, W, 3) that a command line makes, as int."""
+    assert main(["develop", str(picture), "-o", str(out), "-q", *words]) == 0
+    return files.read_photograph(out).pixels.astype(int)

@@ -9,7 +9,7 @@ from relume.develop.grain import Grain
 from relume.develop.steps import Adaptation
 from relume.develop.view import View
 from relume.errors import NotABracket
-from relume.image.colour import encode_srgb
+from relume.image.colour import decode_srgb, encode_srgb
 from relume.image.photograph import Exposure
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
@@ -71,6 +71,18 @@ def test_grain_is_drawn_with_the_views_seed_in_the_films_pixel_values():
     np.testing.assert_array_equal(shown_values(film, light), values)
     other = film.displayed(light, View(100.0, seed=4), NOTHING)
     assert not np.array_equal(other, film.displayed(light, VIEW, NOTHING))
+
+
+def test_grain_is_as_strong_as_its_pixel_value_says_in_each_channel():
+    values = np.tile(np.array([0.0, 100.0, 255.0]), (3, 1))
+    grain = Grain(values, np.array([[1.0, 2, 6], [1, 4, 6], [2, 1, 1]]), white_grain().correlation)
+    # Pixel values 50 and 150: halfway to 100, and 50 of 155 beyond.
+    wanted = np.array([[1.5, 2.5, 1.5], [2 + 4 * 50 / 155, 4 + 2 * 50 / 155, 1]])
+    for value, deviation in zip((50, 150), wanted, strict=True):
+        light = np.full((300, 300, 3), decode_srgb(np.array(value / 255)), np.float32)
+        noise = shown_values(Film(1.0, None, grain), light) - value
+        # 90,000 values: 1 % at four deviations.
+        np.testing.assert_allclose(noise.std((0, 1)), deviation, rtol=0.01)
 
 
 def test_grain_leaves_white_and_black_as_they_are():

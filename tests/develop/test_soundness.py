@@ -54,3 +54,15 @@ def test_negative_values_are_told_and_taken_as_nothing():
 def test_black_everywhere_is_refused():
     with pytest.raises(ValueError, match="black everywhere"):
         sound(RadianceMap(flat(0)))
+
+
+@pytest.mark.parametrize("value, message", [(np.nan, "at x 2, y 299"), (np.inf, "at x 2, y 299"), (-1.0, "negative")])
+def test_the_last_rows_of_a_large_picture_are_looked_at_too(value, message):
+    radiance = np.ones((300, 400, 3), np.float32)
+    radiance[299, 2, 1] = value
+    if value < 0:
+        with pytest.warns(UserWarning, match=message):
+            sound(RadianceMap(radiance))
+        return
+    with pytest.raises(ValueError, match=message):
+        sound(RadianceMap(radiance))

@@ -5,14 +5,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from relume.develop.display.displays import HLG, DisplayP3
+from relume.develop.darkroom.darkroom import Darkroom
+from relume.develop.darkroom.stocks import black_and_white_negative, paper
+from relume.develop.display.displays import HLG, PQ, DisplayP3, HdrGainMap
+from relume.develop.display.writing import profile_of
+from relume.develop.glare.camera import CameraGlare
+from relume.develop.glare.eye import EyeGlare
 from relume.develop.lens.motion_straight import StraightMotion
 from relume.develop.lens.vignetting import CosineFourth
 from relume.develop.steps import Adaptation
-from relume.develop.tone.metered import Fixed, Metered
+from relume.develop.tone.ferwerda import Ferwerda
+from relume.develop.tone.histogram import HistogramAdjustment
+from relume.develop.tone.metered import CameraExposure, Fixed, Metered
+from relume.develop.tone.pattanaik import Pattanaik
 from relume.develop.tone.reinhard import Reinhard
+from relume.develop.tone.reinhard_local import ReinhardLocal
+from relume.develop.tone.tumblin_rushmeier import TumblinRushmeier
 from relume.develop.view import View, log_mean, view_of
 from relume.develop.virtual_camera import IN_ORDER, VirtualCamera, developed, developed_frames, photograph
+from relume.image.photograph import Exposure
 from relume.image.radiance import RadianceMap
 
 
@@ -123,6 +134,11 @@ def test_files_are_for_their_display(tmp_path):
     assert max(clipping.above) == pytest.approx(1 / (24 * 48))
     with pytest.raises(ValueError, match=r"written to \.avif"):
         developed(lamp(), VirtualCamera(display=HLG())).written(tmp_path / "a.png")
+    # In memory P3 carries its profile, or its codes would be taken for sRGB; what only a file can hold is refused.
+    assert made.photograph().profile == profile_of(DisplayP3())
+    for display in (HLG(), PQ(), HdrGainMap()):
+        with pytest.raises(ValueError, match=f"a picture for {type(display).__name__} is a file's"):
+            photograph(lamp(), VirtualCamera(display=display))
 
 
 def test_the_view_is_checked():
@@ -152,3 +168,73 @@ def test_the_corners_darken_by_the_fourth_power():
     made = developed(even, VirtualCamera(tone=Fixed(), vignetting=CosineFourth()), view).displayed
     across, down = 23.5 / 24, 11.5 / 24
     assert made[0, 0, 0] == pytest.approx((1 + across**2 + down**2) ** -2, rel=1e-5)
+
+
+SHUTTER = Exposure(0.01, 8.0, 400.0)
+
+
+@pytest.mark.parametrize(
+    ("camera", "absolute"),
+    [
+        (VirtualCamera(tone=Ferwerda()), True),
+        (VirtualCamera(tone=TumblinRushmeier()), True),
+        (VirtualCamera(tone=Pattanaik()), True),
+        (VirtualCamera(tone=HistogramAdjustment.human()), True),
+        (VirtualCamera(tone=CameraExposure(SHUTTER)), True),
+        (VirtualCamera(tone=Darkroom(black_and_white_negative(), paper(), exposure=SHUTTER)), True),
+        (VirtualCamera(glare=EyeGlare()), True),
+        (VirtualCamera(glare=EyeGlare(adaptation=10.0)), False),
+        (VirtualCamera(glare=CameraGlare()), False),
+        (VirtualCamera(tone=HistogramAdjustment()), False),
+        (VirtualCamera(tone=Darkroom(black_and_white_negative(), paper())), False),
+        (VirtualCamera(tone=Reinhard()), False),
+        (VirtualCamera(tone=ReinhardLocal()), False),
+        (VirtualCamera(), False),
+    ],
+)
+def test_what_models_an_eye_or_a_real_exposure_says_so_of_a_relative_map(camera, absolute):
+    assert camera.is_absolute == absolute
+    if absolute:
+        with pytest.warns(UserWarning, match="log mean is taken to be 100 cd/m²"):
+            camera.view(lamp())
+    else:
+        camera.view(lamp())
+
+
+def test_grain_is_another_in_every_frame_and_the_eyes_needles_stay():
+    grey = RadianceMap(np.full((48, 48, 3), 0.18, np.float32))
+    film = VirtualCamera(tone=Darkroom(black_and_white_negative(), paper()))
+    first, second = (each.displayed for each in developed_frames([grey, grey], film))
+    assert not np.array_equal(first, second)
+    assert np.array_equal(first, developed(grey, film).displayed)
+    eye = VirtualCamera(tone=Fixed(), glare=EyeGlare(adaptation=10.0))
+    first, second = (each.displayed for each in developed_frames([lamp(), lamp()], eye))
+    assert np.array_equal(first, second)
+
+
+def test_an_eyes_own_adaptation_settles_over_a_sequence():
+    @dataclass(frozen=True)
+    class Eye:
+        seen: list
+
+        def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+            self.seen.append(view.settled)
+            return radiance
+
+    glare = Eye([])
+    frames = [RadianceMap(np.full((4, 4, 3), level, np.float32), unit="cd/m²") for level in (1.0, 100.0)]
+    list(developed_frames(frames, VirtualCamera(tone=Fixed(), glare=glare), settling=1.0))
+    assert glare.seen == pytest.approx([1.0, 100 ** (1 - np.exp(-1 / 24))], rel=1e-5)
+
+
+def test_a_fade_to_black_keeps_its_adaptation():
+    black = RadianceMap(np.zeros((4, 4, 3), np.float32))
+    grey = RadianceMap(np.full((4, 4, 3), 0.5, np.float32))
+    made = list(developed_frames([black, grey, black, grey], VirtualCamera()))
+    assert [float(each.displayed.max()) for each in made] == pytest.approx([0, 1, 0, 1], rel=1e-2)
+
+
+def test_every_frame_has_its_view():
+    view = VirtualCamera().view(lamp())
+    with pytest.raises(ValueError, match="frame 2 has no view"):
+        list(developed_frames([lamp(), lamp()], VirtualCamera(), [view]))

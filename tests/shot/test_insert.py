@@ -158,7 +158,10 @@ def test_a_single_photograph_is_a_plate_when_the_balls_tell_its_camera(copied_ro
     path, out = copied_room
     shot = read_shot(path)
     single = shot.plate.model_copy(update={"photographs": ["plate/IMG_0003.jpg"], "denoise": False})
-    result = insert(shot.model_copy(update={"plate": single}), out, renderer=FAKE)
+    # The photographs of one ball tell it, and a second would have to be found too.
+    assert shot.light.balls is not None
+    light = shot.light.model_copy(update={"balls": shot.light.balls[:1], "size": 64})
+    result = insert(shot.model_copy(update={"plate": single, "light": light}), out, renderer=FAKE)
     reference = read_radiance(out / "composite.exr").radiance[result.change.matte == 0]
     assert np.isfinite(reference).all()
 

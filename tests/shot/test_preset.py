@@ -69,7 +69,7 @@ def test_every_key_reaches_its_value(tmp_path):
     assert (preset.view.field_of_view, preset.view.luminance, preset.view.seed) == (40, 12, 7)
     assert camera.stops == -1.5 and camera.tone == Reinhard(key=0.36) and camera.display == PQ(peak=600)
     assert isinstance(camera.motion, TurningCamera)
-    assert np.degrees([camera.motion.yaw, camera.motion.pitch, camera.motion.roll]) == pytest.approx([2, -1, 0.5])
+    assert np.degrees([camera.motion.yaw, camera.motion.pitch, camera.motion.roll]) == pytest.approx([-2, -1, -0.5])
     assert isinstance(camera.defocus, Defocus) and camera.defocus.aperture == aperture_of(2, 50) == 0.025
     assert camera.defocus.blades.count == 6 and np.degrees(camera.defocus.blades.rotation) == pytest.approx(30)
     assert camera.soft_focus == SoftFocus(0.2)

@@ -21,8 +21,8 @@ Threads = Annotated[int | None, Parameter(help="Threads to render with; all core
 DryRun = Annotated[bool, Parameter(negative="", help="Say what would be done, and do nothing.")]
 
 
-def read_times(text: str | None) -> list[float] | None:
-    """Seconds from text like "1/30,1/60,0.5"; raises ValueError naming the word."""
+def read_times(text: str | None, option: str = "--times") -> list[float] | None:
+    """Seconds from text like "1/30,1/60,0.5"; raises ValueError naming the option and the word."""
     if text is None:
         return None
     times = []
@@ -30,9 +30,9 @@ def read_times(text: str | None) -> list[float] | None:
         try:
             times.append(float(Fraction(word)))
         except (ValueError, ZeroDivisionError):
-            raise ValueError(f'--times: "{word}" is no exposure time; write seconds, like 1/30 or 0.5') from None
+            raise ValueError(f'{option}: "{word}" is no exposure time; write seconds, like 1/30 or 0.5') from None
         if times[-1] <= 0:
-            raise ValueError(f'--times: "{word}" is not above 0')
+            raise ValueError(f'{option}: "{word}" is not above 0')
     return times
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from relume.cli.arguments import DryRun, refuse_input, require_files, require_suffix
+from relume.cli.arguments import DryRun, refuse_input, require_files
 from relume.cli.console import Manner, progress, speaking, tell
 from relume.cli.develop_options import CameraOptions
 from relume.cli.develop_view import ViewOptions
@@ -65,6 +65,9 @@ def develop(
         float, Parameter(help="Seconds in which a sequence's adaptation follows the light; 0 takes each frame alone.")
     ] = 0.4,
     list_presets: Annotated[bool, Parameter(negative="", help="Tell the presets that come along, and stop.")] = False,
+    show_preset: Annotated[
+        str | None, Parameter(help="Print a preset's TOML, to start one's own from, and stop.")
+    ] = None,
     accepted: ReadingOptions = ReadingOptions(),
     dry_run: DryRun = False,
     manner: Manner = Manner(),
@@ -82,24 +85,40 @@ def develop(
 
             tell(manner, builtin_presets())
             return
+        if show_preset is not None:
+            from relume.shot.preset import preset_file
+
+            print(preset_file(show_preset).read_text(encoding="utf-8"), end="")
+            return
         if not pictures or out is None:
             raise ValueError("give a radiance map and -o, a picture, like: relume develop room.exr -o room.png")
         require_files(pictures)
         refuse_input(out, pictures)
-        for extra, suffixes in ((sheet, (".png", ".jpg")), (false_colour, (".png", ".jpg")), (report, (".html",))):
-            if extra is not None:
-                require_suffix(extra, *suffixes, option="--report" if extra is report else "--sheet, --false-colour")
         extras = job.Extras(sheet, job.read_stops(stops), false_colour, report)
+        extras.require(out, pictures)
         source = job.Source(response, seconds, match)
+        if match is not None and (camera.makes_the_picture or camera.soft is not None or camera.vignetting):
+            raise ValueError("--match is a whole camera; leave --tone, --film, --shutter, --soft and --vignetting out")
+        if scene.depth_along is not None and scene.depth is None:
+            raise ValueError("--depth-along is of --depth; give that too, or leave it out")
+        for option, value in (("--fps", fps), ("--settling", settling)):
+            if not (value >= 0 if option == "--settling" else value > 0):
+                raise ValueError(
+                    f"{option} is {value:g}; expected {'0 or more' if option == '--settling' else 'above 0'}"
+                )
+        preset = camera.read(vectors=scene.vectors is not None)
+        sequence = len(pictures) > 1 or out.suffix.lower() == ".mp4" or out.is_dir()
+        if extras.any and (undo or sequence):
+            raise ValueError("--sheet, --false-colour and --report are of one picture; leave them out")
         if undo:
-            facts = job.undo(pictures, out, camera.read(), scene, source, accepted.reading(), dry_run)
-        elif len(pictures) > 1 or out.suffix.lower() in ("", ".mp4"):
+            if camera.tone or camera.film or camera.exposure is not None or repair:
+                raise ValueError("--undo has no tone, film, exposure or repair of its own; leave them out")
+            facts = job.undo(pictures, out, preset, scene, source, accepted.reading(), dry_run)
+        elif sequence:
             rate = job.Rate(fps, settling)
-            facts = job.frames(
-                pictures, out, camera.read(), scene, source, rate, accepted.reading(), repair, dry_run, advance
-            )
+            facts = job.frames(pictures, out, preset, scene, source, rate, accepted.reading(), repair, dry_run, advance)
         else:
             facts = job.picture(
-                pictures[0], out, camera.read(), scene, source, extras, accepted.reading(), repair, dry_run, advance
+                pictures[0], out, preset, scene, source, extras, accepted.reading(), repair, dry_run, advance
             )
         tell(manner, facts)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import repeat
 from pathlib import Path
@@ -10,10 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from relume.cli.arguments import made_folder, require_suffix
+from relume.cli.arguments import made_folder, refuse_input, require_suffix
 from relume.develop.display.displays import HLG, PQ, HdrGainMap, Srgb
+from relume.develop.display.encoding import encoded_and_clipped
+from relume.develop.display.writing import require_suffix_for
 from relume.develop.film import Film
+from relume.develop.profiled import profiled_response, profiled_scale, profiled_vignetting
 from relume.develop.soundness import sound
+from relume.develop.steps import Undoable
 from relume.develop.tone.metered import Fixed, Metered
 from relume.develop.view import View
 from relume.develop.virtual_camera import IN_ORDER, developed, developed_frames
@@ -22,6 +26,8 @@ from relume.image.files.encodings import SUFFIXES
 
 if TYPE_CHECKING:
     from relume.cli.develop_view import ViewOptions
+    from relume.develop.display.clipping import Clipping
+    from relume.develop.display.displays import Display
     from relume.develop.steps import Optics
     from relume.develop.virtual_camera import Developed, VirtualCamera
     from relume.image.files.reading import Reading
@@ -58,6 +64,25 @@ class Extras:
     false_colour: Path | None
     report: Path | None
 
+    @property
+    def any(self) -> bool:
+        """Whether anything is written beside the picture."""
+        return any((self.sheet, self.false_colour, self.report))
+
+    def require(self, out: Path, pictures: Sequence[Path]) -> None:
+        """Refuse, before any work is done, files of other kinds, the inputs, and two under one name."""
+        pictured = (".png", ".jpg")
+        kinds = {"--sheet": pictured, "--false-colour": pictured, "--report": (".html",)}
+        seen = {out.resolve()}
+        for (option, suffixes), extra in zip(kinds.items(), (self.sheet, self.false_colour, self.report), strict=True):
+            if extra is None:
+                continue
+            require_suffix(extra, *suffixes, option=option)
+            refuse_input(extra, pictures)
+            if extra.resolve() in seen:
+                raise ValueError(f"{option} {extra}: another output has that name; give each its own")
+            seen.add(extra.resolve())
+
 
 @dataclass(frozen=True)
 class Rate:
@@ -91,7 +116,10 @@ def picture(
     advance: Advance,
 ) -> dict[str, object]:
     """Develop one picture, and what is written beside it; facts to tell."""
+    if not out.suffix:
+        raise ValueError(f"-o {out}: name a picture, like {out}.png; a folder that is there takes frames")
     require_suffix(out, *PICTURES)
+    require_suffix_for(out, preset.display.made())
     advance("reading", 0.0)
     read = _read(path, reading, repair)
     camera, facts = _camera(preset, source, read)
@@ -104,6 +132,8 @@ def picture(
     made = developed(read, camera, view)
     advance("developing", 1.0)
     clipping = made.written(out)
+    if made.gain != 1:
+        facts["display values per unit of radiance"] = made.gain
     facts = {"written": str(out), **facts, "white": max(clipping.above), "black": max(clipping.below)}
     if extras.sheet or extras.false_colour or extras.report:
         _write_extras(extras, read, made, camera, view, facts)
@@ -157,6 +187,7 @@ def frames(
         raise ValueError(f"-o {out}: {len(paths)} pictures were given; name a folder or an .mp4 for a sequence")
     if scene.depth is not None or scene.vectors is not None:
         raise ValueError("--depth and --vectors are of one picture; develop the frames of a sequence one by one")
+    targets = [] if movie else _targets(paths, out, preset.display.made())
     first = _read(paths[0], reading, repair)
     camera, facts = _camera(preset, source, first)
     if movie and camera.display != Srgb():
@@ -167,24 +198,43 @@ def frames(
     def each() -> Iterator[RadianceMap]:
         for index, path in enumerate(paths):
             advance("developing", index / len(paths))
-            yield _read(path, reading, repair)
+            yield _read(path, reading, repair, lit=False)
 
     view = scene.view(first, camera, preset)
     made = developed_frames(
         each(), camera, repeat(view), frames_per_second=rate.frames_per_second, settling=rate.settling
     )
+    worst = [0.0, 0.0]
     if movie:
         from relume.image.files.video import Movie
 
         with Movie(out, rate.frames_per_second) as file:
             for frame in made:
-                file.add(frame.photograph().pixels)
+                pixels, clipping = encoded_and_clipped(frame.values, frame.display, gain=frame.gain)
+                file.add(pixels)
+                worst = _worse(worst, clipping)
     else:
-        folder, suffix = made_folder(out), _suffix(camera)
-        for path, frame in zip(paths, made, strict=True):
-            frame.written(folder / f"{path.stem}{suffix}")
+        made_folder(out)
+        for target, frame in zip(targets, made, strict=True):
+            worst = _worse(worst, frame.written(target))
     advance("developing", 1.0)
-    return {"written": str(out), "frames": len(paths), **facts}
+    told = {"white in the worst frame": worst[0], "black in the worst frame": worst[1]}
+    return {"written": str(out), "frames": len(paths), **facts, **told}
+
+
+def _worse(worst: list[float], clipping: Clipping) -> list[float]:
+    return [max(worst[0], *clipping.above), max(worst[1], *clipping.below)]
+
+
+def _targets(paths: list[Path], folder: Path, display: Display) -> list[Path]:
+    """The file of each frame; raises ValueError where two would have one name, or one is an input."""
+    suffix = ".avif" if isinstance(display, PQ | HLG) else ".jpg" if isinstance(display, HdrGainMap) else ".png"
+    targets = [folder / f"{path.stem}{suffix}" for path in paths]
+    for index, target in enumerate(targets):
+        refuse_input(target, paths)
+        if target in targets[:index]:
+            raise ValueError(f"{paths[index]}: another frame is called {target.name} too; rename one of them")
+    return targets
 
 
 def undo(
@@ -210,7 +260,8 @@ def undo(
     if falloff is not None and camera.vignetting is None:
         camera = replace(camera, vignetting=falloff)
         facts["vignetting"] = "the profile's, divided out"
-    facts["undone"] = [type(part).__name__ for part in reversed(camera.optics)]
+    facts["undone"] = [type(part).__name__ for part in reversed(camera.optics) if isinstance(part, Undoable)]
+    facts["exposure per unit of radiance"] = film.exposure
     if dry_run:
         return {"would write": str(out), **facts}
     radiance = replace(radiance_of(photograph, film), unit=unit)
@@ -223,9 +274,7 @@ def undo(
 
 def _film_of(photograph: Photograph, source: Source) -> tuple[Film, str, Optics | None, dict[str, object]]:
     """The film that a photograph was taken on, the unit of its radiance, the lens's fall-off, and what told them."""
-    from relume.capture.absolute import Scale
     from relume.capture.profile import read_profile
-    from relume.capture.vignetting import Vignetting
     from relume.develop.lens.vignetting import MeasuredVignetting
 
     exposure = photograph.exposure
@@ -235,18 +284,19 @@ def _film_of(photograph: Photograph, source: Source) -> tuple[Film, str, Optics 
     if source.response is None:
         return Film(factor), "relative", None, facts
     profile = read_profile(source.response)
-    if profile.response is None:
-        raise ValueError(f"{source.response.name}: a profile of camera raws, which holds no response; give another")
+    response, vignetting = profiled_response(profile), profiled_vignetting(profile)
     facts["response"] = source.response.name
-    falloff = None if profile.vignetting is None else MeasuredVignetting(Vignetting.from_dict(profile.vignetting))
-    if profile.scale is None or exposure is None or source.seconds:
-        return Film(factor, profile.response), "relative", falloff, facts
-    scale = Scale.grey(profile.scale, profile.scale_deviation or 0.0, "the profile")
-    return Film.of(exposure, profile.response, scale=scale), "cd/m²", falloff, facts
+    falloff = None if vignetting is None else MeasuredVignetting(vignetting)
+    scale = profiled_scale(profile, exposure)
+    if scale is None and profile.scale is not None:
+        facts["scale"] = "the profile's holds for exposures that tell other settings; not used"
+    if scale is None or exposure is None or source.seconds:
+        return Film(factor, response), "relative", falloff, facts
+    return Film.of(exposure, response, scale=scale), "cd/m²", falloff, facts
 
 
-def _read(path: Path, reading: Reading, repair: bool) -> RadianceMap:
-    return sound(files.read_radiance(path, reading), repair=repair, name=path.name)
+def _read(path: Path, reading: Reading, repair: bool, *, lit: bool = True) -> RadianceMap:
+    return sound(files.read_radiance(path, reading), repair=repair, name=path.name, lit=lit)
 
 
 def _camera(preset: Preset, source: Source, picture: RadianceMap) -> tuple[VirtualCamera, dict[str, object]]:
@@ -288,9 +338,7 @@ def _matched(camera: VirtualCamera, source: Source, picture: RadianceMap) -> tup
 def _response(path: Path) -> Response:
     from relume.capture.profile import read_profile
 
-    if (response := read_profile(path).response) is None:
-        raise ValueError(f"{path.name}: a profile of camera raws, which holds no response; give another")
-    return response
+    return profiled_response(read_profile(path))
 
 
 def _facts(camera: VirtualCamera, picture: RadianceMap, scale: float) -> dict[str, object]:
@@ -302,8 +350,3 @@ def _facts(camera: VirtualCamera, picture: RadianceMap, scale: float) -> dict[st
     if camera.is_absolute:
         told["cd/m² per unit"] = scale
     return told | {"unit": picture.unit}
-
-
-def _suffix(camera: VirtualCamera) -> str:
-    display = camera.display
-    return ".avif" if isinstance(display, PQ | HLG) else ".jpg" if isinstance(display, HdrGainMap) else ".png"

@@ -16,6 +16,8 @@ ToneName = Literal[
     "exposure", "reinhard", "reinhard-local", "histogram", "human", "tumblin-rushmeier", "ferwerda", "pattanaik",
     "black-white", "ocio",
 ]  # fmt: skip
+PATHS = ("tone.config", "tone.response", "glare.picture", "vignetting.profile")
+"""Keys of a preset that name files."""
 FilmName = Literal["black-and-white", "colour-negative", "slide"]
 DisplayName = Literal["srgb", "p3", "pq", "hlg", "gain-map"]
 
@@ -45,16 +47,19 @@ class CameraOptions:
     turn: Annotated[
         str | None,
         Parameter(
-            help="YAW[,PITCH[,ROLL]]: degrees the camera turns while the shutter is open.", allow_leading_hyphen=True
+            help="YAW[,PITCH[,ROLL]]: degrees that the camera turns right, up, clockwise.",
+            allow_leading_hyphen=True,
         ),
     ] = None
-    focus: Annotated[float | None, Parameter(help="Metres that are sharp; the rest by --depth and --aperture.")] = None
+    focus: Annotated[float | None, Parameter(help="Metres that are sharp; needs --depth, --aperture and --lens.")] = (
+        None
+    )
     aperture: Annotated[
         float | None, Parameter(help="f-number: with --focus how wide the lens is, with --shutter how much it lets in.")
     ] = None
-    lens: Annotated[float | None, Parameter(help="Focal length, mm, of --focus and --aperture.")] = None
+    lens: Annotated[float | None, Parameter(help="Focal length, mm; --focus needs it.")] = None
     shutter: Annotated[
-        str | None, Parameter(help="Seconds, like 1/60: with --aperture and --iso the exposure, for maps in cd/m².")
+        str | None, Parameter(help="Seconds, like 1/60: the exposure with --aperture and --iso, in cd/m².")
     ] = None
     iso: Annotated[float | None, Parameter(help="Sensitivity of --shutter; 100 unless given.")] = None
     soft: Annotated[float | None, Parameter(help="Soft focus: the share of the light, 0 to 1, that is spread.")] = None
@@ -71,15 +76,31 @@ class CameraOptions:
         Parameter(name="--set", negative="", help="KEY=VALUE of a preset, like tone.key=0.36; again for each."),
     ] = None
 
-    def read(self) -> Preset:
-        """The preset with these options above it; raises InvalidShot naming a key, ValueError naming an option."""
+    def read(self, *, vectors: bool = False) -> Preset:
+        """The preset with these options above it; raises InvalidShot naming a key, ValueError naming an option.
+
+        vectors : whether vectors were given, by which the picture moves then
+        """
         from relume.shot.preset import preset_of, preset_table
 
         table, origin = preset_table(self.preset) if self.preset else ({}, Path())
-        _merge(table, self._tables())
+        given = self._tables()
+        if vectors and "motion" in given:
+            raise ValueError("--vectors, --move and --turn are all the motion; leave all but one of them out")
+        _merge(table, given)
+        if vectors:
+            _merge(table, {"motion": {"kind": "vectors"}})
         for text in self.set or ():
-            _merge(table, _setting(text))
+            setting = _setting(text)
+            if "kind" in setting.get("tone", {}) and "tone" in given:
+                raise ValueError(f'--set "{text}" and --tone, --film or --shutter make the picture; leave one out')
+            _merge(table, setting)
         return preset_of(table, origin)
+
+    @property
+    def makes_the_picture(self) -> bool:
+        """Whether a tone is asked for."""
+        return bool(self.tone or self.film or self.shutter)
 
     def _tables(self) -> dict[str, Any]:
         """The options as the tables of a preset."""
@@ -92,7 +113,8 @@ class CameraOptions:
             given["tone"] = {"kind": "darkroom", "stock": self.film}
         if self.glare:
             known = self.glare in ("eye", "camera")
-            given["glare"] = {"kind": self.glare} if known else {"kind": "measured", "picture": self.glare}
+            lamp = {"kind": "measured", "picture": str(Path(self.glare).resolve())}
+            given["glare"] = {"kind": self.glare} if known else lamp
         if self.move and self.turn:
             raise ValueError("--move and --turn are both the motion; leave one of them out")
         if self.move:
@@ -102,13 +124,24 @@ class CameraOptions:
         if self.focus is not None:
             if self.aperture is None or self.lens is None:
                 raise ValueError("--focus needs --aperture, the f-number, and --lens, the focal length in mm")
+            for option, value in (("--focus", self.focus), ("--aperture", self.aperture), ("--lens", self.lens)):
+                if not value > 0:
+                    raise ValueError(f"{option} is {value:g}; expected a number above 0")
             given["defocus"] = {"focus": self.focus, "f_number": self.aperture, "focal_length": self.lens}
+        if self.lens is not None and self.focus is None:
+            raise ValueError("--lens is the focal length of --focus; give that too, or leave it out")
+        if self.aperture is not None and self.focus is None and self.shutter is None:
+            raise ValueError("--aperture belongs to --focus or --shutter; give one of them, or leave it out")
         if self.shutter is not None:
+            if self.tone or self.film:
+                raise ValueError("--shutter exposes a camera, in place of --tone and --film; leave one of them out")
+            if self.aperture is None:
+                raise ValueError("--shutter needs --aperture, the f-number, for an exposure")
             from relume.cli.arguments import read_times
 
-            (seconds,) = read_times(self.shutter) or [0.0]
-            given["tone"] = {"kind": "camera", "seconds": seconds, "f_number": self.aperture, "iso": self.iso or 100.0}
-            given["tone"] = {key: value for key, value in given["tone"].items() if value is not None}
+            (seconds,) = read_times(self.shutter, "--shutter") or [0.0]
+            iso = 100.0 if self.iso is None else self.iso
+            given["tone"] = {"kind": "camera", "seconds": seconds, "f_number": self.aperture, "iso": iso}
         elif self.iso is not None:
             raise ValueError("--iso is the sensitivity of --shutter; give that too, or leave it out")
         if self.soft is not None:
@@ -138,10 +171,19 @@ def _setting(text: str) -> dict[str, Any]:
         raise ValueError(f'--set "{text}": expected KEY=VALUE, like tone.key=0.36')
     for written in (value, f'"{value}"'):
         try:
-            return tomllib.loads(f"{key} = {written}")
+            table = tomllib.loads(f"{key} = {written}")
         except tomllib.TOMLDecodeError:
             continue
+        return _from_here(table) if key.strip() in PATHS else table
     raise ValueError(f'--set "{text}": expected KEY=VALUE, like tone.key=0.36')
+
+
+def _from_here(table: dict[str, Any]) -> dict[str, Any]:
+    """Tables whose one path starts at the working folder, not at the preset's."""
+    ((part, inner),) = table.items()
+    ((key, value),) = inner.items()
+    named = isinstance(value, str) and not value.startswith("ocio://")
+    return {part: {key: str(Path(value).resolve())}} if named else table
 
 
 def _numbers(text: str, option: str, *counts: int) -> list[float]:

@@ -46,7 +46,9 @@ class ViewOptions:
         """The view of a picture; raises ValueError for planes of another size, UnreadableFile."""
         told = preset.view
         degrees = told.field_of_view if self.field_of_view is None else self.field_of_view
-        scale = told.luminance if self.luminance is None else self.luminance
+        # A preset knows nothing of the picture; what is in cd/m² needs no scale of its.
+        preset_scale = None if picture.unit == "cd/m²" else told.luminance
+        scale = preset_scale if self.luminance is None else self.luminance
         focal_length = picture.size[0] / 2 / math.tan(math.radians(degrees) / 2) if 0 < degrees < 180 else 1.0
         return camera.view(
             picture,

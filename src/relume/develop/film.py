@@ -95,7 +95,7 @@ class Film:
             tables = np.stack([tabulated(_channel(self.response, c)) for c in range(3)])
             shown = mapped(radiance, self.exposure, tables)
         if self.grain is not None:
-            _grained(shown, self.grain, view.seed)
+            _grained(shown, self.grain, view.grain_seed)
         return shown
 
 

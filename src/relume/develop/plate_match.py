@@ -14,6 +14,7 @@ from relume.develop.film import Film, srgb_response
 from relume.develop.grain import Grain, photograph_grain
 from relume.develop.inverse import AllButEnds, radiance_of
 from relume.develop.lens.vignetting import MeasuredVignetting
+from relume.develop.profiled import profiled_response, profiled_scale, profiled_vignetting
 from relume.develop.sharpness import Sharpness, measured_sharpness
 from relume.develop.steps import Optics
 from relume.develop.view import View
@@ -113,13 +114,11 @@ def _known(
         response = None
     else:
         facts.append(f"response: of the profile of {profile.camera or 'an unnamed camera'}")
-        # Its balance is a factor on radiance that was measured, so its inverse on what is to be exposed.
-        curves = profile.response.log_exposure + np.log(profile.balance)[:, None]
-        response = Response(curves, profile.response.noise) if profile.balance != (1, 1, 1) else profile.response
+        response = profiled_response(profile)
     if profile is None:
         return response, None, None
     told = photograph.exposure
-    vignetting = None if profile.vignetting is None else Vignetting.from_dict(profile.vignetting)
+    vignetting = profiled_vignetting(profile)
     if vignetting is not None:
         at = None if told is None else told.f_number
         other = vignetting.f_number is not None and at is not None and abs(np.log(at / vignetting.f_number)) > 0.03
@@ -127,12 +126,9 @@ def _known(
             "vignetting: of the profile"
             + (f", measured at f/{vignetting.f_number:g}; the plate is at f/{at:g}" if other else "")
         )
-    scale = None
-    if profile.scale is not None and told is not None:
-        if profile.scale_exposure in (None, (told.f_number is not None, told.iso is not None)):
-            scale = Scale.grey(profile.scale, profile.scale_deviation or 0.0, "the camera's profile")
-        else:
-            facts.append("scale: the profile's holds for exposures that tell other settings than the plate's; not used")
+    scale = profiled_scale(profile, told)
+    if scale is None and profile.scale is not None and told is not None:
+        facts.append("scale: the profile's holds for exposures that tell other settings than the plate's; not used")
     return response, vignetting, scale
 
 

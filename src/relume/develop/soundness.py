@@ -13,12 +13,13 @@ _BAND = 2**18
 """Values that a thread looks at a time: they stay in its cache, and no mask as large as the picture is made."""
 
 
-def sound(picture: RadianceMap, *, repair: bool = False, name: str = "the picture") -> RadianceMap:
+def sound(picture: RadianceMap, *, repair: bool = False, name: str = "the picture", lit: bool = True) -> RadianceMap:
     """The picture with finite radiance of 0 or more, itself where it has that already.
 
     repair : replaces NaN and infinity by what is about them, with a warning; else they are refused, because nobody
         knows what was there
     name : of the picture, for messages
+    lit : whether a picture that is black everywhere is refused; in a sequence one may fade to black
 
     Negative values are taken as 0, with a warning that says how many and how low: they are colours outside Rec. 709, or
     what a filter or a subtraction left. Raises ValueError naming a pixel that is not finite, and for a picture that is
@@ -38,7 +39,7 @@ def sound(picture: RadianceMap, *, repair: bool = False, name: str = "the pictur
             stacklevel=2,
         )
         radiance = np.maximum(radiance, 0)
-    if not highest > 0:
+    if lit and not highest > 0:
         raise ValueError(f"{name} is black everywhere: there is nothing to develop; check what it was made from")
     return picture if radiance is picture.radiance else replace(picture, radiance=radiance)
 
@@ -64,7 +65,7 @@ def _first(radiance: np.ndarray, name: str) -> str:
     values = ", ".join(f"{value:g}" for value in radiance[y, x])
     return (
         f"{name}: the radiance at x {x}, y {y} is ({values}), and {int(bad.sum()) - 1} more pixels are not finite; "
-        "repair replaces them by what is about them"
+        "repair (--repair) replaces them by what is about them"
     )
 
 
@@ -76,7 +77,7 @@ def _repaired(radiance: np.ndarray, name: str) -> np.ndarray:
     endless = np.isposinf(radiance)
     largest = float(radiance[np.isfinite(radiance)].max(initial=0.0))
     radiance[endless] = largest
-    unknown: np.ndarray = ~np.isfinite(radiance).all(-1)
+    unknown = np.asarray(~np.isfinite(radiance).all(-1))
     if unknown.all():
         raise ValueError(f"{name}: no pixel is finite; there is nothing to repair it from")
     if unknown.any():

@@ -26,6 +26,8 @@ class View:
     motion : (H, W, 2) float32, pixels right and down by which each pixel moves while the shutter is open; None where
         nothing is known to move
     seed : of everything that is drawn at random
+    frame : of a sequence: grain is another in each, while an eye's needles stay
+    settled : cd/m² that the eye has settled on over a sequence; None where it settles on the picture itself
     """
 
     focal_length: float
@@ -33,6 +35,8 @@ class View:
     depth: np.ndarray | None = None
     motion: np.ndarray | None = None
     seed: int = 0
+    frame: int = 0
+    settled: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("focal_length", "luminance_scale"):
@@ -40,6 +44,11 @@ class View:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected a positive number")
         if self.seed < 0:
             raise ValueError(f"seed is {self.seed}; expected 0 or more")
+
+    @property
+    def grain_seed(self) -> int:
+        """The seed of grain and noise, another for every frame."""
+        return self.seed + self.frame
 
     @property
     def degrees_per_pixel(self) -> float:
@@ -88,7 +97,7 @@ def view_of(
         scale = SUPPOSED_LUMINANCE / log_mean(luminance(picture.radiance))
         warnings.warn(
             f"the picture's unit is relative: its log mean is taken to be {SUPPOSED_LUMINANCE:g} cd/m², a lit room; "
-            "give cd/m² per unit if you know it",
+            "give cd/m² per unit if you know it (--luminance)",
             stacklevel=2,
         )
     focal_length = width / 2 / np.tan(field_of_view / 2)
@@ -99,3 +108,12 @@ def log_mean(light: np.ndarray) -> float:
     """The geometric mean of what is above 0, in the unit of `light`; 1 where nothing is."""
     known = light[(light > 0) & np.isfinite(light)]
     return float(np.exp(np.log(known).mean(dtype=np.float64))) if known.size else 1.0
+
+
+def seen_luminance(radiance: np.ndarray, view: View) -> float:
+    """The log mean luminance, cd/m², of a picture (H, W, 3): what an eye in front of it is used to.
+
+    Of a quarter of a million pixels, which tell a mean.
+    """
+    stride = max(1, int(np.sqrt(radiance.shape[0] * radiance.shape[1] / 2.5e5)))
+    return view.luminance_scale * log_mean(luminance(radiance[::stride, ::stride]))

@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relume.develop.display.clipping import Clipping
-from relume.develop.display.displays import Display, Srgb
+from relume.develop.display.displays import Display, DisplayP3, Srgb
 from relume.develop.display.encoding import encoded
-from relume.develop.display.writing import write_display
+from relume.develop.display.writing import profile_of, write_display
 from relume.develop.soundness import sound
 from relume.develop.steps import Adaptation, Optics, Tone
 from relume.develop.tone.metered import Linear, Metered
-from relume.develop.view import FIELD_OF_VIEW, View, view_of
+from relume.develop.view import FIELD_OF_VIEW, View, seen_luminance, view_of
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 
@@ -116,8 +116,16 @@ class Developed:
         return self.values if self.gain == 1 else self.values * np.float32(self.gain)
 
     def photograph(self, name: str = "developed picture") -> Photograph:
-        """The picture in memory; what is beyond white or black saturates. Raises ValueError for HDR displays."""
-        return Photograph(encoded(self.values, self.display, gain=self.gain), name)
+        """The picture in memory, with its profile; what is beyond white or black saturates.
+
+        Raises ValueError for PQ, HLG and gain maps, which only a file can hold: use `written`.
+        """
+        if not isinstance(self.display, Srgb | DisplayP3):
+            raise ValueError(f"a picture for {type(self.display).__name__} is a file's: write it, or develop for Srgb")
+        pixels = encoded(self.values, self.display, gain=self.gain)
+        return Photograph(
+            pixels, name, profile=profile_of(self.display) if isinstance(self.display, DisplayP3) else None
+        )
 
     def written(self, path: str | os.PathLike[str]) -> Clipping:
         """Write the picture for its display, and tell how much of it is white or black; raises as `write_display`."""
@@ -170,9 +178,11 @@ def developed_frames(
 
     views : of the frames; the first frame's own for all unless given, so that a relative map's supposed luminance does
         not change from frame to frame. Every frame draws other grain
-    settling : seconds after which the adaptation has gone 63 % of its way to a new light. 0.4 is of the order of the
-        cones' neural adaptation and of a video camera's exposure control; 0 settles on each frame alone
-    Raises ValueError for a rate that is not above 0 or a negative settling, and as `developed`.
+    settling : seconds after which the adaptation has gone 63 % of its way to a new light. 0.4 is slower than the cones
+        (0.08 s, `ferwerda.INTO_LIGHT`), so that lamps that flash do not pump the picture, and fast enough to follow a
+        camera that goes through a door; 0 settles on each frame alone
+    A black frame keeps the adaptation of those before it. Raises ValueError for a rate that is not above 0, a negative
+    settling or too few views, and as `developed`.
     """
     if not frames_per_second > 0 or not settling >= 0:
         raise ValueError(
@@ -180,15 +190,21 @@ def developed_frames(
         )
     share = 1.0 if settling == 0 else 1 - float(np.exp(-1 / (frames_per_second * settling)))
     each = None if views is None else iter(views)
-    view, settled = None, None
+    view, settled, eye = None, None, None
     for index, frame in enumerate(pictures):
-        frame = sound(frame, name=f"frame {index + 1}")
-        if each is not None:
-            view = next(each)
-        elif view is None:
+        name = f"frame {index + 1}"
+        frame = sound(frame, name=name, lit=False)
+        if each is not None and (view := next(each, None)) is None:
+            raise ValueError(f"{name} has no view; give one for each picture, or none at all")
+        if view is None:
             view = camera.view(frame)
-        now = replace(view, seed=view.seed + index)
+        lit = bool(frame.radiance.any())
+        if lit:
+            seen = np.log(seen_luminance(frame.radiance, view))
+            eye = seen if eye is None else (1 - share) * eye + share * seen
+        now = replace(view, frame=view.frame + index, settled=None if eye is None else float(np.exp(eye)))
         image = camera.image(frame.radiance, now)
         own = camera.tone.adapted(image, now)
-        settled = own if settled is None else settled.mixed(own, share)
-        yield _toned(image, camera, now, settled)
+        if lit:
+            settled = own if settled is None else settled.mixed(own, share)
+        yield _toned(image, camera, now, own if settled is None else settled)

@@ -18,8 +18,8 @@ from relume.image.radiance import RadianceMap
 from relume.shot import plots
 from relume.shot.page import figure, heading, main_heading, note, page, paragraph, side_by_side, slide, table
 
-STOPS = (-4.0, -2.0, 0.0, 2.0, 4.0, 8.0)
-"""Of the contact sheet: deep enough into the shadows that a blur's squares and a filter's rings would show."""
+STOPS = (-4.0, -2.0, 0.0, 2.0, 4.0, 6.0)
+"""Of the contact sheet: highlights to shadows."""
 
 
 def write_develop_report(

@@ -103,13 +103,19 @@ def read_preset(path: str | os.PathLike[str]) -> Preset:
 
 def preset_table(path: str | os.PathLike[str]) -> tuple[dict[str, Any], Path]:
     """A preset's tables, unchecked, and the file they are from."""
-    place = Path(path)
-    if place.suffix == "" and not place.exists():
-        names = builtin_presets()
-        if str(path) not in names:
-            raise InvalidShot(f"{path}: no such preset; give a .toml, or one of {', '.join(names)}")
-        place = HERE / f"{path}.toml"
+    place = preset_file(path)
     return read_toml(place, WHAT, InvalidShot), place
+
+
+def preset_file(path: str | os.PathLike[str]) -> Path:
+    """The file itself, or that of the preset of that name which comes along; raises InvalidShot."""
+    place = Path(path)
+    if place.is_file() or place.suffix:
+        return place
+    names = builtin_presets()
+    if str(path) not in names:
+        raise InvalidShot(f"{path}: no such preset; give a .toml, or one of {', '.join(names)}")
+    return HERE / f"{path}.toml"
 
 
 def preset_of(table: Mapping[str, Any], place: Path = Path()) -> Preset:

@@ -41,7 +41,8 @@ class TurnTable(Step):
         from relume.develop.lens.motion_shutter import Shutter
 
         yaw, pitch, roll = np.radians(self.degrees)
-        return TurningCamera(float(yaw), float(pitch), float(roll), shutter=Shutter(self.opening))
+        # Right and clockwise, as all of the command line has it; the value turns about its axes, right-handed.
+        return TurningCamera(-float(yaw), float(pitch), -float(roll), shutter=Shutter(self.opening))
 
 
 class VectorsTable(Step):
@@ -103,6 +104,7 @@ class EyeGlareTable(Step):
     adaptation: Positive | None = None
     pupil: Positive | None = None
     sharp: bool | None = None
+    mirrored: bool | None = None
 
     def made(self, folder: Path) -> Optics:
         from relume.develop.glare.eye import EyeGlare
@@ -121,6 +123,9 @@ class CameraGlareTable(Step):
     sensor_width: Positive | None = None
     veil: Share | None = None
     halo: Share | None = None
+    halo_core: Positive | None = None
+    halo_power: Positive | None = None
+    mirrored: bool | None = None
 
     @model_validator(mode="after")
     def _can_be(self) -> CameraGlareTable:
@@ -140,12 +145,13 @@ class MeasuredGlareTable(Step):
 
     kind: Literal["measured"]
     picture: str
+    mirrored: bool = False
 
     def made(self, folder: Path) -> Optics:
         from relume.develop.glare.measured import MeasuredGlare
         from relume.image.files import read_radiance
 
-        return MeasuredGlare.of_lamp(read_radiance(folder / self.picture))
+        return MeasuredGlare.of_lamp(read_radiance(folder / self.picture), mirrored=self.mirrored)
 
 
 GlareTable = Annotated[EyeGlareTable | CameraGlareTable | MeasuredGlareTable, Field(discriminator="kind")]
@@ -207,13 +213,13 @@ class MeasuredTable(Step):
 
     def made(self, folder: Path) -> Optics:
         from relume.capture.profile import read_profile
-        from relume.capture.vignetting import Vignetting
         from relume.develop.lens.vignetting import MeasuredVignetting
+        from relume.develop.profiled import profiled_vignetting
 
-        found = read_profile(folder / self.profile).vignetting
+        found = profiled_vignetting(read_profile(folder / self.profile))
         if found is None:
             raise ValueError(f"vignetting.profile: {self.profile} tells no vignetting; measure it with relume merge")
-        return MeasuredVignetting(Vignetting.from_dict(found))
+        return MeasuredVignetting(found)
 
 
 VignettingTable = Annotated[NaturalTable | PolynomialTable | MeasuredTable, Field(discriminator="kind")]

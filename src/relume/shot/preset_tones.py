@@ -61,7 +61,7 @@ class FixedTone(Step):
 
 
 class CameraTone(Step):
-    """A camera's shutter, f-number and ISO, with its response where that is known."""
+    """A camera's shutter, f-number and ISO; with its profile its response, on whose scale the picture has to be."""
 
     kind: Literal["camera"]
     seconds: Positive
@@ -74,11 +74,10 @@ class CameraTone(Step):
         if self.response is None:
             return CameraExposure(exposure)
         from relume.capture.profile import read_profile
+        from relume.develop.profiled import profiled_response, profiled_scale
 
         profile = read_profile(folder / self.response)
-        if profile.response is None:
-            raise ValueError(f"tone.response: {self.response} is a profile of camera raws, which holds no response")
-        return Film.of(exposure, profile.response)
+        return Film.of(exposure, profiled_response(profile), scale=profiled_scale(profile, exposure))
 
 
 class ReinhardTone(Step):

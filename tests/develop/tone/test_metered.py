@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from relume.develop.film import Film
 from relume.develop.tone.metered import (
     CameraExposure,
     Fixed,
@@ -11,6 +12,7 @@ from relume.develop.tone.metered import (
     saturation_luminance,
 )
 from relume.develop.view import View
+from relume.image.colour import encode_srgb
 from relume.image.photograph import Exposure
 
 VIEW = View(500.0)
@@ -99,8 +101,18 @@ def test_a_stop_is_a_factor_of_exactly_two():
 
 def test_what_saturates_the_camera_is_white():
     wall = np.full((2, 2, 3), 7680 / 50, np.float32)
-    tone, view = CameraExposure(ONE), View(500.0, luminance_scale=50.0)
+    tone, view = CameraExposure(ONE, saturating=True), View(500.0, luminance_scale=50.0)
     np.testing.assert_allclose(tone.displayed(wall, view, tone.adapted(wall, view)), 1, rtol=1e-6)
+
+
+def test_a_cameras_own_picture_has_118_where_the_plate_that_it_calibrates_has():
+    # Standard output: 10 N² / (0.65 S t) cd/m² make 118 of 255, as capture's absolute scale has it.
+    grey = np.full((2, 2, 3), 10 * 256 / (0.65 * 100 / 100), np.float32)
+    exposure, view = Exposure(1 / 100, 16.0, 100.0), View(500.0)
+    shown = CameraExposure(exposure).displayed(grey, view, CameraExposure(exposure).adapted(grey, view))
+    assert np.rint(255 * encode_srgb(shown)).tolist() == np.full((2, 2, 3), 118).tolist()
+    film = Film.of(exposure)
+    np.testing.assert_allclose(film.displayed(grey, view, film.adapted(grey, view)), shown, rtol=0.02)
 
 
 @pytest.mark.parametrize("wrong", [Exposure(0.01, None, 100.0), Exposure(0.01, 8.0, None)])

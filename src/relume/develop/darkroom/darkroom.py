@@ -61,6 +61,11 @@ class Darkroom:
                 "leave ISO out, or put film of that speed in"
             )
 
+    @property
+    def absolute(self) -> bool:
+        """Whether luminances have to be in cd/m²: where shutter and aperture expose, and no meter."""
+        return self.exposure is not None
+
     def adapted(self, radiance: np.ndarray, view: View) -> Adaptation:
         """What the light meter reads: the log mean of what is lit; of a black picture that of luminance 1."""
         if self.exposure is not None:
@@ -92,7 +97,7 @@ class Darkroom:
         constants = (
             film_tables(film),
             *(np.asarray(a, np.float32) for a in (strengths, minima - fog, [c.maximum for c in curves], taps)),
-            np.uint64(view.seed),
+            np.uint64(view.grain_seed),
             *(a.astype(np.float32) for a in (minima, film.crosstalk)),
             np.float32(LOWEST),
             np.float32(FINENESS),

@@ -37,10 +37,8 @@ def write_display(
     Raises ValueError for NaN, another suffix or shape, and where the part that writes AVIF is missing;
     OutputNotWritten.
     """
+    require_suffix_for(path, display)
     suffix = Path(path).suffix.lower()
-    if suffix not in (wanted := _SUFFIXES[type(display)]):
-        kind = type(display).__name__
-        raise ValueError(f'{path} ends in "{suffix}"; a picture for {kind} is written to {", ".join(wanted)}')
     if isinstance(display, HdrGainMap):
         return _write_gain_map(path, values if gain == 1 else values * np.float32(gain), display)
     if isinstance(display, Srgb | DisplayP3) and display.bits == 16 and suffix in (".jpg", ".jpeg"):
@@ -53,6 +51,14 @@ def write_display(
     else:
         files.write(path, Photograph(codes, "developed picture", profile=profile_of(display)))
     return clipping
+
+
+def require_suffix_for(path: str | os.PathLike[str], display: Display) -> None:
+    """Refuse, before any work is done, a file that a display's pictures are not written to; raises ValueError."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in (wanted := _SUFFIXES[type(display)]):
+        kind = type(display).__name__
+        raise ValueError(f'{path} ends in "{suffix}"; a picture for {kind} is written to {", ".join(wanted)}')
 
 
 def profile_of(display: Srgb | DisplayP3) -> bytes:

@@ -34,9 +34,8 @@ from relume.develop.glare.retina import (
     wide_scatter,
 )
 from relume.develop.glare.wavelengths import channel_shares
-from relume.develop.view import View, log_mean
+from relume.develop.view import View, seen_luminance
 from relume.develop.vision import pupil_diameter
-from relume.image.colour import luminance
 
 PHOTOPIC, MESOPIC, SCOTOPIC = (0.384, 0.478, 0.138, 0.0), (0.368, 0.478, 0.138, 0.016), (0.282, 0.478, 0.207, 0.033)
 """Shares of f₀, f₁, f₂ and f₃ (Spencer et al. 1995)."""
@@ -54,7 +53,7 @@ ANGLES = 4096
 class EyeGlare:
     """What an eye scatters.
 
-    adaptation : cd/m² that the eye is used to; None for the picture's log mean
+    adaptation : cd/m² that the eye is used to; None for what it settled on over a sequence, or the picture's log mean
     pupil : its diameter, mm; None for what goes with the adaptation (Moon & Spencer 1944)
     sharp : whether f₀, a blur of a minute of arc, is left to the eye that will look at the picture; the light it
         holds stays where it is then
@@ -75,13 +74,14 @@ class EyeGlare:
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise ValueError(f"{name} is {value}; expected {unit} above 0, or None")
 
+    @property
+    def absolute(self) -> bool:
+        """Whether luminances have to be in cd/m²: where the adaptation is not told."""
+        return self.adaptation is None
+
     def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 as it arrives on the retina, in its unit."""
-        adaptation = self.adaptation
-        if adaptation is None:
-            # A quarter of a million pixels tell a mean.
-            stride = max(1, int(np.sqrt(radiance.shape[0] * radiance.shape[1] / 2.5e5)))
-            adaptation = view.luminance_scale * log_mean(luminance(radiance[::stride, ::stride]))
+        adaptation = self.adaptation or view.settled or seen_luminance(radiance, view)
         height, width = radiance.shape[:2]
         spread = self.point_spread(adaptation, view, float(np.hypot(height, width)))
         return spread_out(radiance, spread, mirrored=self.mirrored)

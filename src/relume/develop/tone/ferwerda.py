@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -50,6 +51,8 @@ class Ferwerda:
     percentile: float = 99.0
     acuity: bool = True
     colour: bool = True
+
+    absolute: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if not 0 < self.percentile <= 100:

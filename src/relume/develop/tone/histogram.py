@@ -14,15 +14,22 @@ from relume.develop.tone.histogram_curve import (
     BRIGHTEST,
     DARKEST,
     FINE,
+    INFINITE,
     Contrast,
     HumanContrast,
     LinearContrast,
+    bin_logarithms,
     gains,
 )
 from relume.develop.tone.histogram_fovea import FOVEA, foveal_samples
+from relume.develop.tone.luminance_statistics import log_average
+from relume.develop.tone.overflow import without_overflow
 from relume.develop.tone.veil import SHARE, veil_luminance, veiled
 from relume.develop.view import View
 from relume.image.colour import LUMINANCE_WEIGHTS, luminance
+
+_UNITS = 1e-30, 1e30
+"""Log means that single precision can tell other luminances by."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +38,7 @@ class HistogramAdjustment:
 
     screen : what the picture is shown on
     contrast : how much steeper than the world the curve may be. `LinearContrast`, as `pcond` without options, shows
-        all there is and needs no absolute luminance; `HumanContrast` (`pcond -s`) nothing that an eye there would miss
+        all there is, whatever the picture's unit; `HumanContrast` (`pcond -s`) nothing that an eye there would miss
     veil : whether light scattered in the eye lies over the picture (`-v`)
     acuity : whether detail is lost in the dark (`-a`)
     colour : whether colours are lost in the dark (`-c`)
@@ -57,35 +64,45 @@ class HistogramAdjustment:
     @property
     def absolute(self) -> bool:
         """Whether luminances have to be in cd/m²."""
-        return self.acuity or self.colour or not isinstance(self.contrast, LinearContrast)
+        return self.acuity or self.colour or self.contrast.absolute
 
     def adapted(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """The logarithms of the least and the greatest luminance, and the share of every bin of the fine histogram.
+        """Logarithms of the luminance that is told as 1 (cd/m²), and by it of the mean, the least and the greatest of
+        all samples; then the share of every bin of the fine histogram.
 
+        Told as 1 is the picture's log mean, or, where the contrast is of an eye, 1 cd/m². What is below 1e-7 of it
+        counts as black, and is no sample; what is above 1e7 is shown as that.
         The veil lies over the foveal samples alone, as in `pcond`: a curve that knew it of all pixels would stretch its
-        grey to the screen's black again. What is below 1e-7 cd/m² counts as black, and is no sample;
-        what is above 1e7 counts as that.
+        grey to the screen's black again.
         """
-        pixels, least, most = _counted(radiance, view)
+        unit = 1.0 if self.contrast.absolute else float(np.clip(log_average(radiance), *_UNITS)) * view.luminance_scale
+        scale = view.luminance_scale / unit
+        radiance = without_overflow(radiance, scale)
+        pixels, least, most = _counted(radiance, scale)
         foveal = foveal_samples(radiance, view)
         if self.veil:
             foveal = (1 - SHARE) * foveal + veil_luminance(foveal, view, radiance.shape[:2])
-        fovea = luminance(foveal).astype(np.float32) * np.float32(view.luminance_scale)
+        fovea = luminance(foveal).astype(np.float32) * np.float32(scale)
         halves = (fovea.view(np.uint32) >> 16).ravel()
         weights = _centre_weights(fovea.shape, radiance.shape[:2], view).ravel() if self.centre_weighted else None
-        samples = np.bincount(halves, weights, 1 << 15)[FINE]
-        shares = 0.5 * pixels[FINE] / pixels.sum() + 0.5 * samples / max(samples.sum(), 1e-30)
-        shares[-1] += 0.5 * pixels[FINE.stop :].sum() / pixels.sum()
-        if not shares.any():
-            least = most = DARKEST
-        extremes = min(least, fovea.min(initial=least, where=fovea > 0)), max(most, fovea.max())
-        return Adaptation(np.concatenate([np.log(np.clip(extremes, DARKEST, BRIGHTEST)), shares]))
+        samples = np.bincount(halves, weights, 1 << 15)[FINE.start : INFINITE]
+        shares = 0.5 * pixels[FINE.start : INFINITE] / pixels.sum() + 0.5 * samples / max(samples.sum(), 1e-30)
+        mean, extremes = 0.0, (DARKEST, DARKEST)
+        if shares.any():
+            mean = float(shares @ bin_logarithms() / shares.sum())
+            extremes = min(least, fovea.min(initial=least, where=fovea > 0)), max(most, fovea.max())
+        bins = FINE.stop - FINE.start
+        kept = np.append(shares[: bins - 1], shares[bins - 1 :].sum())
+        return Adaptation(np.concatenate([[np.log(unit), mean], np.log(np.clip(extremes, DARKEST, BRIGHTEST)), kept]))
 
     def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Linear display values: the eye's losses where they are asked for, then the curve, a factor to each pixel."""
         from relume._kernel import in_threads
         from relume.develop.tone.histogram_kernels import shown_by
 
+        unit, mean, darkest, brightest, *_ = adaptation.values
+        scale = float(view.luminance_scale / np.exp(unit))
+        radiance = without_overflow(radiance, scale)
         seen = veiled(radiance, view) if self.veil else radiance
         if self.acuity or self.colour:
             fovea = luminance(foveal_samples(seen, view)).astype(np.float64) * view.luminance_scale
@@ -94,27 +111,25 @@ class HistogramAdjustment:
                 seen = own = blurred_by_acuity(seen, view, fovea, out=own)
             if self.colour:
                 seen = own = colours_in_the_dark(seen, view, fovea, out=own)
-        darkest, brightest = adaptation.values[:2]
-        per_luminance = gains(adaptation.values[2:], darkest, brightest, self.screen, self.contrast)
-        table = per_luminance * np.float32(view.luminance_scale)
+        table = gains(adaptation.values[4:], mean, darkest, brightest, self.screen, self.contrast) * np.float32(scale)
         display = np.empty(seen.shape, np.float32) if seen is radiance else seen
-        weights = _weights(view)
+        weights = _weights(scale)
         in_threads(lambda begin, end: shown_by(seen, *weights, table, begin, end, display), len(seen), chunk=32)
         return display
 
 
-def _weights(view: View) -> tuple[np.float32, np.float32, np.float32]:
-    """Of linear R, G, B in a luminance in cd/m²."""
-    red, green, blue = (LUMINANCE_WEIGHTS * view.luminance_scale).astype(np.float32)
+def _weights(scale: float) -> tuple[np.float32, np.float32, np.float32]:
+    """Of linear R, G, B in a luminance that is told in another unit."""
+    red, green, blue = (LUMINANCE_WEIGHTS * scale).astype(np.float32)
     return red, green, blue
 
 
-def _counted(radiance: np.ndarray, view: View) -> tuple[np.ndarray, float, float]:
-    """The pixels in each upper half of a float32, and the least luminance above 0 and the greatest, cd/m²."""
+def _counted(radiance: np.ndarray, scale: float) -> tuple[np.ndarray, float, float]:
+    """The pixels in each upper half of a float32, and the least luminance above 0 and the greatest, times `scale`."""
     from relume._kernel import in_threads
     from relume.develop.tone.histogram_kernels import counted
 
-    weights = _weights(view)
+    weights = _weights(scale)
     bands = in_threads(lambda begin, end: counted(radiance, *weights, begin, end), len(radiance), chunk=64)
     counts, least, most = zip(*bands, strict=True)
     return np.sum(counts, axis=0), float(min(least)), float(max(most))

@@ -1,13 +1,14 @@
 """The curve of histogram adjustment: from how often each luminance occurs to what the screen shows of it.
 
-Logarithms are natural, luminances in cd/m². A bin of the fine histogram holds the luminances that share the upper half
-of a float32: 128 in an octave, so that a pixel's bin is had without a logarithm.
+Logarithms are natural, luminances in cd/m² or, where no eye is asked, in the picture's log mean. A bin of the fine
+histogram holds the luminances that share the upper half of a float32: 128 in an octave, so that a pixel's bin is had
+without a logarithm.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -15,7 +16,8 @@ from relume.develop.steps import Screen
 from relume.develop.vision import threshold
 
 DARKEST, BRIGHTEST = 1e-7, 1e7
-"""Luminances that can be told from black and from each other, at most: the limits of Radiance's `pcond`."""
+"""Luminances that can be told from black and from each other, at most: the limits of Radiance's `pcond`, cd/m²; where
+no eye is asked, multiples of the picture's log mean."""
 
 BINS = 100
 """Of the histogram that is adjusted: as many as Ward Larson et al. take, §4.2."""
@@ -28,17 +30,23 @@ FINE = slice(_FIRST, _LAST + 1)
 """The fine bins from the darkest to the brightest, among all upper halves of positive float32."""
 
 UPPER_HALVES = 2**15 + 1
-_INFINITY = 0x7F80
+INFINITE = 0x7F80
+"""The upper half of infinity: bins from here on hold no number."""
 
 
 def fine_edges() -> np.ndarray:
     """(32769,) float64, the least luminance of each upper half; from infinity on the greatest finite one."""
-    finite = (np.arange(_INFINITY, dtype=np.uint32) << 16).view(np.float32)
-    return np.pad(finite.astype(np.float64), (0, UPPER_HALVES - _INFINITY), constant_values=np.finfo(np.float32).max)
+    finite = (np.arange(INFINITE, dtype=np.uint32) << 16).view(np.float32)
+    return np.pad(finite.astype(np.float64), (0, UPPER_HALVES - INFINITE), constant_values=np.finfo(np.float32).max)
 
 
 class Contrast(Protocol):
-    """How much steeper than the world a screen may show it."""
+    """How much steeper than the world a screen may show it.
+
+    absolute : whether the world's luminances have to be in cd/m²; else they are in any unit
+    """
+
+    absolute: ClassVar[bool]
 
     def slope(self, world: np.ndarray, shown: np.ndarray) -> np.ndarray:
         """The greatest d ln(shown)/d ln(world) where luminances `world` are `shown`, cd/m²."""
@@ -53,6 +61,8 @@ class Contrast(Protocol):
 class LinearContrast:
     """No contrast beyond that of the scene (Ward Larson et al. 1997, eq. 5)."""
 
+    absolute: ClassVar[bool] = False
+
     def slope(self, world: np.ndarray, shown: np.ndarray) -> np.ndarray:
         return np.ones_like(world)
 
@@ -64,6 +74,8 @@ class LinearContrast:
 class HumanContrast:
     """Nothing seen on the screen that could not be seen in the scene (Ward Larson et al. 1997, eqs. 7a–c)."""
 
+    absolute: ClassVar[bool] = True
+
     def slope(self, world: np.ndarray, shown: np.ndarray) -> np.ndarray:
         return threshold(shown) / threshold(world) * world / shown
 
@@ -71,29 +83,41 @@ class HumanContrast:
         return float(threshold(np.array(shown)) / threshold(np.array(world)))
 
 
-def gains(shares: np.ndarray, darkest: float, brightest: float, screen: Screen, contrast: Contrast) -> np.ndarray:
-    """(32769,) float32, display value per cd/m² at the lower edge of every upper half of a float32.
+def bin_logarithms() -> np.ndarray:
+    """(32640 − FINE.start,) the logarithm of each bin's middle, from the darkest on to the greatest finite float32."""
+    logs = np.log(fine_edges()[_FIRST : INFINITE + 1])
+    return (logs[1:] + logs[:-1]) / 2
 
-    shares : of the samples in the bins FINE; all 0 for a picture without light, which is shown black
+
+def gains(
+    shares: np.ndarray, mean: float, darkest: float, brightest: float, screen: Screen, contrast: Contrast
+) -> np.ndarray:
+    """(32769,) float32, display value per luminance at the lower edge of every upper half of a float32.
+
+    shares : of the samples in the bins FINE, what is brighter in the last one; all 0 for a picture without light, which
+        is shown black
+    mean : of the samples' logarithms
     darkest, brightest : logarithms of the least and the greatest luminance of any sample
 
-    A scene that fits on the screen is shown in proportion, its log mean at the screen's.
+    A scene that fits on the screen is shown in proportion, its log mean at the screen's. What is above BRIGHTEST is as
+    bright as that to the curve, and in proportion at most white, so that a sun leaves the rest its place; of a scene
+    that lies above altogether the mean, which alone is told as it is, comes to the middle.
     """
     edges = fine_edges()
     total = shares.sum()
     if not total > 0:
         return np.zeros(UPPER_HALVES, np.float32)
-    logs = np.log(edges[_FIRST : _LAST + 2])
     top = min(brightest + np.log(1.01), np.log(BRIGHTEST))
     # A false bin below the darkest sample lets the curve begin at the screen's black.
     false_bin = darkest > np.log(DARKEST)
     bottom = top - (top - darkest) * BINS / (BINS - 1) if false_bin else np.log(DARKEST)
     black, white = np.log(screen.black), np.log(screen.white)
+    known = np.maximum(edges, DARKEST)
     adjusted = None
     if top - bottom > white - black:
         cumulated = np.concatenate([[0], np.cumsum(shares)])
         ends = np.linspace(bottom, top, BINS + 1)
-        at = np.interp(ends, logs, cumulated)
+        at = np.interp(ends, np.log(edges[_FIRST : _LAST + 2]), cumulated)
         at[0], at[-1] = 0, total
         samples = np.diff(at)
         if false_bin:
@@ -101,11 +125,9 @@ def gains(shares: np.ndarray, darkest: float, brightest: float, screen: Screen, 
             samples[0] += samples[1]
         adjusted = _below_ceiling(samples, bottom, top, black, white, contrast)
     if adjusted is None:
-        mean = float(np.exp(shares @ ((logs[1:] + logs[:-1]) / 2) / total))
-        scale = contrast.exposure(mean, float(np.exp((black + white) / 2))) / screen.white
-        return np.full(UPPER_HALVES, scale, np.float32)
+        scale = contrast.exposure(float(np.exp(mean)), float(np.exp((black + white) / 2))) / screen.white
+        return np.minimum(scale, max(1.0, scale * BRIGHTEST) / known).astype(np.float32)
     # ln Ld = ln Ldmin + (ln Ldmax − ln Ldmin)·P(ln Lw) (eq. 4), and the screen adds its own black.
-    known = np.maximum(edges, DARKEST)
     share = np.interp(np.log(known), np.linspace(bottom, top, BINS + 1), adjusted)
     return (screen.values_of(np.exp(black + (white - black) * share)) / known).astype(np.float32)
 

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
 from relume.develop.steps import Adaptation
 from relume.develop.view import View
+from relume.image.colour import decode_srgb
 from relume.image.photograph import Exposure
 
 SPEED_FACTOR = 0.65
 """q of ISO 12232: (π/4) · transmittance 0.9 · vignetting 0.98 · cos⁴ 10°, what a usual lens leaves of the light."""
 SATURATING = 78.0
 """lx·s at ISO 1 that just saturate a sensor by ISO 12232: grey cards are then at 12.7 % of it, white ones at 71 %."""
+STANDARD_OUTPUT = 10.0
+"""lx·s at ISO 1 that make 118 of 255 in sRGB by ISO 12232's standard output sensitivity."""
+_GREY = float(decode_srgb(np.float64(118 / 255)))
 _DARKEST = 1e-30
 """Luminance that is brought to white at most: gains beyond it leave the range of float32."""
 
@@ -108,14 +112,20 @@ class Fixed:
 
 @dataclass(frozen=True)
 class CameraExposure:
-    """Exposed by shutter, aperture and ISO: the luminance that saturates a standard camera becomes 1.
+    """Exposed by shutter, aperture and ISO, as a camera whose ISO number keeps what ISO 12232 promises.
 
     exposure : with f-number and ISO
+    saturating : whether the number is a saturation-based speed, so that `saturation_luminance` becomes 1, half a stop
+        darker. Else it is a standard output sensitivity, by which 10 / S lx·s make 118 of 255, as cameras' own pictures
+        and relume's absolute scale have it (`capture.absolute.scale_from_exposure`)
 
     For pictures in cd/m², or with `View.luminance_scale`. Raises ValueError for an exposure without f-number or ISO.
     """
 
     exposure: Exposure
+    saturating: bool = False
+
+    absolute: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         saturation_luminance(self.exposure)
@@ -126,7 +136,10 @@ class CameraExposure:
 
     def gain(self, adaptation: Adaptation, view: View) -> float:
         """Display values per unit of radiance."""
-        return view.luminance_scale / saturation_luminance(self.exposure)
+        white = saturation_luminance(self.exposure)
+        if not self.saturating:
+            white *= STANDARD_OUTPUT / SATURATING / _GREY
+        return view.luminance_scale / white
 
     def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Radiance (H, W, 3) times the gain."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -28,6 +29,8 @@ class TumblinRushmeier:
     """
 
     screen: Screen = Screen()
+
+    absolute: ClassVar[bool] = True
 
     def adapted(self, radiance: np.ndarray, view: View) -> Adaptation:
         """What an eye before radiance (H, W, 3) is adapted to: exp of the mean of ln(L + 2.3e-5), cd/m²."""
