@@ -201,7 +201,8 @@ def test_every_command_line_of_the_document_can_be_given(tmp_path, capsys):
     assert np.array_equal(grey[..., 0], grey[..., 2]) and np.ptp(grey) > 40
     assert developed(room, out, "--preset", "night").shape == sharp.shape
     assert main(["develop", str(room), "-o", str(tmp_path / "hdr.jpg"), "--display", "gain-map", "-q"]) == 0
-    light = files.read_radiance(tmp_path / "hdr.jpg").radiance
+    with pytest.warns(UserWarning, match="hdr.jpg"):
+        light = files.read_radiance(tmp_path / "hdr.jpg").radiance
     assert light[12, 24, 1] > 4 * light[0, 0, 1] > 0
     capsys.readouterr()
 
