@@ -118,7 +118,8 @@ def test_presets_can_be_told_and_used(tmp_path, capsys):
         (["--match", "a.png", "--tone", "reinhard"], "--match is a whole camera"),
         (["--shutter", "abc", "--aperture", "4"], '--shutter: "abc" is no exposure time'),
         (["--tone", "histogram", "--set", "tone.kind='reinhard'"], "make the picture; leave one out"),
-        (["--fps", "0"], "--fps is 0"),
+        (["--fps", "30"], "--fps is of a sequence"),
+        (["--stops", "1,2"], "--stops are of --sheet"),
         (["--lens", "50"], "--lens is the focal length of --focus"),
         (["--aperture", "2"], "--aperture belongs to --focus or --shutter"),
         (["--shutter", "1/60", "--aperture", "4", "--film", "slide"], "--shutter exposes a camera"),
@@ -306,3 +307,11 @@ def developed(picture: Path, out: Path, *words: str) -> np.ndarray:
     """Pixels (H, W, 3) that a command line makes, as int."""
     assert main(["develop", str(picture), "-o", str(out), "-q", *words]) == 0
     return files.read_photograph(out).pixels.astype(int)
+
+
+def test_a_frame_that_cannot_be_read_tells_what_there_is(tmp_path, capsys):
+    frames = [str(window(tmp_path / f"f{index}.exr")) for index in range(2)]
+    (tmp_path / "f2.exr").write_bytes(b"no picture")
+    words = ["develop", *frames, str(tmp_path / "f2.exr"), "-o", str(tmp_path / "seq")]
+    assert "2 frames before it are in" in refused(words, capsys)
+    assert sorted(p.name for p in (tmp_path / "seq").iterdir()) == ["f0.png", "f1.png"]

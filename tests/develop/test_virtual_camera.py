@@ -1,6 +1,7 @@
 """The virtual camera: light in physical order, adaptation that is steady, and one call from radiance to a picture."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -47,7 +48,8 @@ class Noted:
 
 def test_light_meets_every_part_in_physical_order():
     passed: list = []
-    camera = VirtualCamera(**{name: Noted(name, passed) for name in reversed(IN_ORDER)})
+    parts: dict[str, Any] = {name: Noted(name, passed) for name in reversed(IN_ORDER)}
+    camera = VirtualCamera(**parts)
     photograph(lamp(), camera)
     assert passed == ["motion", "defocus", "soft_focus", "glare", "geometry", "vignetting"]
 

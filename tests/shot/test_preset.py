@@ -1,6 +1,7 @@
 """Presets: every key reaches the value it is for, and every fault is one line that names it."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -88,6 +89,20 @@ def test_what_is_left_out_is_the_values_own_default():
     assert preset_of({"tone": {"kind": "ferwerda"}}).camera.tone == Ferwerda()
     bright = preset_of({"tone": {"kind": "ferwerda", "screen": {"white": 400, "black": 0.5}, "colour": False}}).camera
     assert bright.tone == Ferwerda(Screen(400, 0.5), colour=False)
+
+
+@pytest.mark.parametrize("kind", ["ferwerda", "tumblin-rushmeier", "pattanaik", "histogram", "human"])
+def test_what_a_screen_leaves_out_is_the_tones_own(kind):
+    own = tone_of({"kind": kind}).screen
+    assert own == (Screen(100, 0.01) if kind == "ferwerda" else Screen(100, 1))
+    assert tone_of({"kind": kind, "screen": {"white": 80}}).screen == Screen(80, own.black)
+    assert tone_of({"kind": kind, "screen": {"black": 0.3}}).screen == Screen(100, 0.3)
+    with pytest.raises(InvalidShot, match="expected 0 < black < white"):
+        preset_of({"tone": {"kind": kind, "screen": {"white": own.black}}})
+
+
+def tone_of(table) -> Any:
+    return preset_of({"tone": table}).camera.tone
 
 
 def test_human_is_histogram_with_an_eye():

@@ -13,6 +13,8 @@ from relume.cli.develop_options import CameraOptions
 from relume.cli.develop_view import ViewOptions
 from relume.cli.reading_options import ReadingOptions
 
+STOPS = "-4,-2,0,2,4"
+
 
 def develop(
     pictures: Annotated[
@@ -54,16 +56,18 @@ def develop(
     ] = False,
     sheet: Annotated[Path | None, Parameter(help="Write a contact sheet at several --stops too.")] = None,
     stops: Annotated[
-        str, Parameter(help="Of --sheet, with commas between.", allow_leading_hyphen=True)
-    ] = "-4,-2,0,2,4",
+        str | None,
+        Parameter(help="Of --sheet, with commas between; -4,-2,0,2,4 unless given.", allow_leading_hyphen=True),
+    ] = None,
     false_colour: Annotated[
         Path | None, Parameter(help="Write the luminances in false colour, with their scale, too.")
     ] = None,
     report: Annotated[Path | None, Parameter(help="Write a page with a wipe, stops and facts, .html, too.")] = None,
-    fps: Annotated[float, Parameter(help="Frames a second of a sequence.")] = 24.0,
+    fps: Annotated[float | None, Parameter(help="Frames a second of a sequence; 24 unless given.")] = None,
     settling: Annotated[
-        float, Parameter(help="Seconds in which a sequence's adaptation follows the light; 0 takes each frame alone.")
-    ] = 0.4,
+        float | None,
+        Parameter(help="Seconds in which a sequence's adaptation follows the light, 0.4; 0 takes each frame alone."),
+    ] = None,
     list_presets: Annotated[bool, Parameter(negative="", help="Tell the presets that come along, and stop.")] = False,
     show_preset: Annotated[
         str | None, Parameter(help="Print a preset's TOML, to start one's own from, and stop.")
@@ -94,7 +98,10 @@ def develop(
             raise ValueError("give a radiance map and -o, a picture, like: relume develop room.exr -o room.png")
         require_files(pictures)
         refuse_input(out, pictures)
-        extras = job.Extras(sheet, job.read_stops(stops), false_colour, report)
+        sequence = len(pictures) > 1 or out.suffix.lower() == ".mp4" or out.is_dir()
+        if stops is not None and sheet is None:
+            raise ValueError("--stops are of --sheet; give that too, or leave them out")
+        extras = job.Extras(sheet, job.read_stops(stops or STOPS), false_colour, report)
         extras.require(out, pictures)
         source = job.Source(response, seconds, match)
         if match is not None and (camera.makes_the_picture or camera.soft is not None or camera.vignetting):
@@ -102,12 +109,13 @@ def develop(
         if scene.depth_along is not None and scene.depth is None:
             raise ValueError("--depth-along is of --depth; give that too, or leave it out")
         for option, value in (("--fps", fps), ("--settling", settling)):
-            if not (value >= 0 if option == "--settling" else value > 0):
+            if value is not None and not sequence:
+                raise ValueError(f"{option} is of a sequence; give several pictures, or leave it out")
+            if value is not None and not (value >= 0 if option == "--settling" else value > 0):
                 raise ValueError(
                     f"{option} is {value:g}; expected {'0 or more' if option == '--settling' else 'above 0'}"
                 )
         preset = camera.read(vectors=scene.vectors is not None)
-        sequence = len(pictures) > 1 or out.suffix.lower() == ".mp4" or out.is_dir()
         if extras.any and (undo or sequence):
             raise ValueError("--sheet, --false-colour and --report are of one picture; leave them out")
         if undo:
@@ -115,7 +123,7 @@ def develop(
                 raise ValueError("--undo has no tone, film, exposure or repair of its own; leave them out")
             facts = job.undo(pictures, out, preset, scene, source, accepted.reading(), dry_run)
         elif sequence:
-            rate = job.Rate(fps, settling)
+            rate = job.Rate(24.0 if fps is None else fps, 0.4 if settling is None else settling)
             facts = job.frames(pictures, out, preset, scene, source, rate, accepted.reading(), repair, dry_run, advance)
         else:
             facts = job.picture(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from relume.cli.arguments import made_folder, refuse_input, require_suffix
+from relume.cli.console import version
 from relume.develop.display.displays import HLG, PQ, HdrGainMap, Srgb
 from relume.develop.display.encoding import encoded_and_clipped
 from relume.develop.display.writing import require_suffix_for
@@ -21,6 +22,7 @@ from relume.develop.steps import Undoable
 from relume.develop.tone.metered import Fixed, Metered
 from relume.develop.view import View
 from relume.develop.virtual_camera import IN_ORDER, developed, developed_frames
+from relume.errors import UnreadableFile
 from relume.image import files
 from relume.image.files.encodings import SUFFIXES
 
@@ -124,7 +126,7 @@ def picture(
     read = _read(path, reading, repair)
     camera, facts = _camera(preset, source, read)
     view = scene.view(read, camera, preset)
-    facts |= _facts(camera, read, view.luminance_scale)
+    facts |= _facts(camera, read, view)
     if dry_run:
         return {"would write": str(out), **facts}
     advance("reading", 1.0)
@@ -136,12 +138,18 @@ def picture(
         facts["display values per unit of radiance"] = made.gain
     facts = {"written": str(out), **facts, "white": max(clipping.above), "black": max(clipping.below)}
     if extras.sheet or extras.false_colour or extras.report:
-        _write_extras(extras, read, made, camera, view, facts)
+        _write_extras(path, extras, read, made, camera, view, facts)
     return facts
 
 
 def _write_extras(
-    extras: Extras, scene: RadianceMap, made: Developed, camera: VirtualCamera, view: Any, facts: dict[str, object]
+    path: Path,
+    extras: Extras,
+    scene: RadianceMap,
+    made: Developed,
+    camera: VirtualCamera,
+    view: Any,
+    facts: dict[str, object],
 ) -> None:
     """Write the sheet, the false colours and the report of a picture, from the light that the lens drew."""
     from relume.develop.display.false_colour import false_colour
@@ -165,7 +173,8 @@ def _write_extras(
         from relume.shot.develop_report import write_develop_report
 
         shown = replace(made, display=Srgb()).photograph()
-        write_develop_report(extras.report, scene, image, shown, view, facts=facts)
+        made_by = {"picture": path.name, **facts, "relume": version()}
+        write_develop_report(extras.report, scene, image, shown, view, facts=made_by)
         facts["report"] = str(extras.report)
 
 
@@ -215,8 +224,11 @@ def frames(
                 worst = _worse(worst, clipping)
     else:
         made_folder(out)
-        for target, frame in zip(targets, made, strict=True):
-            worst = _worse(worst, frame.written(target))
+        for count, target in enumerate(targets):
+            try:
+                worst = _worse(worst, next(made).written(target))
+            except (ValueError, UnreadableFile) as error:
+                raise type(error)(f"{error}; {count} frames before it are in {out}") from None
     advance("developing", 1.0)
     told = {"white in the worst frame": worst[0], "black in the worst frame": worst[1]}
     return {"written": str(out), "frames": len(paths), **facts, **told}
@@ -341,12 +353,12 @@ def _response(path: Path) -> Response:
     return profiled_response(read_profile(path))
 
 
-def _facts(camera: VirtualCamera, picture: RadianceMap, scale: float) -> dict[str, object]:
+def _facts(camera: VirtualCamera, picture: RadianceMap, view: View) -> dict[str, object]:
     """What stands between the file's radiance and the picture."""
     told: dict[str, object] = {
         "lens": [type(part).__name__ for part in camera.optics],
         "tone": type(camera.tone).__name__,
     }
     if camera.is_absolute:
-        told["cd/m² per unit"] = scale
-    return told | {"unit": picture.unit}
+        told["cd/m² per unit"] = view.luminance_scale
+    return told | {"unit": picture.unit, "stops": camera.stops, "seed": view.seed}

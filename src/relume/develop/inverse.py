@@ -55,10 +55,16 @@ def radiance_of(photograph: Photograph, film: Film, *, weighting: Weighting = Al
     return merge(Bracket((replace(photograph, exposure=Exposure(film.exposure)),)), response, weighting=weighting)
 
 
+def undoable(optics: Sequence[Optics]) -> tuple[Undoable, ...]:
+    """Those of the optics that `undone_all` undoes, in the order in which it does: the last that light passed first."""
+    return tuple(step for step in reversed(optics) if isinstance(step, Undoable))
+
+
 def undone_all(picture: RadianceMap, optics: Sequence[Optics], view: View) -> RadianceMap:
     """The radiance before it passed the optics: those that can be are undone, the last first.
 
-    optics : in the order in which light passed them. What cannot be undone is left in, with a warning that names it
+    optics : in the order in which light passed them. What cannot be undone is left in, with a warning that names it;
+        `undoable(optics)` tells the rest
 
     What the picture does not show becomes OUTSIDE. Clipped marks go where their light goes. Deviations are taken back
     as light is: exactly where it is multiplied, and to an upper bound where it is resampled, for noise averages out.

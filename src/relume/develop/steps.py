@@ -49,7 +49,7 @@ class Tone(Protocol):
         ...
 
     def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
-        """Linear display values (H, W, 3) float32, Rec. 709: 1 is the screen's white; not clipped."""
+        """Linear display values (H, W, 3) float32, Rec. 709: 1 is the screen's white; finite, and not clipped."""
         ...
 
 
@@ -69,8 +69,9 @@ class Screen:
             raise ValueError(f"a screen of white {self.white} and black {self.black} cd/m²; expected 0 < black < white")
 
     def values_of(self, luminance: np.ndarray) -> np.ndarray:
-        """Linear display values that show luminances in cd/m²: (L − black) / (white − black), none below 0.
+        """Linear display values that show luminances in cd/m²: (L − black) / (white − black).
 
-        The screen and the room add the black by themselves, whatever is shown; what is darker cannot be shown.
+        The screen and the room add the black by themselves, whatever is shown. What is darker is below 0, where a
+        display clips it and tells how much there was.
         """
-        return np.maximum((luminance - self.black) / (self.white - self.black), 0)
+        return (luminance - self.black) / (self.white - self.black)

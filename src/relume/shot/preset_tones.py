@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
 from relume.develop.film import Film
 from relume.develop.steps import Screen, Tone
+from relume.develop.tone.ferwerda import Ferwerda
 from relume.develop.tone.metered import CameraExposure, Fixed, Metered
 from relume.image.photograph import Exposure
 from relume.shot.schema import Positive, Table
@@ -25,18 +27,29 @@ class Step(Table):
 
 
 class ScreenTable(Step):
-    """The display's luminances, cd/m²."""
+    """The display's luminances, cd/m²; what is left out is that of the tone's own screen."""
 
-    white: Positive = Screen().white
-    black: Positive = Screen().black
+    white: Positive | None = None
+    black: Positive | None = None
+
+    def made(self, own: Screen) -> Screen:
+        return replace(own, **self.given())
+
+
+class ScreenTone(Step):
+    """A tone that makes its picture for a screen."""
+
+    own_screen: ClassVar[Screen] = Screen()
+
+    screen: ScreenTable = ScreenTable()
 
     @model_validator(mode="after")
-    def _rises(self) -> ScreenTable:
-        self.made()
+    def _screen_is_one(self) -> Self:
+        self.made_screen()
         return self
 
-    def made(self) -> Screen:
-        return Screen(self.white, self.black)
+    def made_screen(self) -> Screen:
+        return self.screen.made(self.own_screen)
 
 
 class ExposureTone(Step):
@@ -108,11 +121,10 @@ class ReinhardLocalTone(Step):
         return ReinhardLocal(**self.given())
 
 
-class HistogramTone(Step):
+class HistogramTone(ScreenTone):
     """Ward Larson et al. 1997; "human" has an eye's contrast, veil, acuity and colours unless told."""
 
     kind: Literal["histogram", "human"]
-    screen: ScreenTable = ScreenTable()
     human_contrast: bool | None = None
     veil: bool | None = None
     acuity: bool | None = None
@@ -126,7 +138,7 @@ class HistogramTone(Step):
         told = {name: getattr(self, name) for name in ("human_contrast", "veil", "acuity", "colour")}
         human = {name: self.kind == "human" if value is None else value for name, value in told.items()}
         return HistogramAdjustment(
-            self.screen.made(),
+            self.made_screen(),
             HumanContrast() if human["human_contrast"] else LinearContrast(),
             veil=human["veil"],
             acuity=human["acuity"],
@@ -135,44 +147,40 @@ class HistogramTone(Step):
         )
 
 
-class TumblinRushmeierTone(Step):
+class TumblinRushmeierTone(ScreenTone):
     """Tumblin & Rushmeier 1993."""
 
     kind: Literal["tumblin-rushmeier"]
-    screen: ScreenTable = ScreenTable()
 
     def made(self, folder: Path) -> Tone:
         from relume.develop.tone.tumblin_rushmeier import TumblinRushmeier
 
-        return TumblinRushmeier(self.screen.made())
+        return TumblinRushmeier(self.made_screen())
 
 
-class FerwerdaTone(Step):
+class FerwerdaTone(ScreenTone):
     """Ferwerda et al. 1996."""
 
+    own_screen: ClassVar[Screen] = Ferwerda().screen
+
     kind: Literal["ferwerda"]
-    screen: ScreenTable | None = None
     percentile: Annotated[float, Field(gt=0, le=100)] | None = None
     acuity: bool | None = None
     colour: bool | None = None
 
     def made(self, folder: Path) -> Tone:
-        from relume.develop.tone.ferwerda import Ferwerda
-
-        screen = {} if self.screen is None else {"screen": self.screen.made()}
-        return Ferwerda(**screen, **self.given("screen"))
+        return Ferwerda(screen=self.made_screen(), **self.given("screen"))
 
 
-class PattanaikTone(Step):
+class PattanaikTone(ScreenTone):
     """Pattanaik et al. 1998, multiscale."""
 
     kind: Literal["pattanaik"]
-    screen: ScreenTable = ScreenTable()
 
     def made(self, folder: Path) -> Tone:
         from relume.develop.tone.pattanaik import Pattanaik
 
-        return Pattanaik(self.screen.made())
+        return Pattanaik(self.made_screen())
 
 
 class BlackWhiteTone(Step):
@@ -227,8 +235,6 @@ class DarkroomTone(Step):
         return self
 
     def made(self, folder: Path) -> Tone:
-        from dataclasses import replace
-
         from relume.develop.darkroom import stocks
         from relume.develop.darkroom.darkroom import Darkroom
 

@@ -213,6 +213,13 @@ def test_neither_bands_nor_a_crop_change_a_pixel(monkeypatch):
     np.testing.assert_array_equal(darkroom.displayed(light[:23], VIEW, adaptation), whole[:23])
 
 
+def test_a_frame_held_upright_has_the_same_grain():
+    film = replace(black_and_white_negative(), halation=None)
+    darkroom = Darkroom(film, paper(2))
+    lying, upright = (printed(darkroom, np.full(shape, 7.0, np.float32)) for shape in ((60, 300, 3), (300, 60, 3)))
+    assert upright.std() == pytest.approx(lying.std(), rel=0.05)
+
+
 def test_a_larger_frame_is_less_grainy():
     spread = [printed(Darkroom(black_and_white_negative(), paper(2), frame=f), GREY).std() for f in (3.6e4, 12e4)]
     assert 2.8 < spread[0] / spread[1] < 3.9

@@ -71,6 +71,15 @@ def test_stars_grow_with_the_f_number_and_redden_outwards():
     assert red > green > blue and red / blue == pytest.approx(607 / 463, rel=0.05)
 
 
+def test_a_star_is_as_large_however_the_camera_is_held():
+    # An even number of straight blades with a corner to the right, turned by a quarter.
+    lamp = np.zeros((81, 161, 3), np.float32)
+    lamp[40, 80] = 1e4
+    lying = CameraGlare(Blades(8), 11.0, veil=0.02, halo=0.05)
+    landscape, portrait = (lying.applied(np.ascontiguousarray(scene), VIEW) for scene in (lamp, lamp.swapaxes(0, 1)))
+    np.testing.assert_allclose(portrait.swapaxes(0, 1), landscape, rtol=2e-3, atol=1e-6)
+
+
 def test_spikes_count_as_blades_in_the_picture():
     lamp = np.zeros((201, 201, 3), np.float32)
     lamp[100, 100] = 1e5

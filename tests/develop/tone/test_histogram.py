@@ -126,7 +126,8 @@ def test_the_kernel_applies_the_curve_as_slowly():
     settled = operator.adapted(picture, view)
     light = luminance(picture.astype(float)) * 7
     unit = np.exp(np.log(light).mean())
-    table = gains(settled.values[4:], *settled.values[1:4], operator.screen, operator.contrast)
+    _, mean, darkest, brightest, *_ = settled.values
+    table = gains(settled.values[4:], mean, darkest, brightest, operator.screen, operator.contrast)
     wanted = picture * np.interp(light / unit, fine_edges(), table)[..., None] * 7 / unit
     np.testing.assert_allclose(operator.displayed(picture, view, settled), wanted, rtol=1e-4)
 
@@ -274,7 +275,7 @@ def test_adaptation_mixes_from_one_frame_to_the_next():
     shown = [operator.displayed(first, view, one.mixed(two, share))[0, 100:500, 1] for share in np.linspace(0, 1, 9)]
     # The eye that is on its way to brighter light shows this frame darker and darker, without a leap.
     steps = np.diff(np.log(shown), axis=0)
-    assert np.all(steps <= 1e-3) and np.abs(steps).max() < 0.75
+    assert np.all(steps <= 1e-3) and np.abs(steps[:, 100:]).max() < 0.2
     assert isinstance(one.mixed(two, 0.5), Adaptation)
 
 

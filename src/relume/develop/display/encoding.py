@@ -45,7 +45,9 @@ def encoded_and_clipped(
         case PQ(peak, white):
             return coded(_banded(values, between(REC709, BT2020), gain), _pq(peak, white))
         case HLG(peak, white):
-            light = _banded(values, between(REC709, BT2020), gain, lambda rows: hlg_scene(white * rows, peak))
+            light = _banded(
+                values, between(REC709, BT2020), gain, lambda rows: hlg_scene(white * rows, peak) + np.minimum(rows, 0)
+            )
             return coded(light, _hlg())
 
 

@@ -58,7 +58,9 @@ def require_suffix_for(path: str | os.PathLike[str], display: Display) -> None:
     suffix = Path(path).suffix.lower()
     if suffix not in (wanted := _SUFFIXES[type(display)]):
         kind = type(display).__name__
-        raise ValueError(f'{path} ends in "{suffix}"; a picture for {kind} is written to {", ".join(wanted)}')
+        others = [each.__name__ for each, suffixes in _SUFFIXES.items() if suffix in suffixes]
+        hint = f"; that is for {' or '.join(others)}" if others else ""
+        raise ValueError(f'{path} ends in "{suffix}"{hint}; a picture for {kind} is written to {", ".join(wanted)}')
 
 
 def profile_of(display: Srgb | DisplayP3) -> bytes:

@@ -26,7 +26,7 @@ class CameraGlare:
 
     blades : of the iris; six, as most lenses for 35 mm film have, unless given
     f_number : its f-number; stars grow with it
-    sensor_width : mm, that the picture's width covers; 36 is 35 mm film
+    sensor_width : mm, that the picture's longer side covers, however the camera was held; 36 is 35 mm film
     veil : share of all light that lens and body spread evenly over the frame (the veiling glare index of ISO 9358):
         0.01 is a good lens of today
     halo : share that dust and coatings scatter about a light, falling as (r² + core²)^(−power)
@@ -64,7 +64,7 @@ class CameraGlare:
     def point_spread(self, height: int, width: int) -> PolarSpread:
         """Where a point's light goes, without the veil, for a picture of that size."""
         diagonal = float(np.hypot(height, width))
-        order = WAVELENGTHS * 1e-6 * self.f_number * width / self.sensor_width
+        order = WAVELENGTHS * 1e-6 * self.f_number * max(height, width) / self.sensor_width
         shares = channel_shares(WAVELENGTHS)
         near_size = near_reach(float(order.max()))
         reach = max(diagonal, 2.0 * near_size)

@@ -89,7 +89,7 @@ class Defocus:
 
     def _radii(self, view: View, shape: tuple[int, int]) -> np.ndarray:
         if view.depth is None:
-            raise ValueError("defocus needs a depth map of the picture; give one, or use SoftFocus, which needs none")
+            raise ValueError("defocus: a depth map of the picture is needed; give one, or blur it all by a soft focus")
         if view.depth.shape != shape:
             raise ValueError(
                 f"the depth map is {view.depth.shape[1]}×{view.depth.shape[0]} pixels and the picture "
@@ -101,8 +101,11 @@ class Defocus:
         widest = float(np.abs(radius).max())
         if 2 * widest > max(shape):
             y, x = np.unravel_index(np.argmax(np.abs(radius)), shape)
+            endless = np.isinf(view.depth[y, x])
+            away = "infinitely far away" if endless else f"{view.depth[y, x]:g} m away"
+            nearer = "" if endless else ", or focus nearer to it"
             raise ValueError(
-                f"the disc of confusion at x {x}, y {y}, {view.depth[y, x]:g} m away, is {2 * widest:.0f} pixels wide, "
-                f"wider than the picture; focus nearer to it or stop the aperture of {self.aperture:g} m down"
+                f"the disc of confusion at x {x}, y {y}, {away}, is {2 * widest:.0f} pixels wide, wider than the picture; "
+                f"stop the aperture of {self.aperture:g} m down, use a shorter lens{nearer}"
             )
         return radius

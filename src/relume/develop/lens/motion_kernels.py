@@ -12,7 +12,8 @@ _PIECE = 3 * 1024
 _LONG = 16.0
 """Pixels of a way from which on two steps a pixel do; shorter ones have four, for their ends show."""
 _UNSEEN = 4.0
-"""Pixels that a way behind the camera is taken to have: time passes there too."""
+"""Pixels that a way behind the camera, or all beyond one side of the picture, is taken to have at most: time passes
+there too, but nothing is seen."""
 _FLUSH = 32
 """Samples that are added up in 32 bits before they join the others in 64."""
 
@@ -232,7 +233,10 @@ def along_paths(light, height, width, matrices, times, opening, shown, known, be
             all_told, lit, waiting = 0.0, 0.0, 0
             total = 0.0
             for k in range(keys - 1):
-                lengths[k] = _way(path, k, run) if ahead[k] and ahead[k + 1] else _UNSEEN
+                lengths[k] = _UNSEEN
+                if ahead[k] and ahead[k + 1]:
+                    way = _way(path, k, run)
+                    lengths[k] = min(way, _UNSEEN) if _beyond(path, k, run, height, width) else way
                 total += lengths[k]
             samples = max(int(np.round(total * (2 if total > _LONG else 4))), 1 if opening == 0 else 8)
             # Each sample stands for an even part of the way and for the time that it takes.
@@ -320,6 +324,21 @@ def _way(path, k, run):
             done = path[k + 1, axis] + i * (path[k + 1, 2 + axis] + i * path[k + 1, 4 + axis])
             far = max(far, abs(done - begun))
     return far
+
+
+@inlined
+def _beyond(path, k, run, height, width):
+    """Whether a run is beyond one and the same side of the picture from one key time to the next."""
+    beyond = False
+    for axis in range(2):
+        least, most = np.inf, -np.inf
+        for key in range(k, k + 2):
+            for i in range(0, run, max(run - 1, 1)):
+                place = path[key, axis] + i * (path[key, 2 + axis] + i * path[key, 4 + axis])
+                least, most = min(least, place), max(most, place)
+        # Two pixels' margin: the way between a run's ends may bend.
+        beyond = beyond or most < -2 or least > (width if axis == 0 else height) + 1
+    return beyond
 
 
 @inlined

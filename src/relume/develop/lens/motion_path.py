@@ -18,6 +18,10 @@ _SHRINKING = 7.5e-6
 chord by ⅔ of this at most, so that areas, and light, are kept to 1e-5."""
 _PROBES = 9
 _MOST_KEYS = 4097
+_AHEAD = 1e-3
+"""The least third coordinate of a corner, that of the picture's middle being 1: at 0 it is seen in the camera's own plane,
+at infinity. A thousandth is a fraction of a degree before that."""
+_TRIED = 181
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +40,7 @@ class HomographyPath:
     a line that a turn leaves in place may differ by its change of scale there, for so bilinear weights do. Pixels are
     averaged over the time for which the picture tells what they saw (`known`); those that never saw it are black.
     Raises ValueError for matrices of another shape, not finite or singular, and for times that do not rise from
-    −½ to ½.
+    −½ to ½; when applied, for a path on which a corner of the picture is not before the camera at a key time.
     """
 
     matrices: np.ndarray
@@ -85,7 +89,8 @@ class TurningCamera:
 
     The picture given shows the middle of the exposure. Every pixel follows the arc that the view's focal length gives,
     about the picture's middle, to 0.02 pixels or better; for what is kept see HomographyPath, of which this is one.
-    Raises ValueError for an angle that is not finite, and for a turn of more than half a circle.
+    Raises ValueError for an angle that is not finite, and for a turn of more than half a circle; when applied, for one
+    that takes a corner of the picture behind the camera, with the largest that does not.
     """
 
     yaw: float
@@ -104,6 +109,7 @@ class TurningCamera:
         camera = np.array([[focal_length, 0, -width / 2], [0, -focal_length, -height / 2], [0, 0, -1]])
         inverse = np.linalg.inv(camera)
         turn = np.array([self.pitch, self.yaw, self.roll])
+        _refuse_behind(turn, shape, focal_length)
 
         def matrix_at(time: float) -> np.ndarray:
             return camera @ _rotation(time * turn) @ inverse
@@ -132,6 +138,13 @@ def _along(path: HomographyPath, radiance: np.ndarray, known: np.ndarray) -> np.
     # A homography is one at any scale; the kernel takes what is before the camera to have a positive third coordinate.
     middle = matrices[:, 2] @ np.array([width / 2, height / 2, 1.0])
     matrices = matrices / np.where(middle == 0, 1.0, middle)[:, None, None]
+    ahead = (matrices[:, 2] @ _corners(height, width)).min(1)
+    if ahead.min() < _AHEAD:
+        key = int(np.argmax(ahead < _AHEAD))
+        raise ValueError(
+            f"at key time {key + 1} of {len(matrices)} the path takes a corner of the {width}×{height} picture behind "
+            "the camera; expected homographies that keep all corners before it for the whole exposure: shorten the path"
+        )
     even = np.linspace(-0.5, 0.5, len(matrices))
     times = even if path.times is None else np.ascontiguousarray(path.times, np.float64)
     light = np.ascontiguousarray(radiance, np.float32).reshape(-1)
@@ -143,6 +156,45 @@ def _along(path: HomographyPath, radiance: np.ndarray, known: np.ndarray) -> np.
         chunk=_BAND,
     )
     return shown.reshape(height, width, 3)
+
+
+def _corners(height: int, width: int) -> np.ndarray:
+    """The corners of a picture as homogeneous pixel coordinates (3, 4)."""
+    return np.array([[0.0, width, 0.0, width], [0.0, 0.0, height, height], [1.0, 1.0, 1.0, 1.0]])
+
+
+def _refuse_behind(turn: np.ndarray, shape: tuple[int, int], focal_length: float) -> None:
+    """Raise ValueError for a turn (3,) that takes a corner of the picture behind the camera."""
+    height, width = shape
+    x, y, _ = _corners(height, width)
+    rays = np.stack(
+        [
+            x - width / 2,
+            height / 2 - y,
+            np.full(4, -focal_length),
+        ]
+    )
+    rays = np.column_stack([rays, [0, 0, -focal_length]])
+
+    def stays(share: float) -> bool:
+        # Either half of the exposure turns as far, the other way round.
+        ahead = -np.stack([(_rotation(half * share * turn) @ rays)[2] for half in (-0.5, 0.5)])
+        return bool(np.all(ahead > 0) and np.all(ahead[:, :4] > 1.01 * _AHEAD * ahead[:, 4:]))
+
+    shares = np.linspace(0, 1, _TRIED)
+    behind = next((i for i, share in enumerate(shares) if not stays(share)), None)
+    if behind is None:
+        return
+    low, high = shares[max(behind - 1, 0)], shares[behind]
+    for _ in range(20):
+        middle = (low + high) / 2
+        low, high = (middle, high) if stays(middle) else (low, middle)
+    angle = float(np.degrees(np.linalg.norm(turn)))
+    across, down = (float(np.degrees(2 * np.arctan2(side / 2, focal_length))) for side in (width, height))
+    raise ValueError(
+        f"the camera turns by {angle:g}° and a picture of {across:.3g}° × {down:.3g}° then has a corner behind the camera; "
+        f"expected all corners before it for the whole exposure: turn it by at most {np.floor(10 * low * angle) / 10:g}°"
+    )
 
 
 def _rotation(turn: np.ndarray) -> np.ndarray:

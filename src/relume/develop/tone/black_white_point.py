@@ -12,6 +12,8 @@ from relume.image.colour import decode_srgb
 
 LEAST = 1 / 255
 """The standard 24 bit black point: the lowest level beside 0."""
+_MOST = float(np.log(1e12))
+"""ln of the greatest pixel value, as a share of white: its linear value, 5.6e28, is finite in float32."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class BlackWhitePoint:
     Pixel values are (L / white)^g, g = ln 255 / ln(255 white / black), a channel each. With 1 and 1 radiance becomes
     pixel value as it is: that filter knew no sRGB, and its base image is darker than a plain exposure. The text tells
     the ends and likens what lies between to gamma; the power is the curve that does both and leaves the base image
-    alone. Raises ValueError unless 0 < black / 255 < white.
+    alone. Values stay finite: beyond 1e12 times white they are held. Raises ValueError unless 0 < black / 255 < white.
     """
 
     black: float = 1.0
@@ -51,5 +53,6 @@ class BlackWhitePoint:
         """Linear values that the sRGB curve turns into the filter's pixel values; brighter than `white` exceeds 1."""
         from relume.develop.darkroom.float_table import mapped, tabulated
 
-        table = tabulated(lambda share: decode_srgb(share**self.power))
+        # By logarithms: a steep power of a bright light is more than any float holds.
+        table = tabulated(lambda share: decode_srgb(np.exp(np.minimum(self.power * np.log(share), _MOST))))
         return mapped(radiance, 1 / self.white, np.stack([table] * 3))

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from relume.develop.steps import Adaptation, Screen
+from relume.develop.tone.overflow import without_overflow
 from relume.develop.view import View
 from relume.develop.vision import (
     BRIGHTEST_MESOPIC,
@@ -77,6 +78,7 @@ class Ferwerda:
         contrast = self.screen.white - self.screen.black
         cones, rods = (multipliers(adaptation, self.screen) * view.luminance_scale / contrast).astype(np.float32)
         black = np.float32(self.screen.black / contrast)
+        radiance = without_overflow(radiance, view.luminance_scale)
         if self.acuity:
             radiance = blurred_by_acuity(radiance, view, float(np.exp(adaptation.values[0])))
             pixels = result = np.ascontiguousarray(radiance).reshape(-1, 3)

@@ -9,7 +9,7 @@ from relume._kernel import kernel
 
 @kernel
 def see(pixels, to_xyz, cones, rods, black, colour, begin, end, result):
-    """Pixels begin to end as cones and rods see them: cones · (R, G, B) + rods · scotopic luminance − black, or 0.
+    """Pixels begin to end as cones and rods see them: cones · (R, G, B) + rods · scotopic luminance − black.
 
     pixels, result : (N, 3) float32, which may be one array
     to_xyz : (3, 3) float32
@@ -29,6 +29,6 @@ def see(pixels, to_xyz, cones, rods, black, colour, begin, end, result):
             factor, added = cones, share * y - black
         else:
             factor, added = cones + share, -black
-        result[i, 0] = max(factor * red + added, np.float32(0))
-        result[i, 1] = max(factor * green + added, np.float32(0))
-        result[i, 2] = max(factor * blue + added, np.float32(0))
+        result[i, 0] = factor * red + added
+        result[i, 1] = factor * green + added
+        result[i, 2] = factor * blue + added

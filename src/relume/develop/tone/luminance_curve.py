@@ -8,23 +8,25 @@ import numpy as np
 
 from relume._kernel import in_threads
 from relume.develop.tone import luminance_kernels as kernels
+from relume.develop.tone.overflow import MOST
 from relume.image.colour import LUMINANCE_WEIGHTS
 
 WEIGHTS = LUMINANCE_WEIGHTS.astype(np.float32)
 
 
-def curved(radiance: np.ndarray, displayed: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+def curved(radiance: np.ndarray, displayed: Callable[[np.ndarray], np.ndarray], *, lowest: float = 0.0) -> np.ndarray:
     """Pixels whose luminance is `displayed` of what it was, R : G : B kept; float32 of the shape of `radiance`.
 
     radiance : (H, W, 3) float32, finite, 0 or more
-    displayed : of luminances (N,) float64 above 0, in the unit of `radiance`; finite and 0 or more
+    displayed : of luminances (N,) float64 above 0, in the unit of `radiance`; above MOST it counts as that
+    lowest : that any channel comes to, 0 or less: of a curve that is below 0 in the dark, what it is of black
 
     The curve is asked at 256 luminances a stop, over all that float32 holds, and read between them: of a power between
     0 and 2 that is right to 4e-6. Black stays black.
     """
-    factors = factor_table(displayed)
+    factors, floor = factor_table(displayed), np.float32(lowest)
     return _in_bands(
-        radiance, lambda pixels, begin, end, out: kernels.apply_table(pixels, WEIGHTS, factors, begin, end, out)
+        radiance, lambda pixels, begin, end, out: kernels.apply_table(pixels, WEIGHTS, factors, floor, begin, end, out)
     )
 
 
@@ -58,11 +60,12 @@ def factor_table(displayed: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     known = np.isfinite(nodes) & (nodes > 0)
     light = nodes[known].astype(np.float64)
     factors = np.zeros(nodes.size)
-    factors[known] = displayed(light) / light
+    factors[known] = np.minimum(displayed(light), MOST) / light
     # Towards black a curve may rise without end; below the least that float32 holds no light is lost.
     factors[0] = factors[1]
     factors[~known & (nodes != 0)] = factors[known][-1]
-    return np.minimum(factors, float(np.finfo(np.float32).max)).astype(np.float32)
+    most = float(np.finfo(np.float32).max)
+    return np.clip(factors, -most, most).astype(np.float32)
 
 
 def _in_bands(radiance: np.ndarray, work: Callable[[np.ndarray, int, int, np.ndarray], None]) -> np.ndarray:

@@ -83,8 +83,8 @@ def count_low_bits(bits, high, begin, end):
 
 
 @kernel
-def apply_table(pixels, weights, factors, begin, end, result):
-    """Each pixel times the factor of its luminance, read between the table's nodes.
+def apply_table(pixels, weights, factors, lowest, begin, end, result):
+    """Each pixel times the factor of its luminance, read between the table's nodes; no channel below `lowest`.
 
     factors : (2¹⁶ + 1,) float32, at the luminances whose last CELL_BITS bits are 0
     """
@@ -95,7 +95,7 @@ def apply_table(pixels, weights, factors, begin, end, result):
         cell = bits >> CELL_BITS
         factor = factors[cell] + (factors[cell + 1] - factors[cell]) * np.float32(bits & _CELL) * share
         for channel in range(3):
-            result[i, channel] = pixels[i, channel] * factor
+            result[i, channel] = max(pixels[i, channel] * factor, lowest)
 
 
 @kernel

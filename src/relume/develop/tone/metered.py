@@ -18,7 +18,7 @@ SATURATING = 78.0
 """lx·s at ISO 1 that just saturate a sensor by ISO 12232: grey cards are then at 12.7 % of it, white ones at 71 %."""
 STANDARD_OUTPUT = 10.0
 """lx·s at ISO 1 that make 118 of 255 in sRGB by ISO 12232's standard output sensitivity."""
-_GREY = float(decode_srgb(np.float64(118 / 255)))
+_GREY = float(decode_srgb(np.array(118 / 255)))
 _DARKEST = 1e-30
 """Luminance that is brought to white at most: gains beyond it leave the range of float32."""
 

@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from relume.develop.steps import Adaptation, Screen
+from relume.develop.tone.overflow import without_overflow
 from relume.develop.view import View
 from relume.image.primaries import REC709
 
@@ -55,20 +56,23 @@ class Pattanaik:
         return Adaptation(np.empty(0))
 
     def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
-        """Linear display values (H, W, 3) float32, none below 0: light is never negative."""
+        """Linear display values (H, W, 3) float32: light is never negative, and what is darker than the
+        screen's black is below 0 by that at most."""
         from relume._kernel import in_threads
         from relume.develop.tone.pattanaik_bands import Eye
         from relume.develop.tone.pattanaik_pyramid import levels
 
         adapted = self.screen_adaptation or MEAN_OF_A_SCREEN * self.screen.white
         eye = Eye(signals_of_rgb() * view.luminance_scale, ACHROMATIC, light_of_signals(adapted))
-        radiance = np.ascontiguousarray(radiance, np.float32)
+        radiance = np.ascontiguousarray(without_overflow(radiance, view.luminance_scale), np.float32)
         blurs = levels(radiance, view.degrees_per_pixel)
         picture = eye.small_bands(blurs)
         result = np.empty_like(radiance)
 
         def show(begin: int, end: int) -> None:
-            result[begin:end] = self.screen.values_of(eye.full_bands(radiance, blurs, picture, begin, end))
+            result[begin:end] = self.screen.values_of(
+                np.maximum(eye.full_bands(radiance, blurs, picture, begin, end), 0)
+            )
 
         in_threads(show, len(result), chunk=_BAND)
         return result
