@@ -18,7 +18,7 @@ from relume.image.radiance import RadianceMap
 from relume.shot import plots
 from relume.shot.page import figure, heading, main_heading, note, page, paragraph, side_by_side, slide, table
 
-STOPS = (-4.0, -2.0, 0.0, 2.0, 4.0, 6.0)
+STOPS = (-6.0, -4.0, -2.0, 0.0, 2.0, 4.0)
 """Of the contact sheet: highlights to shadows."""
 
 
@@ -46,7 +46,7 @@ def write_develop_report(
     if image is not scene:
         drawn = photograph(image, VirtualCamera(), view)
         lens.insert(0, figure(plots.encoded(drawn.pixels), "What the lens drew, plainly exposed."))
-    lens.insert(0, figure(before, "The scene, plainly exposed: bright parts near white."))
+    lens.insert(0, figure(before, "The scene, as a light meter exposes it."))
     parts = [
         main_heading(title),
         *(note(line) for line in notes),

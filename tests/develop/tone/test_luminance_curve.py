@@ -69,3 +69,14 @@ def test_rows_that_are_not_contiguous_are_read_as_they_lie():
     assert curved(pixels, np.sqrt)[1, 2, 0] == pytest.approx(
         pixels[1, 2, 0] / np.sqrt(float(pixels[1, 2] @ WEIGHTS)), rel=4e-6
     )
+
+
+def test_a_curve_that_falls_below_0_is_followed_to_the_lowest():
+    # A screen's black of a tenth, taken off: 0.02 is shown as −0.08, and 0.5 as 0.4.
+    grey = np.repeat(np.array([[0.02, 0.5, 1e-44, 0.0]], np.float32)[..., None], 3, -1)
+    seen = curved(grey, lambda light: light - 0.1, lowest=-0.1)[0]
+    assert seen[:2, 1] == pytest.approx([-0.08, 0.4], rel=1e-5)
+    assert np.all(np.isfinite(seen)) and seen.min() >= -0.1 and np.all(seen[3] == 0)
+    blue = np.array([[[0, 0, 0.5]]], np.float32)
+    assert curved(blue, lambda light: light - 0.1, lowest=-0.1)[0, 0] == pytest.approx([0, 0, -0.1])
+    assert curved(blue, lambda light: light - 0.1)[0, 0].min() == 0

@@ -1,4 +1,4 @@
-"""What every tone operator owes: finite light, none below 0, order kept, greys grey, black black."""
+"""What every tone operator owes: finite light, none below 0 but by the screen's black, order kept, greys grey."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import importlib.util
 import numpy as np
 import pytest
 
+from relume.develop.display.displays import Srgb
+from relume.develop.display.encoding import encoded_and_clipped
 from relume.develop.steps import Screen, Tone
 from relume.develop.tone.ferwerda import Ferwerda
 from relume.develop.tone.histogram import HistogramAdjustment
@@ -37,6 +39,12 @@ OPERATORS = [
 ]
 
 
+def lowest(tone: Tone) -> float:
+    """What a display value may be: below 0 by the black that the operator's screen adds by itself, no more."""
+    screen = getattr(tone, "screen", None)
+    return -ROUNDING - (screen.black / (screen.white - screen.black) if screen else 0)
+
+
 def shown(tone: Tone, radiance: np.ndarray) -> np.ndarray:
     before = radiance.copy()
     picture = tone.displayed(radiance, VIEW, tone.adapted(radiance, VIEW))
@@ -55,7 +63,7 @@ def ramp(darkest: float, brightest: float) -> np.ndarray:
 @pytest.mark.parametrize(("darkest", "brightest"), [(1e-6, 1e6), (0.5, 200.0), (1e-6, 1e-3), (1e3, 1e6)])
 def test_a_ramp_stays_a_grey_ramp(tone: Tone, darkest: float, brightest: float) -> None:
     picture = shown(tone, ramp(darkest, brightest))
-    assert np.isfinite(picture).all() and picture.min() >= -ROUNDING
+    assert np.isfinite(picture).all() and picture.min() >= lowest(tone)
     # ACES leaves greys grey to a few units in the last place of its matrices.
     assert np.ptp(picture, axis=2) == pytest.approx(0, abs=3e-5 * max(float(picture.max()), ROUNDING))
     line = picture[6, :, 1]
@@ -69,7 +77,7 @@ def test_a_ramp_stays_a_grey_ramp(tone: Tone, darkest: float, brightest: float) 
 @pytest.mark.parametrize("light", [0.0, 1e-6, 0.18, 1.0, 1e6])
 def test_uniform_light_stays_uniform(tone: Tone, light: float) -> None:
     picture = shown(tone, np.full((20, 30, 3), light, np.float32))
-    assert np.isfinite(picture).all() and picture.min() >= -ROUNDING
+    assert np.isfinite(picture).all() and picture.min() >= lowest(tone)
     assert np.ptp(picture) <= 3e-5 * max(float(picture.max()), ROUNDING)
     if light == 0:
         assert picture.max() <= ROUNDING
@@ -80,9 +88,32 @@ def test_a_pixel_of_light_in_the_dark_is_no_trouble(tone: Tone) -> None:
     scene = np.zeros((20, 30, 3), np.float32)
     scene[9, 14] = (1e6, 1e4, 1e2)
     picture = shown(tone, scene)
-    assert np.isfinite(picture).all() and picture[9, 14].max() > 0.01
+    assert np.isfinite(picture).all() and picture[9, 14].max() > 0.01 and picture.min() >= lowest(tone)
     one = shown(tone, scene[9:10, 14:15])
     assert np.isfinite(one).all()
+
+
+@pytest.mark.parametrize("tone", [*OPERATORS, pytest.param(HistogramAdjustment.human(), id="human")])
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e4])
+@pytest.mark.parametrize("size", [1, 9])
+@pytest.mark.parametrize("huge", [3e38, float(np.finfo(np.float32).max)])
+def test_the_greatest_numbers_stay_numbers(tone: Tone, scale: float, size: int, huge: float) -> None:
+    if isinstance(tone, Ocio | Fixed):
+        pytest.skip("leaves the light as it is, in units of its own")
+    scene = np.random.default_rng(13).gamma(0.6, 10.0, (24, 40, 3)).astype(np.float32)
+    scene[6 : 6 + size, 9 : 9 + size] = huge
+    view = View(300.0, scale)
+    picture = tone.displayed(scene, view, tone.adapted(scene, view))
+    assert np.isfinite(picture).all() and picture.min() >= lowest(tone)
+
+
+def test_what_is_darker_than_the_screens_black_is_told() -> None:
+    # A screen with a tenth of its white as black: most of a dim ramp is below it.
+    screen, scene = Screen(100.0, 10.0), ramp(1e-3, 1e3)
+    for tone in (TumblinRushmeier(screen), Ferwerda(screen, acuity=False), Pattanaik(screen)):
+        picture = shown(tone, scene)
+        below = encoded_and_clipped(picture, Srgb())[1].below
+        assert below == pytest.approx((np.count_nonzero(picture < 0) / picture.size,) * 3) and min(below) > 0.3
 
 
 @pytest.mark.parametrize("tone", OPERATORS)
