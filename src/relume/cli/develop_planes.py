@@ -15,6 +15,7 @@ DEPTH_NAMES = ("depth", "Depth", "Z", "z", "ViewLayer.Depth")
 OURS = {"objects", "matte", "difference", "depth"}
 """Layers that `relume insert` writes together; its depth is along each pixel's ray."""
 MOTION_NAMES = ("motion", "Motion", "vector", "Vector", "forward")
+_COLOURS = ("R", "G", "B", "A", "Y", "RY", "BY")
 
 
 def read_depth(path: Path, focal_length: float, along: Along | None = None) -> np.ndarray:
@@ -28,8 +29,8 @@ def read_depth(path: Path, focal_length: float, along: Along | None = None) -> n
     """
     import numpy as np
 
-    layers, plane = _layer(path, DEPTH_NAMES, "--depth")
-    depth = plane if plane.ndim == 2 else plane[..., 0]
+    layers, planes = _layer(path, DEPTH_NAMES, "--depth", "a channel of metres")
+    depth = planes.get("R", next(iter(planes.values())))
     if (depth < 0).any():
         raise UnreadableFile(f"--depth {path}: has depths below 0; expected metres before the camera")
     depth = np.where(np.isfinite(depth) & (depth > 0), depth, np.inf).astype(np.float32)
@@ -45,20 +46,42 @@ def read_motion(path: Path) -> np.ndarray:
     or its only one; raises UnreadableFile."""
     import numpy as np
 
-    _, plane = _layer(path, MOTION_NAMES, "--vectors")
-    if plane.ndim == 2:
-        raise UnreadableFile(f"--vectors {path}: a single plane; motion needs two, right in R and down in G")
-    return np.ascontiguousarray(plane[..., :2], np.float32)
+    _, planes = _layer(path, MOTION_NAMES, "--vectors", "channels R and G of pixels right and down")
+    if not {"R", "G"} <= planes.keys():
+        held = ", ".join(planes)
+        raise UnreadableFile(f"--vectors {path}: holds only {held}; motion needs two, right in R and down in G")
+    return np.stack([planes["R"], planes["G"]], axis=-1).astype(np.float32)
 
 
-def _layer(path: Path, names: tuple[str, ...], option: str) -> tuple[set[str], np.ndarray]:
-    """The names of all layers, and the one that is asked for."""
+def _layer(path: Path, names: tuple[str, ...], option: str, wanted: str) -> tuple[set[str], dict[str, np.ndarray]]:
+    """The names of all layers, and the planes by letter of the one that is asked for."""
     from relume.image import files
 
-    layers = files.read_layers(path)
+    if (kind := files.kind_of(path)) != "EXR":
+        raise UnreadableFile(f"{option} {path}: a {kind} file; expected an EXR with {wanted}")
+    layers = _planes(path)
     for name in names:
         if name in layers:
             return set(layers), layers[name]
     if len(layers) == 1:
         return set(layers), next(iter(layers.values()))
     raise UnreadableFile(f"{option} {path}: has no layer named {names[0]} but {', '.join(layers)}; name it so")
+
+
+def _planes(path: Path) -> dict[str, dict[str, np.ndarray]]:
+    """Planes (H, W) by the names of their layers and channels: a layer is a part, what stands before a channel's last
+    dot, or a channel that is no colour, as Z."""
+    from relume.image.files import exr_picture
+    from relume.image.files.exr_parts import read_parts, warn_of_overscan
+
+    layers: dict[str, dict[str, np.ndarray]] = {}
+    for index, part in enumerate(read_parts(path)):
+        warn_of_overscan(path, part.header)
+        for channel in part.channels:
+            before, _, letter = channel.rpartition(".")
+            if letter in ("RY", "BY"):
+                continue
+            own = part.name or f"part {index}"
+            layer = before or (own if letter in _COLOURS or len(part.channels) == 1 else letter)
+            layers.setdefault(layer, {})[letter] = exr_picture.plane(path, part, channel)
+    return layers

@@ -20,6 +20,9 @@ from relume.sphere.illumination import IlluminationMap
 if TYPE_CHECKING:
     from relume.develop.grain import Grain
 
+SATURATED = 1 + 2.0**-20
+"""The display value of what a response saturates: rounding, by a matrix between primaries too, leaves it above 1."""
+
 
 @dataclass(frozen=True, eq=False)
 class Film:
@@ -76,19 +79,22 @@ class Film:
         return Adaptation(np.zeros(0))
 
     def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
-        """Linear values (H, W, 3) float32, 0 to 1, that sRGB encodes as this film's pixel values / 255.
+        """Linear values (H, W, 3) float32, from 0, that sRGB encodes as this film's pixel values / 255.
 
-        Grain is drawn with the view's seed. Warns where most of the picture is beyond what the response reaches.
+        Without a response what is brighter than white stays so: the display clips and counts it, and one with room
+        above white shows it. A camera's response ends at 1: what is beyond it is SATURATED, a millionth above, which
+        no screen shows brighter but which counts as beyond white. Grain is drawn with the view's seed. Warns where
+        most of the picture is beyond what the response reaches.
         """
         from relume.develop.darkroom.reach import tell_reach
+        from relume.develop.tone.overflow import without_overflow
 
         least, most = np.full(3, decode_srgb(np.array(0.5 / 255))), np.ones(3)
         if self.response is not None:
             least, most = np.exp(self.response.log_exposure[:, [0, -1]]).T
         tell_reach(radiance, lambda light: light * self.exposure, least, most)
         if self.response is None:
-            shown = radiance * np.float32(self.exposure)
-            np.minimum(shown, np.float32(1), out=shown)
+            shown = without_overflow(radiance, self.exposure) * np.float32(self.exposure)
         else:
             from relume.develop.darkroom.float_table import mapped, tabulated
 
@@ -187,7 +193,12 @@ def srgb_response(levels: int = 256) -> Response:
 def _channel(response: Response, channel: int) -> Callable[[np.ndarray], np.ndarray]:
     """Linear display value by exposure, of one channel."""
     curve, values = response.log_exposure[channel], np.arange(response.levels) / (response.levels - 1)
-    return lambda exposed: decode_srgb(np.interp(np.log(exposed), curve, values))
+
+    def shown(exposed: np.ndarray) -> np.ndarray:
+        reading = np.log(exposed)
+        return np.where(reading > curve[-1], SATURATED, decode_srgb(np.interp(reading, curve, values)))
+
+    return shown
 
 
 def _grained(shown: np.ndarray, grain: Grain, seed: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +29,10 @@ MIDDLE = 118 / 255
 """Share of the largest value that a light meter's reading becomes (ISO 12232, standard output sensitivity)."""
 JPEG_GUARD = 5
 """Values at either end that JPEG leaves in patches that were white or black."""
+FAR = 2.0
+"""Stops between the medians of picture and plate above which that is warned of: other scenes in the same light differ by
+less, other units by more."""
+_LOOKED_AT = 2**18
 
 
 @dataclass(frozen=True)
@@ -49,7 +54,7 @@ class MatchedCamera:
     """What develops a picture as the plate's camera would have.
 
     film : its exposure, response and grain
-    optics : in the order in which light passes them
+    optics : in the order in which light passes them, which is that of `VirtualCamera`: softness, then fall-off
     facts : a line each on what was taken from where, to be shown
     """
 
@@ -76,21 +81,25 @@ def matched_film(
     The plate's EXIF exposure counts where picture and camera are on one scale: a picture in cd/m² and a camera with
     f-number and ISO or a measured scale, or a relative picture and a response, on whose scale merging puts radiance.
     Else a light meter exposes the picture: its log mean becomes 118 of 255. The tones of the plate say nothing of
-    that, for it shows another scene.
+    that, for it shows another scene; but the facts tell by how much the picture comes out brighter than the plate, and
+    a warning does so above FAR stops.
     """
     facts: list[str] = []
     response, vignetting, scale = _known(profile, photograph, facts)
     film = _exposed(photograph, picture, response, scale, facts)
+    facts.append(f"exposed by {film.exposure:.4g} per unit of radiance")
+    seen = _seen(photograph, film)
+    _tell_brightness(picture, seen, facts)
     optics: list[Optics] = []
-    if vignetting is not None:
-        optics.append(MeasuredVignetting(vignetting))
-    sharpness = _sharpness(photograph, film)
+    sharpness = None if seen is None else measured_sharpness(seen)
     if sharpness is None:
         facts.append("sharpness: the plate shows too few clean edges; left as rendered")
     else:
         facts.append(f"sharpness: sigma {sharpness.sigma:.2f} pixels, from {sharpness.edges} edges of the plate")
         if sharpness.sigma > 0:
             optics.append(Softness(sharpness))
+    if vignetting is not None:
+        optics.append(MeasuredVignetting(vignetting))
     grain = photograph_grain(photograph, clean=clean, response=response)
     if grain is None:
         facts.append("grain: the plate shows too few flat patches; none is added")
@@ -163,12 +172,42 @@ def _exposed(
     return Film(float(wanted) / float(np.exp(metered(picture.radiance))), response)
 
 
-def _sharpness(photograph: Photograph, film: Film) -> Sharpness | None:
+def _seen(photograph: Photograph, film: Film) -> RadianceMap | None:
+    """What the plate shows, in the picture's unit; None where hardly any of it is neither white nor black."""
     guard = JPEG_GUARD if photograph.pixels.dtype == np.uint8 else 0
     try:
-        return measured_sharpness(radiance_of(photograph, film, weighting=AllButEnds(guard)))
+        return radiance_of(photograph, film, weighting=AllButEnds(guard))
     except NotABracket:
         return None
+
+
+def _tell_brightness(picture: RadianceMap, seen: RadianceMap | None, facts: list[str]) -> None:
+    """How much brighter the picture comes out than the plate: by medians of what is lit, for suns sway any mean."""
+    if seen is None:
+        facts.append("brightness: the plate is white or black nearly everywhere; not compared with it")
+        return
+    medians = _median(picture), _median(seen)
+    if not all(medians):
+        facts.append("brightness: the picture or the plate is black; not compared")
+        return
+    stops = float(np.log2(medians[0] / medians[1]))
+    told = f"the picture comes out {abs(stops):.1f} stops {'brighter' if stops >= 0 else 'darker'} than the plate"
+    facts.append(f"brightness: {told}, by their medians")
+    if abs(stops) > FAR:
+        warnings.warn(
+            f"{told}, by their medians: the plate's exposure may not be of the picture's unit; where both show one "
+            f"light, expose by {-stops:+.1f} stops",
+            stacklevel=3,
+        )
+
+
+def _median(picture: RadianceMap) -> float:
+    """The median luminance of what is lit; 0 where nothing is."""
+    width, height = picture.size
+    step = max(1, int(np.sqrt(width * height / _LOOKED_AT)))
+    light = luminance(picture.radiance[::step, ::step])
+    lit = light[np.isfinite(light) & (light > 0)]
+    return float(np.median(lit)) if lit.size else 0.0
 
 
 def _of_eight_bits(grain: Grain, photograph: Photograph) -> Grain:

@@ -1,7 +1,5 @@
 """The look-up table gives what rounding the curve gives, for every float; its slow twin is `rounded`."""
 
-import time
-
 import numpy as np
 import pytest
 
@@ -190,27 +188,3 @@ def test_other_input_is_refused():
         coded(np.zeros((2, 2, 3), np.float32), table, -1)
     with pytest.raises(ValueError, match="bits is 17"):
         code_table(encode_srgb, 17)
-
-
-@pytest.mark.slow
-def test_24_megapixels_are_shown_five_times_faster_than_by_numpy_s_power():
-    """Also while others use the cores; on two quiet ones it takes a tenth of a second."""
-    generator = np.random.default_rng(5)
-    values = np.exp2(generator.normal(-2, 2, (4000, 6000, 1)).astype(np.float32)) * np.array([0.9, 1, 1.1], np.float32)
-    table = code_table(encode_srgb)
-    coded(values[:64], table)
-
-    def best(work) -> float:
-        taken = []
-        for _ in range(3):
-            begun = time.perf_counter()
-            work()
-            taken.append(time.perf_counter() - begun)
-        return min(taken)
-
-    def powers() -> None:
-        shown = np.clip(values * np.float32(0.5), 0, 1)
-        high = np.float32(1.055) * np.power(shown, np.float32(1 / 2.4)) - np.float32(0.055)
-        np.rint(255 * np.where(shown <= np.float32(0.0031308), np.float32(12.92) * shown, high)).astype(np.uint8)
-
-    assert best(powers) >= 5 * best(lambda: coded(values, table, 0.5))

@@ -93,3 +93,12 @@ def test_bad_values_are_refused_and_infinite_ones_are_the_brightest(display):
 def test_senseless_displays_are_refused(make, said):
     with pytest.raises(ValueError, match=said):
         make()
+
+
+@pytest.mark.parametrize("display", [Srgb(), Srgb(16), DisplayP3(), PQ(), HLG(), HdrGainMap()])
+def test_what_is_below_a_screens_black_is_black_and_counted(display):
+    picture = np.concatenate([pixel(-0.0101, -0.0101, -0.0101), pixel(0.5, 0.5, 0.5)], axis=1)
+    found, clipping = encoded_and_clipped(picture, display)
+    assert found[0, 0].tolist() == [0, 0, 0] == encoded(pixel(0, 0, 0), display)[0, 0].tolist()
+    assert clipping.below == (0.5, 0.5, 0.5)
+    assert found[0, 1].tolist() == encoded(pixel(0.5, 0.5, 0.5), display)[0, 0].tolist()

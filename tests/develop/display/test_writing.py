@@ -151,3 +151,12 @@ def test_the_same_picture_is_the_same_file_and_says_nothing(tmp_path):
             for copy in "ab":
                 write_display(tmp_path / f"{copy}.{name}", values(), display)
         assert (tmp_path / f"a.{name}").read_bytes() == (tmp_path / f"b.{name}").read_bytes()
+
+
+def test_a_gain_map_of_a_picture_that_is_partly_below_black_is_that_of_black(tmp_path):
+    picture = values(brightest=4.0)
+    picture[:, :64] = -0.0101
+    clipping = write_display(tmp_path / "a.jpg", picture, HdrGainMap())
+    assert clipping.below == (0.5, 0.5, 0.5)
+    write_display(tmp_path / "b.jpg", np.maximum(picture, 0), HdrGainMap())
+    assert (tmp_path / "a.jpg").read_bytes() == (tmp_path / "b.jpg").read_bytes()

@@ -138,10 +138,11 @@ def test_time_adds_up_and_none_changes_nothing():
         adaptation_after(now, later, -1.0)
 
 
-def test_black_stays_black_and_a_spark_in_the_dark_overflows_nothing():
+def test_black_is_without_the_screens_own_and_a_spark_in_the_dark_overflows_nothing():
     for tone in (Ferwerda(), PLAIN, Ferwerda(colour=False), Ferwerda(percentile=100.0)):
         black = np.zeros((4, 5, 3), np.float32)
-        assert np.all(tone.displayed(black, VIEW, tone.adapted(black, VIEW)) == 0)
+        shown = -tone.screen.black / (tone.screen.white - tone.screen.black)
+        assert tone.displayed(black, VIEW, tone.adapted(black, VIEW)) == pytest.approx(shown)
         dim = np.full((40, 50, 3), 1e-6, np.float32)
         dim[3, 4] = 1e6
         assert np.all(np.isfinite(tone.displayed(dim, VIEW, tone.adapted(dim, VIEW))))
