@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from relume.capture.absolute import Scale
-from relume.develop.film import Film, develop, developed_values, srgb_response, virtual_photograph
+from relume.develop.display.displays import PQ, DisplayP3, Srgb
+from relume.develop.display.encoding import encoded_and_clipped
+from relume.develop.film import SATURATED, Film, develop, developed_values, srgb_response, virtual_photograph
 from relume.develop.grain import Grain
 from relume.develop.steps import Adaptation
 from relume.develop.view import View
@@ -32,8 +34,8 @@ def white_grain(deviation: float = 3.0) -> Grain:
 
 
 def shown_values(film: Film, light: np.ndarray) -> np.ndarray:
-    """Pixel values, 0 to 255, that a display with the sRGB curve is given."""
-    return 255 * encode_srgb(film.displayed(light, VIEW, film.adapted(light, VIEW)).astype(np.float64))
+    """Pixel values, 0 to 255, that a display with the sRGB curve shows."""
+    return 255 * np.minimum(encode_srgb(film.displayed(light, VIEW, film.adapted(light, VIEW)).astype(np.float64)), 1)
 
 
 @pytest.mark.parametrize("own", [None, response()], ids=["srgb", "camera"])
@@ -90,8 +92,36 @@ def test_grain_leaves_white_and_black_as_they_are():
     light[:, :30] = 5.0
     light[20:] = 0.3
     shown = Film(1.0, None, white_grain()).displayed(light, VIEW, NOTHING)
-    np.testing.assert_array_equal(shown[:20], (light[:20] > 1).astype(np.float32))
-    assert shown[20:].std() > 0 and 0 <= shown.min() <= shown.max() <= 1
+    np.testing.assert_array_equal(shown[:20], light[:20])
+    assert shown[20:].std() > 0 and 0 <= shown.min() <= shown[20:].max() <= 1
+    shown = Film(1.0, response(), white_grain()).displayed(light, VIEW, NOTHING)
+    np.testing.assert_array_equal(shown[:20], np.where(light[:20] > 1, np.float32(SATURATED), np.float32(0)))
+
+
+@pytest.mark.parametrize("display", [Srgb(), Srgb(16), DisplayP3()], ids=["srgb", "16 bits", "p3"])
+@pytest.mark.parametrize("own", [None, response()], ids=["srgb", "camera"])
+def test_what_a_film_saturates_is_told_as_beyond_white(own, display):
+    light = np.full((40, 60, 3), 0.1, np.float32)
+    light[:10] = 400.0
+    values = Film(1.0, own).displayed(light, VIEW, NOTHING)
+    codes, clipping = encoded_and_clipped(values, display)
+    assert max(clipping.above) == 0.25 and max(clipping.below) == 0
+    assert np.all(codes[:10] == np.iinfo(codes.dtype).max) and codes[10:].max() < np.iinfo(codes.dtype).max
+
+
+def test_a_display_with_room_above_white_shows_it_of_plain_film_and_not_of_a_cameras_response():
+    light = np.array([[[0.125, 0.25, 0.5], [0.25, 1.0, 4.0]]], np.float32)
+    np.testing.assert_array_equal(Film(2.0).displayed(light, VIEW, NOTHING), 2 * light)
+    light = np.repeat(np.array([[[0.1], [0.1], [400.0]]], np.float32), 3, axis=2)
+    signal = encoded_and_clipped(Film(2.0, response()).displayed(light, VIEW, NOTHING), PQ())[0]
+    white = encoded_and_clipped(np.ones_like(light), PQ())[0]
+    np.testing.assert_allclose(signal[0, 2].astype(int), white[0, 2], atol=1)
+
+
+def test_no_finite_light_overflows():
+    light = np.array([[[0.0, 1e-7, 3e38]]], np.float32)
+    assert np.isfinite(Film(1e6).displayed(light, VIEW, NOTHING)).all()
+    assert np.isfinite(Film(1e6, response()).displayed(light, VIEW, NOTHING)).all()
 
 
 def test_a_standard_camera_makes_118_of_what_its_iso_number_promises():

@@ -7,7 +7,7 @@ import pytest
 
 from relume.capture.vignetting import Vignetting
 from relume.develop.film import Film, develop, srgb_response
-from relume.develop.inverse import AllButEnds, radiance_of, undone_all
+from relume.develop.inverse import AllButEnds, radiance_of, undoable, undone_all
 from relume.develop.lens.vignetting import MeasuredVignetting
 from relume.develop.view import View
 from relume.errors import NotABracket
@@ -170,6 +170,7 @@ def test_optics_that_cannot_be_undone_stay_and_are_named():
         back = undone_all(RadianceMap(light), (Gain(2.0), Blur()), VIEW)
     np.testing.assert_allclose(back.radiance, 0.5)
     assert back.clipped is None and back.variance is None
+    assert undoable((Gain(2.0), Blur(), Shift(1))) == (Shift(1), Gain(2.0))
 
 
 def test_the_whole_camera_backwards():

@@ -57,6 +57,8 @@ def plate() -> Photograph:
 
 SMALL = Photograph(np.full((40, 50, 3), 118, np.uint8), exposure=TOLD)
 DIM = RadianceMap(np.full((40, 50, 3), 30.0, np.float32))
+LIT = RadianceMap(np.full((40, 50, 3), 1.0, np.float32))
+"""As bright as the plate."""
 
 
 def test_what_is_developed_looks_as_the_plate_does():
@@ -91,17 +93,18 @@ def exposure_of(photograph: Photograph, picture: RadianceMap, profile=None) -> t
 
 
 def test_a_relative_picture_and_a_response_take_the_plates_exposure():
-    exposure, fact = exposure_of(SMALL, DIM, response())
+    exposure, fact = exposure_of(SMALL, LIT, response())
     assert exposure == TOLD.factor == 0.125
     assert fact == ("exposure: the plate's, 0.25 s, f/2, ISO 200; the picture is taken to be on the response's scale")
 
 
 def test_a_picture_in_candelas_takes_it_by_the_profiles_scale_or_by_the_iso_number():
-    picture = replace(DIM, unit="cd/m²")
+    picture = RadianceMap(50 * LIT.radiance, unit="cd/m²")
     profile = CameraProfile("one", response(), scale=50.0, scale_deviation=0.02, scale_exposure=(True, True))
     exposure, fact = exposure_of(SMALL, picture, profile)
     assert exposure == pytest.approx(0.125 / 50) and "the profile's scale" in fact
     other = replace(profile, scale_exposure=(False, False))
+    picture = replace(LIT, unit="cd/m²")
     camera = matched_film(SMALL, picture, other)
     assert any(line.startswith("scale: the profile's holds for exposures") for line in camera.facts)
     # ISO 12232 at 200: 10 / 200 lx·s = 0.65 L / 4 / 4 make 118, L = 1.2308 cd/m².
@@ -131,19 +134,19 @@ def test_a_camera_without_exposure_is_metered_on_its_own_curve():
     assert radiance_at_118(matched_film(replace(SMALL, exposure=None), DIM, response()).film) == pytest.approx(30)
 
 
-def test_the_profiles_fall_off_comes_before_the_softness():
+def test_softness_comes_before_the_profiles_fall_off_as_in_a_virtual_camera():
     profile = CameraProfile("one", response(), vignetting=Vignetting((-0.3,), f_number=2.0).to_dict())
-    camera = matched_film(plate(), DIM, profile)
-    assert [type(step) for step in camera.optics] == [MeasuredVignetting, Softness]
+    camera = matched_film(plate(), LIT, profile)
+    assert [type(step) for step in camera.optics] == [Softness, MeasuredVignetting]
     assert "vignetting: of the profile" in camera.facts
     wide = replace(profile, vignetting=Vignetting((-0.3,), f_number=8.0).to_dict())
-    facts = matched_film(SMALL, DIM, wide).facts
+    facts = matched_film(SMALL, LIT, wide).facts
     assert "vignetting: of the profile, measured at f/8; the plate is at f/2" in facts
 
 
 def test_a_profiles_balance_is_undone_before_the_response():
     profile = CameraProfile("one", response(), balance=(2.0, 1.0, 0.5))
-    film = matched_film(SMALL, DIM, profile).film
+    film = matched_film(SMALL, LIT, profile).film
     balanced = np.full((1, 1, 3), 1.0) * np.array(profile.balance)
     plain = Film(film.exposure, response())
     np.testing.assert_allclose(developed_values(balanced, film), developed_values(np.ones((1, 1, 3)), plain))
@@ -172,3 +175,23 @@ def test_softness_keeps_the_light():
     np.testing.assert_allclose(soft.sum((0, 1)), [1000, 500, 1], rtol=1e-5)
     assert soft[15, 20, 0] < 150 and soft.dtype == np.float32
     np.testing.assert_array_equal(light, before)
+
+
+@pytest.mark.parametrize("factor, told", [(2.0, "1.0 stops brighter"), (0.5, "1.0 stops darker")])
+def test_the_facts_tell_how_much_brighter_the_picture_comes_out_and_at_which_exposure(factor, told):
+    light = np.exp(response().log_exposure[:, 118]) / TOLD.factor
+    picture = RadianceMap(np.broadcast_to(factor * light, (40, 50, 3)).astype(np.float32))
+    facts = matched_film(SMALL, picture, response()).facts
+    assert f"brightness: the picture comes out {told} than the plate, by their medians" in facts
+    assert "exposed by 0.125 per unit of radiance" in facts
+
+
+def test_a_picture_in_another_unit_than_the_exposure_holds_for_is_warned_of():
+    light = 50 * np.exp(response().log_exposure[:, 118]) / TOLD.factor
+    picture = RadianceMap(np.broadcast_to(light, (40, 50, 3)).astype(np.float32))
+    with pytest.warns(UserWarning, match=r"5\.6 stops brighter than the plate, .* expose by -5\.6 stops$") as warned:
+        camera = matched_film(SMALL, picture, response())
+    assert len(warned) == 1 and warned[0].filename == __file__
+    assert any("5.6 stops brighter" in line for line in camera.facts)
+    white = matched_film(replace(SMALL, pixels=np.full((40, 50, 3), 255, np.uint8)), picture, response())
+    assert any(line.startswith("brightness: the plate is white or black nearly everywhere") for line in white.facts)

@@ -27,6 +27,7 @@ from relume.image import files
 from relume.image.files.encodings import SUFFIXES
 
 if TYPE_CHECKING:
+    from relume.capture.profile import CameraProfile
     from relume.cli.develop_view import ViewOptions
     from relume.develop.display.clipping import Clipping
     from relume.develop.display.displays import Display
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
     from relume.image.files.reading import Reading
     from relume.image.photograph import Photograph
     from relume.image.radiance import RadianceMap
-    from relume.image.response import Response
     from relume.shot.preset import Preset
 
 Advance = Callable[[str, float], None]
@@ -286,7 +286,6 @@ def undo(
 
 def _film_of(photograph: Photograph, source: Source) -> tuple[Film, str, Optics | None, dict[str, object]]:
     """The film that a photograph was taken on, the unit of its radiance, the lens's fall-off, and what told them."""
-    from relume.capture.profile import read_profile
     from relume.develop.lens.vignetting import MeasuredVignetting
 
     exposure = photograph.exposure
@@ -295,7 +294,7 @@ def _film_of(photograph: Photograph, source: Source) -> tuple[Film, str, Optics 
     facts: dict[str, object] = {"exposure from": told, "response": "sRGB"}
     if source.response is None:
         return Film(factor), "relative", None, facts
-    profile = read_profile(source.response)
+    profile = _profile(source.response)
     response, vignetting = profiled_response(profile), profiled_vignetting(profile)
     facts["response"] = source.response.name
     falloff = None if vignetting is None else MeasuredVignetting(vignetting)
@@ -325,7 +324,7 @@ def _camera(preset: Preset, source: Source, picture: RadianceMap) -> tuple[Virtu
         return camera, {}
     if preset.tone is not None:
         raise ValueError("--response is a tone of its own; leave --tone, --film, --shutter and the preset's tone out")
-    curve = _response(source.response)
+    curve = profiled_response(_profile(source.response))
     seconds = source.seconds
     if seconds is None:
         gain = float(np.exp(Metered().adapted(picture.radiance, _NO_VIEW).values[0]))
@@ -347,10 +346,14 @@ def _matched(camera: VirtualCamera, source: Source, picture: RadianceMap) -> tup
     return replace(camera, tone=film), {"matched": list(match.facts)}
 
 
-def _response(path: Path) -> Response:
+def _profile(path: Path) -> CameraProfile:
+    """A camera's profile that holds a response; raises ValueError naming the file of one of raws."""
     from relume.capture.profile import read_profile
 
-    return profiled_response(read_profile(path))
+    profile = read_profile(path)
+    if profile.response is None:
+        raise ValueError(f"{path.name}: a profile of camera raws, which holds no response; give another")
+    return profile
 
 
 def _facts(camera: VirtualCamera, picture: RadianceMap, view: View) -> dict[str, object]:

@@ -92,9 +92,10 @@ class Film:
         least, most = np.full(3, decode_srgb(np.array(0.5 / 255))), np.ones(3)
         if self.response is not None:
             least, most = np.exp(self.response.log_exposure[:, [0, -1]]).T
+        radiance = without_overflow(radiance, self.exposure)
         tell_reach(radiance, lambda light: light * self.exposure, least, most)
         if self.response is None:
-            shown = without_overflow(radiance, self.exposure) * np.float32(self.exposure)
+            shown = radiance * np.float32(self.exposure)
         else:
             from relume.develop.darkroom.float_table import mapped, tabulated
 

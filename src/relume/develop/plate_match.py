@@ -30,8 +30,8 @@ MIDDLE = 118 / 255
 JPEG_GUARD = 5
 """Values at either end that JPEG leaves in patches that were white or black."""
 FAR = 2.0
-"""Stops between the medians of picture and plate above which that is warned of: other scenes in the same light differ by
-less, other units by more."""
+"""Stops between the medians of picture and plate above which that is warned of: other scenes in the same light differ
+by less, other units by more."""
 _LOOKED_AT = 2**18
 
 
@@ -195,8 +195,8 @@ def _tell_brightness(picture: RadianceMap, seen: RadianceMap | None, facts: list
     facts.append(f"brightness: {told}, by their medians")
     if abs(stops) > FAR:
         warnings.warn(
-            f"{told}, by their medians: the plate's exposure may not be of the picture's unit; where both show one "
-            f"light, expose by {-stops:+.1f} stops",
+            f"{told}, by their medians: the plate's exposure may not be of the picture's unit; where both show the "
+            f"same light, expose by {-stops:+.1f} stops",
             stacklevel=3,
         )
 

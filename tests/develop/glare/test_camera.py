@@ -101,3 +101,22 @@ def test_impossible_lenses_are_refused():
     ):
         with pytest.raises(ValueError, match=words):
             CameraGlare(**arguments)  # type: ignore[arg-type]
+
+
+def test_frames_of_one_size_share_a_point_spread_and_others_do_not(monkeypatch):
+    made = []
+    drawn = CameraGlare.point_spread
+
+    def counted(self, height, width):
+        made.append((height, width))
+        return drawn(self, height, width)
+
+    monkeypatch.setattr(CameraGlare, "point_spread", counted)
+    frame = np.ones((21, 33, 3), np.float32)
+    glare = CameraGlare(f_number=5.1)
+    first = glare.applied(frame, VIEW)
+    np.testing.assert_array_equal(CameraGlare(f_number=5.1).applied(frame, VIEW), first)
+    assert made == [(21, 33)]
+    for other, light in ((glare, frame[:20]), (CameraGlare(f_number=5.2), frame), (CameraGlare(Blades(5)), frame)):
+        other.applied(light, VIEW)
+    assert made == [(21, 33), (20, 33), (21, 33), (21, 33)]

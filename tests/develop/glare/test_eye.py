@@ -1,5 +1,7 @@
 """The eye's glare: the paper's point spreads, all of their light, white in sum, and needles about small lights only."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -153,3 +155,36 @@ def test_a_wrong_eye_is_refused():
     for name, value in (("adaptation", 0.0), ("adaptation", np.inf), ("pupil", -1.0)):
         with pytest.raises(ValueError, match=f"{name} is .*above 0"):
             EyeGlare(**{name: value})  # type: ignore[arg-type]
+
+
+def test_frames_of_one_light_share_a_point_spread_and_others_do_not(monkeypatch):
+    made = []
+    drawn = EyeGlare.point_spread
+
+    def counted(self, adaptation, view, reach):
+        made.append(adaptation)
+        return drawn(self, adaptation, view, reach)
+
+    monkeypatch.setattr(EyeGlare, "point_spread", counted)
+    frame, view = np.full((20, 30, 3), 0.5, np.float32), View(123.0)
+    frame[10, 15] = 50
+    first = EyeGlare().applied(frame, view)
+    # The same light but for a flicker, another frame of the sequence, and the same again.
+    EyeGlare().applied(frame * np.float32(1.0001), replace(view, frame=1))
+    np.testing.assert_array_equal(EyeGlare().applied(frame, view), first)
+    assert len(made) == 1
+    mean = float(np.exp(np.log(frame.astype(np.float64) @ [0.2126, 0.7152, 0.0722]).mean()))
+    assert made[0] == pytest.approx(mean, rel=0.006) and made[0] != pytest.approx(mean, rel=1e-6)
+    # Whatever the point spread depends on makes another one.
+    others = [
+        (EyeGlare(), frame * np.float32(1.05), view),
+        (EyeGlare(), frame, replace(view, focal_length=124.0)),
+        (EyeGlare(), frame, replace(view, seed=1)),
+        (EyeGlare(), frame[:18], view),
+        (EyeGlare(sharp=False), frame, view),
+        (EyeGlare(adaptation=0.7), frame, view),
+    ]
+    for count, (glare, light, seen) in enumerate(others, start=2):
+        glare.applied(light, seen)
+        assert len(made) == count
+    assert made[-1] == 0.7

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -170,6 +172,41 @@ def test_bad_paths_are_refused():
             TurningCamera(wrong)
 
 
+def test_a_turn_that_takes_a_corner_behind_the_camera_is_refused_with_the_largest_that_does_not():
+    # 70 pixels at a focal length of 35 are 90° wide: a corner lies 45° off the axis, and reaches 90° at half of 90°.
+    picture, view = rough(), View(35.0)
+    for degrees in (91.0, 140.0, 180.0):
+        with pytest.raises(ValueError, match=r"behind the camera; .* at most 89\.9°") as told:
+            TurningCamera(np.radians(degrees)).applied(picture, view)
+        assert f"turns by {degrees:g}° and a picture of 90° × 71.1°" in str(told.value)
+    with pytest.raises(ValueError, match="behind the camera"):
+        TurningCamera(np.radians(91.0)).known((50, 70), view)
+    TurningCamera(np.radians(89.8)).applied(picture, view)
+    # 2 atan(35 / 25) = 108.9° up or down; about its own axis a camera may turn as it likes.
+    with pytest.raises(ValueError, match=r"at most 108\.8°"):
+        TurningCamera(0.0, np.radians(120.0)).applied(picture, view)
+    TurningCamera(0.0, 0.0, np.pi).applied(picture, view)
+
+
+def test_a_path_that_takes_a_corner_behind_the_camera_is_refused():
+    tilted = np.eye(3)
+    tilted[2, 0] = -1 / 60
+    with pytest.raises(ValueError, match="at key time 2 of 2 the path takes a corner of the 70×50 picture behind"):
+        HomographyPath(np.stack([np.eye(3), tilted])).applied(rough(), View(60.0))
+
+
+def test_what_is_far_beside_the_picture_takes_no_samples():
+    # A way of ten million pixels beside the picture: sampled, it would take minutes.
+    times = np.array([-0.5, -0.25, 0.0, 0.5])
+    path = HomographyPath(np.stack([shift(0, 0), shift(10, 0), shift(90, 0), shift(1e7, 0)]), times)
+    near = HomographyPath(np.stack([shift(0, 0), shift(10, 0), shift(90, 0), shift(200, 0)]), times)
+    began = time.process_time()
+    seen, known = path.applied(rough(), View(60.0)), path.known((50, 70), View(60.0))
+    assert time.process_time() - began < 5
+    np.testing.assert_allclose(known, near.known((50, 70), View(60.0)), atol=1e-6)
+    np.testing.assert_allclose(seen, near.applied(rough(), View(60.0)), atol=1e-5)
+
+
 def test_a_turn_is_what_another_renderer_sees():
     # The mean of views of one sphere of light, as cameras turned about their own axes see it.
     generator = np.random.default_rng(4)
@@ -178,8 +215,8 @@ def test_a_turn_is_what_another_renderer_sees():
     turn, field, size, samples = np.array([0.03, 0.1, 0.2]), np.radians(60), (96, 64), 24
     sharp = perspective_view(sphere, np.eye(3), field, size).radiance
     truth = np.zeros(sharp.shape)
-    for time in (np.arange(samples) + 0.5) / samples - 0.5:
-        rotation = Rotation.from_rotvec(time * turn).as_matrix()
+    for moment in (np.arange(samples) + 0.5) / samples - 0.5:
+        rotation = Rotation.from_rotvec(moment * turn).as_matrix()
         truth += perspective_view(sphere, rotation, field, size).radiance / samples
     camera, view = TurningCamera(turn[1], turn[0], turn[2]), View(48 / np.tan(field / 2))
     seen, known = camera.applied(sharp, view), camera.known((64, 96), view) > 0.999

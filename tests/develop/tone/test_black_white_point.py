@@ -60,6 +60,13 @@ def test_brighter_than_white_is_not_clipped_and_each_channel_is_on_its_own():
     assert tone.adapted(light, View(1.0)).values.size == 0
 
 
+@pytest.mark.parametrize("white", [0.05, 0.004, 1.0, 1e6])
+def test_no_finite_light_overflows(white):
+    light = np.array([[[0.0, 1.0, 3e38]]], np.float32)
+    shown = BlackWhitePoint(white=white).displayed(light, View(1.0), NOTHING)[0, 0]
+    assert np.isfinite(shown).all() and shown[0] < 1e-4 and shown[2] > 1e8
+
+
 @pytest.mark.parametrize("black, white", [(0.0, 1.0), (-1.0, 1.0), (255.0, 1.0), (1.0, 0.001), (1.0, np.inf)])
 def test_points_that_leave_no_range_are_refused(black, white):
     with pytest.raises(ValueError, match=r"expected 0 < black / 255 < white"):

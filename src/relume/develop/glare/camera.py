@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -56,7 +57,7 @@ class CameraGlare:
     def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 as it arrives on the sensor, in its unit. The star depends on no field of view."""
         height, width = radiance.shape[:2]
-        arrived = spread_out(radiance, self.point_spread(height, width), mirrored=self.mirrored)
+        arrived = spread_out(radiance, _last_point_spread(self, height, width), mirrored=self.mirrored)
         if self.veil:
             arrived += (self.veil * radiance.mean((0, 1), dtype=np.float64)).astype(np.float32)
         return arrived
@@ -100,3 +101,9 @@ class CameraGlare:
         core = self.halo_core * diagonal
         height = self.halo * (self.halo_power - 1) / np.pi * core ** (2 * self.halo_power - 2)
         return lambda distance: height * (distance**2 + core**2) ** -self.halo_power
+
+
+@lru_cache(maxsize=1)
+def _last_point_spread(glare: CameraGlare, height: int, width: int) -> PolarSpread:
+    """Kept for the next frame of a sequence: 13 MB that take a third of a frame's time to make."""
+    return glare.point_spread(height, width)

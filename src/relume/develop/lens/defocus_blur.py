@@ -105,7 +105,7 @@ class Defocus:
             away = "infinitely far away" if endless else f"{view.depth[y, x]:g} m away"
             nearer = "" if endless else ", or focus nearer to it"
             raise ValueError(
-                f"the disc of confusion at x {x}, y {y}, {away}, is {2 * widest:.0f} pixels wide, wider than the picture; "
-                f"stop the aperture of {self.aperture:g} m down, use a shorter lens{nearer}"
+                f"the disc of confusion at x {x}, y {y}, {away}, is {2 * widest:.0f} pixels wide, wider than the "
+                f"picture; stop the aperture of {self.aperture:g} m down, use a shorter lens{nearer}"
             )
         return radius

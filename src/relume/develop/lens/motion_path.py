@@ -19,9 +19,10 @@ chord by ⅔ of this at most, so that areas, and light, are kept to 1e-5."""
 _PROBES = 9
 _MOST_KEYS = 4097
 _AHEAD = 1e-3
-"""The least third coordinate of a corner, that of the picture's middle being 1: at 0 it is seen in the camera's own plane,
-at infinity. A thousandth is a fraction of a degree before that."""
+"""The least third coordinate of a corner, that of the picture's middle being 1: at 0 it is in the camera's own plane, at
+infinity. A thousandth is a fraction of a degree before that."""
 _TRIED = 181
+"""Parts of a turn, a degree each at most, that are looked at for where a corner first goes behind."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,15 +167,8 @@ def _corners(height: int, width: int) -> np.ndarray:
 def _refuse_behind(turn: np.ndarray, shape: tuple[int, int], focal_length: float) -> None:
     """Raise ValueError for a turn (3,) that takes a corner of the picture behind the camera."""
     height, width = shape
-    x, y, _ = _corners(height, width)
-    rays = np.stack(
-        [
-            x - width / 2,
-            height / 2 - y,
-            np.full(4, -focal_length),
-        ]
-    )
-    rays = np.column_stack([rays, [0, 0, -focal_length]])
+    x, y, _ = np.column_stack([_corners(height, width), [width / 2, height / 2, 1]])
+    rays = np.stack([x - width / 2, height / 2 - y, np.full(5, -focal_length)])
 
     def stays(share: float) -> bool:
         # Either half of the exposure turns as far, the other way round.
@@ -190,10 +184,11 @@ def _refuse_behind(turn: np.ndarray, shape: tuple[int, int], focal_length: float
         middle = (low + high) / 2
         low, high = (middle, high) if stays(middle) else (low, middle)
     angle = float(np.degrees(np.linalg.norm(turn)))
+    most = np.floor(10 * low * angle) / 10
     across, down = (float(np.degrees(2 * np.arctan2(side / 2, focal_length))) for side in (width, height))
     raise ValueError(
-        f"the camera turns by {angle:g}° and a picture of {across:.3g}° × {down:.3g}° then has a corner behind the camera; "
-        f"expected all corners before it for the whole exposure: turn it by at most {np.floor(10 * low * angle) / 10:g}°"
+        f"the camera turns by {angle:g}° and a picture of {across:.3g}° × {down:.3g}° then has a corner behind the "
+        f"camera; expected all corners before it for the whole exposure: turn it by at most {most:g}°"
     )
 
 

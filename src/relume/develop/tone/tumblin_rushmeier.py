@@ -47,7 +47,7 @@ class TumblinRushmeier:
         return curved(
             radiance,
             lambda light: self.screen.values_of(screen_luminance(light * view.luminance_scale, adapted, self.screen)),
-            lowest=float(self.screen.values_of(np.float64(0))),
+            lowest=float(self.screen.values_of(np.zeros(()))),
         )
 
 
