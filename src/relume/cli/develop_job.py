@@ -340,10 +340,9 @@ def _matched(camera: VirtualCamera, source: Source, picture: RadianceMap) -> tup
     assert source.match is not None
     plate = files.read_photograph(source.match)
     match = matched_film(plate, picture, None if source.response is None else read_profile(source.response))
-    film = match.film if source.seconds is None else replace(match.film, exposure=source.seconds)
     for part in match.optics:
         camera = replace(camera, **{"soft_focus" if isinstance(part, Softness) else "vignetting": part})
-    return replace(camera, tone=film), {"matched": list(match.facts)}
+    return replace(camera, tone=match.film), {"matched": list(match.facts)}
 
 
 def _profile(path: Path) -> CameraProfile:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -196,13 +194,11 @@ def test_a_path_that_takes_a_corner_behind_the_camera_is_refused():
 
 
 def test_what_is_far_beside_the_picture_takes_no_samples():
-    # A way of ten million pixels beside the picture: sampled, it would take minutes.
+    # A way of 1e30 pixels beside the picture: no integer counts the samples of it.
     times = np.array([-0.5, -0.25, 0.0, 0.5])
-    path = HomographyPath(np.stack([shift(0, 0), shift(10, 0), shift(90, 0), shift(1e7, 0)]), times)
+    path = HomographyPath(np.stack([shift(0, 0), shift(10, 0), shift(90, 0), shift(1e30, 0)]), times)
     near = HomographyPath(np.stack([shift(0, 0), shift(10, 0), shift(90, 0), shift(200, 0)]), times)
-    began = time.process_time()
     seen, known = path.applied(rough(), View(60.0)), path.known((50, 70), View(60.0))
-    assert time.process_time() - began < 5
     np.testing.assert_allclose(known, near.known((50, 70), View(60.0)), atol=1e-6)
     np.testing.assert_allclose(seen, near.applied(rough(), View(60.0)), atol=1e-5)
 
@@ -215,8 +211,8 @@ def test_a_turn_is_what_another_renderer_sees():
     turn, field, size, samples = np.array([0.03, 0.1, 0.2]), np.radians(60), (96, 64), 24
     sharp = perspective_view(sphere, np.eye(3), field, size).radiance
     truth = np.zeros(sharp.shape)
-    for moment in (np.arange(samples) + 0.5) / samples - 0.5:
-        rotation = Rotation.from_rotvec(moment * turn).as_matrix()
+    for time in (np.arange(samples) + 0.5) / samples - 0.5:
+        rotation = Rotation.from_rotvec(time * turn).as_matrix()
         truth += perspective_view(sphere, rotation, field, size).radiance / samples
     camera, view = TurningCamera(turn[1], turn[0], turn[2]), View(48 / np.tan(field / 2))
     seen, known = camera.applied(sharp, view), camera.known((64, 96), view) > 0.999

@@ -335,3 +335,24 @@ def test_exposure_after_adaptation_brightens_the_picture():
     settled = operator.adapted(picture, view)
     before, after = (operator.displayed(picture * np.float32(gain), view, settled) for gain in (1, 4))
     assert np.all(after[0, 50:450, 1] > before[0, 50:450, 1])
+
+
+@pytest.mark.parametrize("factor", [1e-42, 1e-38, 1e25, 1e35])
+def test_units_at_the_ends_of_single_precision_give_numbers(factor):
+    (picture, view), operator = ramp(), HistogramAdjustment()
+    seen = developed((picture * factor).astype(np.float32), view, operator)
+    assert np.all(np.isfinite(seen)) and seen.min() >= 0
+    # Beyond 1e30 in the picture's own unit light is held.
+    if factor == 1e25:
+        np.testing.assert_allclose(seen, developed(picture, view, operator), rtol=1e-3, atol=1e-5)
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1.0])
+def test_light_beyond_all_measure_is_held_at_what_sums_can_hold(scale):
+    scene = np.random.default_rng(10).uniform(1, 9, (24, 40, 3)).astype(np.float32)
+    view, operator, found = View(300.0, scale), HistogramAdjustment.human(), []
+    for light in (3e38, 1e30):
+        scene[6:15, 9:18] = light
+        found.append((operator.adapted(scene, view).values, developed(scene, view, operator)))
+    np.testing.assert_array_equal(found[0][0], found[1][0])
+    np.testing.assert_array_equal(found[0][1], found[1][1])

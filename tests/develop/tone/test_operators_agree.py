@@ -98,14 +98,16 @@ def test_a_pixel_of_light_in_the_dark_is_no_trouble(tone: Tone) -> None:
 
 
 @pytest.mark.parametrize("tone", [*ADAPTING, pytest.param(HistogramAdjustment.human(), id="human")])
-@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e4])
+@pytest.mark.parametrize("scale", [1e-12, 1e-6, 1.0, 1e4, 1e12])
 @pytest.mark.parametrize("size", [1, 9])
 @pytest.mark.parametrize("huge", [3e38, float(np.finfo(np.float32).max)])
 def test_the_greatest_numbers_stay_numbers(tone: Tone, scale: float, size: int, huge: float) -> None:
     scene = np.random.default_rng(13).gamma(0.6, 10.0, (24, 40, 3)).astype(np.float32)
     scene[6 : 6 + size, 9 : 9 + size] = huge
     view = View(300.0, scale)
-    picture = tone.displayed(scene, view, tone.adapted(scene, view))
+    adaptation = tone.adapted(scene, view)
+    picture = tone.displayed(scene, view, adaptation)
+    assert np.isfinite(adaptation.values).all()
     assert np.isfinite(picture).all() and picture.min() >= lowest(tone)
 
 

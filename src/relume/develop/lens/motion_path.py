@@ -19,7 +19,7 @@ chord by ⅔ of this at most, so that areas, and light, are kept to 1e-5."""
 _PROBES = 9
 _MOST_KEYS = 4097
 _AHEAD = 1e-3
-"""The least third coordinate of a corner, that of the picture's middle being 1: at 0 it is in the camera's own plane, at
+"""The least third coordinate of a corner, that of the picture's middle being 1: at 0 it is in the camera's plane, at
 infinity. A thousandth is a fraction of a degree before that."""
 _TRIED = 181
 """Parts of a turn, a degree each at most, that are looked at for where a corner first goes behind."""

@@ -23,7 +23,7 @@ from relume.develop.tone.histogram_curve import (
 )
 from relume.develop.tone.histogram_fovea import FOVEA, foveal_samples
 from relume.develop.tone.luminance_statistics import log_average
-from relume.develop.tone.overflow import without_overflow
+from relume.develop.tone.overflow import MOST, without_overflow
 from relume.develop.tone.veil import SHARE, veil_luminance, veiled
 from relume.develop.view import View
 from relume.image.colour import LUMINANCE_WEIGHTS, luminance
@@ -77,8 +77,10 @@ class HistogramAdjustment:
         """
         unit = 1.0 if self.contrast.absolute else float(np.clip(log_average(radiance), *_UNITS)) * view.luminance_scale
         scale = view.luminance_scale / unit
-        radiance = without_overflow(radiance, scale)
         pixels, least, most = _counted(radiance, scale)
+        if most * max(1.0, 1 / scale) > MOST:
+            radiance = without_overflow(radiance, scale)
+            pixels, least, most = _counted(radiance, scale)
         foveal = foveal_samples(radiance, view)
         if self.veil:
             foveal = (1 - SHARE) * foveal + veil_luminance(foveal, view, radiance.shape[:2])
@@ -102,7 +104,8 @@ class HistogramAdjustment:
 
         unit, mean, darkest, brightest, *_ = adaptation.values
         scale = float(view.luminance_scale / np.exp(unit))
-        radiance = without_overflow(radiance, scale)
+        if self.veil or self.acuity or self.colour:
+            radiance = without_overflow(radiance, scale)
         seen = veiled(radiance, view) if self.veil else radiance
         if self.acuity or self.colour:
             fovea = luminance(foveal_samples(seen, view)).astype(np.float64) * view.luminance_scale
