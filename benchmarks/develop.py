@@ -14,6 +14,8 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -101,7 +103,13 @@ def race_of_glares() -> None:
     """Seconds of each glare, its point spread made anew each time."""
     small = made(GLARE_SIZE)
     view = VirtualCamera().view(small)
-    glares = {name: (lambda part=part: part.applied(small.radiance, view)) for name, part in GLARES.items()}
+    turn = count()
+
+    def anew(part: Any) -> None:
+        # Another focal length by a hair, so that no point spread is kept from the round before.
+        part.applied(small.radiance, replace(view, focal_length=view.focal_length * (1 + 1e-6 * next(turn))))
+
+    glares = {name: (lambda part=part: anew(part)) for name, part in GLARES.items()}
     tell(f"glare at {GLARE_SIZE[0]}×{GLARE_SIZE[1]}", by_turns(glares))
 
 

@@ -105,7 +105,7 @@ def develop(
         extras.require(out, pictures)
         source = job.Source(response, seconds, match)
         if match is not None and seconds is not None:
-            raise ValueError("--match takes the plate's exposure; leave --seconds out, or give --response without --match")
+            raise ValueError("--match takes the plate's exposure; leave --seconds out")
         if match is not None and (camera.makes_the_picture or camera.soft is not None or camera.vignetting):
             raise ValueError("--match is a whole camera; leave --tone, --film, --shutter, --soft and --vignetting out")
         if scene.depth_along is not None and scene.depth is None:
