@@ -157,8 +157,11 @@ def _merge(table: dict[str, Any], given: dict[str, Any]) -> None:
     """Put `given` above a table: a table of another kind replaces the one that stands there, else keys are added."""
     for key, value in given.items():
         there = table.get(key)
-        tables = isinstance(there, dict) and isinstance(value, dict)
-        if tables and value.get("kind") in (None, there.get("kind")):
+        if (
+            isinstance(there, dict)
+            and isinstance(value, dict)
+            and value.get("kind", there.get("kind")) == there.get("kind")
+        ):
             _merge(there, value)
         else:
             table[key] = value
