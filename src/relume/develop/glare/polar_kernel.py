@@ -8,7 +8,7 @@ from relume._kernel import kernel
 
 
 @kernel
-def draw_rows(first, width, hole, step, radial, level_step, pattern, near, rows):  # pragma: no cover - compiled
+def draw_rows(first, width, hole, step, radial, level_step, pattern, near, rows):
     """Rows first… below the point, (n, padded columns), in the order of transforms: 0, 1, …, −2, −1 pixels right.
 
     Values are radial(r^¼) · pattern(r^¼, angle), both interpolated linearly, or those of `near` round the point;
