@@ -184,11 +184,12 @@ def restart_peak() -> None:
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--peak"]:
         peak(sys.argv[2])
-        raise SystemExit
-    if "--processes" not in sys.argv:
+    elif "--processes" in sys.argv:
+        whole_processes()
+    else:
         race()
         race_of_glares()
-    whole_processes()
-    print("peak memory, the input included")
-    for each in (*TONES, *GLARES):
-        subprocess.run([sys.executable, __file__, "--peak", each], check=True)
+        whole_processes()
+        print("peak memory, the input included")
+        for each in (*TONES, *GLARES):
+            subprocess.run([sys.executable, __file__, "--peak", each], check=True)

@@ -16,7 +16,6 @@ from relume.develop.display.displays import HLG, PQ, HdrGainMap, Srgb
 from relume.develop.display.encoding import encoded_and_clipped
 from relume.develop.display.writing import require_suffix_for
 from relume.develop.film import Film
-from relume.develop.profiled import profiled_response, profiled_scale, profiled_vignetting
 from relume.develop.soundness import sound
 from relume.develop.steps import Undoable
 from relume.develop.tone.metered import Fixed, Metered
@@ -294,6 +293,8 @@ def _film_of(photograph: Photograph, source: Source) -> tuple[Film, str, Optics 
     facts: dict[str, object] = {"exposure from": told, "response": "sRGB"}
     if source.response is None:
         return Film(factor), "relative", None, facts
+    from relume.develop.profiled import profiled_response, profiled_scale, profiled_vignetting
+
     profile = _profile(source.response)
     response, vignetting = profiled_response(profile), profiled_vignetting(profile)
     facts["response"] = source.response.name
@@ -324,6 +325,8 @@ def _camera(preset: Preset, source: Source, picture: RadianceMap) -> tuple[Virtu
         return camera, {}
     if preset.tone is not None:
         raise ValueError("--response is a tone of its own; leave --tone, --film, --shutter and the preset's tone out")
+    from relume.develop.profiled import profiled_response
+
     curve = profiled_response(_profile(source.response))
     seconds = source.seconds
     if seconds is None:
