@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import repeat
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -147,7 +147,7 @@ def _write_extras(
     scene: RadianceMap,
     made: Developed,
     camera: VirtualCamera,
-    view: Any,
+    view: View,
     facts: dict[str, object],
 ) -> None:
     """Write the sheet, the false colours and the report of a picture, from the light that the lens drew."""
