@@ -130,14 +130,17 @@ def picture(
         return {"would write": str(out), **facts}
     advance("reading", 1.0)
     advance("developing", 0.0)
-    made = developed(read, camera, view)
+    # The lens once, for what is written beside the picture is of the light that it drew.
+    image = replace(read, radiance=camera.image(read.radiance, view)) if camera.optics else read
+    sensor = replace(camera, **dict.fromkeys(IN_ORDER))
+    made = developed(image, sensor, view)
     advance("developing", 1.0)
     clipping = made.written(out)
     if made.gain != 1:
         facts["display values per unit of radiance"] = made.gain
     facts = {"written": str(out), **facts, "white": max(clipping.above), "black": max(clipping.below)}
-    if extras.sheet or extras.false_colour or extras.report:
-        _write_extras(path, extras, read, made, camera, view, facts)
+    if extras.any:
+        _write_extras(path, extras, read, image, made, sensor, view, facts)
     return facts
 
 
@@ -145,23 +148,22 @@ def _write_extras(
     path: Path,
     extras: Extras,
     scene: RadianceMap,
+    image: RadianceMap,
     made: Developed,
-    camera: VirtualCamera,
+    sensor: VirtualCamera,
     view: View,
     facts: dict[str, object],
 ) -> None:
-    """Write the sheet, the false colours and the report of a picture, from the light that the lens drew."""
+    """Write the sheet, the false colours and the report: of the scene, and of the light that the lens drew."""
     from relume.develop.display.false_colour import false_colour
     from relume.develop.display.stops import stops_sheet
     from relume.image.radiance import RadianceMap
 
-    image = replace(scene, radiance=camera.image(scene.radiance, view)) if camera.optics else scene
     if extras.sheet:
-        # The lens has drawn already; stops are the sheet's own.
-        bare = replace(camera, **dict.fromkeys(IN_ORDER), display=Srgb())
+        shown_by = replace(sensor, display=Srgb())
 
         def at(radiance: np.ndarray) -> Photograph:
-            return developed(RadianceMap(radiance), bare, view, adaptation=made.adaptation).photograph()
+            return developed(RadianceMap(radiance), shown_by, view, adaptation=made.adaptation).photograph()
 
         files.write(extras.sheet, stops_sheet(image, extras.stops, at))
         facts["sheet"] = str(extras.sheet)

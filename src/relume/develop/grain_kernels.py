@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from relume._kernel import exact_inlined, exact_kernel
+from relume.develop.counter_hash import GOLDEN, mixed
 from relume.develop.darkroom.float_table import looked_up, tabulated
-from relume.develop.darkroom.printing_kernel import GOLDEN, S32, mixed
 
 _SIGN, _SIZE, _HALF = np.uint64(1), np.uint64(0x7FFFFFFF), np.float32(2.0**-32)
+S32 = np.uint64(32)
 
 
 def _quantile(chance: np.ndarray) -> np.ndarray:

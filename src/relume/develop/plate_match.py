@@ -10,7 +10,6 @@ import numpy as np
 from relume.capture.absolute import Scale, scale_from_exposure
 from relume.capture.profile import CameraProfile
 from relume.capture.vignetting import Vignetting
-from relume.develop.darkroom.darkroom import metered
 from relume.develop.film import Film, srgb_response
 from relume.develop.grain import Grain, photograph_grain
 from relume.develop.inverse import AllButEnds, radiance_of
@@ -165,11 +164,13 @@ def _exposed(
             if absolute
             else "the picture is relative, and sRGB has no scale of its own"
         )
+    from relume.develop.tone.luminance_statistics import log_average
+
     curves = srgb_response().log_exposure if response is None else response.log_exposure
     levels = np.arange(curves.shape[1])
     wanted = luminance(np.exp([np.interp(MIDDLE * levels[-1], levels, curve) for curve in curves]))
     facts.append(f"exposure: metered, the picture's log mean becomes 118 of 255, for {why}")
-    return Film(float(wanted) / float(np.exp(metered(picture.radiance))), response)
+    return Film(float(wanted) / log_average(picture.radiance), response)
 
 
 def _seen(photograph: Photograph, film: Film) -> RadianceMap | None:

@@ -12,7 +12,6 @@ from relume.develop.darkroom.print import Paper
 from relume.develop.darkroom.reach import tell_reach
 from relume.develop.steps import Adaptation
 from relume.develop.view import View
-from relume.image.colour import LUMINANCE_WEIGHTS
 from relume.image.photograph import Exposure
 
 FRAME = 36_000.0
@@ -20,7 +19,6 @@ FRAME = 36_000.0
 LOWEST, FINENESS, ENTRIES = -2.0, 1024.0, 8194
 """Densities −2 to 6 are printed from a table, 1024 entries to one: noise and crosstalk go beyond a film's own. Lines
 between them err by 3e-6 of the reflectance on the hardest paper."""
-STRETCH = 1 << 16
 ROWS = 64
 
 
@@ -70,7 +68,9 @@ class Darkroom:
         """What the light meter reads: the log mean of what is lit; of a black picture that of luminance 1."""
         if self.exposure is not None:
             return Adaptation(np.zeros(0))
-        return Adaptation(np.array([metered(radiance)]))
+        from relume.develop.tone.luminance_statistics import log_average
+
+        return Adaptation(np.log([log_average(radiance)]))
 
     def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """The print by white light: 1 is white paper, or clear film. The same seed gives the same grain.
@@ -168,20 +168,3 @@ def film_tables(film: FilmStock) -> np.ndarray:
     from relume.develop.darkroom.float_table import tabulated
 
     return np.stack([tabulated(lambda exposure, k=k: film.density(exposure, k)) for k in range(len(film.curves))])
-
-
-def metered(radiance: np.ndarray) -> float:
-    """ln of the log mean luminance of what is lit in radiance (H, W, 3); 0 where nothing is."""
-    from relume._kernel import in_threads
-
-    flat = radiance.reshape(-1, 3)
-    weights = LUMINANCE_WEIGHTS.astype(np.float32)
-
-    def work(begin: int, end: int) -> tuple[float, int]:
-        light = flat[begin:end] @ weights
-        lit = light[light > 0]
-        return float(np.log(lit).sum(dtype=np.float64)), lit.size
-
-    sums = in_threads(work, flat.shape[0], chunk=STRETCH)
-    count = sum(lit for _, lit in sums)
-    return sum(total for total, _ in sums) / count if count else 0.0

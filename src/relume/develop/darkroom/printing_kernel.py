@@ -4,22 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import exact_inlined, exact_kernel
+from relume._kernel import exact_kernel
+from relume.develop.counter_hash import GOLDEN, mixed
 from relume.develop.darkroom.float_table import looked_up
 
-GOLDEN = np.uint64(0x9E3779B97F4A7C15)
-FIRST, SECOND = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 MASK = np.uint64(0xFFFF)
-S16, S27, S30, S31, S32, S48 = (np.uint64(n) for n in (16, 27, 30, 31, 32, 48))
+S16, S32, S48 = (np.uint64(n) for n in (16, 32, 48))
 MIDDLE, UNIT = np.float32(131070.0), np.float32(1 / np.sqrt((2.0**32 - 1) / 3))
-
-
-@exact_inlined
-def mixed(state):
-    """SplitMix64's output of a counter (Steele, Lea & Flood 2014): every place has its own number, drawn or not."""
-    z = (state ^ (state >> S30)) * FIRST
-    z = (z ^ (z >> S27)) * SECOND
-    return z ^ (z >> S31)
 
 
 @exact_kernel
