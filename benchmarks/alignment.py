@@ -16,9 +16,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from relume.capture.alignment import Aligned, align
-from relume.capture.alignment_pyramid import pyramid
-from relume.capture.warping import move
+from relume.capture.alignment.alignment import Aligned, align
+from relume.capture.alignment.pyramid import pyramid
+from relume.capture.alignment.warping import move
 
 
 def timed(work: dict[str, Callable[[], object]], rounds: int = 3) -> dict[str, tuple[float, float]]:

@@ -15,20 +15,20 @@ import numpy as np
 
 from relume.errors import SunNotFound
 from relume.image.files import read_radiance
-from relume.light.constellation import Constellation, constellation, irradiance_error
-from relume.light.constellation_cells import cells_of
-from relume.light.k_means import KMeans
-from relume.light.median_cut import MedianCut
-from relume.light.residual import key_lights
-from relume.light.sun import extract_sun
-from relume.light.variance_cut import VarianceMinimisation
-from relume.sphere.illumination import IlluminationMap, as_illumination
+from relume.light.constellations.cells import cells_of
+from relume.light.constellations.constellation import Constellation, constellation, irradiance_error
+from relume.light.constellations.k_means import KMeans
+from relume.light.constellations.median_cut import MedianCut
+from relume.light.constellations.residual import key_lights
+from relume.light.constellations.variance_minimisation import VarianceMinimisation
+from relume.light.suns.extraction import extract_sun
+from relume.sphere.environment_map import EnvironmentMap, as_environment
 
 METHODS = {"median cut": MedianCut(), "variance": VarianceMinimisation(), "k-means": KMeans()}
 COUNTS = (16, 64, 256)
 
 
-def naive_median_cut(light: IlluminationMap, levels: int) -> Constellation:
+def naive_median_cut(light: EnvironmentMap, levels: int) -> Constellation:
     """2^levels lights by equal cuts of a plain array, as HDR Toolbox and its like have them; no summed-area table."""
     rows, columns = light.radiance.shape[:2]
     areas = light.mapping.solid_angles(rows)
@@ -74,7 +74,7 @@ def median_time(work, times: int = 7) -> tuple[float, float]:
     return float(clock), float(cores)
 
 
-def four_k() -> IlluminationMap:
+def four_k() -> EnvironmentMap:
     """4096 × 2048 pixels of sky, ground, noise and a sun of four pixels."""
     random = np.random.default_rng(4)
     rows = 2048
@@ -82,10 +82,10 @@ def four_k() -> IlluminationMap:
     sky = np.where(height > 0, np.array([0.3, 0.5, 1.0]) * (1.2 - height), np.array([0.15, 0.12, 0.08]))
     radiance = (sky * random.uniform(0.5, 1.5, (rows, 2 * rows, 1))).astype(np.float32)
     radiance[600:602, 1500:1502] = 2e5
-    return IlluminationMap(radiance)
+    return EnvironmentMap(radiance)
 
 
-def maps(folder: Path) -> dict[str, IlluminationMap]:
+def maps(folder: Path) -> dict[str, EnvironmentMap]:
     found = {}
     for path in sorted(folder.rglob("*")):
         if path.suffix not in (".exr", ".hdr"):
@@ -93,7 +93,7 @@ def maps(folder: Path) -> dict[str, IlluminationMap]:
         try:
             picture = read_radiance(path)
             if picture.size[0] == 2 * picture.size[1] and np.isfinite(picture.radiance).all():
-                found[path.name] = as_illumination(replace(picture, radiance=np.maximum(picture.radiance, 0)))
+                found[path.name] = as_environment(replace(picture, radiance=np.maximum(picture.radiance, 0)))
         except ValueError:
             continue
     return found

@@ -23,22 +23,22 @@ import cv2
 import numpy as np
 from rounds import by_turns
 
-from relume.develop.blades import Blades
-from relume.develop.display.displays import Srgb
-from relume.develop.display.encoding import encoded
-from relume.develop.glare.camera import CameraGlare
-from relume.develop.glare.eye import EyeGlare
-from relume.develop.tone.ferwerda import Ferwerda
-from relume.develop.tone.histogram import HistogramAdjustment
-from relume.develop.tone.histogram_curve import HumanContrast
-from relume.develop.tone.metered import Metered
-from relume.develop.tone.pattanaik import Pattanaik
-from relume.develop.tone.reinhard import Reinhard
-from relume.develop.tone.reinhard_local import ReinhardLocal
-from relume.develop.tone.tumblin_rushmeier import TumblinRushmeier
-from relume.develop.virtual_camera import VirtualCamera, developed
 from relume.image import files
 from relume.image.radiance import RadianceMap
+from relume.virtual_camera.lens.blades import Blades
+from relume.virtual_camera.lens.glare.camera import CameraGlare
+from relume.virtual_camera.lens.glare.eye import EyeGlare
+from relume.virtual_camera.tone.display.displays import Srgb
+from relume.virtual_camera.tone.display.encoding import encoded
+from relume.virtual_camera.tone.ferwerda import Ferwerda
+from relume.virtual_camera.tone.histogram.adjustment import HistogramAdjustment
+from relume.virtual_camera.tone.histogram.curve import HumanContrast
+from relume.virtual_camera.tone.metered import Metered
+from relume.virtual_camera.tone.pattanaik.pattanaik import Pattanaik
+from relume.virtual_camera.tone.reinhard import Reinhard
+from relume.virtual_camera.tone.reinhard_local import ReinhardLocal
+from relume.virtual_camera.tone.tumblin_rushmeier import TumblinRushmeier
+from relume.virtual_camera.virtual_camera import VirtualCamera, developed
 
 SIZE, GLARE_SIZE = (6000, 4000), (3840, 2160)
 TONES: dict[str, Any] = {

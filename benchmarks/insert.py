@@ -23,10 +23,10 @@ import numpy as np
 from insert_scenes import Cycles, room
 
 import relume as rl
-from relume.render.mitsuba import _mitsuba
-from relume.render.mitsuba_denoise import denoise_pair
-from relume.render.mitsuba_differential import Differential
-from relume.render.mitsuba_scene import scene_dictionary
+from relume.renderers.mitsuba.denoise import denoise_pair
+from relume.renderers.mitsuba.differential import Differential
+from relume.renderers.mitsuba.path_tracer import _mitsuba
+from relume.renderers.mitsuba.scene import scene_dictionary
 
 REFERENCE = 16
 """How many times as long the references take; their own noise adds a sixteenth to the errors, alike for all."""

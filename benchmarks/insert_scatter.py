@@ -15,7 +15,7 @@ import numpy as np
 from insert import cycles, ours, path_pair
 from insert_scenes import Cycles, room
 
-from relume.render.mitsuba_differential import Differential
+from relume.renderers.mitsuba.differential import Differential
 
 WIDTH, SAMPLES, CYCLES_SAMPLES, SEEDS = 256, 384, 64, (11, 12, 13)
 

@@ -13,8 +13,8 @@ import numpy as np
 import OpenEXR
 
 import relume as rl
-from relume.light.convolution import as_latlong
-from relume.render.renderer import Constant
+from relume.light.reflection.convolution import as_latlong
+from relume.renderers.renderer import Constant
 
 ROOM = Path(__file__).parents[1] / "examples/room"
 HERE = Path(__file__).parent

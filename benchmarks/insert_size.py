@@ -13,7 +13,7 @@ import trimesh
 from insert_scenes import room
 
 import relume as rl
-from relume.render.mitsuba_differential import Differential
+from relume.renderers.mitsuba.differential import Differential
 
 SAMPLES = 64
 

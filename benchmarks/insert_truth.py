@@ -22,7 +22,7 @@ import numpy as np
 from insert_scenes import Cycles, room
 
 import relume as rl
-from relume.render.mitsuba_differential import Differential
+from relume.renderers.mitsuba.differential import Differential
 
 WIDTH = int(os.environ.get("RELUME_BENCH_WIDTH", "96"))
 """Small, so that Cycles can trace thousands of rays a pixel: its caustics need them."""

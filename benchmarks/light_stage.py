@@ -25,16 +25,16 @@ from rounds import ROUNDS, by_turns
 from scipy.spatial import KDTree
 
 from relume.image.files import read_radiance
-from relume.lightstage.cosine import compress_cosine
-from relume.lightstage.field import Pictures
-from relume.lightstage.lights import StageLights
-from relume.lightstage.low_rank import compress_low_rank
-from relume.lightstage.relighting import relight
-from relume.lightstage.sequences import relight_sequence
-from relume.lightstage.store import read_store
-from relume.lightstage.store_building import build_store
-from relume.sphere.illumination import as_illumination
-from relume.sphere.mappings import pixel_directions
+from relume.lightstage.acquire.store import read_store
+from relume.lightstage.acquire.store_building import build_store
+from relume.lightstage.field.field import Pictures
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.cosine import compress_cosine
+from relume.lightstage.relighting.low_rank import compress_low_rank
+from relume.lightstage.relighting.relighting import relight
+from relume.lightstage.relighting.sequences import relight_sequence
+from relume.sphere.environment_map import as_environment
+from relume.sphere.mappings.mapping import pixel_directions
 
 ROWS, COLUMNS = 480, 720
 SHARED = Path(__file__).resolve().parents[1] / "shared"
@@ -91,7 +91,7 @@ def compressed() -> None:
 
 def irradiances_of(path: Path, directions: np.ndarray) -> np.ndarray:
     """Irradiances (N, 3) of a map, each of its pixels given to the nearest light."""
-    light = as_illumination(read_radiance(path))
+    light = as_environment(read_radiance(path))
     nearest = KDTree(directions).query(pixel_directions(light.mapping, light.size).reshape(-1, 3))[1]
     flux = light.radiance * light.mapping.solid_angles(light.size)[..., None]
     return np.stack([np.bincount(nearest, flux[..., c].ravel(), len(directions)) for c in range(3)], axis=1)

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 import relume as rl
-from relume.sphere.cubes import Strip
-from relume.sphere.discs import Angular
-from relume.sphere.mappings import LatLong, pixel_points
-from relume.sphere.resampling import resampled
+from relume.sphere.mappings.cubes import Strip
+from relume.sphere.mappings.discs import Angular
+from relume.sphere.mappings.mapping import LatLong, pixel_points
+from relume.sphere.resampling.resampling import resampled
 
 SKYLIBS = """
 import sys, time
@@ -48,23 +48,23 @@ def median_time(work: Callable[[], object], times: int = 7) -> float:
     return sorted(taken)[times // 2]
 
 
-def textured(rows: int) -> rl.IlluminationMap:
+def textured(rows: int) -> rl.EnvironmentMap:
     """Noise with detail down to the pixel, and a sun."""
     random = np.random.default_rng(0)
     radiance = random.random((rows, 2 * rows, 3), np.float32) ** 4
     radiance[rows // 3, rows // 2] = 1e5
-    return rl.IlluminationMap(radiance)
+    return rl.EnvironmentMap(radiance)
 
 
-def zone_plate(rows: int) -> rl.IlluminationMap:
+def zone_plate(rows: int) -> rl.EnvironmentMap:
     """Rings round −Z that grow finer up to two pixels a ring, a quarter of the sphere away."""
     towards = LatLong().directions(pixel_points(LatLong(), rows))
     angle = np.arccos(np.clip(-towards[..., 2], -1, 1))
     wave = 0.5 + 0.5 * np.cos(rows * angle**2 / np.pi)
-    return rl.IlluminationMap(np.repeat(wave[..., None], 3, 2).astype(np.float32))
+    return rl.EnvironmentMap(np.repeat(wave[..., None], 3, 2).astype(np.float32))
 
 
-def truth(light: rl.IlluminationMap, size: int, cells: int = 16) -> np.ndarray:
+def truth(light: rl.EnvironmentMap, size: int, cells: int = 16) -> np.ndarray:
     """Each pixel of an angular map as the mean, by solid angle, of 256 bilinear look-ups."""
     mapping, result = Angular(), np.zeros((size, size, 3))
     steps = (np.arange(cells) + 0.5) / cells
@@ -74,13 +74,13 @@ def truth(light: rl.IlluminationMap, size: int, cells: int = 16) -> np.ndarray:
         towards = mapping.directions(np.stack([u, v], -1))
         weight = np.nan_to_num(np.sinc(2 * np.hypot(u - 0.5, v - 0.5)))
         weight = np.where(np.isnan(towards[..., 0]), 0, weight)[:, None]
-        found = light.look_up(np.nan_to_num(towards, nan=0.57735)) * weight
+        found = light.lookup(np.nan_to_num(towards, nan=0.57735)) * weight
         found, weight = (a.reshape(cells, size, cells, -1).sum((0, 2)) for a in (found, weight))
         result[row] = found / np.maximum(weight, 1e-300)
     return result
 
 
-def by_skylibs(python: str, light: rl.IlluminationMap, size: int) -> tuple[np.ndarray, float]:
+def by_skylibs(python: str, light: rl.EnvironmentMap, size: int) -> tuple[np.ndarray, float]:
     """skylibs' angular map and its median time in seconds."""
     with tempfile.TemporaryDirectory() as folder:
         given, made = Path(folder) / "light.npy", Path(folder) / "angular.npy"
@@ -90,7 +90,7 @@ def by_skylibs(python: str, light: rl.IlluminationMap, size: int) -> tuple[np.nd
         return np.load(made), float(said.split()[-1])
 
 
-def filtering(name: str, light: rl.IlluminationMap, size: int, python: str | None) -> None:
+def filtering(name: str, light: rl.EnvironmentMap, size: int, python: str | None) -> None:
     """Root mean square errors on the inner nine tenths of an angular map, where pixels are not slivers."""
     expected = truth(light, size)
     inner = np.hypot(*np.moveaxis(pixel_points(Angular(), size) - 0.5, -1, 0)) < 0.45
@@ -108,7 +108,7 @@ def main(python: str | None) -> None:
     if python:
         theirs = by_skylibs(python, light, 1024)[1]
         print(f"  skylibs {theirs * 1e3:.0f} ms, {theirs / ours:.1f} times as long")
-    plain = rl.IlluminationMap(np.minimum(textured(256).radiance, 1))
+    plain = rl.EnvironmentMap(np.minimum(textured(256).radiance, 1))
     filtering("noise 512×256", plain, 96, python)
     filtering("zone plate 512×256", zone_plate(256), 96, python)
     large = textured(4096)

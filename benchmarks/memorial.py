@@ -15,9 +15,9 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from relume.capture.bracket import read_bracket
-from relume.capture.calibration import recover_response
+from relume.capture.exposure.bracket import read_bracket
 from relume.capture.merging import merge
+from relume.capture.response.calibration import recover_response
 from relume.image import files
 from relume.image.colour import luminance
 from relume.image.radiance import OUTSIDE

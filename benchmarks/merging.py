@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 from scipy.ndimage import zoom
 
-from relume.capture.bracket import Bracket
+from relume.capture.exposure.bracket import Bracket
 from relume.capture.merging import merge
 from relume.image.colour import encode_srgb
 from relume.image.photograph import Exposure, Photograph

@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 
 import relume as rl
-from relume.scene.bumps import Wrinkles
 from relume.scene.lights import AmbientLight, DistantLight, Light, Linear, PointLight, SquareLaw
-from relume.scene.patches import Patches
-from relume.scene.shapes import Polygon, Shape
-from relume.scene.whitted import Checks, WhittedMaterial
+from relume.scene.materials.bumps import Wrinkles
+from relume.scene.materials.whitted import Checks, WhittedMaterial
+from relume.scene.shapes.patches import Patches
+from relume.scene.shapes.shapes import Polygon, Shape
 
 PROGRAM = shutil.which("povray")
 ADAPTIVE = ("+AM2", "+A0.1", "+R3")

@@ -42,7 +42,7 @@ def peak() -> float:
 
 def merge_and_write(folder: Path) -> None:
     """The measured process: what the command does with raw files."""
-    from relume.capture.raw_merging import calibrate_raw, merge_raw
+    from relume.capture.raw.merging import calibrate_raw, merge_raw
     from relume.image import files
 
     paths = sorted(folder.glob("*.dng"))

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.render.raycast import RayCaster
-from relume.render.raycast_surface import Surfaces
-from relume.scene.camera import Camera
-from relume.scene.materials import Diffuse
-from relume.scene.patches import Patches, read_patches
-from relume.scene.shapes import Mesh
-from relume.scene.tessellation import tessellated
+from relume.renderers.raytrace.raycast import RayCaster
+from relume.renderers.raytrace.surface import Surfaces
+from relume.scene.cameras.camera import Camera
+from relume.scene.materials.materials import Diffuse
+from relume.scene.shapes.patches import Patches, read_patches
+from relume.scene.shapes.shapes import Mesh
+from relume.scene.shapes.tessellation import tessellated
 from relume.sphere.directions import rotation_about
 
 ROUNDS = 9

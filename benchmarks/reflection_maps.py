@@ -9,15 +9,15 @@ from collections.abc import Callable
 import numpy as np
 
 import relume as rl
-from relume.light.lobes import Lambert, Mirror, Phong
-from relume.light.reflection import reflection_map
-from relume.render.filters import Filter, Mip, Plain, Preintegrated, Quadrilateral, Subdivision
-from relume.render.mapped import Shading
-from relume.render.samples import GBuffer, Samples
-from relume.render.visibility import Stage
-from relume.scene.bumps import Wrinkles
-from relume.scene.reflective import Layer, Reflective, glossy
-from relume.sphere.mappings import LatLong, pixel_points
+from relume.light.reflection.lobes import Lambert, Mirror, Phong
+from relume.light.reflection.reflection_map import reflection_map
+from relume.renderers.prefiltered.filters import Filter, Mip, Plain, Preintegrated, Quadrilateral, Subdivision
+from relume.renderers.prefiltered.prefiltered import Shading
+from relume.renderers.prefiltered.shading_samples import GBuffer, Samples
+from relume.renderers.raytrace.visibility import Stage
+from relume.scene.materials.bumps import Wrinkles
+from relume.scene.materials.reflective import Layer, Reflective, glossy
+from relume.sphere.mappings.mapping import LatLong, pixel_points
 
 FINE = 32
 """Samples along each side of a pixel for the truth."""
@@ -34,7 +34,7 @@ def median_time(work: Callable[[], object], times: int = 7) -> float:
     return statistics.median(taken)
 
 
-def lamps(rows: int) -> rl.IlluminationMap:
+def lamps(rows: int) -> rl.EnvironmentMap:
     """A dim textured room with eight small lamps."""
     random = np.random.default_rng(4)
     directions = LatLong().directions(pixel_points(LatLong(), rows)).astype(np.float32)
@@ -47,7 +47,7 @@ def lamps(rows: int) -> rl.IlluminationMap:
         towards /= np.linalg.norm(towards)
         glow = 200 * random.uniform(0.3, 1) * np.exp(-(1 - directions @ towards) / (0.5 * 0.012**2))
         light += glow[..., None] * random.uniform(0.6, 1, 3)
-    return rl.IlluminationMap(light.astype(np.float32))
+    return rl.EnvironmentMap(light.astype(np.float32))
 
 
 def gentle(width: int = 1280, height: int = 720) -> GBuffer:
@@ -60,7 +60,7 @@ def gentle(width: int = 1280, height: int = 720) -> GBuffer:
     return GBuffer(normal, view, np.zeros((height, width), np.int32))
 
 
-def shading_time(material: Reflective, light: rl.IlluminationMap, way: Filter) -> float:
+def shading_time(material: Reflective, light: rl.EnvironmentMap, way: Filter) -> float:
     """Seconds to shade the gentle G-buffer, tables and samples made before."""
     pixels = gentle()
     samples, uv = pixels.samples(), np.zeros((pixels.surface.size, 2))
@@ -68,7 +68,7 @@ def shading_time(material: Reflective, light: rl.IlluminationMap, way: Filter) -
     return median_time(lambda: shading.light(samples, uv), 15)
 
 
-def antialiasing(material: Reflective, light: rl.IlluminationMap, title: str) -> None:
+def antialiasing(material: Reflective, light: rl.EnvironmentMap, title: str) -> None:
     """Error against 1,024 samples and time, for a field of small balls of this material."""
     balls = tuple(rl.Sphere((2.2 * i, 2.2 * j, 0.0), 1.0, material) for i in range(-3, 4) for j in range(-2, 3))
     camera = rl.Camera.looking_at(np.array([0, 0, 60.0]), np.zeros(3), width=560, height=400, focal_length=2180)

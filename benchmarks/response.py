@@ -12,11 +12,11 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from camera_curves import CurveCamera, camera_curves, exposure_error, mixed_scene
-from relume.capture.bracket import Bracket
-from relume.capture.calibration import ResponseMethod, recover_response
-from relume.capture.debevec_malik import DebevecMalik
-from relume.capture.mitsunaga_nayar import MitsunagaNayar
-from relume.capture.robertson import Robertson
+from relume.capture.exposure.bracket import Bracket
+from relume.capture.response.calibration import ResponseMethod, recover_response
+from relume.capture.response.debevec_malik import DebevecMalik
+from relume.capture.response.mitsunaga_nayar import MitsunagaNayar
+from relume.capture.response.robertson import Robertson
 from relume.image.photograph import Photograph
 from synthetic import STOPS
 

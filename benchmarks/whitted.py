@@ -26,7 +26,7 @@ from ray_casting import dented_ball
 
 import relume as rl
 from relume.image.colour import encode_srgb
-from relume.render.antialiasing import Antialiasing
+from relume.renderers.whitted.antialiasing import Antialiasing
 from relume.scene.lights import Unattenuated
 
 FIGURES = Path(__file__).parents[1] / "examples" / "whitted"

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.capture.bracket import Bracket
+from relume.capture.exposure.bracket import Bracket
 from relume.image.photograph import Exposure, Photograph
 from synthetic import STOPS
 

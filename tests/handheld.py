@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
 
-from relume.capture.bracket import Bracket
+from relume.capture.exposure.bracket import Bracket
 from relume.image.photograph import Exposure, Photograph
 from synthetic import VirtualCamera
 

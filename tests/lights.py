@@ -6,16 +6,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from relume.sphere.cubes import Cross, Strip, VerticalCross
 from relume.sphere.directions import normalised
-from relume.sphere.discs import Angular, Fisheye, Hemispheres, MirrorBall
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, Mapping, pixel_points
-from relume.sphere.squares import EqualArea, Octahedral
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.cubes import CubeCross, Strip, VerticalCubeCross
+from relume.sphere.mappings.discs import Angular, Fisheye, Hemispheres, MirrorBall
+from relume.sphere.mappings.mapping import LatLong, Mapping, pixel_points
+from relume.sphere.mappings.squares import EqualArea, Octahedral
 
 SIMPLE = (LatLong(), Angular(), MirrorBall())
 WHOLE: tuple[Mapping, ...] = (
-    *SIMPLE, Cross(), VerticalCross(), Strip(), Octahedral(), EqualArea(), Hemispheres(), Fisheye(2 * np.pi),
+    *SIMPLE, CubeCross(), VerticalCubeCross(), Strip(), Octahedral(), EqualArea(), Hemispheres(), Fisheye(2 * np.pi),
     Fisheye(2 * np.pi, equisolid=True),
 )  # fmt: skip
 """Every mapping of the whole sphere; the first three are of any number of rows."""
@@ -33,32 +33,32 @@ def fitting(mapping: Mapping, size: int) -> int:
             return size
 
 
-def constant(size: int, value: float | tuple[float, float, float] = 1.0) -> IlluminationMap:
-    return IlluminationMap(np.broadcast_to(np.asarray(value, np.float32), (size, 2 * size, 3)).copy())
+def constant(size: int, value: float | tuple[float, float, float] = 1.0) -> EnvironmentMap:
+    return EnvironmentMap(np.broadcast_to(np.asarray(value, np.float32), (size, 2 * size, 3)).copy())
 
 
 def of_directions(
     function: Callable[[np.ndarray], np.ndarray], size: int, mapping: Mapping = LatLong()
-) -> IlluminationMap:
+) -> EnvironmentMap:
     """Grey light whose radiance is a function of direction."""
     values = function(np.nan_to_num(mapping.directions(pixel_points(mapping, size))))
-    return IlluminationMap(np.repeat(values[..., None], 3, axis=-1).astype(np.float32), mapping)
+    return EnvironmentMap(np.repeat(values[..., None], 3, axis=-1).astype(np.float32), mapping)
 
 
-def spiky(size: int, seed: int = 3) -> IlluminationMap:
+def spiky(size: int, seed: int = 3) -> EnvironmentMap:
     """Nothing alike from pixel to pixel: noise from 0.01 to 100, mostly dark."""
     random = np.random.default_rng(seed).random((size, 2 * size, 3))
-    return IlluminationMap((random**8 * 100 + 0.01).astype(np.float32))
+    return EnvironmentMap((random**8 * 100 + 0.01).astype(np.float32))
 
 
-def lone(size: int, row: int, column: int, value: float = 1.0, dark: float = 0.0) -> IlluminationMap:
+def lone(size: int, row: int, column: int, value: float = 1.0, dark: float = 0.0) -> EnvironmentMap:
     """One bright pixel."""
     radiance = np.full((size, 2 * size, 3), dark, np.float32)
     radiance[row, column] = value
-    return IlluminationMap(radiance)
+    return EnvironmentMap(radiance)
 
 
-def sunny(size: int, sun: float = 25.0) -> IlluminationMap:
+def sunny(size: int, sun: float = 25.0) -> EnvironmentMap:
     """A blue sky, brown ground, a hedge of noise and a low orange sun 3° wide.
 
     sun : its radiance; 25 gives a seventh of the light, as at sunset, and 400 two thirds, as on a clear day
@@ -71,7 +71,7 @@ def sunny(size: int, sun: float = 25.0) -> IlluminationMap:
     radiance = np.where(np.abs(height) < 0.1, hedge * np.array([0.2, 0.4, 0.1]), radiance)
     towards = normalised([0.7, 0.3, -0.65])
     glow = np.exp((directions @ towards - 1) / 0.002)[..., None]
-    return IlluminationMap((radiance + sun * glow * np.array([1.0, 0.6, 0.3])).astype(np.float32))
+    return EnvironmentMap((radiance + sun * glow * np.array([1.0, 0.6, 0.3])).astype(np.float32))
 
 
 def spread(count: int, seed: int = 0) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from relume.capture.bracket import Bracket
+from relume.capture.exposure.bracket import Bracket
 from relume.image.photograph import Exposure
 from relume.image.response import Response
 from synthetic import VirtualCamera

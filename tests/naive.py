@@ -8,11 +8,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from relume.scene.patches import Patches
-from relume.scene.shapes import Mesh, Polygon, Shape, Sphere
+from relume.scene.shapes.patches import Patches
+from relume.scene.shapes.shapes import Mesh, Polygon, Shape, Sphere
 
 
-def look_up(radiance: np.ndarray, mapping: str, direction: np.ndarray) -> np.ndarray:
+def lookup(radiance: np.ndarray, mapping: str, direction: np.ndarray) -> np.ndarray:
     """Radiance (3,) of a map from one direction, bilinear; over a lat-long's pole one meets the other side."""
     height, width = radiance.shape[:2]
     x, y, z = (float(c) for c in direction)

@@ -13,14 +13,14 @@ from functools import lru_cache
 import numpy as np
 
 import naive
-from relume.light.constellation import constellation
-from relume.render.whitted import Whitted
-from relume.scene.camera import Camera
+from relume.light.constellations.constellation import constellation
+from relume.renderers.whitted.whitted import Whitted
+from relume.scene.cameras.camera import Camera
 from relume.scene.lights import AmbientLight, DistantLight, PointLight
-from relume.scene.materials import Diffuse
+from relume.scene.materials.materials import Diffuse
+from relume.scene.materials.whitted import Checks, Paint, WhittedMaterial
 from relume.scene.scene import Scene
-from relume.scene.shapes import Mesh, Plane, Shape, Sphere
-from relume.scene.whitted import Checks, Paint, WhittedMaterial
+from relume.scene.shapes.shapes import Mesh, Plane, Shape, Sphere
 from relume.sphere.directions import normalised
 
 NEAR = 4e-6
@@ -58,7 +58,7 @@ def radiance(scene: Scene, origin: np.ndarray, direction: np.ndarray, renderer: 
     """What an eye at `origin` sees in a direction, (3,)."""
     node = meet(scene, origin, direction, 0.0)
     if node is None:
-        return scene.light.look_up(direction) if renderer.background else np.zeros(3)
+        return scene.light.lookup(direction) if renderer.background else np.zeros(3)
     return intensity(scene, node, direction, renderer, 0, np.ones(3))
 
 
@@ -102,7 +102,7 @@ def intensity(
             continue
         child = meet(scene, node.point, direction, node.way)
         if child is None:
-            total = total + coefficient * scene.light.look_up(direction)
+            total = total + coefficient * scene.light.lookup(direction)
         else:
             kept = min(float(renderer.attenuation.at(np.array(child.distance))), 1.0)
             total = total + coefficient * kept * intensity(scene, child, direction, renderer, depth + 1, carried * kept)

@@ -5,26 +5,26 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import KDTree
 
-from relume.capture.vignetting import Vignetting
+from relume.capture.lens.vignetting import Vignetting
 from relume.image.radiance import RadianceMap
-from relume.probe.panorama_views import PanoramaView, orientation
+from relume.probe.panorama.views import PanoramaView, orientation
 from relume.sphere.directions import normalised
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, pixel_points
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, pixel_points
 
 
-def patchwork(rows: int = 384, patches: int = 3000, seed: int = 0) -> IlluminationMap:
+def patchwork(rows: int = 384, patches: int = 3000, seed: int = 0) -> EnvironmentMap:
     """Patches of all brightnesses from a fifth to five times the mean, and three lamps a hundred times as bright."""
     generator = np.random.default_rng(seed)
     directions = LatLong().directions(pixel_points(LatLong(), rows))
     nearest = KDTree(normalised(generator.normal(size=(patches, 3)))).query(directions)[1]
     colours = np.exp(generator.normal(size=(patches, 1)) * 0.6 + generator.normal(size=(patches, 3)) * 0.15)
     colours[:3] = 100 * np.array([1.0, 0.9, 0.7])
-    return IlluminationMap(colours[nearest].astype(np.float32))
+    return EnvironmentMap(colours[nearest].astype(np.float32))
 
 
 def photograph(
-    light: IlluminationMap,
+    light: EnvironmentMap,
     rotation: np.ndarray,
     *,
     focal_length: float = 160.0,
@@ -43,7 +43,7 @@ def photograph(
     view = PanoramaView(blank, focal_length, rotation, distortion=distortion)
     x, y = (np.arange(cells * width) + 0.5) / cells, (np.arange(cells * height) + 0.5) / cells
     rays = view.rays(np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)) @ rotation.T
-    radiance = light.look_up(rays).reshape(height, cells, width, cells, 3).mean((1, 3))
+    radiance = light.lookup(rays).reshape(height, cells, width, cells, 3).mean((1, 3))
     radiance = radiance * gain * Vignetting(vignetting).falloff(size)[..., None]
     radiance *= 1 + noise * np.random.default_rng(seed).normal(size=radiance.shape)
     clipped = None

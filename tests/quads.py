@@ -5,21 +5,21 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from relume.light.lobes import Mirror
-from relume.render.filters import Filter
-from relume.render.samples import Samples
-from relume.render.spans import Spans
-from relume.render.terms import term
-from relume.scene.reflective import Layer, Towards
+from relume.light.reflection.lobes import Mirror
+from relume.renderers.prefiltered.filters import Filter
+from relume.renderers.prefiltered.footprints import Spans
+from relume.renderers.prefiltered.shading_samples import Samples
+from relume.renderers.prefiltered.shading_terms import term
+from relume.scene.materials.reflective import Layer, Towards
 from relume.sphere.directions import normalised
-from relume.sphere.illumination import IlluminationMap
+from relume.sphere.environment_map import EnvironmentMap
 
 WHITE, BLACK = np.ones((1, 3)), np.zeros((1, 3))
 
 
 def filtered(
     filter: Filter,
-    light: IlluminationMap,
+    light: EnvironmentMap,
     quads: np.ndarray,
     *,
     middles: np.ndarray | None = None,
@@ -48,13 +48,13 @@ def filtered(
     return seen[:, :3]
 
 
-def supersampled(light: IlluminationMap, quads: np.ndarray, side: int = 32) -> np.ndarray:
+def supersampled(light: EnvironmentMap, quads: np.ndarray, side: int = 32) -> np.ndarray:
     """The mean of side² look-ups inside each pixel (P, 4, 3), its directions interpolated: (P, 3)."""
     place = (np.arange(side) + 0.5) / side
     right, down = (share[..., None, None] for share in np.meshgrid(place, place))
     upper = quads[:, 0] * (1 - right) + quads[:, 1] * right
     lower = quads[:, 3] * (1 - right) + quads[:, 2] * right
-    return light.look_up(normalised(upper * (1 - down) + lower * down)).mean((0, 1))
+    return light.lookup(normalised(upper * (1 - down) + lower * down)).mean((0, 1))
 
 
 def around(middles: ArrayLike, across: float, along: float | None = None, turn: float = 0.0) -> np.ndarray:

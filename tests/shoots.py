@@ -10,7 +10,7 @@ import numpy as np
 
 from dng_files import sensed, write_dng
 from moving_scenes import CAMERA, background
-from relume.capture.bracket import Bracket
+from relume.capture.exposure.bracket import Bracket
 from relume.image import files
 from relume.image.photograph import Exposure, Photograph
 from synthetic import VirtualCamera

@@ -9,8 +9,8 @@ import numpy as np
 
 from relume.image.files import write
 from relume.image.radiance import RadianceMap
-from relume.lightstage.cells import even_directions
-from relume.scene.camera import Camera
+from relume.lightstage.relighting.voronoi_cells import even_directions
+from relume.scene.cameras.camera import Camera
 
 LIGHTS = 24
 ALBEDO = np.array([0.7, 0.4, 0.3])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from relume.scene.materials import Diffuse, Material
-from relume.scene.shapes import Mesh
+from relume.scene.materials.materials import Diffuse, Material
+from relume.scene.shapes.shapes import Mesh
 
 
 def sphere(

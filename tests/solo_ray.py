@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume.scene.camera import Camera
+from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import UP, normalised
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.capture.bracket import Bracket
+from relume.capture.exposure.bracket import Bracket
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
 

@@ -29,18 +29,74 @@ ORDER = [
     "probe",
     "light",
     "scene",
-    "render",
+    "renderers",
+    "surface",
+    "virtual_camera",
     "composite",
-    "develop",
     "lightstage",
-    "shot",
+    "project",
+    "export",
+    "report",
 ]
 ORDER += ["cli", "studio"]
 BELOW_ALL = ["errors", "_kernel"]  # single modules any folder may import; they import nothing of ours
 ABOVE_ALL = ["", "__main__"]  # the package's own __init__ and `python -m relume` see everything
 USERS_OF_THE_PUBLIC_API = ["cli", "studio"]  # they alone may say `import relume`
 
-IMAGE_READERS = {"OpenEXR", "OpenImageIO", "PIL", "rawpy", "imageio", "tifffile"}
+NOT_YET_ON_THE_PUBLIC_NAMES: set[str] = {
+    "cli/arguments.py",
+    "cli/console.py",
+    "cli/convert.py",
+    "cli/convert_format.py",
+    "cli/convert_input.py",
+    "cli/demo.py",
+    "cli/develop.py",
+    "cli/develop_job.py",
+    "cli/develop_options.py",
+    "cli/develop_planes.py",
+    "cli/develop_view.py",
+    "cli/edit.py",
+    "cli/edit_options.py",
+    "cli/edit_painter.py",
+    "cli/edit_steps.py",
+    "cli/info.py",
+    "cli/insert.py",
+    "cli/light_input.py",
+    "cli/lights.py",
+    "cli/lights_places.py",
+    "cli/merge.py",
+    "cli/merge_facts.py",
+    "cli/merge_job.py",
+    "cli/merge_options.py",
+    "cli/panorama.py",
+    "cli/probe.py",
+    "cli/probe_facts.py",
+    "cli/probe_views.py",
+    "cli/reading_options.py",
+    "cli/reflect.py",
+    "cli/render.py",
+    "cli/render_choice.py",
+    "cli/render_environment.py",
+    "cli/render_frames.py",
+    "cli/render_tree.py",
+    "cli/stage/clothe.py",
+    "cli/stage/drive.py",
+    "cli/stage/export.py",
+    "cli/stage/import_cleaning.py",
+    "cli/stage/import_lights.py",
+    "cli/stage/import_stage.py",
+    "cli/stage/inspect.py",
+    "cli/stage/light.py",
+    "cli/stage/matte.py",
+    "cli/stage/options.py",
+    "cli/stage/output.py",
+    "cli/stage/relight.py",
+    "cli/stage/separate.py",
+    "cli/stage/view.py",
+    "cli/sun.py",
+}
+
+IMAGE_READERS = {"OpenEXR", "OpenImageIO", "PIL", "rawpy", "imageio", "imagecodecs", "tifffile"}
 IMAGE_FILE_CALLS = {"imread", "imwrite", "imdecode", "imencode", "imsave"}  # cv2, matplotlib and imageio spell it so
 MAY_OPEN_IMAGES: dict[str, str] = {}  # path in the package → the reason why it may, beside image/files/
 RENDERERS = {"mitsuba", "drjit", "mitsuba_oidn"}
@@ -48,8 +104,9 @@ RENDERERS = {"mitsuba", "drjit", "mitsuba_oidn"}
 INSTALLED_AS = {"PIL": "pillow", "cv2": "opencv-python-headless", "PyOpenColorIO": "opencolorio"}
 NAMES_WITHOUT_MEANING = {"utils", "util", "common", "core", "helpers", "types"}
 LONGEST = 400
+MOST_ENTRIES = 22
 # Path in the package → the reason why it is not split.
-MAY_BE_LONGER = {"__init__.py": "a list and no code: every public name, its home, and its import for type checkers"}
+MAY_BE_LONGER: dict[str, str] = {}
 HEAVY = [
     "numpy",
     "scipy",
@@ -133,12 +190,61 @@ def imports_against_the_light(package: Path) -> list[str]:
             if top != "relume":
                 continue
             there = rest.split(".")[0]
+            if here in USERS_OF_THE_PUBLIC_API:
+                continue  # what these may import is `inner_modules_behind_the_public_names`
             if there not in parts:  # a name of the package itself: `import relume`, `from relume import merge`
-                if here not in USERS_OF_THE_PUBLIC_API:
-                    faults.append(f"{path}:{line}: imports {name}; inside the package, import from the module itself")
+                faults.append(f"{path}:{line}: imports {name}; inside the package, import from the module itself")
             elif there not in allowed:
                 faults.append(f"{path}:{line}: imports {name}, which lies downstream of {here}")
     return faults
+
+
+def inner_modules_behind_the_public_names(package: Path) -> list[str]:
+    """Imports in cli/ and studio/ that reach past the public names: they parse, call and show, and nothing else."""
+    return [
+        f"{path}:{line}: {name}"
+        for path, tree in modules(package)
+        if folder_of(path) in USERS_OF_THE_PUBLIC_API and path not in NOT_YET_ON_THE_PUBLIC_NAMES
+        for line, name in imports(path, tree)
+        if re.match(r"relume\.\w+\.", name)
+        and not is_within(name, *(f"relume.{user}." for user in USERS_OF_THE_PUBLIC_API))
+    ]
+
+
+def circles(package: Path) -> list[str]:
+    """Modules that import each other, directly or by way of others, wherever the import stands."""
+    names = {"relume." + path.removesuffix(".py").replace("/", "."): path for path, _ in modules(package)}
+    names = {name.removesuffix(".__init__"): path for name, path in names.items()}
+    arrows: dict[str, set[str]] = {}
+    for path, tree in modules(package):
+        targets = set()
+        for _, name in imports(path, tree):
+            found = next((each for each in (name, name.rpartition(".")[0]) if each in names), None)
+            if found and not names[found].endswith("__init__.py"):
+                targets.add(names[found])
+        arrows[path] = targets - {path}
+    faults = []
+    for start in arrows:
+        reached, waiting = set(), list(arrows[start])
+        while waiting:
+            here = waiting.pop()
+            if here not in reached:
+                reached.add(here)
+                waiting += arrows[here]
+        if start in reached:
+            faults.append(start)
+    return faults
+
+
+def folders_too_full(package: Path) -> list[str]:
+    """Folders in which a reader loses the thread."""
+    entries: dict[str, set[str]] = {}
+    for file in package.rglob("*"):
+        if file.suffix in (".py", ".pyi", ".toml", ".typed") or file.name == "py.typed":
+            parts = file.relative_to(package).parts
+            for depth, part in enumerate(parts):
+                entries.setdefault("/".join(parts[:depth]), set()).add(part)
+    return [f"{folder}: {len(each)} entries" for folder, each in entries.items() if len(each) > MOST_ENTRIES]
 
 
 def images_opened_elsewhere(package: Path) -> list[str]:
@@ -158,11 +264,11 @@ def images_opened_elsewhere(package: Path) -> list[str]:
 
 
 def mitsuba_imported_elsewhere(package: Path) -> list[str]:
-    """Imports of Mitsuba or Dr.Jit outside render/mitsuba*.py."""
+    """Imports of Mitsuba or Dr.Jit outside renderers/mitsuba/."""
     return [
         f"{path}:{line}: {name}"
         for path, tree in modules(package)
-        if not is_within(path, "render/mitsuba")
+        if not is_within(path, "renderers/mitsuba/")
         for line, name in imports(path, tree)
         if name.split(".")[0] in RENDERERS
     ]
@@ -246,6 +352,18 @@ def test_imports_point_one_way_along_the_light():
     assert imports_against_the_light(PACKAGE) == []
 
 
+def test_the_command_line_uses_the_public_names_alone():
+    assert inner_modules_behind_the_public_names(PACKAGE) == []
+
+
+def test_no_modules_import_each_other():
+    assert circles(PACKAGE) == []
+
+
+def test_no_folder_is_too_full():
+    assert folders_too_full(PACKAGE) == []
+
+
 def test_only_image_files_opens_images():
     assert images_opened_elsewhere(PACKAGE) == []
 
@@ -307,9 +425,10 @@ def planted(root: Path, files: dict[str, str]) -> Path:
         "__init__.py": '"""Names."""\n',
         "errors.py": '"""Errors."""\n',
         "image/__init__.py": '"""Pixels."""\n',
+        "image/b.py": '"""Half a circle, should there be a module a."""\nfrom relume.image.a import x\n',
         "image/files/__init__.py": '"""Files."""\nimport OpenEXR\nfrom PIL import Image\n',
-        "render/__init__.py": '"""Renders."""\nfrom relume import errors\nfrom ..image import files\n',
-        "render/mitsuba_variant.py": '"""Variant."""\nimport drjit\nimport mitsuba as mi\n',
+        "renderers/__init__.py": '"""Renders."""\nfrom relume import errors\nfrom ..image import files\n',
+        "renderers/mitsuba/variant.py": '"""Variant."""\nimport drjit\nimport mitsuba as mi\n',
         "cli/__init__.py": '"""Commands."""\nimport sys\nimport relume as rl\nprint(rl)\nsys.exit(0)\n',
     }
     package = root / "relume"
@@ -329,6 +448,9 @@ def heavy_after_import(package: Path) -> list[str]:
 
 RULES: list[Callable[[Path], list[str]]] = [
     imports_against_the_light,
+    inner_modules_behind_the_public_names,
+    circles,
+    folders_too_full,
     images_opened_elsewhere,
     mitsuba_imported_elsewhere,
     names_without_meaning,
@@ -341,21 +463,35 @@ RULES: list[Callable[[Path], list[str]]] = [
 
 NO_DOCSTRING = "x = 1\n"
 FAULTS: dict[str, tuple[Callable[[Path], list[str]], str, str]] = {
-    "image imports render": (imports_against_the_light, "image/a.py", "from relume.render import x"),
-    "image imports render relatively": (imports_against_the_light, "image/a.py", "from ..render import x"),
-    "image imports render from the package": (imports_against_the_light, "image/a.py", "from relume import render"),
-    "image imports render inside a function": (
+    "image imports renderers": (imports_against_the_light, "image/a.py", "from relume.renderers import x"),
+    "image imports renderers relatively": (imports_against_the_light, "image/a.py", "from ..renderers import x"),
+    "image imports renderers from the package": (
         imports_against_the_light,
         "image/a.py",
-        "def f():\n    import relume.render",
+        "from relume import renderers",
     ),
-    "image imports render by its name": (
+    "image imports renderers inside a function": (
         imports_against_the_light,
         "image/a.py",
-        "import importlib\nimportlib.import_module('relume.render')",
+        "def f():\n    import relume.renderers",
     ),
-    "render uses the public names": (imports_against_the_light, "render/a.py", "import relume"),
+    "image imports renderers by its name": (
+        imports_against_the_light,
+        "image/a.py",
+        "import importlib\nimportlib.import_module('relume.renderers')",
+    ),
+    "a renderer uses the public names": (imports_against_the_light, "renderers/a.py", "import relume"),
     "errors imports image": (imports_against_the_light, "errors.py", "from relume import image"),
+    "a command reaches behind the public names": (
+        inner_modules_behind_the_public_names,
+        "cli/a.py",
+        "def f():\n    from relume.image.files import read",
+    ),
+    "two modules import each other": (
+        circles,
+        "image/a.py",
+        "from relume.image.b import x",
+    ),
     "a folder outside the order": (imports_against_the_light, "extra/a.py", ""),
     "a composite opens an image": (images_opened_elsewhere, "composite/a.py", "import OpenEXR"),
     "a composite opens an image by hand": (
@@ -365,7 +501,7 @@ FAULTS: dict[str, tuple[Callable[[Path], list[str]], str, str]] = {
     ),
     "image itself opens an image": (images_opened_elsewhere, "image/a.py", "from PIL.Image import open"),
     "a composite renders": (mitsuba_imported_elsewhere, "composite/a.py", "import mitsuba as mi"),
-    "another renderer uses Dr.Jit": (mitsuba_imported_elsewhere, "render/whitted.py", "from drjit import auto"),
+    "another renderer uses Dr.Jit": (mitsuba_imported_elsewhere, "renderers/whitted.py", "from drjit import auto"),
     "a module named utils": (names_without_meaning, "image/utils.py", ""),
     "a folder named core": (names_without_meaning, "image/core/a.py", ""),
     "the library prints": (talk_outside_the_command_line, "image/a.py", "print('hello')"),

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import relume as rl
-from relume.render.whitted import PreparedWhitted
-from relume.scene.patches import Patches
-from relume.scene.whitted import WhittedMaterial
+from relume.renderers.whitted.whitted import PreparedWhitted
+from relume.scene.materials.whitted import WhittedMaterial
+from relume.scene.shapes.patches import Patches
 
 FOLDER = Path(__file__).parents[1] / "examples" / "whitted"
 FILES = sorted(path.stem for path in FOLDER.glob("*.toml"))

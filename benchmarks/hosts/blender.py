@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from trial import LIGHTS, POINTS, background, finish, report_axes, report_irradiance, run_inside, write_oriented_probe
 
+from relume.export.light_formats import FORMATS
 from relume.image import files
-from relume.light.exports import FORMATS
-from relume.sphere.illumination import as_radiance_map
-from relume.sphere.labelled_probe import labelled_probe
+from relume.sphere.environment_map import as_radiance_map
+from relume.sphere.orientation_chart import labelled_probe
 
 VIEWS = ("px", "nx", "py", "ny", "pz", "nz")
 

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 from trial import LIGHTS, POINTS, finish
 
-from relume.light.constellation import Constellation
-from relume.light.exports import FORMATS
+from relume.export.light_formats import FORMATS
+from relume.light.constellations.constellation import Constellation
 
 VALIDATE = """
 const validator = require("gltf-validator");

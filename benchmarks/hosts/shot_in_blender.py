@@ -19,11 +19,12 @@ import numpy as np
 from trial import finish, run_inside
 
 import relume as rl
-from relume.light.residual import key_lights
-from relume.render.raycast import RayCaster
+from relume.export import bundle as hand_over
+from relume.export.shot_formats import FORMATS, HandOver
+from relume.light.constellations.residual import key_lights
+from relume.project.shot_file.objects import placed_meshes
+from relume.renderers.raytrace.raycast import RayCaster
 from relume.scene.distant import Box
-from relume.shot.exports import FORMATS, HandOver, hand_over
-from relume.shot.objects import placed_meshes
 
 ROOM = Path(__file__).resolve().parents[2] / "examples" / "room"
 WIDTH, HEIGHT = 192, 128
@@ -43,7 +44,7 @@ def room(light: Path) -> HandOver:
     by = merged.shape[1] // WIDTH
     plate = merged.reshape(HEIGHT, by, WIDTH, by, 3).mean((1, 3)).astype(np.float32)
     scene = rl.Scene(
-        rl.as_illumination(rl.read_radiance(light)),
+        rl.as_environment(rl.read_radiance(light)),
         (rl.Plane(rl.Diffuse(TABLE), (1.7, 1.0)),),
         placed_meshes(shot),
     )

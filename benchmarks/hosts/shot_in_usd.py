@@ -18,8 +18,9 @@ import numpy as np
 from shot_in_blender import room
 from trial import finish, run_inside
 
+from relume.export import bundle as hand_over
+from relume.export.shot_formats import FORMATS
 from relume.scene.distant import Box
-from relume.shot.exports import FORMATS, hand_over
 
 
 def main(python: str, light: Path, folder: Path) -> None:

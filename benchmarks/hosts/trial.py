@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from relume.image import files
-from relume.light.constellation import Constellation
-from relume.light.placing import PlacedLights
+from relume.light.constellations.constellation import Constellation
+from relume.light.constellations.placement import PlacedLights
 from relume.sphere.directions import normalised
-from relume.sphere.illumination import IlluminationMap, as_radiance_map
-from relume.sphere.labelled_probe import LABELS, labelled_probe
-from relume.sphere.mappings import LatLong, pixel_directions
+from relume.sphere.environment_map import EnvironmentMap, as_radiance_map
+from relume.sphere.mappings.mapping import LatLong, pixel_directions
 from relume.sphere.orientation import ORIENTATIONS, oriented
+from relume.sphere.orientation_chart import LABELS, labelled_probe
 
 NORMALS = np.array([label.towards for label in LABELS.values()])
 """The six axes, as surfaces' normals."""
@@ -35,11 +35,11 @@ POINTS = PlacedLights(
 """A point and a sphere, to be seen from the origin."""
 
 
-def background(size: int = 64) -> IlluminationMap:
+def background(size: int = 64) -> EnvironmentMap:
     """A smooth map, of another gradient in each channel."""
     directions = pixel_directions(LatLong(), size)
     slopes = np.array([[0.8, 0.3, 0.1], [-0.2, 0.7, 0.4], [0.1, -0.5, -0.7]])
-    return IlluminationMap((0.5 * (1.05 + directions @ slopes.T)).astype(np.float32))
+    return EnvironmentMap((0.5 * (1.05 + directions @ slopes.T)).astype(np.float32))
 
 
 def expected_irradiance() -> np.ndarray:

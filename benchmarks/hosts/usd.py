@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from trial import LIGHTS, POINTS, background, finish, run_inside
 
+from relume.export.light_formats import FORMATS
 from relume.image import files
-from relume.light.exports import FORMATS
-from relume.sphere.illumination import as_radiance_map
+from relume.sphere.environment_map import as_radiance_map
 
 
 def main(python: str, folder: Path) -> None:

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from relume.capture.bracket import Bracket, read_bracket
-from relume.capture.measurement import Measured, Treatment, measure
+from relume.capture.exposure.bracket import Bracket, read_bracket
+from relume.capture.measurement import Measured, MergeSettings, measure
 from relume.image.colour import encode_srgb
-from relume.shot import capture_plots, plots
+from relume.report import capture_plots, plots
 
 ROOM = Path(__file__).parents[1] / "room"
 WIDTH = 1100
@@ -61,7 +61,7 @@ def main(out: Path) -> None:
     found = measure(bracket)
     assert found.calibration is not None
     measured = found.measured[0]
-    plain = measure(bracket, treatment=Treatment(aligned=False, consistency=None)).measured[0]
+    plain = measure(bracket, treatment=MergeSettings(aligned=False, consistency=None)).measured[0]
     picture(plots.response_plot(found.calibration)).save(out / "capture_response.png")
     row(crop(plain), crop(measured)).save(out / "capture_aligned.jpg", quality=90)
     row(
@@ -69,7 +69,7 @@ def main(out: Path) -> None:
     ).save(out / "capture_certain.jpg", quality=88)
     tripod = read_bracket(sorted((ROOM / "plate").glob("*.jpg")))
     moving = walked_through(tripod)
-    with_ghosts = measure(moving, response=found.response, treatment=Treatment(consistency=None)).measured[0]
+    with_ghosts = measure(moving, response=found.response, treatment=MergeSettings(consistency=None)).measured[0]
     without = measure(moving, response=found.response).measured[0]
     assert without.deghosted is not None
     white = float(np.percentile(without.picture.radiance, 99))

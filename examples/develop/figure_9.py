@@ -15,15 +15,15 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from relume.capture.bracket import read_bracket
+from relume.capture.exposure.bracket import read_bracket
 from relume.capture.measurement import measure
-from relume.develop.film import Film, developed_values
-from relume.develop.lens.motion_path import TurningCamera
-from relume.develop.view import View
 from relume.image.radiance import RadianceMap
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong
 from relume.sphere.perspective import perspective_view, with_view
+from relume.virtual_camera.film.film import Film, developed_values
+from relume.virtual_camera.lens.motion.path import TurningCamera
+from relume.virtual_camera.view import View
 
 FIELD = np.radians(48)
 """Of the whole picture, supposed: the paper tells none."""
@@ -33,13 +33,13 @@ PIXELS, INSTANTS, SATURATED = 37, 149, 0.98
 FACING = np.eye(3)
 
 
-def on_sphere(picture: RadianceMap) -> IlluminationMap:
+def on_sphere(picture: RadianceMap) -> EnvironmentMap:
     """The picture where a camera that looks along −Z saw it, on a dark sphere as fine as the picture."""
     width = 2 * int(np.pi * picture.size[0] / FIELD)
     dark = np.zeros((width // 2, width, 3), np.float32)
     # Light is not below 0; the merge's noise in the dark may be.
     plain = RadianceMap(np.maximum(np.nan_to_num(picture.radiance), 0), unit=picture.unit)
-    return with_view(IlluminationMap(dark, LatLong(), picture.unit), plain, FACING, FIELD)
+    return with_view(EnvironmentMap(dark, LatLong(), picture.unit), plain, FACING, FIELD)
 
 
 def turned(camera: TurningCamera, time: float) -> np.ndarray:

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from relume.develop.display.lettering import Words, lettered
-from relume.develop.virtual_camera import photograph
 from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.image.resizing import resized
-from relume.shot.preset import preset_of
+from relume.project.presets.preset import preset_of
+from relume.virtual_camera.tone.display.lettering import Words, lettered
+from relume.virtual_camera.virtual_camera import photograph
 
 PAGE, GAP, CAPTION = 28, 8, 24
 SIDE = 300

@@ -14,14 +14,14 @@ import numpy as np
 from PIL import Image
 
 from relume.cli.develop_planes import read_depth
-from relume.develop.display.lettering import Words, lettered
-from relume.develop.view import log_mean
-from relume.develop.virtual_camera import photograph
 from relume.image import files
 from relume.image.colour import luminance
 from relume.image.radiance import RadianceMap
 from relume.image.resizing import resized
-from relume.shot.preset import preset_of, preset_table
+from relume.project.presets.preset import preset_of, preset_table
+from relume.virtual_camera.tone.display.lettering import Words, lettered
+from relume.virtual_camera.view import log_mean
+from relume.virtual_camera.virtual_camera import photograph
 
 HEIGHT = 170
 GAP, CAPTION, COLUMNS = 8, 24, 2

@@ -15,7 +15,7 @@ from PIL import Image, ImageDraw
 
 from relume.image import files
 from relume.image.colour import encode_srgb
-from relume.image.files import logluv_gamut
+from relume.image.files.logluv import gamut as logluv_gamut
 from relume.image.primaries import REC709
 
 SCALE, MARGIN, GAP, NAME = 1000, 20, 8, 16

@@ -13,16 +13,16 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
-from relume.capture.bracket import read_bracket
-from relume.develop.film import Film, develop
+from relume.capture.exposure.bracket import read_bracket
 from relume.image import files
 from relume.image.response import Response
-from relume.scene.camera import Camera
+from relume.project.shot_file.distant_table import distant_scene
+from relume.project.shot_file.shot import Shot, read_shot
+from relume.report import plots
+from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Box
-from relume.shot import plots
-from relume.shot.distant_table import distant_scene
-from relume.shot.project import Shot, read_shot
-from relume.sphere.illumination import IlluminationMap, as_illumination
+from relume.sphere.environment_map import EnvironmentMap, as_environment
+from relume.virtual_camera.film.film import Film, develop
 
 ROOM = Path(__file__).parents[1] / "room" / "shot.toml"
 WIDE, GAP, NAME = 480, 6, 18
@@ -55,7 +55,7 @@ def steps(out: Path, shot: Shot) -> Image.Image:
     return page
 
 
-def light_on_the_box(light: IlluminationMap, box: Box, probe: tuple[float, float, float]) -> Image.Image:
+def light_on_the_box(light: EnvironmentMap, box: Box, probe: tuple[float, float, float]) -> Image.Image:
     """After Debevec 1998, Fig. 5: the room as the light's map makes it, its near walls and ceiling taken off."""
     middle = np.add(box.low, box.high) / 2 - [0, 0.15, 0]  # the ceiling is off
     eye = np.array([6.0, 6.3, 7.2])
@@ -66,7 +66,7 @@ def light_on_the_box(light: IlluminationMap, box: Box, probe: tuple[float, float
     enters, leaves = np.minimum(near, far).max(-1), np.maximum(near, far).min(-1)
     walls = eye + leaves[..., None] * rays
     way = walls - np.array(probe)
-    radiance = light.look_up(way / np.linalg.norm(way, axis=-1, keepdims=True))
+    radiance = light.lookup(way / np.linalg.norm(way, axis=-1, keepdims=True))
     shown = np.where((enters < leaves)[..., None], radiance, 0).astype(np.float32)
     lit = radiance[enters < leaves]
     picture = develop(shown, Film(0.5 / float(np.percentile(lit, 80)))).pixels
@@ -92,7 +92,7 @@ def main(out: Path, images: Path) -> None:
     shot = read_shot(ROOM)
     distant, ball = distant_scene(shot.light.distant, shot.folder), shot.light.ball
     assert isinstance(distant, Box) and ball is not None  # as the room's file has them
-    light = as_illumination(files.read_radiance(out / "light.exr"))
+    light = as_environment(files.read_radiance(out / "light.exr"))
     for name, path in (("before", shot.files(shot.plate.photographs)[SITS_IN]), ("after", out / "composite.png")):
         Image.fromarray(files.read_photograph(path).pixels).save(images / f"insert_{name}.jpg", quality=90)
     steps(out, shot).save(images / "insert_steps.jpg", quality=86)

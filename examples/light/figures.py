@@ -14,17 +14,17 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from relume.cli import main as relume
-from relume.develop.film import Film, develop
 from relume.image import files
 from relume.image.colour import luminance
-from relume.light.constellation import constellation
-from relume.light.k_means import KMeans
-from relume.light.median_cut import MedianCut
-from relume.light.variance_cut import VarianceMinimisation
-from relume.shot.light_plot import light_plot
-from relume.shot.lights_plot import lights_plot
-from relume.sphere.illumination import IlluminationMap, as_illumination
-from relume.sphere.mappings import mapping_named
+from relume.light.constellations.constellation import constellation
+from relume.light.constellations.k_means import KMeans
+from relume.light.constellations.median_cut import MedianCut
+from relume.light.constellations.variance_minimisation import VarianceMinimisation
+from relume.report.constellation_plot import lights_plot
+from relume.report.light_plot import light_plot
+from relume.sphere.environment_map import EnvironmentMap, as_environment
+from relume.sphere.mappings.mapping import mapping_named
+from relume.virtual_camera.film.film import Film, develop
 
 ROOM = Path(__file__).parents[1] / "room"
 MAPPINGS = {
@@ -34,7 +34,7 @@ MAPPINGS = {
 GAP, NAME = 8, 16
 
 
-def measured(folder: Path) -> IlluminationMap:
+def measured(folder: Path) -> EnvironmentMap:
     """The room's light from its two views of the ball, as the README's command makes it."""
     out = folder / "light.exr"
     words = ["probe", *sorted(map(str, (ROOM / "ball_0").glob("*.jpg")))]
@@ -42,14 +42,14 @@ def measured(folder: Path) -> IlluminationMap:
     words += ["--camera", "0,0.12,1", "--second-camera", "1,0.12,0", "-o", str(out), "-q"]
     if relume(words):
         raise SystemExit("the room's ball could not be read")
-    return as_illumination(files.read_radiance(out))
+    return as_environment(files.read_radiance(out))
 
 
-def film_for(light: IlluminationMap, stops: float = 1.0) -> Film:
+def film_for(light: EnvironmentMap, stops: float = 1.0) -> Film:
     return Film(2**stops * 0.18 * 4 * np.pi / float(luminance(light.total())))
 
 
-def every_mapping(light: IlluminationMap) -> Image.Image:
+def every_mapping(light: EnvironmentMap) -> Image.Image:
     tiles = []
     for name, rows in MAPPINGS.items():
         shown = develop(light.remapped(mapping_named(name), rows).radiance, film_for(light)).pixels
@@ -70,7 +70,7 @@ def every_mapping(light: IlluminationMap) -> Image.Image:
     return page
 
 
-def regions(light: IlluminationMap) -> Image.Image:
+def regions(light: EnvironmentMap) -> Image.Image:
     pictures = []
     for method in (MedianCut(), VarianceMinimisation(), KMeans()):
         lights = constellation(light, 64, method)

@@ -13,8 +13,8 @@ import numpy as np
 from PIL import Image
 
 from relume.cli import main as relume
-from relume.develop.film import Film, develop
 from relume.image import files
+from relume.virtual_camera.film.film import Film, develop
 
 ROOM = Path(__file__).parents[1] / "room"
 GAP = 6

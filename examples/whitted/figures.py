@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 import relume as rl
-from relume.render.ray_tree import ray_tree
-from relume.shot.metering import metered_scene
-from relume.shot.tree_plot import tree_plot
+from relume.project.metering import metered_scene
+from relume.renderers.whitted.ray_tree import ray_tree
+from relume.report.ray_tree_plot import tree_plot
 
 HERE = Path(__file__).parent
 SHEET = ("figure_6", "figure_7", "figure_8", "teapot")

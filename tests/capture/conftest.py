@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from relume.capture.bracket import Bracket
-from relume.capture.calibration import Calibration, recover_response
+from relume.capture.exposure.bracket import Bracket
+from relume.capture.response.calibration import Calibration, recover_response
 from synthetic import NOISELESS, wide_scene
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from relume.capture.absolute import (
+from relume.capture.scale.absolute import (
     SATURATION,
     Scale,
     calibrated,
@@ -16,13 +16,13 @@ from relume.capture.absolute import (
     scale_from_saturation,
     scale_from_spot,
 )
-from relume.capture.regions import disc, measured_patch, rectangle, spot_radius
+from relume.capture.scale.regions import disc, measured_patch, rectangle, spot_radius
 from relume.errors import NotABracket
 from relume.image.colour import decode_srgb, luminance
 from relume.image.photograph import Exposure
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 from relume.image.response import Response
-from relume.sphere.illumination import IlluminationMap
+from relume.sphere.environment_map import EnvironmentMap
 
 DAYLIGHT = Exposure(1 / 125, 8.0, 200.0)
 
@@ -140,17 +140,17 @@ def test_a_lux_reading_at_a_card():
 
 def test_a_lux_reading_where_the_light_was_captured():
     # Even light of radiance 2 brings 2π on any plane; a sky over black ground brings it on the table only.
-    even = IlluminationMap(np.full((64, 128, 3), 2.0, np.float32))
+    even = EnvironmentMap(np.full((64, 128, 3), 2.0, np.float32))
     assert scale_from_illuminance(even, 1000.0).luminance == pytest.approx(1000 / (2 * np.pi), rel=1e-3)
     sky = even.radiance.copy()
     sky[32:] = 0
-    half = IlluminationMap(sky)
+    half = EnvironmentMap(sky)
     assert scale_from_illuminance(half, 1000.0).luminance == pytest.approx(1000 / (2 * np.pi), rel=1e-3)
     assert scale_from_illuminance(half, 1000.0, normal=(5.0, 0.0, 0.0)).luminance == pytest.approx(
         1000 / np.pi, rel=1e-3
     )
     with pytest.raises(ValueError, match="no light of the map reaches that plane"):
-        scale_from_illuminance(IlluminationMap(np.zeros((4, 8, 3), np.float32)), 100.0)
+        scale_from_illuminance(EnvironmentMap(np.zeros((4, 8, 3), np.float32)), 100.0)
 
 
 @pytest.mark.parametrize("mark", [SATURATED, BLACK, OUTSIDE])

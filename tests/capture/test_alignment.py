@@ -11,12 +11,12 @@ import pytest
 from scipy.ndimage import map_coordinates, rotate
 
 from handheld import luminance, stack
-from relume.capture.alignment import _needed, align
-from relume.capture.alignment_estimate import Estimate
-from relume.capture.bracket import Bracket
-from relume.capture.calibration import recover_response
+from relume.capture.alignment.alignment import _needed, align
+from relume.capture.alignment.estimate import Estimate
+from relume.capture.alignment.warping import Motion
+from relume.capture.exposure.bracket import Bracket
 from relume.capture.merging import merge
-from relume.capture.warping import Motion
+from relume.capture.response.calibration import recover_response
 from relume.image import files
 from relume.image.photograph import Exposure, Photograph
 from synthetic import VirtualCamera
@@ -174,7 +174,7 @@ def test_tiny_pictures_do_not_break_it() -> None:
 
 
 def test_the_reduction_is_the_mean_of_green_where_nothing_is_clipped() -> None:
-    from relume.capture.alignment_kernel import _reduce
+    from relume.capture.alignment.kernel import _reduce
 
     pixels = np.random.default_rng(0).integers(0, 256, (32, 41, 3)).astype(np.uint8)
     values, valid = np.zeros((10, 13), np.float32), np.zeros((10, 13), np.uint8)
@@ -186,7 +186,7 @@ def test_the_reduction_is_the_mean_of_green_where_nothing_is_clipped() -> None:
 
 
 def test_features_are_the_steepest_sound_pixels() -> None:
-    from relume.capture.alignment_kernel import _features
+    from relume.capture.alignment.kernel import _features
 
     generator = np.random.default_rng(1)
     values = generator.random((20, 27)).astype(np.float32) * 100
@@ -213,7 +213,7 @@ def test_features_are_the_steepest_sound_pixels() -> None:
 
 
 def test_values_and_gradients_are_looked_up_as_the_picture_is() -> None:
-    from relume.capture.alignment_kernel import _look_up
+    from relume.capture.alignment.kernel import _look_up
 
     y, x = np.mgrid[:30, :40]
     values, valid = (100 + 2.0 * x - 3.0 * y + 0.05 * x * x).astype(np.float32), np.ones((30, 40), np.uint8)

@@ -9,7 +9,7 @@ import pytest
 from scipy.ndimage import gaussian_filter, zoom
 
 from handheld import FINE, MARGIN, HandHeld, stack
-from relume.capture.alignment import Aligned, align
+from relume.capture.alignment.alignment import Aligned, align
 from relume.image import files
 
 WITHIN = 0.25

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from relume.capture.bracket import Bracket, read_bracket
-from relume.capture.calibration import recover_response
+from relume.capture.exposure.bracket import Bracket, read_bracket
 from relume.capture.merging import merge
+from relume.capture.response.calibration import recover_response
 from relume.errors import NotABracket, UnreadableFile
 from relume.image import files
 from relume.image.photograph import Exposure, Photograph

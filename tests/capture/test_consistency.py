@@ -8,12 +8,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from relume.capture.bracket import Bracket, read_bracket
-from relume.capture.brightness import brightness_chain, log_ratio, matched, reduced
-from relume.capture.consistency import Doubt, check
-from relume.capture.folder import expand
-from relume.capture.likeness import STRANGE, likeness, structure
-from relume.capture.told_exposures import compare
+from relume.capture.exposure.bracket import Bracket, read_bracket
+from relume.capture.exposure.consistency import Doubt, check
+from relume.capture.exposure.folder import expand
+from relume.capture.exposure.relative_brightness import brightness_chain, log_ratio, matched, reduced
+from relume.capture.exposure.scene_similarity import STRANGE, likeness, structure
+from relume.capture.exposure.validation import compare
 from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph, Settings
 from relume.image.response import Response

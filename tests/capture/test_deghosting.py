@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from moving_scenes import CAMERA, MovingScene, background, known_response, moving_scene
-from relume.capture.bracket import Bracket, read_bracket
-from relume.capture.calibration import recover_response
-from relume.capture.deghosting import Consistency, Deghosted, deghost
-from relume.capture.deghosting_levels import Scale, corrections
-from relume.capture.deghosting_regions import Regions, excluded_frames, moving_regions
-from relume.capture.ghost_kernel import consensus, disagreement, square_bounds
+from relume.capture.exposure.bracket import Bracket, read_bracket
+from relume.capture.ghosts.deghosting import Consistency, Deghosted, deghost
+from relume.capture.ghosts.kernel import consensus, disagreement, square_bounds
+from relume.capture.ghosts.levels import Scale, corrections
+from relume.capture.ghosts.regions import Regions, excluded_frames, moving_regions
 from relume.capture.merging import merge
+from relume.capture.response.calibration import recover_response
 from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph
 from relume.image.response import Response

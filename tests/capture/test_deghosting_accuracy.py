@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from moving_scenes import MovingScene, known_response, moving_scene, pu21, pu_psnr
-from relume.capture.deghosting import Deghosted, deghost
+from relume.capture.ghosts.deghosting import Deghosted, deghost
 from relume.capture.merging import merge
 
 RESPONSE = known_response()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import convolve
 
-from relume.capture.demosaic import demosaic, developed_mosaic
+from relume.capture.raw.demosaic import demosaic, developed_mosaic
 from relume.image.radiance import BLACK, SATURATED
 
 PATTERNS = [((0, 1), (1, 2)), ((2, 1), (1, 0)), ((1, 0), (2, 1)), ((1, 2), (0, 1))]

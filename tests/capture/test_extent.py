@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from relume.capture.extent import extent, solid_angles
+from relume.capture.clipping_report import extent, solid_angles
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 
 

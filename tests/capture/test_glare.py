@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from relume.capture.glare import Glare, diminish_glare, scatter, veiled, without_glare
-from relume.capture.glare_recovery import largest_glare, recover_glare_from_dark, recover_glare_from_lamp
-from relume.capture.regions import disc, rectangle
+from relume.capture.lens.glare import Glare, diminish_glare, scatter, veiled, without_glare
+from relume.capture.lens.glare_recovery import largest_glare, recover_glare_from_dark, recover_glare_from_lamp
+from relume.capture.scale.regions import disc, rectangle
 from relume.errors import NotABracket
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 

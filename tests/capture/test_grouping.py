@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from relume.capture.folder import expand, name_order
-from relume.capture.grouping import group, group_files
+from relume.capture.exposure.folder import expand, name_order
+from relume.capture.exposure.grouping import group, group_files
 from relume.errors import NotABracket, UnreadableFile
 from relume.image import files
 from relume.image.files import Facts

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from relume.capture.absolute import calibrated
-from relume.capture.bracket import Bracket
-from relume.capture.luminaire import Balance, balance_from_luminaire, balanced, scale_from_luminaire
+from relume.capture.exposure.bracket import Bracket
 from relume.capture.merging import merge
-from relume.capture.regions import measured_patch, rectangle
+from relume.capture.scale.absolute import calibrated
+from relume.capture.scale.luminaire import Balance, balance_from_luminaire, balanced, scale_from_luminaire
+from relume.capture.scale.regions import measured_patch, rectangle
 from relume.image.photograph import Exposure
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.image.response import Response

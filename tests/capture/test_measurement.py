@@ -11,18 +11,18 @@ from scipy.ndimage import map_coordinates
 
 from handheld import FINE, MARGIN, luminance, stack, unplaced
 from moving_scenes import CAMERA, known_response, moving_scene
-from relume.capture.absolute import Scale, calibrated, scale_from_spot
-from relume.capture.bracket import Bracket
-from relume.capture.calibration import DOUBTFUL_MISFIT
-from relume.capture.consistency import NOTHING_TO_DO, Doubt
-from relume.capture.deghosting import Deghosted
-from relume.capture.extent import extent
-from relume.capture.glare import Glare, diminish_glare
-from relume.capture.luminaire import Balance, balanced
-from relume.capture.measurement import Measurement, Treatment, _warn_of_an_odd_frame, measure
+from relume.capture.clipping_report import extent
+from relume.capture.exposure.bracket import Bracket
+from relume.capture.exposure.consistency import NOTHING_TO_DO, Doubt
+from relume.capture.ghosts.deghosting import Deghosted
+from relume.capture.lens.glare import Glare, diminish_glare
+from relume.capture.lens.vignetting import Vignetting, corrected
+from relume.capture.measurement import Measurement, MergeSettings, _warn_of_an_odd_frame, measure
 from relume.capture.merging import merge
-from relume.capture.ratios import Ratios
-from relume.capture.vignetting import Vignetting, corrected
+from relume.capture.response.calibration import DOUBTFUL_MISFIT
+from relume.capture.response.ratios import Ratios
+from relume.capture.scale.absolute import Scale, calibrated, scale_from_spot
+from relume.capture.scale.luminaire import Balance, balanced
 from relume.capture.weighting import Hat
 from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph
@@ -30,7 +30,7 @@ from relume.image.radiance import RadianceMap
 from shoots import MAKER, SECONDS, exposed, named, textured
 from synthetic import NOISELESS, wide_scene
 
-PLAIN = Treatment(refine=None, aligned=False, consistency=None)
+PLAIN = MergeSettings(refine=None, aligned=False, consistency=None)
 """Nothing but the response and the merge."""
 
 
@@ -176,7 +176,7 @@ def test_what_moved_is_left_out_unless_that_is_switched_off():
     moving = moving_scene(1, shape=(200, 300))
     bracket, response = moving.bracket(), known_response()
     with_ghosts = measure(bracket, response=response, treatment=PLAIN).measured[0]
-    without = measure(bracket, response=response, treatment=Treatment(aligned=False)).measured[0]
+    without = measure(bracket, response=response, treatment=MergeSettings(aligned=False)).measured[0]
     assert without.deghosted is not None and without.deghosted.ghosts.mean() > 0.01
     elsewhere = ~without.deghosted.ghosts
     assert np.array_equal(with_ghosts.picture.radiance[elsewhere], without.picture.radiance[elsewhere])
@@ -197,7 +197,7 @@ def test_brackets_of_one_camera_come_out_on_one_scale(scene):
     stopped = named(
         Bracket(exposed(scene, [Exposure(t, 8.0, 400.0) for t in (0.2, 0.8, 3.2)], seed=5)), "c_", camera=MAKER
     )
-    found = measure([short, long, stopped], treatment=Treatment(refine=Ratios()))
+    found = measure([short, long, stopped], treatment=MergeSettings(refine=Ratios()))
     first, *others = (one.picture for one in found.measured)
     assert [one.name[:2] for one in found.measured] == ["a_", "b_", "c_"]
     for other in others:
@@ -231,7 +231,7 @@ def test_what_the_lens_did_is_undone_once_and_in_order(sound):
 
         return maker
 
-    treatment = Treatment(
+    treatment = MergeSettings(
         glare=given("glare", glare),
         vignetting=[vignetting],
         balance=given("balance", gains),
@@ -300,7 +300,7 @@ def test_a_response_that_fits_badly_is_an_objection(whole):
 def test_times_in_a_wrong_order_are_objected_to(sound):
     seconds = [SECONDS[i] for i in (3, 0, 6, 1, 7, 2, 5, 4)]
     mixed = Bracket(tuple(replace(p, exposure=Exposure(t)) for p, t in zip(sound.photographs, seconds, strict=True)))
-    lines = measure(mixed, treatment=Treatment(consistency=None)).objections()
+    lines = measure(mixed, treatment=MergeSettings(consistency=None)).objections()
     assert any("in another order" in line for line in lines) and any("fits badly" in line for line in lines)
 
 
@@ -309,7 +309,7 @@ def test_where_there_is_no_response_the_doubt_tells_why():
     pixels[:, ::7] += 3
     flat = Bracket(tuple(Photograph(pixels + i, f"flat_{i}.png", Exposure(0.1 * 2**i)) for i in range(3)))
     with pytest.raises(NotABracket) as caught:
-        measure(flat, treatment=Treatment(aligned=False))
+        measure(flat, treatment=MergeSettings(aligned=False))
     assert "flat_" in str(caught.value) and "levels" in str(caught.value) and "\n" not in str(caught.value)
     assert isinstance(caught.value.__cause__, NotABracket)
 
@@ -338,7 +338,7 @@ def test_solid_angles_are_those_of_the_photographs_or_of_what_is_told(scene):
     told = Bracket(tuple(replace(p, focal_length=200.0) for p in photographs))
     response = known_response()
     own = measure(told, response=response).measured[0].extent
-    given = measure(told, response=response, treatment=Treatment(focal_length=400.0)).measured[0].extent
+    given = measure(told, response=response, treatment=MergeSettings(focal_length=400.0)).measured[0].extent
     unknown = measure(Bracket(photographs), response=response).measured[0].extent
     assert own.saturated == given.saturated == unknown.saturated > 100
     assert own.solid_angle is not None and given.solid_angle is not None and unknown.solid_angle is None
@@ -349,7 +349,9 @@ def test_solid_angles_are_those_of_the_photographs_or_of_what_is_told(scene):
 def test_noise_is_carried_through(scene):
     """Normalised by their own variance, errors of a known camera have variance 1, whatever was done to the map."""
     bracket = Bracket(exposed(scene, [Exposure(t) for t in SECONDS], camera=CAMERA, seed=9))
-    treatment = Treatment(balance=lambda _: Balance((2.0, 1.0, 0.5)), scale=lambda *_: Scale.grey(100.0, 0.0, "a test"))
+    treatment = MergeSettings(
+        balance=lambda _: Balance((2.0, 1.0, 0.5)), scale=lambda *_: Scale.grey(100.0, 0.0, "a test")
+    )
     picture = measure(bracket, response=known_response(), treatment=treatment).measured[0].picture
     assert picture.variance is not None
     truth = scene * np.array([200.0, 100.0, 50.0])
@@ -361,7 +363,7 @@ def test_a_reading_in_the_first_bracket_scales_them_all():
     """Two views of one shoot stay on one scale: what is read of the first is not read again of the second."""
     scene = wide_scene()
     brackets = [named(NOISELESS.bracket(scene), "first"), named(NOISELESS.bracket(3 * scene[:, ::-1]), "second")]
-    treatment = Treatment(scale=lambda picture, *_: scale_from_spot(picture, 90, 60, 100.0))
+    treatment = MergeSettings(scale=lambda picture, *_: scale_from_spot(picture, 90, 60, 100.0))
     first, second = measure(brackets, treatment=treatment).measured
     assert first.scale == second.scale
     ratio = second.picture.radiance[:, ::-1] / first.picture.radiance

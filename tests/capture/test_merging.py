@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from relume.capture.bracket import Bracket
-from relume.capture.calibration import recover_response
+from relume.capture.exposure.bracket import Bracket
 from relume.capture.merging import merge
+from relume.capture.response.calibration import recover_response
 from relume.capture.weighting import Hat, InverseVariance, Weighting, hat
-from relume.develop.film import Film, develop
 from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED
 from relume.image.response import Response
+from relume.virtual_camera.film.film import Film, develop
 from synthetic import NOISELESS, NOISY, STOPS, wide_scene
 
 WEIGHTINGS = pytest.mark.parametrize("weighting", [Hat(), InverseVariance()], ids=["hat", "inverse variance"])

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from relume.capture.mitsunaga_nayar import MitsunagaNayar
-from relume.capture.sampling import Observations
+from relume.capture.response.mitsunaga_nayar import MitsunagaNayar
+from relume.capture.response.sampling import Observations
 from relume.errors import NotABracket
 
 TRUE = np.array([0.0, 0.2, 0.3, 0.5])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from camera_curves import CurveCamera, camera_curves, mixed_scene
-from relume.capture.calibration import recover_response
 from relume.capture.merging import merge
 from relume.capture.noise import Noise
+from relume.capture.response.calibration import recover_response
 from synthetic import NOISELESS, NOISY, VirtualCamera, wide_scene
 
 CURVED = CurveCamera(camera_curves(9)[6:], 5_000.0, 10.0)

@@ -7,8 +7,8 @@ import numpy as np
 
 from relume.capture.provenance import provenance
 from relume.image.files import read_photograph, write
-from relume.image.files.exif import tags
-from relume.image.files.exif_attributes import attributes_of
+from relume.image.files.metadata.exif import tags
+from relume.image.files.metadata.exif_attributes import attributes_of
 from relume.image.photograph import Exposure, Photograph, Settings
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from camera_curves import CurveCamera, camera_curves, exposure_error, mixed_scene
-from relume.capture.bracket import Bracket
-from relume.capture.calibration import Calibration, corrected, recover_response
-from relume.capture.ratios import ExposureRatios, Ratios
+from relume.capture.exposure.bracket import Bracket
+from relume.capture.response.calibration import Calibration, corrected, recover_response
+from relume.capture.response.ratios import ExposureRatios, Ratios
 from relume.image.photograph import Exposure, Photograph
 
 THIRD = 2 ** (1 / 3)

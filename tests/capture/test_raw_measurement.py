@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from dng_files import RGGB, sensed
-from relume.capture.absolute import Scale, calibrated, scale_from_saturation
-from relume.capture.luminaire import Balance, balanced
-from relume.capture.measurement import Measurement, Treatment
-from relume.capture.raw_measurement import measure_raw, preview
-from relume.capture.raw_merging import calibrate_raw, merge_raw
-from relume.capture.raw_noise import SensorNoise
-from relume.capture.sensor import Sensor
-from relume.capture.vignetting import Vignetting, corrected
+from relume.capture.lens.vignetting import Vignetting, corrected
+from relume.capture.measurement import Measurement, MergeSettings
+from relume.capture.raw.measurement import measure_raw, preview
+from relume.capture.raw.merging import calibrate_raw, merge_raw
+from relume.capture.raw.noise import SensorNoise
+from relume.capture.raw.sensor import Sensor
+from relume.capture.scale.absolute import Scale, calibrated, scale_from_saturation
+from relume.capture.scale.luminaire import Balance, balanced
 from relume.errors import NotABracket
 from relume.image.files import read_raw
 from relume.image.photograph import Exposure, Settings
@@ -102,7 +102,7 @@ def test_what_the_lens_did_and_the_scale_count(sound):
         return scale_from_saturation(known.saturation, known.exposures)
 
     vignetting, gains = Vignetting((-0.3,)), Balance((2.0, 1.0, 0.5))
-    treatment = Treatment(vignetting=[vignetting], balance=lambda _: gains, focal_length=500.0)
+    treatment = MergeSettings(vignetting=[vignetting], balance=lambda _: gains, focal_length=500.0)
     found = measure_raw(sound, scale=scale, treatment=treatment)
     one = found.measured[0]
     plain = balanced(corrected(merge_raw(sound), vignetting), gains)
@@ -114,7 +114,7 @@ def test_what_the_lens_did_and_the_scale_count(sound):
     assert one.picture.attributes["f_number"] == "4"
     assert found.warnings == ("the meter is old",) and found.notes() == found.warnings
     # The scale of the treatment is for photographs with a response, and no raw's.
-    treatment = Treatment(scale=lambda *_: Scale.grey(5.0, 0.1, "another"))
+    treatment = MergeSettings(scale=lambda *_: Scale.grey(5.0, 0.1, "another"))
     assert measure_raw(sound, treatment=treatment).measured[0].scale is None
 
 
@@ -181,7 +181,7 @@ def test_several_brackets_share_what_is_read_in_the_first(light, tmp_path):
         mean = picture.radiance.mean((0, 1))
         return Balance((2 * float(mean[1] / mean[0]), 1.0, float(mean[1] / mean[2])))
 
-    found = measure_raw([first, second], scale=scale, treatment=Treatment(balance=balance))
+    found = measure_raw([first, second], scale=scale, treatment=MergeSettings(balance=balance))
     one, other = found.measured
     assert asked == [one.name] and one.scale is other.scale is not None and one.balance is other.balance is not None
     assert [len(each.frames) for each in found.measured] == [3, 2] and found.objections() == ()

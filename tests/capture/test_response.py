@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from relume.capture.bracket import Bracket, read_bracket
-from relume.capture.calibration import recover_response
-from relume.capture.debevec_malik import DebevecMalik, Equations, roughness
+from relume.capture.exposure.bracket import Bracket, read_bracket
 from relume.capture.merging import merge
-from relume.capture.sampling import Observations, observations
+from relume.capture.response.calibration import recover_response
+from relume.capture.response.debevec_malik import DebevecMalik, Equations, roughness
+from relume.capture.response.sampling import Observations, observations
 from relume.capture.weighting import hat
 from relume.image.colour import luminance
 from relume.image.files import read_radiance

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from camera_curves import EXPOSURE, CurveCamera, camera_curves, exposure_error, mixed_scene
-from relume.capture.calibration import Calibration, recover_response
-from relume.capture.debevec_malik import DebevecMalik
-from relume.capture.mitsunaga_nayar import MitsunagaNayar
-from relume.capture.robertson import Robertson
+from relume.capture.response.calibration import Calibration, recover_response
+from relume.capture.response.debevec_malik import DebevecMalik
+from relume.capture.response.mitsunaga_nayar import MitsunagaNayar
+from relume.capture.response.robertson import Robertson
 
 
 def errors(count: int, electrons: float | None, method=DebevecMalik()) -> np.ndarray:

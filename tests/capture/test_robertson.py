@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from relume.capture.robertson import Robertson
-from relume.capture.sampling import Observations
+from relume.capture.response.robertson import Robertson
+from relume.capture.response.sampling import Observations
 
 
 def seen(exponent: float, levels: int = 256) -> Observations:

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from relume.capture.absolute import scale_from_spot
-from relume.capture.bracket import read_bracket
-from relume.capture.measurement import Measured, Treatment, measure
+from relume.capture.exposure.bracket import read_bracket
+from relume.capture.measurement import Measured, MergeSettings, measure
+from relume.capture.scale.absolute import scale_from_spot
 from relume.image import files
 
 
@@ -16,7 +16,7 @@ def measured(shared, folder: str) -> tuple[Measured, dict]:
     room = shared / "shoots" / "room"
     facts = json.loads((room / "truth" / "shoot.json").read_text())
     (x, y), reading = facts["spot_meter"]["pixel_xy"], facts["spot_meter"]["luminance_cd_m2"]
-    treatment = Treatment(scale=lambda picture, *_: scale_from_spot(picture, x, y, reading))
+    treatment = MergeSettings(scale=lambda picture, *_: scale_from_spot(picture, x, y, reading))
     bracket = read_bracket(sorted((room / folder).glob("*.jpg")))
     return measure(bracket, treatment=treatment).measured[0], facts
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from relume.capture.bracket import Bracket
-from relume.capture.calibration import recover_response
-from relume.capture.sampling import _choose_pixels, _Grid, observations, still_values
+from relume.capture.exposure.bracket import Bracket
+from relume.capture.response.calibration import recover_response
+from relume.capture.response.sampling import _choose_pixels, _Grid, observations, still_values
 from relume.image.photograph import Exposure, Photograph
 from synthetic import NOISELESS, wide_scene
 

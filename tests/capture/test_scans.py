@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from relume.capture.bracket import Bracket
-from relume.capture.calibration import recover_response
+from relume.capture.exposure.bracket import Bracket
+from relume.capture.response.calibration import recover_response
 from relume.capture.scans import merge_scans, single
 from relume.capture.weighting import Hat
 from relume.errors import NotABracket

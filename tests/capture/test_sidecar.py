@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from relume.capture.sidecar import ExposureList, read_times
+from relume.capture.exposure.sidecar import ExposureList, read_times
 from relume.errors import NotABracket, UnreadableFile
 from relume.image.photograph import Exposure
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from relume.capture.vignetting import Vignetting, corrected, recover_vignetting
+from relume.capture.lens.vignetting import Vignetting, corrected, recover_vignetting
 from relume.errors import NotABracket
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter1d
 
-from relume.capture.absolute import Scale, calibrated
-from relume.capture.bracket import Bracket
+from relume.capture.exposure.bracket import Bracket
 from relume.capture.merging import merge
-from relume.develop.film import virtual_photograph
+from relume.capture.scale.absolute import Scale, calibrated
 from relume.image.photograph import Exposure
 from relume.image.radiance import OUTSIDE, RadianceMap
 from relume.image.response import Response
+from relume.virtual_camera.film.film import virtual_photograph
 from synthetic import STOPS, wide_scene
 
 

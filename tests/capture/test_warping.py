@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from relume.capture.warping import Motion, move
+from relume.capture.alignment.warping import Motion, move
 from relume.image.photograph import Exposure, Photograph
 
 WIDTH, HEIGHT = 90, 64

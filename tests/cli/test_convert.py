@@ -16,13 +16,13 @@ from relume.image.files import read_photograph, read_radiance, write
 from relume.image.photograph import Photograph
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.sphere.directions import normalised, rotation_about
-from relume.sphere.illumination import IlluminationMap, as_illumination, as_radiance_map
-from relume.sphere.mappings import LatLong
+from relume.sphere.environment_map import EnvironmentMap, as_environment, as_radiance_map
+from relume.sphere.mappings.mapping import LatLong
 
 SUN = normalised([0.7, 0.3, -0.65])
 
 
-def stored(folder: Path, light: IlluminationMap, name: str = "light.exr") -> str:
+def stored(folder: Path, light: EnvironmentMap, name: str = "light.exr") -> str:
     write(folder / name, as_radiance_map(light))
     return str(folder / name)
 
@@ -40,7 +40,7 @@ def test_light_goes_to_every_mapping_and_back_with_its_energy(
     told = made([stored(tmp_path, light), "-o", there, "--to", name], capsys)
     assert told["mapping"] == name == read_radiance(there).attributes["mapping"]
     made([there, "-o", back, "--to", "latlong", "--size", "48"], capsys)
-    again = as_illumination(read_radiance(back))
+    again = as_environment(read_radiance(back))
     assert isinstance(again.mapping, LatLong)
     np.testing.assert_allclose(again.total(), light.total(), rtol=1e-3)
     for normal in np.concatenate([np.eye(3), -np.eye(3)]):
@@ -55,7 +55,7 @@ def test_six_faces_are_written_and_read_in_opengls_order(tmp_path: Path, capsys:
     assert read_radiance(told["written"][2]).size == (32, 32)
     assert read_radiance(told["written"][2]).radiance.mean() > read_radiance(told["written"][3]).radiance.mean()
     made([*told["written"], "-o", str(tmp_path / "back.exr"), "--to", "latlong", "--size", "48"], capsys)
-    again = as_illumination(read_radiance(tmp_path / "back.exr"))
+    again = as_environment(read_radiance(tmp_path / "back.exr"))
     np.testing.assert_allclose(again.total(), light.total(), rtol=1e-3)
     assert degrees_between(brightest(again), SUN) < 4
 
@@ -76,7 +76,7 @@ def test_faces_for_engines_that_negate_an_axis_show_the_same_light(
     assert "--mirror is for six faces" in refused(["convert", source, "-o", out, "--mirror", "x"], capsys)
 
 
-def brightest(light: IlluminationMap) -> np.ndarray:
+def brightest(light: EnvironmentMap) -> np.ndarray:
     row, column = np.unravel_index(light.radiance.sum(2).argmax(), light.radiance.shape[:2])
     return LatLong().directions(np.array([(column + 0.5) / light.radiance.shape[1], (row + 0.5) / light.size]))
 
@@ -98,7 +98,7 @@ def test_a_turn_moves_the_sun_as_the_help_says(
 ) -> None:
     light = sunny(64, sun=400)
     made([stored(tmp_path, light), "-o", str(tmp_path / "turned.exr"), "--rotate", turn], capsys)
-    turned = as_illumination(read_radiance(tmp_path / "turned.exr"))
+    turned = as_environment(read_radiance(tmp_path / "turned.exr"))
     assert degrees_between(brightest(turned), rotation @ SUN) < 4
 
 
@@ -112,7 +112,7 @@ def test_the_audit_is_of_the_file_as_written(tmp_path: Path, capsys: pytest.Capt
 def test_what_was_clipped_stays_marked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     light = sunny(32)
     clipped = np.where(light.radiance[..., 0] > 10, SATURATED, 0).astype(np.uint8)
-    source = stored(tmp_path, IlluminationMap(light.radiance, clipped=clipped))
+    source = stored(tmp_path, EnvironmentMap(light.radiance, clipped=clipped))
     told = made([source, "-o", str(tmp_path / "out.exr"), "--to", "angular"], capsys)
     assert 0 < told["before"]["clipped sr"] < 2 * told["after"]["clipped sr"] < 8 * told["before"]["clipped sr"]
 
@@ -129,7 +129,7 @@ def test_a_map_for_another_program_comes_back_as_it_was(tmp_path: Path, capsys: 
     made([stored(tmp_path, light), "-o", str(tmp_path / "blender.exr"), "--for", "blender", "--size", "48"], capsys)
     laid = read_radiance(tmp_path / "blender.exr")
     assert np.any(laid.radiance != light.radiance) and laid.attributes["orientation"] == "blender"
-    np.testing.assert_array_equal(as_illumination(laid).radiance, light.radiance)
+    np.testing.assert_array_equal(as_environment(laid).radiance, light.radiance)
 
 
 def test_a_view_is_cropped_and_put_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -141,10 +141,10 @@ def test_a_view_is_cropped_and_put_back(tmp_path: Path, capsys: pytest.CaptureFi
     painted = RadianceMap(np.full_like(picture.radiance, 2.0), None, None, picture.unit, picture.attributes)
     write(tmp_path / "painted.exr", painted)
     made([source, "-o", str(tmp_path / "out.exr"), "--put", str(tmp_path / "painted.exr")], capsys)
-    out = as_illumination(read_radiance(tmp_path / "out.exr"))
+    out = as_environment(read_radiance(tmp_path / "out.exr"))
     ahead = rotation_about([0, 1, 0], -np.radians(45)) @ rotation_about([1, 0, 0], np.radians(10)) @ [0, 0, -1]
-    np.testing.assert_allclose(out.look_up(ahead), 2.0, rtol=1e-5)
-    np.testing.assert_array_equal(out.look_up(-ahead), light.look_up(-ahead))
+    np.testing.assert_allclose(out.lookup(ahead), 2.0, rtol=1e-5)
+    np.testing.assert_array_equal(out.lookup(-ahead), light.lookup(-ahead))
 
 
 def painting(folder: Path) -> str:

@@ -9,7 +9,7 @@ import pytest
 
 from command_line import refused
 from moving_scenes import known_response
-from relume.capture.profile import CameraProfile, write_profile
+from relume.capture.response.camera_profile import CameraProfile, write_profile
 from relume.cli import main
 from relume.cli.develop_planes import read_depth, read_motion
 from relume.errors import UnreadableFile
@@ -215,7 +215,7 @@ def test_a_turn_is_to_the_right_and_the_picture_moves_to_the_left(tmp_path):
     fixed = ["--set", "tone.kind='fixed'", "--set", "motion.opening=0.0"]
     rolled = developed(tmp_path / "dot.exr", tmp_path / "a.png", "--turn", "8", *fixed)
     assert np.count_nonzero(rolled[16, :, 0] > 30) > 4
-    from relume.shot.preset import preset_of
+    from relume.project.presets.preset import preset_of
 
     turn = preset_of({"motion": {"kind": "turn", "degrees": [8.0, 0.0, 0.0]}}).camera.motion
     # What the middle of the sensor sees at the end of a turn to the right lies to the right in the picture.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from moving_scenes import known_response
-from relume.capture.profile import CameraProfile, write_profile
+from relume.capture.response.camera_profile import CameraProfile, write_profile
 from relume.cli import main
 from relume.image import files
 from relume.image.radiance import RadianceMap

@@ -7,7 +7,7 @@ from command_line import refused
 from relume.cli.develop_planes import read_depth, read_motion
 from relume.errors import UnreadableFile
 from relume.image import files
-from relume.image.files.exr_parts import Part, write_parts
+from relume.image.files.exr.parts import Part, write_parts
 from relume.image.radiance import RadianceMap
 
 RIGHT, DOWN = np.full((6, 9), 3.5, np.float32), np.full((6, 9), -2.0, np.float32)

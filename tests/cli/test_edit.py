@@ -16,7 +16,7 @@ from relume.image.files import read_photograph, read_radiance, write
 from relume.image.photograph import Photograph
 from relume.image.radiance import BLACK, SATURATED, RadianceMap
 from relume.sphere.directions import normalised
-from relume.sphere.illumination import as_illumination
+from relume.sphere.environment_map import as_environment
 
 
 @pytest.fixture
@@ -158,7 +158,7 @@ def test_a_map_for_another_program_stays_for_it_or_says_it_no_longer_is(
 ) -> None:
     there = tmp_path / "there.exr"
     assert main(["convert", str(light), "--for", program, "-o", str(there), "--size", "64"]) == 0
-    ours, sun = as_illumination(read_radiance(light)), normalised([0.0, np.cos(np.pi * 5.5 / 16), 0.9])
+    ours, sun = as_environment(read_radiance(light)), normalised([0.0, np.cos(np.pi * 5.5 / 16), 0.9])
     for words in (["--resize", "50%"], ["--spherical-blur", "4"], ["--spin", "20"]):
         capsys.readouterr()
         assert main(["edit", str(there), "-o", str(tmp_path / "out.exr"), *words]) == 0
@@ -169,14 +169,14 @@ def test_a_map_for_another_program_stays_for_it_or_says_it_no_longer_is(
         if turned:
             assert made.attributes["mapping"] == "latlong"
         # Wherever it is read the sun stands where it stood.
-        seen = as_illumination(made)
+        seen = as_environment(made)
         assert seen.total() == pytest.approx(ours.total(), rel=2e-3), words
         assert seen.irradiance(sun) == pytest.approx(ours.irradiance(sun), rel=3e-2), words
         assert seen.irradiance(sun)[0] > 1.5 * seen.irradiance(-sun)[0]
-    sized = as_illumination(made)
+    sized = as_environment(made)
     spun_here = tmp_path / "here.exr"
     assert main(["edit", str(light), "-o", str(spun_here), "--spin", "20"]) == 0
-    expected = as_illumination(read_radiance(spun_here))
+    expected = as_environment(read_radiance(spun_here))
     # The vertical it was spun about is ours: pixels of 11° apart, what grazes a surface moves by 2 % of the sun.
     normals = np.concatenate([np.eye(3), -np.eye(3)])
     assert sized.irradiance(normals) == pytest.approx(expected.irradiance(normals), abs=0.02 * ours.irradiance(sun)[0])
@@ -189,7 +189,7 @@ def test_mirrored_faces_stay_so_or_say_they_no_longer_are(
     # The sun, on the seam at +Z, is brought to +X: mirroring in x would move it.
     words = ["--to", "strip", "--mirror", "x", "--rotate", "90", "--size", "32"]
     assert main(["convert", str(light), *words, "-o", str(there)]) == 0
-    ours = as_illumination(read_radiance(there)).irradiance(np.array([[1.0, 0, 0], [-1.0, 0, 0]]))
+    ours = as_environment(read_radiance(there)).irradiance(np.array([[1.0, 0, 0], [-1.0, 0, 0]]))
     assert ours[0, 0] > 10 * ours[1, 0]
     for words, mirror in ((["--resize", "50%"], "x"), (["--spherical-blur", "4"], "x"), (["--spin", "20"], None)):
         capsys.readouterr()
@@ -197,7 +197,7 @@ def test_mirrored_faces_stay_so_or_say_they_no_longer_are(
         assert ("mirrored in x; written in our frame" in notes(capsys)) == (mirror is None), words
         made = read_radiance(out)
         assert made.attributes.get("mirror") == mirror and made.attributes["mapping"] == "strip"
-        after = as_illumination(made).irradiance(np.array([[1.0, 0, 0], [-1.0, 0, 0]]))
+        after = as_environment(made).irradiance(np.array([[1.0, 0, 0], [-1.0, 0, 0]]))
         assert after[0] == pytest.approx(ours[0], rel=3e-2) and after[0, 0] > 10 * after[1, 0], words
 
 

@@ -17,11 +17,11 @@ from relume.cli.reading_options import ReadingOptions
 from relume.image.files import write
 from relume.image.files.description import describe
 from relume.image.files.ktx2 import write_cube
-from relume.image.files.reading import Reading
+from relume.image.files.read_options import Reading
 from relume.image.photograph import Exposure, Photograph, Settings
 from relume.image.radiance import RadianceMap
-from relume.sphere.discs import Angular
-from relume.sphere.mappings import LatLong, Mapping
+from relume.sphere.mappings.discs import Angular
+from relume.sphere.mappings.mapping import LatLong, Mapping
 from relume.sphere.orientation import orientation_named
 
 

@@ -15,17 +15,17 @@ from command_line import refused
 from relume.cli import main
 from relume.image.files import read_photograph, read_radiance, write
 from relume.image.radiance import SATURATED, RadianceMap
-from relume.light.constellation import constellation
-from relume.light.k_means import KMeans
-from relume.light.placing import placed_in_box
-from relume.light.variance_cut import VarianceMinimisation
-from relume.render.environment import Arrival, splatted
+from relume.light.constellations.constellation import constellation
+from relume.light.constellations.k_means import KMeans
+from relume.light.constellations.placement import placed_in_box
+from relume.light.constellations.variance_minimisation import VarianceMinimisation
+from relume.renderers.environment_probe import Arrival, splatted
 from relume.sphere.directions import rotation_about
-from relume.sphere.illumination import IlluminationMap, as_illumination, as_radiance_map
-from relume.sphere.mappings import mapping_named
+from relume.sphere.environment_map import EnvironmentMap, as_environment, as_radiance_map
+from relume.sphere.mappings.mapping import mapping_named
 
 
-def stored(folder: Path, light: IlluminationMap, name: str = "light.exr") -> str:
+def stored(folder: Path, light: EnvironmentMap, name: str = "light.exr") -> str:
     write(folder / name, as_radiance_map(light))
     return str(folder / name)
 
@@ -61,7 +61,7 @@ def test_the_file_holds_the_constellation(word, method, tmp_path, capsys):
 
 
 def test_there_are_64_lights_unless_told_and_lux_where_the_map_is_calibrated(tmp_path, capsys):
-    light = IlluminationMap(lights.sunny(32).radiance, unit="cd/m²")
+    light = EnvironmentMap(lights.sunny(32).radiance, unit="cd/m²")
     told = made([stored(tmp_path, light), "-o", str(tmp_path / "made.json")], capsys)
     assert (told["lights"], told["unit"]) == (64, "cd/m²")
     assert json.loads((tmp_path / "made.json").read_text())["unit"] == "cd/m²"
@@ -85,7 +85,7 @@ def test_lights_and_residual_are_the_map(tmp_path, capsys):
     told = made(
         [stored(tmp_path, light), "-o", str(out), "--count", "9", "--residual", str(rest), "--contrast", "3"], capsys
     )
-    residual = as_illumination(read_radiance(rest))
+    residual = as_environment(read_radiance(rest))
     _, irradiance = read(out)
     np.testing.assert_allclose(irradiance.sum(0) + residual.total(), light.total(), rtol=1e-8)
     luminance = residual.radiance @ [0.2126, 0.7152, 0.0722]
@@ -95,7 +95,7 @@ def test_lights_and_residual_are_the_map(tmp_path, capsys):
     assert told["lights"] == 9
 
 
-def residual_areas(residual: IlluminationMap) -> np.ndarray:
+def residual_areas(residual: EnvironmentMap) -> np.ndarray:
     return residual.mapping.solid_angles(residual.size).ravel()
 
 
@@ -105,7 +105,7 @@ def test_a_sun_is_a_light_and_the_map_without_it(tmp_path, capsys):
     directions, irradiance = read(out)
     assert len(directions) == 1
     np.testing.assert_allclose(read_radiance(rest).radiance, 1.0, rtol=1e-6)
-    np.testing.assert_allclose(irradiance[0] + as_illumination(read_radiance(rest)).total(), light.total(), rtol=1e-8)
+    np.testing.assert_allclose(irradiance[0] + as_environment(read_radiance(rest)).total(), light.total(), rtol=1e-8)
     assert told["suns"][0]["height"] == pytest.approx(90 - 20.5 * 180 / 64, abs=0.01)
     assert told["suns"][0]["to the right"] == pytest.approx((77.5 / 128 - 0.5) * 360, abs=0.01)
     angle = json.loads(out.read_text())["lights"][0]["angle"]
@@ -139,7 +139,7 @@ def test_a_clipped_sun_is_written_and_doubted(tmp_path, capsys):
     light = lights.lone(64, 20, 77, 1e4, dark=1.0)
     clipped = np.zeros((64, 128), np.uint8)
     clipped[20, 77] = SATURATED
-    source, out = stored(tmp_path, IlluminationMap(light.radiance, clipped=clipped)), tmp_path / "made.json"
+    source, out = stored(tmp_path, EnvironmentMap(light.radiance, clipped=clipped)), tmp_path / "made.json"
     for words, doubt in (
         ([source, "--sun"], "the sun is clipped, its light a lower bound"),
         ([source], "lights there are weaker"),
@@ -170,7 +170,7 @@ def test_the_residual_of_a_cube_is_as_fine_as_it(tmp_path, capsys):
     strip = lights.sunny(64, 400).remapped(mapping_named("strip"), 32)
     words = [stored(tmp_path, strip), "-o", str(tmp_path / "made.json"), "--residual", str(tmp_path / "rest.exr")]
     assert main(["lights", *words]) == 0
-    rest = as_illumination(read_radiance(tmp_path / "rest.exr"))
+    rest = as_environment(read_radiance(tmp_path / "rest.exr"))
     # 6·32² pixels on the sphere are 2·55.4².
     assert rest.radiance.shape == (56, 112, 3)
 
@@ -258,7 +258,7 @@ SHINE = np.array([[9.0, 8, 6], [5, 5.5, 7], [4, 3, 2]])
 PROBES = {"0,1.1,0": np.array([0, 1.1, 0]), "-0.9,1,-0.5": np.array([-0.9, 1, -0.5])}
 
 
-def lamps_seen(place: np.ndarray, size: int = 128, lamps: Sequence[int] = (0, 1, 2)) -> IlluminationMap:
+def lamps_seen(place: np.ndarray, size: int = 128, lamps: Sequence[int] = (0, 1, 2)) -> EnvironmentMap:
     """Points of light, each over four pixels, before a dim wall."""
     ways = LAMPS[list(lamps)] - place
     square = np.sum(ways**2, axis=-1, keepdims=True)
@@ -366,6 +366,6 @@ def test_places_that_cannot_be_are_refused_in_one_line(words, told, tmp_path, mo
     stored(tmp_path, light)
     stored(tmp_path, light.rotated(rotation_about((1, 1, 0), 2)), "turned.exr")
     stored(tmp_path, lights.constant(16), "even.exr")
-    stored(tmp_path, IlluminationMap(lights.constant(16).radiance, unit="cd/m²"), "lux.exr")
+    stored(tmp_path, EnvironmentMap(lights.constant(16).radiance, unit="cd/m²"), "lux.exr")
     assert told in refused(["lights", "light.exr", "-o", "a.json", *words], capsys)
     assert not (tmp_path / "a.json").exists()

@@ -12,17 +12,17 @@ import pytest
 
 from command_line import refused
 from moving_scenes import known_response
-from relume.capture.absolute import THIRD_OF_A_STOP
-from relume.capture.debevec_malik import DebevecMalik
-from relume.capture.deghosting import Consistency
-from relume.capture.measurement import Treatment
-from relume.capture.mitsunaga_nayar import MitsunagaNayar
-from relume.capture.profile import CameraProfile, read_profile, write_profile
-from relume.capture.ratios import Ratios
-from relume.capture.raw_noise import SensorNoise
-from relume.capture.robertson import Robertson
-from relume.capture.sensor import Sensor
-from relume.capture.vignetting import Vignetting
+from relume.capture.ghosts.deghosting import Consistency
+from relume.capture.lens.vignetting import Vignetting
+from relume.capture.measurement import MergeSettings
+from relume.capture.raw.noise import SensorNoise
+from relume.capture.raw.sensor import Sensor
+from relume.capture.response.camera_profile import CameraProfile, read_profile, write_profile
+from relume.capture.response.debevec_malik import DebevecMalik
+from relume.capture.response.mitsunaga_nayar import MitsunagaNayar
+from relume.capture.response.ratios import Ratios
+from relume.capture.response.robertson import Robertson
+from relume.capture.scale.absolute import THIRD_OF_A_STOP
 from relume.capture.weighting import Hat, InverseVariance
 from relume.cli import main
 from relume.cli.merge import targets
@@ -162,7 +162,7 @@ def test_every_switch_changes_the_treatment_and_nothing_else(words, shoot, tmp_p
     monkeypatch.setattr(relume.cli.merge_job, "measure", measure)
     refused(["merge", *shoot, "-o", str(tmp_path / "a.exr"), *words.split()], capsys)
     assert SWITCHES[words](given["treatment"])
-    plain, name = Treatment(), words.split()[0] if words else ""
+    plain, name = MergeSettings(), words.split()[0] if words else ""
     meant = {
         "--method": "method", "--refine": "refine", "--no-align": "aligned",
         "--no-deghost": "consistency", "--deghost": "consistency", "--paper-weights": "weighting",
@@ -682,7 +682,7 @@ def test_steps_are_told_as_they_begin(shoot, profile, tmp_path):
 
     job = Job(
         [[Path(path) for path in shoot]], [tmp_path / "a.exr"], Reading(None, None, False), read_profile(profile),
-        Treatment(aligned=False), Readings(), False,
+        MergeSettings(aligned=False), Readings(), False,
     )  # fmt: skip
     steps: list[str] = []
     (result,) = results_of(job, steps.append)

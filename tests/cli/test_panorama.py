@@ -15,9 +15,9 @@ from relume.cli import main
 from relume.image import files
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
-from relume.probe.panorama_crops import remembered_crop
-from relume.probe.panorama_views import FACES, orientation
-from relume.sphere.labelled_probe import LABELS, labelled_probe
+from relume.probe.panorama.crops import remembered_crop
+from relume.probe.panorama.views import FACES, orientation
+from relume.sphere.orientation_chart import LABELS, labelled_probe
 from relume.sphere.perspective import perspective_view
 
 WORLD = patchwork(128, 800)
@@ -257,7 +257,7 @@ reflectance = [0, 0, 0]
 
 
 def test_an_environment_of_a_scene_file_is_written(tmp_path, capsys):
-    from relume.render.environment import environment  # noqa: F401
+    from relume.renderers.environment_probe import environment  # noqa: F401
 
     scene = tmp_path / "scene.toml"
     scene.write_text(SCENE)

@@ -17,11 +17,11 @@ from relume.image.colour import encode_srgb
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.image.photograph import Photograph
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
-from relume.probe.ball import view_ball
-from relume.probe.blending import Probe
-from relume.probe.silhouette import outline_of_circle
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong
+from relume.probe.ball.blending import Probe
+from relume.probe.ball.silhouette import outline_of_circle
+from relume.probe.ball.unwrapping import unwrap_ball
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong
 from synthetic import CENTRE, lobes, photograph_ball
 
 FRONT, SIDE = np.array([0.0, 0.17, 1.0]), np.array([1.0, 0.17, 0.0])
@@ -175,9 +175,9 @@ def test_a_rim_that_may_be_another_is_doubtful(folder, tmp_path, capsys) -> None
 def test_every_ball_has_a_line_and_machines_a_list() -> None:
     outline = outline_of_circle(70, 70, 62.63)
     views = [
-        view_ball(ball(FRONT), camera=FRONT, centre=CENTRE, focal_length=1260.0, outline=outline) for _ in range(2)
+        unwrap_ball(ball(FRONT), camera=FRONT, centre=CENTRE, focal_length=1260.0, outline=outline) for _ in range(2)
     ]
-    light = IlluminationMap(np.ones((8, 16, 3), np.float32))
+    light = EnvironmentMap(np.ones((8, 16, 3), np.float32))
     probe = Probe(light, (0.0, 0.0), 0.0, 0.0, np.ones((8, 16), np.float32), gains=(1.0, 1.0))
     shown = facts_of(views, probe, True, Manner())
     assert shown["ball 1"]["radius"] == shown["ball 2"]["radius"] == 62.63 and "balls" not in shown

@@ -14,17 +14,17 @@ from relume.cli import main
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.image.files.ktx2 import read_cube
 from relume.image.radiance import RadianceMap
-from relume.light.brdf import GGX, PhongReflectance, Ward
-from relume.light.glossy import glossy_map
-from relume.light.lobes import Phong
-from relume.light.reflection import reflection_map
-from relume.light.stored_maps import as_layers, glossy_from_layers
-from relume.light.weights import Schlick
-from relume.sphere.cube import Cube
-from relume.sphere.illumination import IlluminationMap, as_illumination, as_radiance_map
+from relume.light.reflection.brdf import GGX, PhongReflectance, Ward
+from relume.light.reflection.glossy import glossy_map
+from relume.light.reflection.lobes import Phong
+from relume.light.reflection.reflection_map import reflection_map
+from relume.light.reflection.storage import as_layers, glossy_from_layers
+from relume.light.reflection.weights import Schlick
+from relume.sphere.environment_map import EnvironmentMap, as_environment, as_radiance_map
+from relume.sphere.mip_cube import Cube
 
 
-def stored(folder: Path, light: IlluminationMap, name: str = "light.exr") -> str:
+def stored(folder: Path, light: EnvironmentMap, name: str = "light.exr") -> str:
     write(folder / name, as_radiance_map(light))
     return str(folder / name)
 
@@ -76,7 +76,7 @@ def test_tables_hold_what_the_library_computes_and_tell_what_they_are(
     ]  # fmt: skip
     for name, lobe in (("phong_50", Phong(50)), ("varnish_10", Phong(10, varnish=0.5))):
         picture, table = read_radiance(out / f"specular_{name}.exr"), reflection_map(light, lobe, 16)
-        np.testing.assert_array_equal(as_illumination(picture).radiance, table.table)
+        np.testing.assert_array_equal(as_environment(picture).radiance, table.table)
         attributes = picture.attributes
         assert (attributes["lobe"], float(attributes["n"]), float(attributes["varnish"])) == (
             "phong", lobe.n, lobe.varnish
@@ -88,7 +88,7 @@ def test_tables_hold_what_the_library_computes_and_tell_what_they_are(
 def test_a_calibrated_map_keeps_its_unit_and_a_sum_is_no_radiance(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    light = IlluminationMap(lights.constant(32, 100.0).radiance, unit="cd/m²")
+    light = EnvironmentMap(lights.constant(32, 100.0).radiance, unit="cd/m²")
     words = [stored(tmp_path, light), "--lobe", "lambert", "-o"]
     made([*words, str(tmp_path / "a")], capsys)
     made([*words, str(tmp_path / "b"), "--normalisation", "sum"], capsys)
@@ -117,7 +117,7 @@ def test_a_three_dimensional_map_is_the_same_when_read_back(
     for field in ("tables", "tilts", "albedos"):
         np.testing.assert_array_equal(getattr(again, field), getattr(table, field))
     towards = lights.spread(20)
-    np.testing.assert_array_equal(again.look_up(towards, towards[::-1]), table.look_up(towards, towards[::-1]))
+    np.testing.assert_array_equal(again.lookup(towards, towards[::-1]), table.lookup(towards, towards[::-1]))
 
 
 def test_a_three_dimensional_map_that_is_not_whole_is_refused() -> None:
@@ -148,7 +148,7 @@ def test_cubes_hold_the_light_its_diffuse_map_and_ggx_by_roughness(
             np.testing.assert_allclose(Cube(level).total(), light.total(), rtol=5e-3)
     np.testing.assert_array_equal(cubes["specular"][0], cubes["light"][0])
     up = np.array([0.0, 1, 0])
-    np.testing.assert_allclose(Cube(cubes["diffuse"][0]).look_up(up), light.irradiance(up) / np.pi, rtol=0.02)
+    np.testing.assert_allclose(Cube(cubes["diffuse"][0]).lookup(up), light.irradiance(up) / np.pi, rtol=0.02)
     contrast = [level.max() / level.min() for level in cubes["specular"][:4]]
     assert contrast == sorted(contrast, reverse=True)
 
@@ -193,7 +193,7 @@ def test_quiet_says_nothing_and_other_normalisations_leave_glossy_maps_with_a_no
 def test_the_sheet_is_written_where_it_is_asked_for(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from relume.render import sheet
+    from relume.renderers.prefiltered import contact_sheet as sheet
 
     monkeypatch.setattr(sheet, "SURFACES", sheet.SURFACES[:2])
     path = stored(tmp_path, lights.sunny(16))

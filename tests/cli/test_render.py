@@ -13,7 +13,7 @@ import lights
 from relume.cli import main
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.image.radiance import RadianceMap
-from relume.sphere.illumination import as_radiance_map
+from relume.sphere.environment_map import as_radiance_map
 
 SCENE = """
 [camera]

@@ -12,8 +12,8 @@ from command_line import refused
 from relume.cli import main
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.image.radiance import RadianceMap
-from relume.lightstage.cells import even_directions
-from relume.sphere.illumination import IlluminationMap, as_radiance_map
+from relume.lightstage.relighting.voronoi_cells import even_directions
+from relume.sphere.environment_map import EnvironmentMap, as_radiance_map
 from small_stages import ALBEDO, LIGHTS, SIZE, lit, normals, write_stage
 
 
@@ -25,7 +25,7 @@ def stage(tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def even(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("light") / "even.exr"
-    write(path, as_radiance_map(IlluminationMap(np.ones((32, 64, 3), np.float32))))
+    write(path, as_radiance_map(EnvironmentMap(np.ones((32, 64, 3), np.float32))))
     return path
 
 
@@ -91,7 +91,7 @@ def test_a_card_in_the_pictures_takes_the_lights_differences_out(stage, tmp_path
 def test_frames_turn_the_light_right_handed(stage, tmp_path):
     radiance = np.full((32, 64, 3), 0.01, np.float32)
     radiance[14:18, 30:34] = 50  # ahead of the camera, behind the ball
-    write(tmp_path / "lamp.exr", as_radiance_map(IlluminationMap(radiance)))
+    write(tmp_path / "lamp.exr", as_radiance_map(EnvironmentMap(radiance)))
     command = ["stage", "relight", str(stage), "--light", str(tmp_path / "lamp.exr"), "--frames", "4"]
     assert main([*command, "-o", str(tmp_path / "turn")]) == 0
     left = read_radiance(tmp_path / "turn" / "frame_0002.exr").radiance

@@ -13,10 +13,10 @@ from relume.cli import main
 from relume.image.files import write
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
-from relume.lightstage.cells import even_directions
-from relume.lightstage.field import whole
-from relume.lightstage.store import StoredField, read_store
-from relume.scene.camera import Camera
+from relume.lightstage.acquire.store import StoredField, read_store
+from relume.lightstage.field.field import whole
+from relume.lightstage.relighting.voronoi_cells import even_directions
+from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
 from small_stages import LIGHTS, write_stage
 
@@ -477,7 +477,7 @@ def test_an_import_is_gone_on_with_only_as_it_was_begun(tmp_path, capsys):
 
 
 def test_a_store_remembers_the_stage_s_mesh(tmp_path):
-    from relume.lightstage.reading import geometry_of
+    from relume.lightstage.acquire.read_stage import geometry_of
 
     folder = plain(tmp_path / "stage", light={"angular_diameter_deg": 3.0})
     (folder / "objects").mkdir()

@@ -15,7 +15,7 @@ from relume.cli import main
 from relume.image.files import read_radiance, write
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 from relume.sphere.directions import normalised
-from relume.sphere.illumination import IlluminationMap, as_illumination, as_radiance_map
+from relume.sphere.environment_map import EnvironmentMap, as_environment, as_radiance_map
 
 TRUTH = sunny(64, sun=4000)
 PATCHES = {
@@ -28,7 +28,7 @@ PATCHES = {
 
 def scene(folder: Path, brighter: float = 1.0) -> tuple[str, list[str]]:
     """The clipped map, and a chart whose four patches face four ways, the last away from the sun, as options."""
-    write(folder / "map.exr", as_radiance_map(IlluminationMap(np.minimum(TRUTH.radiance, 20))))
+    write(folder / "map.exr", as_radiance_map(EnvironmentMap(np.minimum(TRUTH.radiance, 20))))
     chart = np.zeros((100, 100, 3), np.float32)
     options = ["--chart", str(folder / "chart.exr")]
     for word, normal in PATCHES.items():
@@ -50,7 +50,7 @@ def test_a_chart_gives_the_sun_back_and_the_file_says_so(tmp_path: Path, capsys:
     told = json.loads(capsys.readouterr().out)
     written = read_radiance(out)
     for normal in (*PATCHES.values(), (0.2, 0.5, -0.9)):
-        there = as_illumination(written).irradiance(normalised(normal))
+        there = as_environment(written).irradiance(normalised(normal))
         np.testing.assert_allclose(there, TRUTH.irradiance(normalised(normal)), rtol=0.02)
     assert min(told["sources"][0]["factor"]) > 1.5
     assert written.attributes["sun_recovered"].startswith("from ")

@@ -3,19 +3,19 @@
 import numpy as np
 import pytest
 
-from relume.composite.gloss import FittedGloss, Gloss, ViewOfProbe, fit_gloss, glossy
-from relume.composite.reflectance import Wanted, recover
-from relume.composite.two_views import common_points
 from relume.image.radiance import RadianceMap
-from relume.render.mitsuba import Mitsuba
-from relume.render.mitsuba_lobes import arriving
-from relume.scene.camera import Camera
+from relume.renderers.mitsuba.lobes import arriving
+from relume.renderers.mitsuba.path_tracer import Mitsuba
+from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Box
-from relume.scene.materials import Diffuse
+from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Scene
-from relume.scene.shapes import Mesh, Plane
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, pixel_directions
+from relume.scene.shapes.shapes import Mesh, Plane
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, pixel_directions
+from relume.surface.gloss import FittedGloss, Gloss, ViewOfProbe, fit_gloss, glossy
+from relume.surface.reflectance import Wanted, recover
+from relume.surface.two_views import common_points
 
 WIDTH, HEIGHT = 96, 64
 CAMERA = Camera.looking_at(
@@ -62,7 +62,7 @@ def sent(points: np.ndarray, place: np.ndarray, real: Scene, seeds: range) -> np
 def taken() -> tuple[RadianceMap, Scene]:
     """The photograph, and the scene whose light shows the table below the horizon as a probe would see it."""
     light = surroundings()
-    real = Scene(IlluminationMap(light), (TABLE,), distant=ROOM, probe=PROBE)
+    real = Scene(EnvironmentMap(light), (TABLE,), distant=ROOM, probe=PROBE)
     plate = np.full((HEIGHT, WIDTH, 3), 0.5, np.float32)
     points, met = on_table(np.array(CAMERA.position), CAMERA.rays().reshape(-1, 3))
     plate.reshape(-1, 3)[met] = sent(points, np.array(CAMERA.position), real, range(100, 101))
@@ -71,7 +71,7 @@ def taken() -> tuple[RadianceMap, Scene]:
     directions = pixel_directions(LatLong(), ROWS)[:40]
     points, met = on_table(np.array(PROBE), directions.reshape(-1, 3))
     seen[:40].reshape(-1, 3)[met] = sent(points, np.array(PROBE), real, range(200, 206))
-    return RadianceMap(plate), Scene(IlluminationMap(seen), (TABLE,), distant=ROOM, probe=PROBE)
+    return RadianceMap(plate), Scene(EnvironmentMap(seen), (TABLE,), distant=ROOM, probe=PROBE)
 
 
 def test_two_views_give_the_gloss_back_within_its_error(taken):
@@ -93,7 +93,7 @@ def test_places_whose_pixels_mix_the_table_with_the_floor_are_not_compared():
     _, met = on_table(np.array(PROBE), pixel_directions(LatLong(), 8 * ROWS).reshape(-1, 3))
     light.reshape(-1, 3)[met] = 0.2
     seen = light.reshape(ROWS, 8, 2 * ROWS, 8, 3).mean((1, 3))
-    scene = Scene(IlluminationMap(seen), (TABLE,), distant=ROOM, probe=PROBE)
+    scene = Scene(EnvironmentMap(seen), (TABLE,), distant=ROOM, probe=PROBE)
     plate = RadianceMap(np.full((HEIGHT, WIDTH, 3), 0.2, np.float32))
     shared = common_points(plate, CAMERA, scene, 0, USABLE, VIEW.confidence, 0.15)
     assert len(shared.points) > 200
@@ -111,7 +111,7 @@ def test_pictures_of_a_path_tracer_give_the_gloss_back():
     uv = np.array([[0, 1], [0, 0], [1, 0], [1, 1]], np.float32)
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     table = Mesh(corners, faces, glossy(PATTERN.astype(np.float32), TRUE), None, uv)
-    real = Scene(IlluminationMap(light), (table,), distant=ROOM, probe=PROBE)
+    real = Scene(EnvironmentMap(light), (table,), distant=ROOM, probe=PROBE)
     plate = Mitsuba(samples=1024, depth=1).render(real, CAMERA, seed=5).radiance
     seen, directions = light.copy(), pixel_directions(LatLong(), ROWS)
     for turn in range(4):
@@ -126,7 +126,7 @@ def test_pictures_of_a_path_tracer_give_the_gloss_back():
         column, row = np.nan_to_num(at[inside]).T.astype(int)
         hit = picture.depth[row, column] > 0
         seen[tuple(axis[hit] for axis in np.nonzero(inside))] = picture.radiance[row, column][hit]
-    scene = Scene(IlluminationMap(seen), (TABLE,), distant=ROOM, probe=PROBE)
+    scene = Scene(EnvironmentMap(seen), (TABLE,), distant=ROOM, probe=PROBE)
     assert_true_within(fit_gloss(RadianceMap(plate), CAMERA, scene, 0, USABLE, VIEW))
 
 

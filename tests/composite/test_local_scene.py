@@ -3,24 +3,24 @@
 import numpy as np
 import pytest
 
-from relume.composite.local_scene import Recovered, recover_reflectance
 from relume.image.radiance import BLACK, SATURATED, RadianceMap
-from relume.scene.camera import Camera
-from relume.scene.materials import Diffuse
-from relume.scene.shapes import Mesh, Plane
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, pixel_points
+from relume.scene.cameras.camera import Camera
+from relume.scene.materials.materials import Diffuse
+from relume.scene.shapes.shapes import Mesh, Plane
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, pixel_points
+from relume.surface.local_scene import Recovered, recover_reflectance
 
 REFLECTANCE = np.array([0.6, 0.35, 0.08])
 CAMERA = Camera.looking_at(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.0, 0.0]), width=96, height=64, focal_length=80.0)
 PLANE = Plane(Diffuse((0.5, 0.5, 0.5)))
 
 
-def sky(size: int = 64) -> IlluminationMap:
+def sky(size: int = 64) -> EnvironmentMap:
     """Light from above that grows with height, radiance c·(1 + 2y): its irradiance upwards is c·(π + 4π/3)."""
     up = LatLong().directions(pixel_points(LatLong(), size))[..., 1]
     colour = np.array([1.0, 0.8, 1.5])
-    return IlluminationMap((colour * (1 + 2 * np.maximum(up, 0))[..., None]).astype(np.float32))
+    return EnvironmentMap((colour * (1 + 2 * np.maximum(up, 0))[..., None]).astype(np.float32))
 
 
 IRRADIANCE = np.array([1.0, 0.8, 1.5]) * np.pi * 7 / 3
@@ -67,7 +67,7 @@ def test_the_reflectance_of_a_camera_that_sees_the_horizon_is_the_plane_s_alone(
 
 def test_twice_the_light_on_both_sides_is_the_same_reflectance():
     plate, light = plate_of(REFLECTANCE), sky()
-    twice = recover_reflectance(RadianceMap(2 * plate.radiance), CAMERA, IlluminationMap(2 * light.radiance), PLANE)
+    twice = recover_reflectance(RadianceMap(2 * plate.radiance), CAMERA, EnvironmentMap(2 * light.radiance), PLANE)
     assert twice.reflectance == pytest.approx(REFLECTANCE, abs=1e-3)
 
 

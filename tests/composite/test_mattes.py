@@ -6,7 +6,7 @@ import pytest
 from relume.composite.mattes import read_matte, solid_foreground
 from relume.errors import UnreadableFile
 from relume.image import files
-from relume.image.files import png
+from relume.image.files.photographs import png
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 

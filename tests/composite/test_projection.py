@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from relume.composite.projection import box_mesh, projected, triangles_of_shape
-from relume.scene.camera import Camera
-from relume.scene.materials import Diffuse
-from relume.scene.shapes import Mesh, Plane, Polygon, Shape, Sphere
+from relume.scene.cameras.camera import Camera
+from relume.scene.materials.materials import Diffuse
+from relume.scene.shapes.shapes import Mesh, Plane, Polygon, Shape, Sphere
+from relume.surface.projection import box_mesh, projected, triangles_of_shape
 
 GREY = Diffuse((0.5, 0.5, 0.5))
 CAMERA = Camera.looking_at(np.array([0.1, 0.6, 1.2]), np.zeros(3), width=192, height=128, focal_length=175.0)
@@ -58,7 +58,7 @@ def test_nothing_that_the_frame_shows_is_left_out():
     """Every pixel's ray that meets the table meets the seen part, but for a pixel along the outline of the box."""
     from scipy.ndimage import binary_dilation
 
-    from relume.render.raycast import RayCaster
+    from relume.renderers.raytrace.raycast import RayCaster
 
     parts = projected(TABLE, CAMERA, (BOX,))
     assert parts.seen is not None and parts.unseen is not None

@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from relume.composite.clean_pixels import filled_in, trustworthy
-from relume.composite.gloss import Gloss, glossy
-from relume.composite.projection import box_mesh
-from relume.composite.reflectance import Even, Given, RecoveredLocal, Wanted, recover
 from relume.image.radiance import SATURATED, RadianceMap
-from relume.render.mitsuba import Mitsuba
-from relume.scene.camera import Camera
+from relume.renderers.mitsuba.path_tracer import Mitsuba
+from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Box
-from relume.scene.materials import Diffuse
+from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Scene
-from relume.scene.shapes import Mesh, Plane
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, pixel_directions
+from relume.scene.shapes.shapes import Mesh, Plane
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, pixel_directions
+from relume.surface.clean_pixels import filled_in, trustworthy
+from relume.surface.gloss import Gloss, glossy
+from relume.surface.projection import box_mesh
+from relume.surface.reflectance import Even, Given, RecoveredLocal, Wanted, recover
 
 CAMERA = Camera.looking_at(np.array([0.1, 0.6, 1.2]), np.zeros(3), width=96, height=64, focal_length=90.0)
 QUICK = Mitsuba(samples=64, depth=6)
@@ -26,9 +26,9 @@ ROUGH = Mitsuba(samples=16, depth=2)
 BARE = Plane(Diffuse((0.5, 0.5, 0.5)), (1.7, 1.0))
 
 
-def light(strength: float = 1.0) -> IlluminationMap:
+def light(strength: float = 1.0) -> EnvironmentMap:
     up = pixel_directions(LatLong(), 32)[..., 1:2]
-    return IlluminationMap((strength * np.array([1.0, 0.9, 0.7]) * (1 + 0.6 * up)).astype(np.float32))
+    return EnvironmentMap((strength * np.array([1.0, 0.9, 0.7]) * (1 + 0.6 * up)).astype(np.float32))
 
 
 def striped() -> Mesh:
@@ -161,7 +161,7 @@ def test_what_is_darker_than_the_gloss_is_noted_where_it_is_little_and_warned_of
 def test_no_light_no_view_and_wrong_numbers_are_refused(room):
     plate = RadianceMap(np.ones((64, 96, 3), np.float32))
     below = pixel_directions(LatLong(), 32)[..., 1:2] < -0.1
-    from_below = IlluminationMap(np.where(below, [1.0, 1.0, 1.0], 0).astype(np.float32))
+    from_below = EnvironmentMap(np.where(below, [1.0, 1.0, 1.0], 0).astype(np.float32))
     with pytest.raises(ValueError, match="no light arrives at local surface 1"):
         recover(plate, CAMERA, replace(room, light=from_below), [Wanted()], renderer=ROUGH)
     away = Camera.looking_at(np.array([0.0, 0.6, 0.0]), np.array([0, 2.0, 1.0]), width=96, height=64, focal_length=90.0)

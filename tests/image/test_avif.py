@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from relume.errors import OutputNotWritten
-from relume.image.files.avif import HLG, PQ, planes, write_avif
+from relume.image.files.photographs.avif import HLG, PQ, planes, write_avif
 
 MATRIX = np.array([[0.2627, 0.6780, 0.0593]])  # of luma (BT.2020)
 

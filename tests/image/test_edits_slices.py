@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from relume.image.ldr_slices import Replaced, Scaled, Slice, fingerprint, fitting_stops, painted
 from relume.image.photograph import Photograph
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
-from relume.image.slices import Replaced, Scaled, Slice, fingerprint, fitting_stops, painted
 
 
 def scene(seed: int = 1) -> RadianceMap:

@@ -6,8 +6,8 @@ import pytest
 from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
-from relume.image.files.exif import tags
-from relume.image.files.exif_attributes import attributes_of, encoded, told, typed
+from relume.image.files.metadata.exif import tags
+from relume.image.files.metadata.exif_attributes import attributes_of, encoded, told, typed
 
 
 @pytest.mark.parametrize(

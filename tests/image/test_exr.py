@@ -12,8 +12,8 @@ import pytest
 
 from relume.errors import OutputNotWritten, UnreadableFile
 from relume.image.files import describe, read_layers, read_radiance, write, write_layers
-from relume.image.files.exr import radiance_map
-from relume.image.files.exr_parts import read_parts
+from relume.image.files.exr.maps import radiance_map
+from relume.image.files.exr.parts import read_parts
 from relume.image.primaries import REC709, Primaries
 from relume.image.radiance import OUTSIDE, RadianceMap
 

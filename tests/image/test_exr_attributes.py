@@ -9,7 +9,7 @@ import pytest
 
 from exr_files import attribute, scan_lines
 from relume.image.files import read_radiance, write
-from relume.image.files.exr_attributes import attributes_of, header_of
+from relume.image.files.exr.attributes import attributes_of, header_of
 from relume.image.radiance import RadianceMap
 
 SHOT = {

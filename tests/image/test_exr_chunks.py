@@ -8,8 +8,8 @@ import pytest
 from exr_files import scan_lines
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files import Reading, read_layers, read_radiance, write
-from relume.image.files.exr_header import COMPRESSIONS as KNOWN
-from relume.image.files.exr_header import read_headers
+from relume.image.files.exr.header import COMPRESSIONS as KNOWN
+from relume.image.files.exr.header import read_headers
 from relume.image.radiance import OUTSIDE, RadianceMap
 
 SALVAGE = Reading(salvage=True)

@@ -10,8 +10,8 @@ import pytest
 from exr_files import FLOAT, HALF, attribute, header, scan_lines, window
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files import Reading, read_layers, read_radiance
-from relume.image.files.exr import subtype
-from relume.image.files.exr_header import COMPRESSIONS, read_headers
+from relume.image.files.exr.header import COMPRESSIONS, read_headers
+from relume.image.files.exr.maps import subtype
 
 GREY = [("Y", HALF, 1)]
 

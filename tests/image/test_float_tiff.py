@@ -15,13 +15,14 @@ import pytest
 from PIL import Image
 
 from relume.errors import FormatError, OutputNotWritten, UnreadableFile
-from relume.image.files import float_tiff, write
 from relume.image.files import read_radiance as read
+from relume.image.files import write
 from relume.image.files.encodings import FloatTIFF
-from relume.image.files.reading import Reading
-from relume.image.files.tiff_folders import read_folders
-from relume.image.files.tiff_pixels import predicted
-from relume.image.files.tiff_writing import write_tiff
+from relume.image.files.read_options import Reading
+from relume.image.files.tiff import float_tiff
+from relume.image.files.tiff.directories import read_folders
+from relume.image.files.tiff.samples import predicted
+from relume.image.files.tiff.writing import write_tiff
 from relume.image.primaries import REC709, Primaries, between
 from relume.image.radiance import OUTSIDE, RadianceMap
 
@@ -240,7 +241,7 @@ def test_what_opencv_and_pillow_write_is_read_alike(tmp_path):
 
 
 def test_a_bigtiff_is_read(tmp_path, monkeypatch, every_bit):
-    import relume.image.files.tiff_writing as tiff_writing
+    import relume.image.files.tiff.writing as tiff_writing
 
     monkeypatch.setattr(tiff_writing, "_LARGEST", 4)
     float_tiff.write(tmp_path / "a.tif", RadianceMap(every_bit))
@@ -496,7 +497,7 @@ def test_a_bomb_is_refused_before_memory_is_taken(tmp_path):
     path = by_hand(tmp_path / "a.tif", bytes(24), 16000, 16000, grey({259: (3, [8])}).items())
     assert path.stat().st_size < 200
     program = (
-        "import resource, sys, relume.image.files.float_tiff as f\n"
+        "import resource, sys, relume.image.files.tiff.float_tiff as f\n"
         "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
         "try: f.read(sys.argv[1])\n"
         "except Exception as e: print(type(e).__name__, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)"

@@ -15,11 +15,16 @@ from PIL.MpoImagePlugin import MpoImageFile
 
 from relume.errors import UnreadableFile
 from relume.image.colour import decode_srgb, encode_srgb, luminance
-from relume.image.files import exif, gain_map, gain_map_encoding, gain_map_layout, gain_map_metadata, jpeg_segments
 from relume.image.files.encodings import GainMap
-from relume.image.files.gain_map_metadata import GainMapMetadata
-from relume.image.files.jpeg_segments import APP1, APP2, segment
-from relume.image.files.reading import Reading
+from relume.image.files.gain_map import encoding as gain_map_encoding
+from relume.image.files.gain_map import gain_map
+from relume.image.files.gain_map import layout as gain_map_layout
+from relume.image.files.gain_map import metadata as gain_map_metadata
+from relume.image.files.gain_map.metadata import GainMapMetadata
+from relume.image.files.metadata import exif
+from relume.image.files.photographs import jpeg_segments
+from relume.image.files.photographs.jpeg_segments import APP1, APP2, segment
+from relume.image.files.read_options import Reading
 from relume.image.radiance import RadianceMap
 
 

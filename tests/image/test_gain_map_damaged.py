@@ -11,9 +11,12 @@ import pytest
 from PIL import Image
 
 from relume.errors import FormatError, UnreadableFile
-from relume.image.files import gain_map, gain_map_encoding, gain_map_layout, jpeg_segments, photographs
 from relume.image.files.encodings import GainMap
-from relume.image.files.reading import Reading
+from relume.image.files.gain_map import encoding as gain_map_encoding
+from relume.image.files.gain_map import gain_map
+from relume.image.files.gain_map import layout as gain_map_layout
+from relume.image.files.photographs import jpeg_segments, photographs
+from relume.image.files.read_options import Reading
 from relume.image.radiance import RadianceMap
 
 

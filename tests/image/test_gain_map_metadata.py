@@ -4,9 +4,11 @@ import struct
 
 import pytest
 
-from relume.image.files import gain_map_metadata, gain_map_xmp, xmp
-from relume.image.files.gain_map_metadata import GainMapMetadata
-from relume.image.files.reading import Reading
+from relume.image.files.gain_map import hdrgm_xmp as gain_map_xmp
+from relume.image.files.gain_map import metadata as gain_map_metadata
+from relume.image.files.gain_map.metadata import GainMapMetadata
+from relume.image.files.metadata import xmp
+from relume.image.files.read_options import Reading
 
 # Of a file that libultrahdr 2.0.2 wrote: one channel, 0 to 5.6224 stops, no offsets, in the base's primaries.
 FOREIGN = bytes.fromhex(

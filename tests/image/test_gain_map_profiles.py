@@ -9,9 +9,13 @@ import pytest
 from PIL import Image, ImageCms
 
 from relume.image.colour import decode_srgb
-from relume.image.files import gain_map, gain_map_layout, gain_map_metadata, icc_profile, jpeg_segments
-from relume.image.files.gain_map_metadata import GainMapMetadata
-from relume.image.files.jpeg_segments import APP2, segment
+from relume.image.files.gain_map import gain_map
+from relume.image.files.gain_map import layout as gain_map_layout
+from relume.image.files.gain_map import metadata as gain_map_metadata
+from relume.image.files.gain_map.metadata import GainMapMetadata
+from relume.image.files.metadata import icc_profile
+from relume.image.files.photographs import jpeg_segments
+from relume.image.files.photographs.jpeg_segments import APP2, segment
 from relume.image.primaries import REC709, Primaries, adaptation, between
 
 P3 = Primaries((0.68, 0.32), (0.265, 0.69), (0.15, 0.06), (0.3127, 0.3290))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from PIL.TiffImagePlugin import IFDRational
 
-from relume.image.files.gps import of_texts, position_of, tags_of, text_of
+from relume.image.files.metadata.gps import of_texts, position_of, tags_of, text_of
 from relume.image.photograph import Settings
 
 

@@ -7,8 +7,9 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from relume._kernel import in_threads
-from relume.image.files import logluv_codes, logluv_gamut
-from relume.image.files import logluv_kernels as kernels
+from relume.image.files.logluv import codes as logluv_codes
+from relume.image.files.logluv import gamut as logluv_gamut
+from relume.image.files.logluv import kernels
 from relume.image.primaries import REC709
 
 NO_LINES = (np.empty(0), np.empty(0, np.int64), np.empty(0, np.int64))

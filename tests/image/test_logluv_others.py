@@ -9,10 +9,11 @@ import numpy as np
 import PIL
 import pytest
 
-from relume.image.files import logluv_codes, write
 from relume.image.files import read_radiance as read
+from relume.image.files import write
 from relume.image.files.encodings import LogLuv
-from relume.image.files.tiff_folders import read_folders
+from relume.image.files.logluv import codes as logluv_codes
+from relume.image.files.tiff.directories import read_folders
 from relume.image.primaries import REC709
 from relume.image.radiance import RadianceMap
 

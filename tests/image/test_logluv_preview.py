@@ -7,7 +7,7 @@ import pytest
 
 from relume.image.files import read_radiance, write
 from relume.image.files.encodings import LogLuv
-from relume.image.files.logluv_preview import preview
+from relume.image.files.logluv.preview import preview
 from relume.image.primaries import REC709
 from relume.image.radiance import RadianceMap
 

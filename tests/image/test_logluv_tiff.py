@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 
 from relume.errors import FormatError, UnreadableFile
-from relume.image.files import Reading, logluv_codes, logluv_runs, write
-from relume.image.files import logluv_kernels as kernels
+from relume.image.files import Reading, write
 from relume.image.files import read_radiance as read
 from relume.image.files.encodings import LogLuv
-from relume.image.files.logluv_tiff import subtype
-from relume.image.files.tiff_folders import read_folders
-from relume.image.files.tiff_writing import write_tiff
+from relume.image.files.logluv import codes as logluv_codes
+from relume.image.files.logluv import kernels
+from relume.image.files.logluv import runs as logluv_runs
+from relume.image.files.logluv.logluv_tiff import subtype
+from relume.image.files.tiff.directories import read_folders
+from relume.image.files.tiff.writing import write_tiff
 from relume.image.primaries import REC709
 from relume.image.radiance import RadianceMap
 

@@ -14,7 +14,7 @@ import relume.image.files as files
 from relume.errors import FormatError, OutputNotWritten, UnreadableFile
 from relume.image.files import pfm
 from relume.image.files.encodings import PFM
-from relume.image.files.reading import Reading
+from relume.image.files.read_options import Reading
 from relume.image.radiance import OUTSIDE, RadianceMap
 
 # Two pixels wide, two rows: the bottom row comes first.

@@ -12,8 +12,9 @@ import pytest
 from PIL import Image
 
 from relume.errors import FormatError, UnreadableFile
-from relume.image.files import png, png_pixels, read_photograph
-from relume.image.files.reading import Reading
+from relume.image.files import read_photograph
+from relume.image.files.photographs import png, png_pixels
+from relume.image.files.read_options import Reading
 
 KINDS = [(c, b) for c, depths in {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}.items()
          for b in depths]  # fmt: skip

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from relume.image import files
-from relume.image.files import png
+from relume.image.files.photographs import png
 from relume.image.photograph import Photograph
 
 

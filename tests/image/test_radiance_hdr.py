@@ -9,8 +9,8 @@ import pytest
 from relume.errors import FormatError, OutputNotWritten, UnreadableFile
 from relume.image.files import Reading, read, read_radiance, write
 from relume.image.files.encodings import RadianceHDR
-from relume.image.files.radiance_hdr import encode, subtype
-from relume.image.files.radiance_scanlines import DARKEST, encoded
+from relume.image.files.hdr.radiance_hdr import encode, subtype
+from relume.image.files.hdr.scanlines import DARKEST, encoded
 from relume.image.primaries import EQUAL_ENERGY, REC709, Primaries, between
 from relume.image.radiance import OUTSIDE, RadianceMap
 

@@ -7,8 +7,8 @@ import pytest
 
 from relume.image.files import read_radiance, write
 from relume.image.files.encodings import RadianceHDR
-from relume.image.files.radiance_hdr import subtype
-from relume.image.files.radiance_header import read_header
+from relume.image.files.hdr.header import read_header
+from relume.image.files.hdr.radiance_hdr import subtype
 from relume.image.radiance import RadianceMap
 
 PIXEL = bytes([128, 128, 128, 129])

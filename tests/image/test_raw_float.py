@@ -14,7 +14,7 @@ import relume.image.files as files
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files import raw_float
 from relume.image.files.encodings import RawFloat
-from relume.image.files.reading import Reading
+from relume.image.files.read_options import Reading
 from relume.image.radiance import OUTSIDE, RadianceMap
 
 BITS = [0, 1 << 31, 1, 0x807FFFFF, 0x7F7FFFFF, 0xFF7FFFFF, 0x7F800000, 0xFF800000, 0x7FC00000, 0x7F800001, 0xFFC12345]

@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 
 from relume.errors import UnreadableFile
-from relume.image.files import reading as module
-from relume.image.files.reading import Reading, refuse_absurd_amount, refuse_absurd_size
+from relume.image.files import read_options as module
+from relume.image.files.read_options import Reading, refuse_absurd_amount, refuse_absurd_size
 
 
 @pytest.fixture

@@ -9,9 +9,9 @@ import pytest
 from PIL import Image
 
 from relume.errors import FormatError, OutputNotWritten
-from relume.image.files.reading import Reading
-from relume.image.files.tiff_folders import folder_at, folders_in, read_folders
-from relume.image.files.tiff_writing import write_tiff
+from relume.image.files.read_options import Reading
+from relume.image.files.tiff.directories import folder_at, folders_in, read_folders
+from relume.image.files.tiff.writing import write_tiff
 
 KINDS = [("<", False), (">", False), ("<", True), (">", True)]
 SHORT, LONG, RATIONAL, ASCII = 3, 4, 5, 2
@@ -221,7 +221,7 @@ def test_thousands_of_strips_are_written_and_found(tmp_path):
 
 
 def test_a_picture_of_more_than_4_gib_is_a_bigtiff(tmp_path, monkeypatch):
-    import relume.image.files.tiff_writing as tiff_writing
+    import relume.image.files.tiff.writing as tiff_writing
 
     monkeypatch.setattr(tiff_writing, "_LARGEST", 4)
     path = tmp_path / "a.tif"

@@ -3,9 +3,9 @@
 import pytest
 
 from relume.errors import FormatError
-from relume.image.files.reading import Reading
-from relume.image.files.tiff_folders import Folder
-from relume.image.files.tiff_layout import layout_of, pages_of
+from relume.image.files.read_options import Reading
+from relume.image.files.tiff.directories import Folder
+from relume.image.files.tiff.layout import layout_of, pages_of
 
 # 10 x 12 pixels of three bytes in three strips of four rows, 120 bytes each.
 TAGS = {256: (10,), 257: (12,), 258: (8, 8, 8), 262: (2,), 277: (3,), 278: (4,), 273: (8, 128, 248), 279: (120,) * 3}

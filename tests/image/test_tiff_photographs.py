@@ -14,10 +14,11 @@ import pytest
 from PIL import Image
 
 from relume.errors import FormatError, UnreadableFile
-from relume.image.files import facts, photographs, png, read_photograph, write
-from relume.image.files.reading import Reading
-from relume.image.files.tiff_folders import read_folders
-from relume.image.files.tiff_writing import write_tiff
+from relume.image.files import read_photograph, write
+from relume.image.files.photographs import facts, photographs, png
+from relume.image.files.read_options import Reading
+from relume.image.files.tiff.directories import read_folders
+from relume.image.files.tiff.writing import write_tiff
 from relume.image.photograph import Exposure, Photograph, Settings
 
 
@@ -225,7 +226,7 @@ def test_bombs_are_refused_from_their_headers(tmp_path, side):
         "a.tif": bomb_tiff(tmp_path / "t.tif", side, side),
     }
     program = (
-        "import resource, sys, relume.image.files.photographs as f\n"
+        "import resource, sys, relume.image.files.photographs.photographs as f\n"
         "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
         "for path in sys.argv[1:]:\n"
         "    try: f.read(path)\n"

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from relume.image.files import xmp
-from relume.image.files.reading import Reading
+from relume.image.files.metadata import xmp
+from relume.image.files.read_options import Reading
 
 STRANGE = {
     "mapping": "latlong",

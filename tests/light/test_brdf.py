@@ -7,9 +7,9 @@ import pytest
 from scipy.special import roots_legendre
 
 import naive
-from relume.light.brdf import GGX, PhongReflectance, Ward
-from relume.light.glossy import albedo
-from relume.light.weights import Even, Fresnel, Schlick
+from relume.light.reflection.brdf import GGX, PhongReflectance, Ward
+from relume.light.reflection.glossy import albedo
+from relume.light.reflection.weights import Even, Fresnel, Schlick
 from relume.sphere.directions import normalised
 
 NORMAL = np.array([0.0, 0, 1])

@@ -8,15 +8,15 @@ import pytest
 from relume.errors import SunNotRecovered
 from relume.image import files
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
-from relume.light.clipped_regions import Disc, Spread, clipped_pixels, plateau, sources
-from relume.light.clipped_sun import recover_sun
-from relume.light.matte_readings import MatteReadings, Patch, read_chart, read_grey_ball
-from relume.probe.ball import CAMERA_FROM_PIXELS, BallView, view_ball
-from relume.probe.silhouette import outline_of_circle
+from relume.light.suns.clipped_regions import Disc, Spread, clipped_pixels, plateau, sources
+from relume.light.suns.clipped_sun import recover_sun
+from relume.light.suns.matte_readings import MatteReadings, Patch, read_chart, read_grey_ball
+from relume.probe.ball.silhouette import outline_of_circle
+from relume.probe.ball.unwrapping import CAMERA_FROM_PIXELS, BallView, unwrap_ball
 from relume.sphere.directions import look_at, normalised
-from relume.sphere.discs import Angular
-from relume.sphere.illumination import IlluminationMap, as_illumination, as_radiance_map
-from relume.sphere.mappings import LatLong, pixel_directions
+from relume.sphere.environment_map import EnvironmentMap, as_environment, as_radiance_map
+from relume.sphere.mappings.discs import Angular
+from relume.sphere.mappings.mapping import LatLong, pixel_directions
 
 X, Y, Z = np.eye(3)
 SKY, SLOPE = np.array([0.5, 0.8, 1.5]), np.array([0.2, 0.3, 0.4])
@@ -39,7 +39,7 @@ def made(lights=LIGHTS[:1], size=128, mapping=LatLong()):
         pixel = np.unravel_index(np.argmax(directions @ direction), directions.shape[:2])
         radiance[pixel] += irradiance / mapping.solid_angles(size)[pixel]
         towards.append((directions[pixel], irradiance))
-    return IlluminationMap(radiance.astype(np.float32), mapping), towards
+    return EnvironmentMap(radiance.astype(np.float32), mapping), towards
 
 
 def cut(light, level=3.0):
@@ -232,7 +232,7 @@ def test_clipped_pixels_are_gathered_by_where_they_are_also_across_the_seam():
     mask = np.zeros((32, 64), bool)
     mask[10, [0, 63]] = True  # one lamp on the seam
     mask[20, 30:33] = True
-    light = IlluminationMap(np.repeat(1 + 4 * mask[..., None].astype(np.float32), 3, axis=-1))
+    light = EnvironmentMap(np.repeat(1 + 4 * mask[..., None].astype(np.float32), 3, axis=-1))
     directions = pixel_directions(LatLong(), 32)
     found = sources(light, directions, mask, np.radians(15))
     assert sorted(len(each) for each in found) == [2, 3]
@@ -290,7 +290,7 @@ def test_noise_becomes_a_deviation_and_clipped_pixels_are_left_out():
 def test_a_photographed_matte_ball_is_found_as_a_mirrored_one_is():
     truth, lights = made()
     view = photographed(lights, side=240)
-    found = view_ball(
+    found = unwrap_ball(
         view.picture, camera=12 * normalised([0.2, 0.3, 1.0]), centre=np.zeros(3), focal_length=1200.0, name="grey"
     )
     recovered = recover_sun(cut(truth), read_grey_ball(found, 0.18))
@@ -307,7 +307,7 @@ def test_the_file_tells_how_the_sun_was_recovered(tmp_path):
     numbers = [[float(v) for v in part.split(",")] for part in again.attributes["sun_recovered_irradiance"].split(";")]
     assert numbers == pytest.approx(np.array([each.irradiance for each in found.sources]), rel=1e-5)
     assert float(again.attributes["sun_recovered_residual"]) == pytest.approx(found.residual, rel=1e-3)
-    np.testing.assert_array_equal(as_illumination(again).radiance, found.light.radiance)
+    np.testing.assert_array_equal(as_environment(again).radiance, found.light.radiance)
 
 
 def test_a_wrong_call_is_told():

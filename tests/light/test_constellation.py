@@ -6,13 +6,13 @@ import pytest
 import naive
 from lights import constant, lone, of_directions, spiky, spread, sunny
 from relume.image.files import read_radiance
-from relume.light.constellation import Constellation, constellation, irradiance_error, together
-from relume.light.constellation_cells import cells_of
-from relume.light.k_means import KMeans, _assigned, _groups
-from relume.light.median_cut import MedianCut
-from relume.light.variance_cut import VarianceMinimisation
-from relume.sphere.illumination import IlluminationMap, as_illumination
-from relume.sphere.mappings import LatLong, mapping_named, pixel_points
+from relume.light.constellations.cells import cells_of
+from relume.light.constellations.constellation import Constellation, constellation, irradiance_error, together
+from relume.light.constellations.k_means import KMeans, _assigned, _groups
+from relume.light.constellations.median_cut import MedianCut
+from relume.light.constellations.variance_minimisation import VarianceMinimisation
+from relume.sphere.environment_map import EnvironmentMap, as_environment
+from relume.sphere.mappings.mapping import LatLong, mapping_named, pixel_points
 
 SKIES = {"sunset": sunny(64), "clear sky": sunny(64, 400), "spiky": spiky(32), "constant": constant(32, (1, 2, 0.5))}
 METHODS = {"median cut": MedianCut(), "variance": VarianceMinimisation(), "k-means": KMeans()}
@@ -120,8 +120,8 @@ def test_surfaces_are_lit_as_by_the_map_itself(light, method):
 
 @pytest.mark.parametrize("name", ["venice_sunset", "quarry_01", "royal_esplanade"])
 def test_surfaces_are_lit_as_by_photographed_light(name, shared):
-    fine = as_illumination(read_radiance(shared / f"data/hdri/three/{name}_1k.hdr"))
-    light = IlluminationMap(fine.radiance.reshape(128, 4, 256, 4, 3).mean((1, 3)))
+    fine = as_environment(read_radiance(shared / f"data/hdri/three/{name}_1k.hdr"))
+    light = EnvironmentMap(fine.radiance.reshape(128, 4, 256, 4, 3).mean((1, 3)))
     mean, worst = error(light, 64)
     assert mean < 0.015
     assert worst < 0.04
@@ -167,7 +167,7 @@ def test_every_light_stands_among_the_pixels_it_stands_for():
     places = [(1, 2), (3, 6), (4, 9), (6, 13)]
     for value, place in enumerate(places, 1):
         radiance[place] = value, 0.1, 2
-    lights = constellation(IlluminationMap(radiance), 4)
+    lights = constellation(EnvironmentMap(radiance), 4)
     pixels, flux = naive.latlong_pixels(radiance)
     numbers = [row * 16 + column for row, column in places]
     found = np.argmax(lights.directions @ pixels[numbers].T, axis=1)
@@ -189,16 +189,16 @@ def test_a_black_map_has_no_lights(method):
 def test_there_are_never_more_lights_than_bright_pixels(method):
     radiance = np.zeros((8, 16, 3), np.float32)
     radiance[::3, ::5] = 1, 0, 0
-    lights = constellation(IlluminationMap(radiance), 64, method)
+    lights = constellation(EnvironmentMap(radiance), 64, method)
     assert len(lights.directions) == 3 * 4
-    np.testing.assert_allclose(lights.irradiance.sum(0), IlluminationMap(radiance).total(), rtol=1e-13)
+    np.testing.assert_allclose(lights.irradiance.sum(0), EnvironmentMap(radiance).total(), rtol=1e-13)
     assert len(constellation(constant(1), 64).directions) == 2  # a map of two pixels
 
 
 def test_faint_light_beside_a_blinding_one_is_kept():
     radiance = np.zeros((8, 16, 3), np.float32)
     radiance[2, 3], radiance[5, 12] = 1e12, 1e-6
-    lights = constellation(IlluminationMap(radiance), 2)
+    lights = constellation(EnvironmentMap(radiance), 2)
     _, flux = naive.latlong_pixels(radiance)
     np.testing.assert_allclose(lights.irradiance[np.argsort(lights.irradiance[:, 0])], flux[[5 * 16 + 12, 2 * 16 + 3]])
 
@@ -212,7 +212,7 @@ def test_the_same_map_gives_the_same_lights(method):
 
 def test_a_tall_map_and_one_in_other_floats_are_read_alike():
     light = spiky(16)
-    double = IlluminationMap(np.asfortranarray(light.radiance.astype(np.float64)))
+    double = EnvironmentMap(np.asfortranarray(light.radiance.astype(np.float64)))
     np.testing.assert_array_equal(constellation(double, 9).irradiance, constellation(light, 9).irradiance)
 
 
@@ -270,11 +270,11 @@ def test_two_sources_are_not_cut_through_where_median_cut_does():
     # The poster's Fig. 2: a strong source beside a weak one, in one region that is to be halved.
     radiance = np.zeros((16, 32, 3), np.float32)
     radiance[7, 10:12], radiance[7, 20] = 10, 3
-    lights = constellation(IlluminationMap(radiance), 2, VarianceMinimisation())
+    lights = constellation(EnvironmentMap(radiance), 2, VarianceMinimisation())
     assert lights.labels is not None
     assert np.array_equal(np.unique(lights.labels[7, 10:12]), [0])
     assert lights.irradiance[0, 0] / lights.irradiance[1, 0] == pytest.approx(20 / 3)
-    halved = constellation(IlluminationMap(radiance), 2, MedianCut())
+    halved = constellation(EnvironmentMap(radiance), 2, MedianCut())
     assert halved.irradiance[0, 0] / halved.irradiance[1, 0] == pytest.approx(13 / 10)
 
 

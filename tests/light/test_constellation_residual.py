@@ -5,12 +5,12 @@ import pytest
 
 from lights import constant, lone, spread, sunny
 from relume.image.radiance import OUTSIDE, SATURATED
-from relume.light.constellation import irradiance_error
-from relume.light.k_means import KMeans
-from relume.light.residual import glow_level, key_lights
-from relume.light.variance_cut import VarianceMinimisation
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import mapping_named
+from relume.light.constellations.constellation import irradiance_error
+from relume.light.constellations.k_means import KMeans
+from relume.light.constellations.residual import glow_level, key_lights
+from relume.light.constellations.variance_minimisation import VarianceMinimisation
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import mapping_named
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
@@ -82,7 +82,7 @@ def test_all_of_the_light_is_in_the_lights_or_all_in_the_residual():
 def test_colour_stays_where_light_is_taken():
     radiance = np.full((16, 32, 3), 0.1, np.float32)
     radiance[4, 7] = 0.0, 1.0, 80.0
-    key = key_lights(IlluminationMap(radiance), 4)
+    key = key_lights(EnvironmentMap(radiance), 4)
     left = key.residual.radiance[4, 7]
     assert left[0] == 0 and left[2] / left[1] == pytest.approx(80, rel=1e-5)
     assert key.lights.irradiance[0, 2] / key.lights.irradiance[0, 1] == pytest.approx(80, rel=1e-5)
@@ -92,7 +92,7 @@ def test_a_clipped_source_is_no_longer_clipped_in_the_residual_but_what_was_unse
     light = lone(16, 4, 7, 1000.0, dark=1.0)
     clipped = np.zeros((16, 32), np.uint8)
     clipped[4, 7], clipped[5, 5], clipped[6, 6] = SATURATED, SATURATED, OUTSIDE
-    residual = key_lights(IlluminationMap(light.radiance, clipped=clipped)).residual
+    residual = key_lights(EnvironmentMap(light.radiance, clipped=clipped)).residual
     assert residual.clipped is not None
     assert (residual.clipped[4, 7], residual.clipped[5, 5], residual.clipped[6, 6]) == (0, SATURATED, OUTSIDE)
 

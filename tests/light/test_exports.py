@@ -8,15 +8,15 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
+from relume.export.lamps import Lamp, beside, figure, lamps
+from relume.export.light_formats import FORMATS
 from relume.image import files
-from relume.light.constellation import Constellation
-from relume.light.exports import FORMATS
-from relume.light.exports.lamps import Lamp, beside, figure, lamps
-from relume.render.mitsuba import _mitsuba
+from relume.light.constellations.constellation import Constellation
+from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.sphere.directions import normalised
-from relume.sphere.illumination import IlluminationMap, as_radiance_map
-from relume.sphere.labelled_probe import LABELS, labelled_probe
-from relume.sphere.mappings import LatLong, pixel_directions
+from relume.sphere.environment_map import EnvironmentMap, as_radiance_map
+from relume.sphere.mappings.mapping import LatLong, pixel_directions
+from relume.sphere.orientation_chart import LABELS, labelled_probe
 
 EACH = pytest.mark.parametrize("name", FORMATS)
 LIGHTS = Constellation(
@@ -359,7 +359,7 @@ def test_mitsubas_irradiance_under_a_lone_light_is_ours_to_rounding(tmp_path):
 def test_mitsubas_irradiance_under_the_background_is_ours(tmp_path):
     directions = pixel_directions(LatLong(), 32)
     slopes = np.array([[0.8, 0.3, 0.1], [-0.2, 0.7, 0.4], [0.1, -0.5, -0.7]])
-    light = IlluminationMap((0.5 * (1.05 + directions @ slopes.T)).astype(np.float32))
+    light = EnvironmentMap((0.5 * (1.05 + directions @ slopes.T)).astype(np.float32))
     files.write(tmp_path / "rest.exr", as_radiance_map(light))
     (tmp_path / "lights.xml").write_text(written("mitsuba", NONE, background="rest.exr"), encoding="utf-8")
     np.testing.assert_allclose(rendered(tmp_path, 1024), light.irradiance(NORMALS), rtol=0.02)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from relume.light.free_lamps import REACH, free_lamp
+from relume.light.constellations.local_lamps import REACH, free_lamp
 from relume.sphere.directions import normalised
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, pixel_directions
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, pixel_directions
 
 PROBE = (0.2, 0.1, -0.3)
 COLOUR = np.array([900.0, 700.0, 400.0])
@@ -17,7 +17,7 @@ def map_with_lamp(towards, radius=0.04, size=256, behind=(0.5, 0.4, 0.3)):
     directions = pixel_directions(LatLong(), size)
     inside = directions @ normalised(np.asarray(towards, float)) > np.cos(radius)
     radiance = np.asarray(behind) * (1 + 0.2 * directions[..., :1])
-    return IlluminationMap(np.where(inside[..., None], COLOUR, radiance).astype(np.float32))
+    return EnvironmentMap(np.where(inside[..., None], COLOUR, radiance).astype(np.float32))
 
 
 def seen_from_probe(found):
@@ -66,7 +66,7 @@ def test_clipped_pixels_are_forgotten_with_the_lamp():
     light = map_with_lamp(np.subtract(place, PROBE))
     clipped = (light.radiance[..., 0] > 100).astype(np.uint8)
     assert clipped.any()
-    rest = free_lamp(IlluminationMap(light.radiance, clipped=clipped), place, PROBE).rest
+    rest = free_lamp(EnvironmentMap(light.radiance, clipped=clipped), place, PROBE).rest
     assert rest.clipped is not None and not rest.clipped.any()
 
 

@@ -9,12 +9,12 @@ import pytest
 import naive
 from lights import constant, lone, spiky, spread, sunny
 from relume.image.files import read_radiance
-from relume.light.brdf import GGX, PhongReflectance, Ward
-from relume.light.glossy import AZIMUTHS, VIEWS, albedo, glossy_map
+from relume.light.reflection.brdf import GGX, PhongReflectance, Ward
+from relume.light.reflection.glossy import AZIMUTHS, VIEWS, albedo, glossy_map
 from relume.sphere.directions import normalised, rotation_about
-from relume.sphere.discs import Angular
-from relume.sphere.illumination import IlluminationMap, as_illumination
-from relume.sphere.mappings import LatLong, pixel_points
+from relume.sphere.environment_map import EnvironmentMap, as_environment
+from relume.sphere.mappings.discs import Angular
+from relume.sphere.mappings.mapping import LatLong, pixel_points
 
 SLOW = {"ggx": naive.ggx, "ward": naive.ward, "phong": naive.phong}
 GLOSSY = [GGX(0.1), GGX(0.25), GGX(0.5), Ward(0.2), PhongReflectance(50)]
@@ -49,7 +49,7 @@ def errors_by_azimuths(light, brdf, normals, eyes, azimuths, rows=None):
     truth = integrated(light, brdf, normals, eyes)
     none, table = (glossy_map(light, brdf, rows, azimuths=k) for k in (0, max(azimuths)))
     parts = [dataclasses.replace(table, tables=table.tables[..., : 2 * k + 1, :]) if k else none for k in azimuths]
-    return [mean_error(part.look_up(normals, eyes), truth) for part in parts]
+    return [mean_error(part.lookup(normals, eyes), truth) for part in parts]
 
 
 def mean_error(found, truth):
@@ -75,7 +75,7 @@ def test_constant_light_is_reflected_by_the_albedo_from_every_side(brdf):
         sideways = normalised(np.cross(normals, spread(20, seed=1)))
         eyes = np.cos(np.radians(tilt)) * normals + np.sin(np.radians(tilt)) * sideways
         expected = albedo(brdf, np.radians(tilt)) * np.array([1, 2, 0.5])
-        found = table.look_up(normals, eyes)
+        found = table.lookup(normals, eyes)
         # Between two of 24 views the albedo is a straight line: up to 1 % near grazing angles.
         np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), rtol=0.01)
 
@@ -105,7 +105,7 @@ def test_under_a_setting_sun_the_map_is_the_integral_within_a_per_cent(brdf, cap
 
 @pytest.mark.parametrize("brdf", [*SLOWLY[:2], GGX(0.5)])
 def test_under_a_photographed_sky_the_map_is_the_integral_within_a_per_cent(brdf, shared):
-    picture = as_illumination(read_radiance(shared / "data/hdri/three/venice_sunset_1k.hdr"))
+    picture = as_environment(read_radiance(shared / "data/hdri/three/venice_sunset_1k.hdr"))
     paper, ours = errors_by_azimuths(picture.remapped(LatLong(), 128), brdf, *ball(80, seed=7), (0, AZIMUTHS))
     assert ours < 0.01
     assert paper > 1.5 * ours
@@ -130,7 +130,7 @@ def test_lobes_that_are_round_need_no_azimuths():
     facing = np.sum(normals * eyes, -1) > 0.6
     normals, eyes = normals[facing], eyes[facing]
     truth = integrated(light, PhongReflectance(50), normals, eyes)
-    assert mean_error(glossy_map(light, PhongReflectance(50), azimuths=0).look_up(normals, eyes), truth) < 0.01
+    assert mean_error(glossy_map(light, PhongReflectance(50), azimuths=0).lookup(normals, eyes), truth) < 0.01
 
 
 @cache
@@ -149,7 +149,7 @@ def test_a_lobe_is_drawn_out_the_right_way_wherever_it_points(towards):
     normals = normalised(centre + np.tan(np.radians(50)) * ring)
     eyes = 2 * np.sum(normals * centre, -1, keepdims=True) * normals - centre
     truth = integrated(light, brdf, normals, eyes)
-    assert mean_error(under_a_bare_sun().look_up(normals, eyes), truth) < 0.006  # 0.15 to 0.3 without azimuths
+    assert mean_error(under_a_bare_sun().lookup(normals, eyes), truth) < 0.006  # 0.15 to 0.3 without azimuths
 
 
 @pytest.mark.parametrize("pole", [1, -1], ids=["+Y", "-Y"])
@@ -165,7 +165,7 @@ def test_near_a_pole_an_entry_s_own_south_is_minded(pole):
     across = np.cos(tilt) * sides - np.sin(tilt) * centres
     eyes = np.cos(angle) * normals + np.sin(angle) * across
     truth = integrated(light, GGX(0.4), normals, eyes)
-    assert mean_error(table.look_up(normals, eyes), truth) < 0.0075  # 0.005; 0.010 turned the wrong way
+    assert mean_error(table.lookup(normals, eyes), truth) < 0.0075  # 0.005; 0.010 turned the wrong way
 
 
 @pytest.mark.parametrize("tilt", [0, 25, 70])
@@ -179,7 +179,7 @@ def test_look_up_goes_on_over_the_seam_and_the_poles(tilt):
         start, other = normalised(start), normalised(other)
         normals = np.cos(around) * start + np.sin(around) * other
         eyes = np.cos(lean) * normals + np.sin(lean) * normalised(np.cross(start, other) + 0 * normals)
-        found = table.look_up(normals, eyes)
+        found = table.lookup(normals, eyes)
         jumps = np.abs(np.diff(found, axis=0)).max() / found.max()
         # A lobe of α = 0.5 changes over half a radian; a jump would be of a table's 1/64 turn or a sign.
         assert jumps < 6 * 2 * np.pi / (steps - 1)
@@ -189,15 +189,15 @@ def test_look_up_goes_on_from_view_to_view_and_round_the_normal():
     table = glossy_map(sunny(32), GGX(0.5))
     normal, side = normalised([0.4, 0.5, -0.7]), normalised([0.7, 0, 0.4])
     lean = np.linspace(-np.pi / 2, np.pi / 2, 4001)[:, None]
-    found = table.look_up(normal, np.cos(lean) * normal + np.sin(lean) * side)
+    found = table.lookup(normal, np.cos(lean) * normal + np.sin(lean) * side)
     assert np.abs(np.diff(found, axis=0)).max() < 6 * np.pi / 4000 * found.max()
 
 
 def test_seen_along_the_normal_no_side_is_the_viewers():
     light, normals = sunny(32), spread(50)
     table = glossy_map(light, GGX(0.3))
-    straight = table.look_up(normals, normals)
-    beside = table.look_up(normals, normalised(normals + 1e-4 * spread(50, seed=4)))
+    straight = table.lookup(normals, normals)
+    beside = table.lookup(normals, normalised(normals + 1e-4 * spread(50, seed=4)))
     np.testing.assert_allclose(beside, straight, rtol=5e-3)
     np.testing.assert_allclose(straight, integrated(light, GGX(0.3), normals, normals), rtol=0.03)
 
@@ -208,26 +208,26 @@ def test_turning_light_surface_and_eye_together_about_up_changes_nothing(brdf):
     light, (normals, eyes) = sunny(32), ball(200)
     table = glossy_map(light, brdf, 32, views=6)
     for columns in (16, 5):
-        turned = IlluminationMap(np.roll(light.radiance, columns, axis=1))
+        turned = EnvironmentMap(np.roll(light.radiance, columns, axis=1))
         # Growing longitude goes from −Z towards +X: clockwise from above.
         turn = rotation_about([0, 1, 0], -columns * 2 * np.pi / 64)
-        found = glossy_map(turned, brdf, 32, views=6).look_up(normals @ turn.T, eyes @ turn.T)
-        np.testing.assert_allclose(found, table.look_up(normals, eyes), rtol=2e-4, atol=1e-4)
+        found = glossy_map(turned, brdf, 32, views=6).lookup(normals @ turn.T, eyes @ turn.T)
+        np.testing.assert_allclose(found, table.lookup(normals, eyes), rtol=2e-4, atol=1e-4)
 
 
 def test_a_scene_in_a_mirror_reflects_its_mirror_image():
     light, (normals, eyes) = sunny(32), ball(200)
-    expected = glossy_map(light, GGX(0.3), 32, views=6).look_up(normals, eyes)
+    expected = glossy_map(light, GGX(0.3), 32, views=6).lookup(normals, eyes)
     for flip, mirrored in (([-1, 1, 1], light.radiance[:, ::-1]), ([1, -1, 1], light.radiance[::-1])):
-        other = glossy_map(IlluminationMap(mirrored.copy()), GGX(0.3), 32, views=6)
-        found = other.look_up(normals * flip, eyes * flip)
+        other = glossy_map(EnvironmentMap(mirrored.copy()), GGX(0.3), 32, views=6)
+        found = other.lookup(normals * flip, eyes * flip)
         np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-3)
 
 
 def test_reflection_adds_up():
     one, other, (normals, eyes) = sunny(16), spiky(16), ball(50)
-    both = IlluminationMap(one.radiance + other.radiance)
-    seen = [glossy_map(light, GGX(0.4), views=6).look_up(normals, eyes) for light in (one, other, both)]
+    both = EnvironmentMap(one.radiance + other.radiance)
+    seen = [glossy_map(light, GGX(0.4), views=6).lookup(normals, eyes) for light in (one, other, both)]
     np.testing.assert_allclose(seen[2], seen[0] + seen[1], rtol=1e-4, atol=1e-4 * seen[2].max())
 
 
@@ -236,33 +236,33 @@ def test_reflected_light_is_never_less_than_nothing():
     table = glossy_map(lone(16, 5, 9, 1e6), GGX(0.3), views=6)
     assert table.tables[..., 0, :].min() < 0 or table.tables[..., 1:, :].min() < 0
     normals, eyes = ball(2000)
-    assert table.look_up(normals, eyes).min() >= 0
+    assert table.lookup(normals, eyes).min() >= 0
 
 
 def test_more_surfaces_than_a_thread_takes_are_each_looked_up_alone():
     table = glossy_map(sunny(16), GGX(0.5), 16, views=6)
     normals, eyes = ball(40_000)
-    together = table.look_up(normals, eyes)
+    together = table.lookup(normals, eyes)
     some = np.array([0, 16383, 16384, 32768, 39_999])
-    assert np.array_equal(together[some], table.look_up(normals[some], eyes[some]))
-    assert np.array_equal(together, table.look_up(normals, eyes))
+    assert np.array_equal(together[some], table.lookup(normals[some], eyes[some]))
+    assert np.array_equal(together, table.lookup(normals, eyes))
 
 
 def test_look_up_keeps_the_shape_of_what_it_is_asked():
     table = glossy_map(constant(8), GGX(0.5), 8, views=4)
     normals, eyes = ball(6)
-    pictures = table.look_up(normals.reshape(2, 3, 3), eyes.reshape(2, 3, 3))
+    pictures = table.lookup(normals.reshape(2, 3, 3), eyes.reshape(2, 3, 3))
     assert (pictures.shape, pictures.dtype) == ((2, 3, 3), np.float32)
-    assert np.array_equal(pictures.reshape(6, 3), table.look_up(normals, eyes))
-    assert np.array_equal(table.look_up(normals, eyes[0]), table.look_up(normals, np.broadcast_to(eyes[0], (6, 3))))
-    assert table.look_up(normals[0], eyes[0]).shape == (3,)
+    assert np.array_equal(pictures.reshape(6, 3), table.lookup(normals, eyes))
+    assert np.array_equal(table.lookup(normals, eyes[0]), table.lookup(normals, np.broadcast_to(eyes[0], (6, 3))))
+    assert table.lookup(normals[0], eyes[0]).shape == (3,)
 
 
 def test_a_surface_seen_from_behind_shows_what_it_does_at_grazing_angles():
     table = glossy_map(sunny(16), GGX(0.5), 16, views=6)
     normal, side = np.array([0.0, 1, 0]), np.array([1.0, 0, 0])
     behind = normalised(side - 1e-3 * normal)
-    np.testing.assert_allclose(table.look_up(normal, behind), table.look_up(normal, side), rtol=1e-2)
+    np.testing.assert_allclose(table.lookup(normal, behind), table.lookup(normal, side), rtol=1e-2)
 
 
 def test_sizes_unless_asked():
@@ -285,7 +285,7 @@ def test_lobes_at_grazing_angles_stay_above_the_horizon():
 
 @pytest.mark.parametrize("unit", ["cd/m²", "relative"])
 def test_the_unit_is_the_lights(unit):
-    assert glossy_map(IlluminationMap(spiky(8).radiance, unit=unit), GGX(0.5), 6, views=3).unit == unit
+    assert glossy_map(EnvironmentMap(spiky(8).radiance, unit=unit), GGX(0.5), 6, views=3).unit == unit
 
 
 def test_light_in_an_angular_map_gives_the_same_map():
@@ -293,8 +293,8 @@ def test_light_in_an_angular_map_gives_the_same_map():
     around = LatLong().directions(pixel_points(LatLong(), 64))
     flat, wide = (np.repeat((2 + d @ [0.8, 0.5, -1.0])[..., None], 3, -1) for d in (directions, around))
     normals, eyes = ball(50)
-    angular = glossy_map(IlluminationMap(flat.astype(np.float32), Angular()), GGX(0.5)).look_up(normals, eyes)
-    latlong = glossy_map(IlluminationMap(wide.astype(np.float32)), GGX(0.5)).look_up(normals, eyes)
+    angular = glossy_map(EnvironmentMap(flat.astype(np.float32), Angular()), GGX(0.5)).lookup(normals, eyes)
+    latlong = glossy_map(EnvironmentMap(wide.astype(np.float32)), GGX(0.5)).lookup(normals, eyes)
     np.testing.assert_allclose(angular, latlong, rtol=5e-3)
 
 
@@ -324,7 +324,7 @@ def test_narrow_lobes_keep_the_level_of_constant_light_under_coarse_maps():
     normal, eye = np.array([[0.0, 0, 1]]), np.array([[np.sin(np.radians(60)), 0, np.cos(np.radians(60))]])
     for turn in np.linspace(0, 1, 7):
         about = rotation_about([1, 2, 3], turn)
-        seen = glossy_map(constant(16), GGX(0.07), 64).look_up(normal @ about.T, eye @ about.T)
+        seen = glossy_map(constant(16), GGX(0.07), 64).lookup(normal @ about.T, eye @ about.T)
         np.testing.assert_allclose(seen, albedo(GGX(0.07), np.radians(60)), rtol=0.02)
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import naive
-from relume.light.convolution import zonal_coefficients
-from relume.light.lobes import (
+from relume.light.reflection.convolution import zonal_coefficients
+from relume.light.reflection.lobes import (
     VARNISH,
     Cosine,
     GGXLobe,

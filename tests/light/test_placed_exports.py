@@ -8,10 +8,10 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from relume.light.constellation import Constellation
-from relume.light.exports import FORMATS
-from relume.light.placing import PlacedLights
-from relume.render.mitsuba import _mitsuba
+from relume.export.light_formats import FORMATS
+from relume.light.constellations.constellation import Constellation
+from relume.light.constellations.placement import PlacedLights
+from relume.renderers.mitsuba.path_tracer import _mitsuba
 
 EACH = pytest.mark.parametrize("name", FORMATS)
 SUN = Constellation(np.array([[0.6, 0.8, 0.0]]), np.array([[4.0, 2.0, 1.0]]))

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from relume.errors import LampsNotMatched
-from relume.light.constellation import Constellation, constellation
-from relume.light.placing import PlacedLights, chosen, placed_in_box
-from relume.light.sun import extract_sun
-from relume.light.triangulation import triangulated
+from relume.light.constellations.constellation import Constellation, constellation
+from relume.light.constellations.placement import PlacedLights, chosen, placed_in_box
+from relume.light.constellations.triangulation import triangulated
+from relume.light.suns.extraction import extract_sun
 from relume.sphere.directions import normalised, rotation_about
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, pixel_points
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, pixel_points
 
 LAMPS = np.array([[1.5, 2.4, -1.8], [-1.7, 2.2, -0.4], [0.4, 1.9, 1.9], [-1.2, 0.9, -2.2], [1.8, 1.2, 0.9]])
 RADII = np.array([0.06, 0.05, 0.08, 0.04, 0.05])
@@ -35,7 +35,7 @@ def room(place, lamps=(0, 1, 2, 3, 4), size=256, ambient=0.3, parts=8):
         fine = LatLong().directions(fine_points[rows, :, columns])
         share = np.mean(fine @ (way / distance) > np.cos(reach), axis=(1, 2))[:, None]
         radiance[rows, columns] += share * (shine - radiance[rows, columns])
-    return IlluminationMap(radiance.astype(np.float32))
+    return EnvironmentMap(radiance.astype(np.float32))
 
 
 @pytest.fixture(scope="module")

@@ -5,13 +5,13 @@ import pytest
 
 import naive
 from lights import constant, lone, of_directions, spiky, spread
-from relume.light.convolution import TOLERANCE, convolved, cut_up
-from relume.light.lobes import VARNISH, Cosine, GGXLobe, Lambert, Mirror, Phong, SelfLuminous, WardLobe
-from relume.light.reflection import Normalisation, reflection_map, reflection_maps, rows_for
+from relume.light.reflection.convolution import TOLERANCE, convolved, cut_up
+from relume.light.reflection.lobes import VARNISH, Cosine, GGXLobe, Lambert, Mirror, Phong, SelfLuminous, WardLobe
+from relume.light.reflection.reflection_map import Normalisation, reflection_map, reflection_maps, rows_for
 from relume.sphere.directions import normalised
-from relume.sphere.discs import Angular
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, pixel_points
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.discs import Angular
+from relume.sphere.mappings.mapping import LatLong, pixel_points
 
 RADIOMETRIC, PAPER, SUM = Normalisation.RADIOMETRIC, Normalisation.PAPER, Normalisation.SUM
 LOBES = {
@@ -90,14 +90,14 @@ def test_a_half_lit_sphere_of_light_gives_lamberts_known_values(towards, angle, 
     light = of_directions(lambda d: (d @ towards > 1e-9) + 0.5 * (np.abs(d @ towards) <= 1e-9), size)
     across = normalised(np.cross(towards, [0.3, 0.1, 1]))
     normal = np.cos(np.radians(angle)) * towards + np.sin(np.radians(angle)) * across
-    found = reflection_map(light, Lambert(), 180, SUM).look_up(normal)
+    found = reflection_map(light, Lambert(), 180, SUM).lookup(normal)
     # A2; the edge of the light runs through pixels: up to half a pixel's light at grazing angles.
     np.testing.assert_allclose(found, irradiance, atol=2e-3 * np.pi)
 
 
 def test_light_that_grows_upwards_gives_lamberts_known_values():
     d = reflection_map(of_directions(lambda d: 1 + d[..., 1], 256), Lambert(), 180, SUM)
-    found = d.look_up(np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1], [0, -1, 0]]))[:, 0]
+    found = d.lookup(np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1], [0, -1, 0]]))[:, 0]
     assert found == pytest.approx([5.235988, 3.141593, 3.141593, 1.047198], rel=2e-4)  # A3
 
 
@@ -125,7 +125,7 @@ def test_on_the_edge_of_a_half_lit_sphere_a_highlight_is_half_as_bright(n):
     # A8. The edge is where pixels meet, so that each is lit or dark.
     light = of_directions(lambda d: (d[..., 0] > 0) * 1.0, 256)
     edge = normalised(np.stack([np.zeros(9), np.linspace(-2, 2, 9), np.full(9, -1.0)], -1))
-    found = reflection_map(light, Phong(n), 128).look_up(edge)
+    found = reflection_map(light, Phong(n), 128).lookup(edge)
     np.testing.assert_allclose(found, 0.5, rtol=2e-3)
 
 
@@ -227,7 +227,7 @@ def test_varnish_over_nothing_is_half_a_mirror():
 @EVERY
 def test_reflection_adds_up(lobe):
     one, other = spiky(12, seed=1), spiky(12, seed=2)
-    both = IlluminationMap(one.radiance + 3 * other.radiance)
+    both = EnvironmentMap(one.radiance + 3 * other.radiance)
     tables = [reflection_map(light, lobe, 10, SUM).table.astype(float) for light in (one, other, both)]
     np.testing.assert_allclose(tables[2], tables[0] + 3 * tables[1], rtol=2e-4)
 
@@ -235,7 +235,7 @@ def test_reflection_adds_up(lobe):
 @EVERY
 def test_turning_the_light_by_whole_columns_turns_the_table(lobe):
     light = spiky(8)
-    turned = IlluminationMap(np.roll(light.radiance, 4, axis=1))
+    turned = EnvironmentMap(np.roll(light.radiance, 4, axis=1))
     for rows, columns in ((8, 4), (12, 6)):
         table = reflection_map(light, lobe, rows).table
         np.testing.assert_allclose(reflection_map(turned, lobe, rows).table, np.roll(table, columns, 1), rtol=2e-4)
@@ -245,14 +245,14 @@ def test_turning_the_light_by_whole_columns_turns_the_table(lobe):
 def test_light_mirrored_left_to_right_and_upside_down_mirrors_the_table(lobe):
     light = spiky(9)
     table = reflection_map(light, lobe, 7).table
-    flipped = reflection_map(IlluminationMap(light.radiance[::-1, ::-1].copy()), lobe, 7).table
+    flipped = reflection_map(EnvironmentMap(light.radiance[::-1, ::-1].copy()), lobe, 7).table
     np.testing.assert_allclose(flipped, table[::-1, ::-1], rtol=2e-4)
 
 
 def test_the_channels_do_not_mix():
     light = spiky(8)
     for lobe in (Lambert(), Phong(5), GGXLobe(0.3)):
-        swapped = reflection_map(IlluminationMap(light.radiance[..., ::-1].copy()), lobe, 6).table
+        swapped = reflection_map(EnvironmentMap(light.radiance[..., ::-1].copy()), lobe, 6).table
         np.testing.assert_allclose(swapped[..., ::-1], reflection_map(light, lobe, 6).table, rtol=2e-4)
 
 
@@ -264,7 +264,7 @@ def test_the_same_light_gives_the_same_table_to_the_bit(lobe):
 
 @pytest.mark.parametrize("unit", ["cd/m²", "relative"])
 def test_the_unit_is_the_lights(unit):
-    light = IlluminationMap(spiky(8).radiance, unit=unit)
+    light = EnvironmentMap(spiky(8).radiance, unit=unit)
     for lobe in (Lambert(), Phong(), Mirror()):
         assert reflection_map(light, lobe).light.unit == unit
 
@@ -286,12 +286,12 @@ def test_look_up_goes_on_over_the_seam_and_the_poles(lobe):
     for start, other in (([0, 0, 1], [0, 1, 0]), ([0, 0, 1], [1, 0.001, 0])):
         circle = np.cos(around)[:, None] * normalised(start) + np.sin(around)[:, None] * normalised(other)
         # Values below the peak change by at most two peaks an entry, and an entry is π/9 wide.
-        assert np.abs(np.diff(table.look_up(circle), axis=0)).max() < 2 * peak * 9 / np.pi * 2 * np.pi / 4000
+        assert np.abs(np.diff(table.lookup(circle), axis=0)).max() < 2 * peak * 9 / np.pi * 2 * np.pi / 4000
 
 
 def test_look_up_of_an_entrys_direction_is_the_entry():
     s = reflection_map(spiky(8), Phong(20), 9)
-    np.testing.assert_allclose(s.look_up(entries(9)), s.table, rtol=1e-5)
+    np.testing.assert_allclose(s.lookup(entries(9)), s.table, rtol=1e-5)
 
 
 @pytest.mark.parametrize("lobe", [Lambert(), Phong(5), Phong(50), Phong(200), GGXLobe(0.2), WardLobe(0.1)])
@@ -302,7 +302,7 @@ def test_the_table_is_fine_enough_for_bilinear_look_up(lobe):
     truth = lobe(np.clip(directions @ naive_direction(light), -1, 1)) * light.total()[0]
     # By a single light the table is the lobe itself, and ROWS_PER_WIDTH promises about 0.2 % of its peak. The paper's
     # 36 rows for Lambert cut the corner at the terminator: a quarter of an entry's π/36.
-    assert np.abs(s.look_up(directions)[:, 0] - truth).max() < (0.022 if lobe.name == "lambert" else 3e-3) * truth.max()
+    assert np.abs(s.lookup(directions)[:, 0] - truth).max() < (0.022 if lobe.name == "lambert" else 3e-3) * truth.max()
 
 
 def naive_direction(light):
@@ -340,7 +340,7 @@ def test_a_table_without_rows_is_refused(lobe, rows):
 
 def test_a_map_without_rows_is_refused():
     with pytest.raises(ValueError, match=r"shape \(0, 0, 3\); a map has at least one row"):
-        IlluminationMap(np.zeros((0, 0, 3), np.float32))
+        EnvironmentMap(np.zeros((0, 0, 3), np.float32))
 
 
 @pytest.mark.parametrize("value", [-1.0, np.nan, np.inf])

@@ -6,32 +6,32 @@ import numpy as np
 import pytest
 
 from lights import SIMPLE
-from relume.light.spherical_harmonics import (
+from relume.light.reflection.irradiance_harmonics import (
     COSINE,
     as_json,
     irradiance_from_harmonics,
     irradiance_harmonics,
 )
-from relume.sphere.cube import directions as cube_directions
-from relume.sphere.cube import solid_angles as cube_solid_angles
 from relume.sphere.directions import normalised
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, pixel_directions
-from relume.sphere.spherical_harmonics import basis
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.harmonics.spherical_harmonics import basis
+from relume.sphere.mappings.mapping import LatLong, pixel_directions
+from relume.sphere.mip_cube import directions as cube_directions
+from relume.sphere.mip_cube import solid_angles as cube_solid_angles
 
 X, Y, Z = np.eye(3)
 
 
 def of_directions(function, size=256, mapping=LatLong()):
     values = function(pixel_directions(mapping, size))
-    return IlluminationMap(np.repeat(values[..., None], 3, axis=-1).astype(np.float32), mapping)
+    return EnvironmentMap(np.repeat(values[..., None], 3, axis=-1).astype(np.float32), mapping)
 
 
 def directional(row, column, size=64):
     """Light of one pixel that gives E = 1 on a surface facing it, and the direction to it."""
     radiance = np.zeros((size, 2 * size, 3), np.float32)
     radiance[row, column] = 1 / LatLong().solid_angles(size)[row, column]
-    return IlluminationMap(radiance), LatLong().directions(np.array([(column + 0.5) / (2 * size), (row + 0.5) / size]))
+    return EnvironmentMap(radiance), LatLong().directions(np.array([(column + 0.5) / (2 * size), (row + 0.5) / size]))
 
 
 def spread(count, seed=0):
@@ -99,7 +99,7 @@ def test_light_without_finer_detail_is_lit_exactly():
 
 def test_colours_stay_apart():
     light, _ = directional(20, 20)
-    tinted = IlluminationMap(light.radiance * np.array([1, 2, 4], np.float32))
+    tinted = EnvironmentMap(light.radiance * np.array([1, 2, 4], np.float32))
     assert irradiance_harmonics(tinted)[:, 2] == pytest.approx(4 * irradiance_harmonics(tinted)[:, 0])
 
 

@@ -7,10 +7,10 @@ from lights import constant, lone, spread, sunny
 from relume.errors import SunNotFound
 from relume.image.files import read_radiance
 from relume.image.radiance import SATURATED
-from relume.light.sun import extract_sun
+from relume.light.suns.extraction import extract_sun
 from relume.sphere.directions import normalised
-from relume.sphere.illumination import IlluminationMap, as_illumination
-from relume.sphere.mappings import LatLong, Mapping, mapping_named, pixel_points
+from relume.sphere.environment_map import EnvironmentMap, as_environment
+from relume.sphere.mappings.mapping import LatLong, Mapping, mapping_named, pixel_points
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 TOWARDS = {
@@ -34,7 +34,7 @@ def under_sun(towards, degrees=2.0, value=500.0, size=128, mapping: Mapping = La
     disc = (d @ towards > np.cos(np.radians(degrees)))[..., None]
     fine = sky(d) + disc * value * np.array([1.0, 0.9, 0.7])
     rows, columns = mapping.shape(size)
-    return IlluminationMap(
+    return EnvironmentMap(
         fine.reshape(rows, subdivision, columns, subdivision, 3).mean((1, 3)).astype(np.float32), mapping
     )
 
@@ -99,7 +99,7 @@ def test_its_place_is_filled_with_what_surrounds_it(towards):
 def test_a_sun_on_the_horizon_leaves_the_horizon():
     towards = normalised([0.5, 0.0, -0.8])
     rest = extract_sun(under_sun(towards, 3)).rest
-    above, below = (rest.look_up(normalised(towards + np.array([0, shift, 0]))) for shift in (0.035, -0.035))
+    above, below = (rest.lookup(normalised(towards + np.array([0, shift, 0]))) for shift in (0.035, -0.035))
     # The step is a little smoothed within the patch, by no more than half.
     step = sky(np.array([0, 0.03, -1])) - sky(np.array([0, -0.03, -1]))
     assert np.all(above - below > 0.5 * step) and np.all(above - below < step)
@@ -109,7 +109,7 @@ def test_a_sun_at_the_seam_is_filled_from_both_sides_of_it():
     radiance = np.full((32, 64, 3), 3.0, np.float32)
     radiance[:, 32:] = 1.0  # behind, to the left of the seam 3 and to its right 1
     radiance[15:17, 0] = 1e4
-    rest = extract_sun(IlluminationMap(radiance)).rest.radiance
+    rest = extract_sun(EnvironmentMap(radiance)).rest.radiance
     # The nearest pixels: three of 3, three of 1.
     assert np.all((rest[15:17, 0] > 1.8) & (rest[15:17, 0] < 2.7))
 
@@ -144,7 +144,7 @@ def test_several_lamps_are_counted_and_the_strongest_comes_first():
     light = under_sun(TOWARDS["high"], 1.5)
     second = under_sun(normalised([-0.7, 0.3, 0.4]), 1.5, 2000.0)
     third = under_sun(normalised([0.7, -0.3, 0.4]), 1.5, 200.0)
-    all_three = IlluminationMap(np.maximum(np.maximum(light.radiance, second.radiance), third.radiance))
+    all_three = EnvironmentMap(np.maximum(np.maximum(light.radiance, second.radiance), third.radiance))
     suns = extract_sun(all_three, 5).suns
     assert angle(suns[0].direction, normalised([-0.7, 0.3, 0.4])) < 0.1
     np.testing.assert_allclose([sun.irradiance[0] / cap(1.5) for sun in suns], [2000, 500, 200], rtol=0.02)
@@ -181,10 +181,10 @@ def test_a_clipped_sun_is_told_by_the_mask_or_by_its_plateau():
     assert not extract_sun(light).suns[0].clipped and not extract_sun(light).suns[0].flat
     clipped = np.zeros(light.radiance.shape[:2], np.uint8)
     clipped[np.unravel_index(np.argmax(light.radiance[..., 0]), clipped.shape)] = SATURATED
-    marked = extract_sun(IlluminationMap(light.radiance, clipped=clipped))
+    marked = extract_sun(EnvironmentMap(light.radiance, clipped=clipped))
     assert marked.suns[0].clipped and not marked.suns[0].flat
     assert marked.rest.clipped is not None and not marked.rest.clipped.any()
-    flat = IlluminationMap(np.minimum(light.radiance, np.float32(100)))
+    flat = EnvironmentMap(np.minimum(light.radiance, np.float32(100)))
     assert extract_sun(flat).suns[0].flat and not extract_sun(flat).suns[0].clipped
     assert np.degrees(extract_sun(flat).suns[0].angular_radius) > 2.5
 
@@ -207,7 +207,7 @@ def test_what_cannot_be_is_refused(words):
     ],
 )
 def test_a_photographed_sun_is_half_a_degree_wide(name, height, right, share, shared):
-    light = as_illumination(read_radiance(shared / f"data/hdri/{name}.hdr"))
+    light = as_environment(read_radiance(shared / f"data/hdri/{name}.hdr"))
     found = extract_sun(light)
     (sun,) = found.suns
     x, y, z = sun.direction
@@ -219,6 +219,6 @@ def test_a_photographed_sun_is_half_a_degree_wide(name, height, right, share, sh
 
 
 def test_a_lamp_of_one_lux_gives_what_its_file_holds(shared):
-    (sun,) = extract_sun(as_illumination(read_radiance(shared / "data/hdri/three/spot1Lux.hdr"))).suns
+    (sun,) = extract_sun(as_environment(read_radiance(shared / "data/hdri/three/spot1Lux.hdr"))).suns
     assert sun.share == pytest.approx(1)
     assert sun.irradiance == pytest.approx([0.959] * 3, rel=2e-3)  # its README

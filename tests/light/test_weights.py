@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from relume.light.weights import ENTRIES, Complement, Even, Fresnel, Schlick, tabulated
+from relume.light.reflection.weights import ENTRIES, Complement, Even, Fresnel, Schlick, tabulated
 
 ANGLES = np.radians([0, 30, 45, 60, 75, 85, 90])
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from relume.image.photograph import Exposure
-from relume.lightstage.calibration import (
+from relume.lightstage.acquire.calibration import (
     Calibration,
     Target,
     calibrate,
@@ -14,10 +14,10 @@ from relume.lightstage.calibration import (
     normal_of_flat_target,
     target_on_ball,
 )
-from relume.lightstage.cells import even_directions
-from relume.lightstage.field import Pictures
-from relume.lightstage.lights import StageLights
-from relume.scene.camera import Camera
+from relume.lightstage.field.field import Pictures
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.voronoi_cells import even_directions
+from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
 
 LIGHTS = StageLights.towards(even_directions(60))

@@ -7,10 +7,10 @@ import pytest
 
 from relume.image import files
 from relume.image.radiance import RadianceMap
-from relume.lightstage.cells import even_directions
-from relume.lightstage.clothing import MOVED, Cloths, Reclothed, displacement, reclothed, reclothed_field
-from relume.lightstage.field import Noise, Pictures, whole
-from relume.lightstage.lights import StageLights
+from relume.lightstage.field.field import Noise, Pictures, whole
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.recolouring import MOVED, Cloths, Reclothed, displacement, reclothed, reclothed_field
+from relume.lightstage.relighting.voronoi_cells import even_directions
 
 TRUTH = Path(__file__).resolve().parents[3] / "shared" / "stages" / "head" / "truth"
 GREEN = (0.05, 0.5, 0.1)

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from relume.lightstage.cells import even_directions
-from relume.lightstage.corrected import Corrected, _bands, estimate_noise, noise_of_repeats
-from relume.lightstage.fall_off import FlatField, NearLights, exponents, flat_field_of_board
-from relume.lightstage.field import Noise, Pictures, whole
-from relume.lightstage.filling import Filling
-from relume.lightstage.lights import StageLights
-from relume.lightstage.masking import PackedMask
-from relume.lightstage.near_lights import points_on_plane
-from relume.scene.camera import Camera
+from relume.lightstage.acquire.near_lights import points_on_plane
+from relume.lightstage.field.corrected import Corrected, _bands, estimate_noise, noise_of_repeats
+from relume.lightstage.field.fall_off import FlatField, NearLights, exponents, flat_field_of_board
+from relume.lightstage.field.field import Noise, Pictures, whole
+from relume.lightstage.field.filling import Filling
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.field.masking import PackedMask
+from relume.lightstage.relighting.voronoi_cells import even_directions
+from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
 
 COUNT, HEIGHT, WIDTH = 40, 10, 12
@@ -63,7 +63,7 @@ def test_blocks_are_the_same_bytes_as_the_whole() -> None:
 def test_bands_of_rows_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     field = Corrected(Pictures(smooth_values(), LIGHTS), mask=PackedMask.of(some_mask()))
     everything = whole(field)
-    monkeypatch.setattr("relume.lightstage.corrected._WORKING_MEMORY", 3 * COUNT * WIDTH * 12)
+    monkeypatch.setattr("relume.lightstage.field.corrected._WORKING_MEMORY", 3 * COUNT * WIDTH * 12)
     assert np.array_equal(whole(field), everything)
 
 
@@ -141,7 +141,7 @@ def test_black_cloth_around_the_subject_does_not_hide_its_noise() -> None:
 
 
 def test_noise_of_large_pictures_is_read_off_bands_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("relume.lightstage.corrected._NOISE_MEMORY", 70 * 6 * 8 * 6 * 128 * 3)
+    monkeypatch.setattr("relume.lightstage.field.corrected._NOISE_MEMORY", 70 * 6 * 8 * 6 * 128 * 3)
     bands = _bands(96, 70)
     np.testing.assert_array_equal(bands[:, 0], [8, 56])
     found = estimate_noise(noisy(1e-5, 4e-4))

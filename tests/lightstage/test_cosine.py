@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from relume.lightstage.cosine import compress_cosine, laid_out
-from relume.lightstage.field import Pictures
-from relume.lightstage.lights import StageLights
-from relume.lightstage.relighting import relight
+from relume.lightstage.field.field import Pictures
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.cosine import compress_cosine, laid_out
+from relume.lightstage.relighting.relighting import relight
 
 GENERATOR = np.random.default_rng(6)
 

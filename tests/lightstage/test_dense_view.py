@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 import trimesh
 
-from relume.lightstage.cells import even_directions
-from relume.lightstage.dense_directions import DirectedLight
-from relume.lightstage.dense_model import Densification
-from relume.lightstage.dense_view import directly_lit_view
-from relume.lightstage.field import Pictures
-from relume.lightstage.lights import StageLights
-from relume.lightstage.view_gathering import Source
-from relume.scene.camera import Camera
-from relume.scene.materials import Diffuse
-from relume.scene.shapes import Mesh
+from relume.lightstage.direct_light.directions import DirectedLight
+from relume.lightstage.direct_light.model import Densification
+from relume.lightstage.field.field import Pictures
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.novel_view.direct_light_view import directly_lit_view
+from relume.lightstage.novel_view.gathering import Source
+from relume.lightstage.relighting.voronoi_cells import even_directions
+from relume.scene.cameras.camera import Camera
+from relume.scene.materials.materials import Diffuse
+from relume.scene.shapes.shapes import Mesh
 from small_stages import ALBEDO, camera, lit
 
 LIGHTS = even_directions(40)

@@ -11,19 +11,19 @@ from time import perf_counter
 import numpy as np
 import pytest
 
-from relume.lightstage.cells import even_directions
-from relume.lightstage.dense_directions import ALL_RAYS, DirectedLight, leaves_of
-from relume.lightstage.dense_fit import fitted_direct
-from relume.lightstage.dense_model import Densification
-from relume.lightstage.dense_surface import disc_directions, over_neighbours
-from relume.lightstage.densified import densely_relit, densified, row_blocks, seconds_for
-from relume.lightstage.field import Pictures, whole
-from relume.lightstage.interpolation import NearestCell, Smooth
-from relume.lightstage.lights import StageLights
-from relume.scene.camera import Camera
-from relume.scene.materials import Diffuse
-from relume.scene.shapes import Mesh
-from relume.sphere.illumination import IlluminationMap
+from relume.lightstage.direct_light.directions import ALL_RAYS, DirectedLight, leaves_of
+from relume.lightstage.direct_light.fit import fitted_direct
+from relume.lightstage.direct_light.model import Densification
+from relume.lightstage.direct_light.surface import disc_directions, over_neighbours
+from relume.lightstage.direct_light.upsampled_field import densely_relit, densified, row_blocks, seconds_for
+from relume.lightstage.field.field import Pictures, whole
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.interpolation import NearestCell, Smooth
+from relume.lightstage.relighting.voronoi_cells import even_directions
+from relume.scene.cameras.camera import Camera
+from relume.scene.materials.materials import Diffuse
+from relume.scene.shapes.shapes import Mesh
+from relume.sphere.environment_map import EnvironmentMap
 
 HEIGHT, HALF = 0.6, 0.4
 CAMERA = Camera.looking_at(np.array([2.2, 1.1, 0.1]), np.zeros(3), width=28, height=20, focal_length=30.0)
@@ -106,7 +106,7 @@ def test_lights_add_whatever_share_of_the_whole_they_make() -> None:
     sky = np.ones((16, 32, 3), np.float32)
     sunny = sky.copy()
     sunny[3, 20] = 5000.0
-    strong, faint = leaves_of(IlluminationMap(sunny), 400), leaves_of(IlluminationMap(0.1 * sky), 120)
+    strong, faint = leaves_of(EnvironmentMap(sunny), 400), leaves_of(EnvironmentMap(0.1 * sky), 120)
     assert set(strong.looked_at()[:, 0]) == {1, ALL_RAYS} and set(faint.looked_at()[:, 0]) == {ALL_RAYS}
     settings = Densification(light_radius=0.0, alpha=0.2, side=3)
     both, one, other = (
@@ -177,7 +177,7 @@ def test_direct_light_is_fitted_with_its_scales() -> None:
 def test_the_leaves_of_a_map_hold_its_light_and_its_sun() -> None:
     radiance = np.ones((32, 64, 3), np.float32)
     radiance[10, 40] = 1e5
-    light = IlluminationMap(radiance)
+    light = EnvironmentMap(radiance)
     leaves = leaves_of(light, 200)
     np.testing.assert_allclose(leaves.irradiances.sum(axis=0), light.total(), rtol=1e-9)
     sun = int(np.argmax(leaves.irradiances[:, 0]))
@@ -188,7 +188,7 @@ def test_the_leaves_of_a_map_hold_its_light_and_its_sun() -> None:
 
 
 def test_a_dark_map_has_no_leaves_and_gives_a_black_picture() -> None:
-    leaves = leaves_of(IlluminationMap(np.zeros((8, 16, 3), np.float32)))
+    leaves = leaves_of(EnvironmentMap(np.zeros((8, 16, 3), np.float32)))
     assert len(leaves.directions) == 0
     assert not densely_relit(FIELD, leaves, MESHES, EXACT).any()
 
@@ -223,7 +223,7 @@ def test_wrong_calls_are_refused() -> None:
     with pytest.raises(ValueError, match="alpha is 0"):
         Densification(alpha=0)
     with pytest.raises(ValueError, match="count is 0"):
-        leaves_of(IlluminationMap(np.zeros((8, 16, 3), np.float32)), 0)
+        leaves_of(EnvironmentMap(np.zeros((8, 16, 3), np.float32)), 0)
 
 
 def test_the_nearest_cell_may_stand_for_the_rest() -> None:

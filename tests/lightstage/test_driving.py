@@ -8,29 +8,29 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from relume.errors import UnreadableFile
-from relume.lightstage.cells import even_directions
-from relume.lightstage.driving import Drive, bounded_least_squares, drive
-from relume.lightstage.driving_file import drive_as_csv, drive_as_json, read_drive, write_drive
-from relume.lightstage.driving_subjects import Given, Surface, cell_sums
-from relume.lightstage.field import Pictures
-from relume.lightstage.interpolation import NearestCell
-from relume.lightstage.lights import StageLights
-from relume.lightstage.primaries import LampPrimaries
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, pixel_directions
+from relume.lightstage.driving.driving import Drive, bounded_least_squares, drive
+from relume.lightstage.driving.file import drive_as_csv, drive_as_json, read_drive, write_drive
+from relume.lightstage.driving.primaries import LampPrimaries
+from relume.lightstage.driving.subjects import Given, Surface, cell_sums
+from relume.lightstage.field.field import Pictures
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.interpolation import NearestCell
+from relume.lightstage.relighting.voronoi_cells import even_directions
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, pixel_directions
 
 EVEN = StageLights.towards(even_directions(80))
-UNIFORM = IlluminationMap(np.ones((32, 64, 3), np.float32))
+UNIFORM = EnvironmentMap(np.ones((32, 64, 3), np.float32))
 
 
-def lit_pixels(count: int = 12, rows: int = 32) -> tuple[StageLights, IlluminationMap, np.ndarray]:
+def lit_pixels(count: int = 12, rows: int = 32) -> tuple[StageLights, EnvironmentMap, np.ndarray]:
     """A stage, a map that is black but where its lights stand, and the irradiance of each."""
     random = np.random.default_rng(9)
     row, column = np.linspace(2, rows - 3, count).astype(int), random.permutation(2 * rows)[:count]
     radiance = np.zeros((rows, 2 * rows, 3), np.float32)
     radiance[row, column] = random.uniform(0.5, 4, (count, 3))
     lights = StageLights.towards(pixel_directions(LatLong(), rows)[row, column])
-    return lights, IlluminationMap(radiance), radiance[row, column] * LatLong().solid_angles(rows)[row, column][:, None]
+    return lights, EnvironmentMap(radiance), radiance[row, column] * LatLong().solid_angles(rows)[row, column][:, None]
 
 
 def seen(drive: Drive, normals: np.ndarray) -> np.ndarray:
@@ -38,12 +38,12 @@ def seen(drive: Drive, normals: np.ndarray) -> np.ndarray:
     return np.maximum(normals @ drive.lights.directions.T, 0) @ drive.irradiances
 
 
-def smooth_map() -> IlluminationMap:
+def smooth_map() -> EnvironmentMap:
     """A sky that is blue and brighter above, over a dark ground, with a warm glow."""
     towards = pixel_directions(LatLong(), 32)
     sky = 0.2 + np.maximum(towards[..., 1:2], 0) * [0.5, 0.8, 1.4]
     glow = np.exp(6 * (towards @ [0.8, 0.0, -0.6] - 1))[..., None] * [6.0, 4.0, 2.0]
-    return IlluminationMap((sky + glow).astype(np.float32))
+    return EnvironmentMap((sky + glow).astype(np.float32))
 
 
 @pytest.mark.parametrize("subject", [Surface(), Surface.glossy(0.8)])
@@ -107,7 +107,7 @@ def test_a_level_out_of_reach_is_told_with_the_level_that_can_be_had():
         result = drive(lights, light, LampPrimaries.rgb(maximum=irradiance.max() / 4))
     assert result.headroom == pytest.approx(0.25, rel=1e-3)
     assert result.clipped > 0 and result.intensities.max() == pytest.approx(irradiance.max() / 4)
-    darker = IlluminationMap(light.radiance * np.float32(result.headroom * 0.999))
+    darker = EnvironmentMap(light.radiance * np.float32(result.headroom * 0.999))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         faithful = drive(lights, darker, LampPrimaries.rgb(maximum=irradiance.max() / 4))
@@ -162,7 +162,7 @@ def test_a_smooth_subject_is_told_between_the_lights_of_its_field():
 
 def test_lamps_that_stand_closer_than_a_maps_pixels_all_get_light():
     lights = StageLights.towards(even_directions(1000))
-    sums = cell_sums(lights, IlluminationMap(np.ones((16, 32, 3), np.float32)))
+    sums = cell_sums(lights, EnvironmentMap(np.ones((16, 32, 3), np.float32)))
     np.testing.assert_allclose(sums[:, 0], lights.solid_angles, rtol=0.15)
 
 
@@ -179,7 +179,7 @@ def test_a_given_subject_is_matched_by_a_stage_of_fewer_lights():
 
 
 def test_a_black_map_leaves_all_lamps_dark():
-    result = drive(EVEN, IlluminationMap(np.zeros((16, 32, 3), np.float32)), LampPrimaries.rgb(1.0))
+    result = drive(EVEN, EnvironmentMap(np.zeros((16, 32, 3), np.float32)), LampPrimaries.rgb(1.0))
     assert result.intensities.max() == 0 and result.headroom == np.inf and result.residual.max() == 0
 
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from relume.image import files
-from relume.lightstage.environment_matte import EnvironmentMatte, MatteSettings, environment_matte
-from relume.lightstage.gray_code import Patterns, gray_stripes, read_patterns
-from relume.lightstage.matte_composite import composite
-from relume.lightstage.matte_file import read_matte, write_matte
+from relume.lightstage.matting.composite import composite
+from relume.lightstage.matting.environment_matte import EnvironmentMatte, MatteSettings, environment_matte
+from relume.lightstage.matting.file import read_matte, write_matte
+from relume.lightstage.matting.gray_code import Patterns, gray_stripes, read_patterns
 
 SHARED = Path(__file__).resolve().parents[3] / "shared"
 TEXELS, SIZE = 64, 48

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from relume.lightstage.field import Noise, Pictures, whole
-from relume.lightstage.lights import StageLights
-from relume.scene.camera import Camera
+from relume.lightstage.field.field import Noise, Pictures, whole
+from relume.lightstage.field.lights import StageLights
+from relume.scene.cameras.camera import Camera
 
 LIGHTS = StageLights.towards(np.eye(3))
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from relume.lightstage.cells import even_directions
-from relume.lightstage.filling import Filling
-from relume.lightstage.lights import StageLights
+from relume.lightstage.field.filling import Filling
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.voronoi_cells import even_directions
 
 LIGHTS = StageLights.towards(even_directions(100))
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from relume.image.radiance import RadianceMap
-from relume.lightstage.cells import even_directions
-from relume.lightstage.field import Noise, Pictures
-from relume.lightstage.glints import relit, relit_sequence, share_below, spikes, spikes_of
-from relume.lightstage.interpolation import Barycentric, Smooth
-from relume.lightstage.lights import StageLights
-from relume.lightstage.relighting import relight
+from relume.lightstage.field.field import Noise, Pictures
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.interpolation import Barycentric, Smooth
+from relume.lightstage.relighting.relighting import relight
+from relume.lightstage.relighting.specular_spikes import relit, relit_sequence, share_below, spikes, spikes_of
+from relume.lightstage.relighting.voronoi_cells import even_directions
 
 LIGHTS = StageLights.towards(even_directions(60))
 RNG = np.random.default_rng(0)

@@ -13,7 +13,7 @@ from relume.errors import UnreadableFile
 from relume.image import files
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
-from relume.lightstage.gray_code import Patterns, Stripes, disorder, gray_stripes, plain_stripes, read_patterns
+from relume.lightstage.matting.gray_code import Patterns, Stripes, disorder, gray_stripes, plain_stripes, read_patterns
 
 LEVELS, TEXELS = 6, 64
 

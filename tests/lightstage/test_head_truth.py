@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from relume.image.files import read_layers, read_radiance
-from relume.lightstage.dense_directions import DirectedLight, leaves_of
-from relume.lightstage.dense_view import directly_lit_view
-from relume.lightstage.densified import densely_relit
-from relume.lightstage.field import ReflectanceField
-from relume.lightstage.reading import geometry_of, read_stage
-from relume.lightstage.stage_file import read_stage_file
-from relume.lightstage.view_gathering import Source
-from relume.scene.meshes import read_meshes
-from relume.scene.shapes import Mesh
-from relume.sphere.illumination import as_illumination
+from relume.lightstage.acquire.read_stage import geometry_of, read_stage
+from relume.lightstage.acquire.stage_file import read_stage_file
+from relume.lightstage.direct_light.directions import DirectedLight, leaves_of
+from relume.lightstage.direct_light.upsampled_field import densely_relit
+from relume.lightstage.field.field import ReflectanceField
+from relume.lightstage.novel_view.direct_light_view import directly_lit_view
+from relume.lightstage.novel_view.gathering import Source
+from relume.scene.shapes.meshes import read_meshes
+from relume.scene.shapes.shapes import Mesh
+from relume.sphere.environment_map import as_environment
 
 SHARED = Path(__file__).resolve().parents[3] / "shared"
 HEAD = SHARED / "stages" / "head"
@@ -66,7 +66,7 @@ def error(ours: np.ndarray, name: str, pixels: np.ndarray) -> float:
 
 def light_named(name: str) -> DirectedLight:
     if name in MAPS:
-        return leaves_of(as_illumination(read_radiance(MAPS[name])))
+        return leaves_of(as_environment(read_radiance(MAPS[name])))
     points = read_stage_file(HEAD / "stage.json").others["truth_points"]
     direction = next(np.array(each["direction"]) for each in points if each["truth"] == name)
     return DirectedLight(direction[None], np.ones((1, 3)), np.array([np.radians(1)]))
@@ -98,7 +98,7 @@ def test_the_second_view_is_the_true_one(name, limit, head, mesh):
     # The head and the matte ball; the mirrored one is a mirror and the shirt has no mask.
     seen = directly_lit_view(Source(head), light_named(name), camera, mesh)
     wanted = [part for part in mesh if part.name in ("head", "ball_matte")]
-    from relume.lightstage.view_projection import Subject
+    from relume.lightstage.novel_view.projection import Subject
 
     sight = Subject.of(mesh).seen(camera)
     names = np.array([part in wanted for part in mesh])

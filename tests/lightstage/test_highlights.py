@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 
 from relume.errors import BallNotFound
 from relume.image.files import read_photograph
-from relume.lightstage.highlights import (
+from relume.lightstage.acquire.ball_highlights import (
     HighlightSearch,
     MirrorBall,
     find_ball,
@@ -17,9 +17,9 @@ from relume.lightstage.highlights import (
     read_ball,
     unit_mean,
 )
-from relume.lightstage.light_files import read_directions
-from relume.probe.silhouette import Outline, outline_of_circle
-from relume.scene.camera import Camera
+from relume.lightstage.acquire.light_files import read_directions
+from relume.probe.ball.silhouette import Outline, outline_of_circle
+from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised, rotation_about
 
 OLAT = Path(__file__).resolve().parents[3] / "shared" / "data" / "olat"

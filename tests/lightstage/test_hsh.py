@@ -9,10 +9,10 @@ import pytest
 
 from relume.errors import FormatError, UnreadableFile
 from relume.image import files
-from relume.lightstage.cells import even_directions
-from relume.lightstage.hemisphere_fit import STEADINESS
-from relume.lightstage.hsh import HemisphericalHarmonics, fit_hsh, hemispherical_terms
-from relume.lightstage.hsh_file import read_hsh, write_hsh
+from relume.lightstage.relighting.voronoi_cells import even_directions
+from relume.lightstage.rti.hemisphere_fit import STEADINESS
+from relume.lightstage.rti.hsh import HemisphericalHarmonics, fit_hsh, hemispherical_terms
+from relume.lightstage.rti.hsh_file import read_hsh, write_hsh
 
 PHOTOGRAPHS = Path(__file__).resolve().parents[3] / "shared" / "data" / "olat" / "uw_psm"
 FINE = even_directions(200_000)

@@ -5,23 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from relume.light.constellation import Constellation
-from relume.lightstage.cells import even_directions
-from relume.lightstage.illumination import constellation_irradiances, irradiances, lamp_irradiances
-from relume.lightstage.interpolation import NearestCell, Smooth
-from relume.lightstage.lights import StageLights
+from relume.light.constellations.constellation import Constellation
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.illumination import constellation_irradiances, irradiances, lamp_irradiances
+from relume.lightstage.relighting.interpolation import NearestCell, Smooth
+from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.scene.lights import DistantLight, PointLight, SphereLight
 from relume.sphere.directions import rotation_about
-from relume.sphere.discs import Angular
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, pixel_directions
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.discs import Angular
+from relume.sphere.mappings.mapping import LatLong, pixel_directions
 
 LIGHTS = StageLights.towards(np.random.default_rng(5).normal(size=(60, 3)))
 WAYS = pytest.mark.parametrize("by", [NearestCell(), Smooth()])
 
 
-def noisy(rows: int = 32) -> IlluminationMap:
-    return IlluminationMap(np.random.default_rng(1).random((rows, 2 * rows, 3)).astype(np.float32))
+def noisy(rows: int = 32) -> EnvironmentMap:
+    return EnvironmentMap(np.random.default_rng(1).random((rows, 2 * rows, 3)).astype(np.float32))
 
 
 @WAYS
@@ -31,13 +31,13 @@ def test_nothing_of_a_map_is_lost_or_added(by):
 
 
 def test_even_light_asks_of_each_light_its_cell():
-    even = IlluminationMap(np.ones((256, 512, 3), np.float32))
+    even = EnvironmentMap(np.ones((256, 512, 3), np.float32))
     found = irradiances(LIGHTS, even, NearestCell())
     np.testing.assert_allclose(found, np.repeat(LIGHTS.solid_angles[:, None], 3, axis=1), rtol=0.01, atol=1e-3)
 
 
 def test_a_map_coarser_than_the_cells_is_integrated_over_parts_of_its_pixels():
-    coarse = IlluminationMap(np.ones((4, 8, 3), np.float32))
+    coarse = EnvironmentMap(np.ones((4, 8, 3), np.float32))
     lights = StageLights.towards(even_directions(60))
     found = irradiances(lights, coarse, NearestCell())
     np.testing.assert_allclose(found[:, 0], lights.solid_angles, rtol=0.1)
@@ -47,7 +47,7 @@ def test_a_map_coarser_than_the_cells_is_integrated_over_parts_of_its_pixels():
 def test_a_sun_that_is_one_pixel_is_not_missed():
     radiance = np.zeros((512, 1024, 3), np.float32)
     radiance[100, 300] = 1e5
-    light = IlluminationMap(radiance)
+    light = EnvironmentMap(radiance)
     towards = pixel_directions(LatLong(), 512)[100, 300]
     found = irradiances(LIGHTS, light, NearestCell())
     assert np.argmax(found[:, 0]) == np.argmax(LIGHTS.directions @ towards)
@@ -78,12 +78,12 @@ def test_yaw_takes_what_is_ahead_to_the_left():
     axes = StageLights.towards(
         np.concatenate([np.eye(3), -np.eye(3)]), ("right", "up", "back", "left", "down", "ahead")
     )
-    found = irradiances(axes, IlluminationMap(radiance), NearestCell(), rotation_about((0, 1, 0), np.pi / 2))
+    found = irradiances(axes, EnvironmentMap(radiance), NearestCell(), rotation_about((0, 1, 0), np.pi / 2))
     assert axes.names[int(np.argmax(found[:, 0]))] == "left"
 
 
 def test_the_mapping_of_the_map_does_not_matter():
-    light = IlluminationMap(np.ones((64, 128, 3), np.float32) * np.linspace(0, 1, 64)[:, None, None].astype(np.float32))
+    light = EnvironmentMap(np.ones((64, 128, 3), np.float32) * np.linspace(0, 1, 64)[:, None, None].astype(np.float32))
     there = light.remapped(Angular(), 128)
     np.testing.assert_allclose(irradiances(LIGHTS, there), irradiances(LIGHTS, light), atol=0.01)
 

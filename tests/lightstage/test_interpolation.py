@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from relume.lightstage.cells import even_directions
-from relume.lightstage.interpolation import (
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.interpolation import (
     Barycentric,
     Interpolation,
     NearestCell,
@@ -14,7 +14,7 @@ from relume.lightstage.interpolation import (
     reached,
     unreached_share,
 )
-from relume.lightstage.lights import StageLights
+from relume.lightstage.relighting.voronoi_cells import even_directions
 
 LIGHTS = StageLights.towards(even_directions(60))
 BETWEEN = even_directions(501)

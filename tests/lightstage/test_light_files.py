@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from relume.errors import InvalidStage
-from relume.lightstage.light_files import NamedDirections, read_directions, read_lp, write_lp
+from relume.lightstage.acquire.light_files import NamedDirections, read_directions, read_lp, write_lp
 
 OLAT = Path(__file__).resolve().parents[3] / "shared" / "data" / "olat"
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from relume.lightstage.cells import cell_solid_angles, even_directions
-from relume.lightstage.lights import StageLights
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.voronoi_cells import cell_solid_angles, even_directions
 
 AXES = np.concatenate([np.eye(3), -np.eye(3)])
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from relume.lightstage.field import Pictures
-from relume.lightstage.lights import StageLights
-from relume.lightstage.low_rank import compress_low_rank
-from relume.lightstage.relighting import relight
+from relume.lightstage.field.field import Pictures
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.low_rank import compress_low_rank
+from relume.lightstage.relighting.relighting import relight
 
 GENERATOR = np.random.default_rng(7)
 COUNT = 40

@@ -11,12 +11,11 @@ import pytest
 from relume.errors import UnreadableFile
 from relume.image import files
 from relume.image.photograph import Photograph
-from relume.lightstage.bar_shadow import bar_shadow
-from relume.lightstage.cells import even_directions
-from relume.lightstage.corrected import Corrected
-from relume.lightstage.field import Pictures, whole
-from relume.lightstage.lights import StageLights
-from relume.lightstage.masking import (
+from relume.lightstage.field.bar_shadow import bar_shadow
+from relume.lightstage.field.corrected import Corrected
+from relume.lightstage.field.field import Pictures, whole
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.field.masking import (
     AnyOf,
     PackedMask,
     direct_light,
@@ -24,7 +23,8 @@ from relume.lightstage.masking import (
     overexposed,
     user_mask,
 )
-from relume.scene.camera import Camera
+from relume.lightstage.relighting.voronoi_cells import even_directions
+from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
 
 HEAD = Path(__file__).resolve().parents[3] / "shared" / "stages" / "head"

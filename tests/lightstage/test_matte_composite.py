@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from relume.lightstage.environment_matte import EnvironmentMatte
-from relume.lightstage.lights import StageLights
-from relume.lightstage.matte_composite import (
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.matting.composite import (
     Backdrop,
     composite,
     environment_on,
@@ -17,9 +16,10 @@ from relume.lightstage.matte_composite import (
     over_environment,
     without_backdrop,
 )
-from relume.scene.camera import Camera
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, pixel_directions
+from relume.lightstage.matting.environment_matte import EnvironmentMatte
+from relume.scene.cameras.camera import Camera
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, pixel_directions
 
 CAMERA = Camera.looking_at(np.array([0.0, 0.0, 4.0]), np.zeros(3), width=40, height=30, focal_length=60)
 BACKDROP = Backdrop.facing(np.array([0.0, 0.0, -1.6]), np.array([0.0, 0.0, 4.0]), 4.0, 4.0)
@@ -75,10 +75,10 @@ def counted(backdrop: np.ndarray, area: np.ndarray, fine: int = 200) -> np.ndarr
     return backdrop[np.ix_(rows, columns)].mean(axis=(0, 1))
 
 
-def smooth_light(rows: int = 64) -> IlluminationMap:
+def smooth_light(rows: int = 64) -> EnvironmentMap:
     x, y, z = np.moveaxis(pixel_directions(LatLong(), rows), -1, 0)
     radiance = np.stack([1 + 0.9 * x, 1 + 0.8 * y, 1 + 0.5 * z + 0.4 * np.sin(6 * x)], axis=-1)
-    return IlluminationMap(radiance.astype(np.float32))
+    return EnvironmentMap(radiance.astype(np.float32))
 
 
 def test_an_even_backdrop_is_multiplied_by_all_that_lets_it_through():
@@ -155,7 +155,7 @@ def test_a_facing_backdrop_has_its_right_where_the_camera_has_it():
 def test_without_a_subject_the_camera_sees_the_environment_itself():
     light = smooth_light()
     picture = over_environment(nothing_in_the_way(), BACKDROP, CAMERA, light)
-    assert np.allclose(picture, light.look_up(CAMERA.rays()), atol=0.01)
+    assert np.allclose(picture, light.lookup(CAMERA.rays()), atol=0.01)
 
 
 def test_refracted_light_comes_from_where_it_left_the_subject_for():
@@ -164,10 +164,10 @@ def test_refracted_light_comes_from_where_it_left_the_subject_for():
     areas[0], colours[0] = [0.75, 0.01, 0.25, 0.01], [0.9, 0.8, 0.7]
     glass = replace(empty, areas=areas, colours=colours, coverage=np.ones_like(empty.coverage))
     towards = np.array([1.0, 1.0, -1.6]) / np.sqrt(4.56)
-    expected = light.look_up(towards) * [0.9, 0.8, 0.7]
+    expected = light.lookup(towards) * [0.9, 0.8, 0.7]
     assert np.allclose(over_environment(glass, BACKDROP, CAMERA, light), expected, atol=0.01)
     moved = over_environment(glass, BACKDROP, CAMERA, light, subject=(1.0, 1.0, 0.0))
-    assert np.allclose(moved, light.look_up(np.array([0.0, 0.0, -1.0])) * [0.9, 0.8, 0.7], atol=0.01)
+    assert np.allclose(moved, light.lookup(np.array([0.0, 0.0, -1.0])) * [0.9, 0.8, 0.7], atol=0.01)
 
 
 def grid_lights() -> StageLights:
@@ -194,7 +194,7 @@ def test_the_light_beside_and_behind_the_backdrop_is_all_the_light():
     # Behind the backdrop x and y average out: 1 each, but for z.
     assert hidden[:2] == pytest.approx([steradians, steradians], rel=5e-3)
     assert np.all(beside.radiance <= light.radiance) and np.any(beside.radiance == 0)
-    assert np.allclose(beside.look_up(np.array([0.0, 0.0, 1.0])), light.look_up(np.array([0.0, 0.0, 1.0])))
+    assert np.allclose(beside.lookup(np.array([0.0, 0.0, 1.0])), light.lookup(np.array([0.0, 0.0, 1.0])))
 
 
 def test_relighting_beside_and_matte_behind_count_every_light_once():
@@ -211,5 +211,5 @@ def test_relighting_beside_and_matte_behind_count_every_light_once():
         areas=np.full((2, 30, 40, 4), 0.5, np.float32),
     )
     foreground = np.full((30, 40, 3), relit, np.float32)
-    even = IlluminationMap(np.ones((16, 32, 3), np.float32))
+    even = EnvironmentMap(np.ones((16, 32, 3), np.float32))
     assert np.allclose(over_environment(glass, BACKDROP, CAMERA, even, foreground=foreground), whole, rtol=1e-5)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from relume.lightstage.cells import even_directions
-from relume.lightstage.field import Pictures
-from relume.lightstage.lights import StageLights
-from relume.lightstage.mosaic import function_lights, mosaic, reflectance_function, sampled_points
-from relume.scene.camera import Camera
+from relume.lightstage.field.field import Pictures
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.mosaic import function_lights, mosaic, reflectance_function, sampled_points
+from relume.lightstage.relighting.voronoi_cells import even_directions
+from relume.scene.cameras.camera import Camera
 
 
 def grid(rows: int = 6, columns: int = 12) -> StageLights:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from relume.lightstage.highlights import BallReadings
-from relume.lightstage.near_lights import light_places, near_light, points_at_depth, points_on_plane
-from relume.scene.camera import Camera
+from relume.lightstage.acquire.ball_highlights import BallReadings
+from relume.lightstage.acquire.near_lights import light_places, near_light, points_at_depth, points_on_plane
+from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
 
 LIGHTS = np.array([[0.5, 1.0, 0.8], [-0.7, 0.3, 0.9]])

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from relume.lightstage.cells import even_directions
-from relume.lightstage.lights import StageLights
-from relume.lightstage.normals import LobeFit, lambertian_lobes, towards_camera
-from relume.scene.camera import Camera
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.voronoi_cells import even_directions
+from relume.lightstage.surface.photometric_stereo import LobeFit, lambertian_lobes, towards_camera
+from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
 
 LIGHTS = StageLights.towards(even_directions(200))

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from relume.lightstage.cells import even_directions
-from relume.lightstage.field import Noise, Pictures, whole
-from relume.lightstage.lights import StageLights
-from relume.lightstage.polarised import PolarisedPair
+from relume.lightstage.field.field import Noise, Pictures, whole
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.field.polarised import PolarisedPair
+from relume.lightstage.relighting.voronoi_cells import even_directions
 
 LIGHTS = StageLights.towards(even_directions(12))
 RANDOM = np.random.default_rng(5)

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from relume.errors import FormatError, UnreadableFile
-from relume.lightstage.cells import even_directions
-from relume.lightstage.hemisphere_fit import before_camera
-from relume.lightstage.lights import StageLights
-from relume.lightstage.ptm import PolynomialTexture, fit_lrgb, fit_rgb, polynomial_terms
-from relume.lightstage.ptm_file import read_ptm, write_ptm
-from relume.scene.camera import Camera
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.voronoi_cells import even_directions
+from relume.lightstage.rti.hemisphere_fit import before_camera
+from relume.lightstage.rti.ptm import PolynomialTexture, fit_lrgb, fit_rgb, polynomial_terms
+from relume.lightstage.rti.ptm_file import read_ptm, write_ptm
+from relume.scene.cameras.camera import Camera
 
 DOME = even_directions(60)
 DOME = DOME[DOME[:, 2] > 0.1]

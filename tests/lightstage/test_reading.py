@@ -11,10 +11,10 @@ from relume.image import files
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
-from relume.lightstage.field import whole
-from relume.lightstage.folder import PictureFolder
-from relume.lightstage.reading import described, folder_of, read_stage
-from relume.lightstage.stage_file import read_stage_file
+from relume.lightstage.acquire.picture_folder import PictureFolder
+from relume.lightstage.acquire.read_stage import described, folder_of, read_stage
+from relume.lightstage.acquire.stage_file import read_stage_file
+from relume.lightstage.field.field import whole
 
 HEAD = Path(__file__).resolve().parents[3] / "shared" / "stages" / "head"
 HALF = {"irradiance_at_normal_incidence": 0.5}
@@ -254,7 +254,7 @@ def test_a_folder_that_tells_nothing_is_told_what_to_add(tmp_path: Path) -> None
 
 def test_a_store_is_a_stage_too(tmp_path: Path) -> None:
     pytest.importorskip("zarr")
-    from relume.lightstage.store_building import build_store
+    from relume.lightstage.acquire.store_building import build_store
 
     values = pictures()
     build_store(read_stage(stage_of(tmp_path / "stage", values)), tmp_path / "store")

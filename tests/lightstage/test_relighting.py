@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from relume.lightstage.field import Noise, Pictures
-from relume.lightstage.lights import StageLights
-from relume.lightstage.relighting import planned, relight, relight_per_pixel
+from relume.lightstage.field.field import Noise, Pictures
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.relighting import planned, relight, relight_per_pixel
 
 GENERATOR = np.random.default_rng(3)
 COUNT, ROWS, COLUMNS = 13, 11, 300

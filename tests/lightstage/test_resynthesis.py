@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from relume.lightstage.cells import even_directions
-from relume.lightstage.chromaticity import ramp, ramped
-from relume.lightstage.lights import StageLights
-from relume.lightstage.resynthesis import LightTriangles, Resynthesis, without_shift
-from relume.lightstage.torrance_sparrow import GroovedSurface, half_vector
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.novel_view.resynthesis import LightTriangles, Resynthesis, without_shift
+from relume.lightstage.relighting.voronoi_cells import even_directions
+from relume.lightstage.surface.chromaticity import ramp, ramped
+from relume.lightstage.surface.torrance_sparrow import GroovedSurface, half_vector
 from relume.sphere.directions import normalised
 
 LIGHTS = StageLights.towards(even_directions(600))

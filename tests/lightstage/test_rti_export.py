@@ -8,14 +8,14 @@ import pytest
 from relume.errors import OutputNotWritten
 from relume.image import files
 from relume.image.colour import encode_srgb
-from relume.lightstage.cells import even_directions
-from relume.lightstage.field import Pictures
-from relume.lightstage.hsh_file import read_hsh
-from relume.lightstage.lights import StageLights
-from relume.lightstage.ptm import fit_rgb
-from relume.lightstage.ptm_file import read_ptm
-from relume.lightstage.rti_export import RTIForm, export_rti
-from relume.scene.camera import Camera
+from relume.lightstage.field.field import Pictures
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.voronoi_cells import even_directions
+from relume.lightstage.rti.export import RTIForm, export_rti
+from relume.lightstage.rti.hsh_file import read_hsh
+from relume.lightstage.rti.ptm import fit_rgb
+from relume.lightstage.rti.ptm_file import read_ptm
+from relume.scene.cameras.camera import Camera
 
 LIGHTS = StageLights.towards(even_directions(80))
 CAMERA = Camera.looking_at(np.array([3.0, 0, 0]), np.zeros(3), width=9, height=7, focal_length=20.0)
@@ -93,7 +93,7 @@ def test_each_light_counts_by_its_solid_angle(tmp_path):
 
 def test_rows_in_blocks_make_the_same_files(written, tmp_path, monkeypatch):
     result, folder = written
-    monkeypatch.setattr("relume.lightstage.rti_export._VALUES", 80 * 9 * 3 * 2)
+    monkeypatch.setattr("relume.lightstage.rti.export._VALUES", 80 * 9 * 3 * 2)
     with pytest.warns(UserWarning, match="left out"):
         again = export_rti(matte(), tmp_path, RTIForm(pictures=None, ptm="RGB", hsh=3, exposure=4.0), "dome")
     assert (tmp_path / "dome.ptm").read_bytes() == (folder / "dome.ptm").read_bytes()

@@ -5,11 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from relume.lightstage.cells import even_directions
-from relume.lightstage.chromaticity import RampSearch, amounts, median_chromaticity, ramp, ramped, unit_chromaticity
-from relume.lightstage.field import Pictures, whole
-from relume.lightstage.lights import StageLights
-from relume.lightstage.separation import ColourSeparation, Separation, facing, separate
+from relume.lightstage.field.field import Pictures, whole
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.voronoi_cells import even_directions
+from relume.lightstage.surface.chromaticity import (
+    RampSearch,
+    amounts,
+    median_chromaticity,
+    ramp,
+    ramped,
+    unit_chromaticity,
+)
+from relume.lightstage.surface.separation import ColourSeparation, Separation, facing, separate
 from relume.sphere.directions import normalised
 
 SIZE = 16

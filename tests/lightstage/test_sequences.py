@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from relume.lightstage.field import Noise, Pictures
-from relume.lightstage.lights import StageLights
-from relume.lightstage.relighting import relight
-from relume.lightstage.sequences import pictures_at_once, relight_sequence
+from relume.lightstage.field.field import Noise, Pictures
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.relighting import relight
+from relume.lightstage.relighting.sequences import pictures_at_once, relight_sequence
 
 GENERATOR = np.random.default_rng(4)
 COUNT = 9

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from relume.lightstage.field import Pictures
-from relume.lightstage.lights import StageLights
-from relume.lightstage.shadow_map import bright_level, lit, shadow_map
+from relume.lightstage.field.field import Pictures
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.surface.shadow_map import bright_level, lit, shadow_map
 from relume.sphere.directions import normalised
 
 

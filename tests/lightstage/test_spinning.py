@@ -9,9 +9,16 @@ from relume.errors import InvalidStage, UnreadableFile
 from relume.image import files
 from relume.image.files.video import Movie
 from relume.image.photograph import Photograph
-from relume.lightstage.highlights import MirrorBall
-from relume.lightstage.reading import read_stage
-from relume.lightstage.spinning import (
+from relume.lightstage.acquire.ball_highlights import MirrorBall
+from relume.lightstage.acquire.read_stage import read_stage
+from relume.lightstage.acquire.spinning_film import (
+    frame_paths,
+    lamp_directions,
+    stage_of_frames,
+    unpack_video,
+    video_frames,
+)
+from relume.lightstage.acquire.spinning_lamp import (
     SpinningStage,
     SteadyTurning,
     TriggeredTurning,
@@ -19,9 +26,8 @@ from relume.lightstage.spinning import (
     turning_from_directions,
     turning_from_triggers,
 )
-from relume.lightstage.spinning_film import frame_paths, lamp_directions, stage_of_frames, unpack_video, video_frames
-from relume.lightstage.stage_file import write_stage_file
-from relume.probe.silhouette import outline_of_circle
+from relume.lightstage.acquire.stage_file import write_stage_file
+from relume.probe.ball.silhouette import outline_of_circle
 
 
 def still(frames_a_turn: float, start: float = 0.0, **options: object) -> SpinningStage:

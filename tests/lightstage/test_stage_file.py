@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from relume.errors import InvalidStage
-from relume.lightstage.stage_file import read_stage_file, write_stage_file
+from relume.lightstage.acquire.stage_file import read_stage_file, write_stage_file
 
 HEAD = Path(__file__).resolve().parents[3] / "shared" / "stages" / "head" / "stage.json"
 THREE = [

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from relume.errors import CannotResume, OutputNotWritten, UnreadableFile
-from relume.lightstage.field import Noise, Pictures, whole
-from relume.lightstage.lights import StageLights
-from relume.lightstage.relighting import relight
-from relume.lightstage.store import is_store, read_store, stored_geometry
-from relume.lightstage.store_building import build_store, file_facts
-from relume.scene.camera import Camera
-from relume.scene.distortion import Distortion
+from relume.lightstage.acquire.store import is_store, read_store, stored_geometry
+from relume.lightstage.acquire.store_building import build_store, file_facts
+from relume.lightstage.field.field import Noise, Pictures, whole
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.relighting import relight
+from relume.scene.cameras.camera import Camera
+from relume.scene.cameras.distortion import Distortion
 
 pytest.importorskip("zarr", reason="the extra lightstage is not installed")
 

@@ -13,19 +13,19 @@ from command_line import refused
 from relume.cli import main
 from relume.image import files
 from relume.image.radiance import RadianceMap
-from relume.light.brdf import GGX
-from relume.lightstage.cells import even_directions
-from relume.lightstage.field import Pictures
-from relume.lightstage.lights import StageLights
-from relume.lightstage.material_export import textured, write_material
-from relume.lightstage.polarised import PolarisedPair
-from relume.lightstage.separation import separate
-from relume.lightstage.specular import schlick_rise
-from relume.lightstage.surface_maps import SurfaceMaps, surface_maps
-from relume.scene.camera import Camera
-from relume.scene.materials import Material
-from relume.scene.meshes import read_meshes
-from relume.scene.shapes import Mesh
+from relume.light.reflection.brdf import GGX
+from relume.lightstage.field.field import Pictures
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.field.polarised import PolarisedPair
+from relume.lightstage.relighting.voronoi_cells import even_directions
+from relume.lightstage.surface.material_export import textured, write_material
+from relume.lightstage.surface.separation import separate
+from relume.lightstage.surface.specular import schlick_rise
+from relume.lightstage.surface.surface_maps import SurfaceMaps, surface_maps
+from relume.scene.cameras.camera import Camera
+from relume.scene.materials.materials import Material
+from relume.scene.shapes.meshes import read_meshes
+from relume.scene.shapes.shapes import Mesh
 from relume.sphere.directions import normalised
 from small_stages import ALBEDO as BALL
 from small_stages import CAMERA as FRONT

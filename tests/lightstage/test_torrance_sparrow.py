@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from relume.lightstage.torrance_sparrow import GroovedSurface, fresnel, geometric_attenuation, half_vector, mirrored
+from relume.lightstage.surface.torrance_sparrow import (
+    GroovedSurface,
+    fresnel,
+    geometric_attenuation,
+    half_vector,
+    mirrored,
+)
 from relume.sphere.directions import normalised
 
 UP = np.array([0.0, 0.0, 1.0])

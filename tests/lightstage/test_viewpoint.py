@@ -10,21 +10,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from relume.composite.projection import triangles_of_shape
 from relume.image.files import read_radiance
 from relume.image.radiance import OUTSIDE
-from relume.lightstage.cells import even_directions
-from relume.lightstage.field import Pictures
-from relume.lightstage.lights import StageLights
-from relume.lightstage.separation import separate
-from relume.lightstage.torrance_sparrow import GroovedSurface, half_vector
-from relume.lightstage.view_blending import Blending
-from relume.lightstage.view_projection import Subject, outline, sampled, without_background
-from relume.lightstage.viewpoint import Source, view, without_debt
-from relume.scene.camera import Camera
-from relume.scene.materials import Material
-from relume.scene.meshes import read_meshes
-from relume.scene.shapes import Mesh, Sphere
+from relume.lightstage.field.field import Pictures
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.novel_view.blending import Blending
+from relume.lightstage.novel_view.projection import Subject, outline, sampled, without_background
+from relume.lightstage.novel_view.viewpoint import Source, view, without_debt
+from relume.lightstage.relighting.voronoi_cells import even_directions
+from relume.lightstage.surface.separation import separate
+from relume.lightstage.surface.torrance_sparrow import GroovedSurface, half_vector
+from relume.scene.cameras.camera import Camera
+from relume.scene.materials.materials import Material
+from relume.scene.shapes.meshes import read_meshes
+from relume.scene.shapes.shapes import Mesh, Sphere
+from relume.surface.projection import triangles_of_shape
 
 LIGHTS = StageLights.towards(even_directions(100))
 SIZE = 56

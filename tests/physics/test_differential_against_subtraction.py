@@ -5,24 +5,24 @@ import pytest
 import trimesh
 from scipy import stats
 
-from relume.render.mitsuba import _mitsuba
-from relume.render.mitsuba_differential import Differential
-from relume.render.mitsuba_scene import scene_dictionary
-from relume.scene.camera import Camera
+from relume.renderers.mitsuba.differential import Differential
+from relume.renderers.mitsuba.path_tracer import _mitsuba
+from relume.renderers.mitsuba.scene import scene_dictionary
+from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Box
 from relume.scene.lights import DistantLight, PointLight
-from relume.scene.materials import Diffuse, Material
+from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.scene import Scene
-from relume.scene.shapes import Mesh, Plane
+from relume.scene.shapes.shapes import Mesh, Plane
 from relume.sphere.directions import normalised
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, pixel_points
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, pixel_points
 from solids import sphere
 
 CAMERA = Camera.looking_at(np.array([0.3, 0.9, 2.2]), np.array([0, 0.25, 0]), width=48, height=32, focal_length=48)
 ASIDE = Camera.looking_at(np.array([0.7, 0.9, 2.2]), np.array([0.55, 0.25, 0]), width=48, height=32, focal_length=60)
 FLOOR = Plane(Diffuse((0.6, 0.5, 0.4)), (3.0, 3.0))
-DARKNESS = IlluminationMap(np.zeros((8, 16, 3), np.float32))
+DARKNESS = EnvironmentMap(np.zeros((8, 16, 3), np.float32))
 REPEATS = 32
 """Independent seeds of the plain pictures: their scatter is the error of their mean, whatever the seeds share."""
 
@@ -33,7 +33,7 @@ def light(width=0.4, strength=15.0):
     x, y, z = np.moveaxis(directions, -1, 0)
     radiance = np.stack([0.6 + 0.4 * y, 0.6 + 0.3 * x, 0.7 - 0.3 * z], -1)
     radiance += strength * np.exp((directions @ normalised([-0.5, 0.7, 0.4]) - 1) / width**2)[..., None]
-    return IlluminationMap(radiance.astype(np.float32))
+    return EnvironmentMap(radiance.astype(np.float32))
 
 
 def ball(material, centre=(0, 0.301, 0), radius=0.3, fine=4):

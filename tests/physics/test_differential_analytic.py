@@ -4,31 +4,31 @@ import numpy as np
 import pytest
 
 from montecarlo import assert_mean_agrees, assert_pixels_agree
-from relume.render.mitsuba_differential import Differential
-from relume.scene.camera import Camera
+from relume.renderers.mitsuba.differential import Differential
+from relume.scene.cameras.camera import Camera
 from relume.scene.lights import DistantLight, PointLight
-from relume.scene.materials import Diffuse, Material
+from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.scene import Scene
-from relume.scene.shapes import Mesh, Plane, Sphere
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, pixel_points
+from relume.scene.shapes.shapes import Mesh, Plane, Sphere
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, pixel_points
 from solids import sphere
 
 LIGHT = np.array([1.0, 2.0, 0.5])
 REFLECTANCE = np.array([0.5, 0.4, 0.8])
 FLOOR = Plane(Diffuse((0.5, 0.4, 0.8)))
 BLACK = Diffuse((0.0, 0.0, 0.0))
-DARKNESS = IlluminationMap(np.zeros((8, 16, 3), np.float32))
+DARKNESS = EnvironmentMap(np.zeros((8, 16, 3), np.float32))
 
 
 def constant(radiance=LIGHT):
-    return IlluminationMap(np.broadcast_to(np.asarray(radiance, np.float32), (8, 16, 3)).copy())
+    return EnvironmentMap(np.broadcast_to(np.asarray(radiance, np.float32), (8, 16, 3)).copy())
 
 
 def varying(profile):
     """A map whose radiance is `profile` of the height of the direction, −1 to 1, in all channels."""
     up = LatLong().directions(pixel_points(LatLong(), 128))[..., 1]
-    return IlluminationMap(np.repeat(profile(up)[..., None], 3, 2).astype(np.float32))
+    return EnvironmentMap(np.repeat(profile(up)[..., None], 3, 2).astype(np.float32))
 
 
 def floor_points(camera):

@@ -5,13 +5,13 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from relume.render.mitsuba_differential import Differential
-from relume.scene.camera import Camera
-from relume.scene.materials import Diffuse, Material
+from relume.renderers.mitsuba.differential import Differential
+from relume.scene.cameras.camera import Camera
+from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.scene import Scene
-from relume.scene.shapes import Plane
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, pixel_points
+from relume.scene.shapes.shapes import Plane
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, pixel_points
 from solids import sphere
 
 CAMERA = Camera.looking_at(np.array([0, 1.0, 2.5]), np.array([0, 0.6, 0]), width=24, height=16, focal_length=16)
@@ -25,7 +25,7 @@ def light(scale=1.0):
     radiance = (
         np.stack([1 + 0.5 * y, 1 + 0.3 * x, 1 - 0.4 * z], -1) + 20 * np.exp(30 * (0.6 * x + 0.8 * y - 1))[..., None]
     )
-    return IlluminationMap((scale * radiance).astype(np.float32))
+    return EnvironmentMap((scale * radiance).astype(np.float32))
 
 
 SCENE = Scene(light(), (FLOOR,), (BALL,))

@@ -4,19 +4,19 @@ import numpy as np
 import pytest
 
 from montecarlo import assert_mean_agrees
-from relume.render.mitsuba import Mitsuba
-from relume.render.renderer import render
-from relume.scene.camera import Camera
-from relume.scene.materials import Diffuse, Material
+from relume.renderers.mitsuba.path_tracer import Mitsuba
+from relume.renderers.renderer import render
+from relume.scene.cameras.camera import Camera
+from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.scene import Scene
-from relume.scene.shapes import Mesh, Plane
+from relume.scene.shapes.shapes import Mesh, Plane
 from relume.sphere.directions import rotation_about
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, pixel_points
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, pixel_points
 from solids import sphere
 
 LIGHT = np.array([1.0, 2.0, 0.5])
-CONSTANT = IlluminationMap(np.broadcast_to(LIGHT.astype(np.float32), (8, 16, 3)).copy())
+CONSTANT = EnvironmentMap(np.broadcast_to(LIGHT.astype(np.float32), (8, 16, 3)).copy())
 BALL_FILLS_VIEW = Camera(12, 12, 60.0, np.array([0, 0, 6.0]), np.eye(3))
 
 
@@ -100,7 +100,7 @@ def test_a_black_ball_takes_its_form_factor_from_the_floor(height, foot, expecte
 def test_a_renderer_and_irradiance_agree_on_light_that_brightens_upwards(tilt, expected):
     # A3 through the whole chain: a white floor, ceiling or wall is E/π. A square mesh stands for each.
     values = 1 + LatLong().directions(pixel_points(LatLong(), 64))[..., 1]
-    light = IlluminationMap(np.repeat(values[..., None], 3, 2).astype(np.float32))
+    light = EnvironmentMap(np.repeat(values[..., None], 3, 2).astype(np.float32))
     turn = rotation_about([0, 0, 1], np.radians(tilt))
     corners = np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1]]) @ turn.T
     square = Mesh(corners.astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.int32), Diffuse((1, 1, 1)))

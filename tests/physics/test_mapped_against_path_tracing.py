@@ -12,24 +12,24 @@ import trimesh
 from lights import spread, sunny
 from montecarlo import assert_mean_agrees
 from relume.image.files import read_radiance
-from relume.light.brdf import GGX, PhongReflectance, Ward
-from relume.light.glossy import albedo
-from relume.light.lobes import GGXLobe, Lobe, Phong, WardLobe
-from relume.light.weights import ByAngle
-from relume.render.filters import Plain
-from relume.render.mapped import Mapped, Shading
-from relume.render.mitsuba import Mitsuba, _mitsuba
-from relume.render.mitsuba_scene import envmap_pixels, sensor
-from relume.render.renderer import render
-from relume.render.samples import GBuffer
-from relume.scene.camera import Camera
-from relume.scene.materials import Diffuse
-from relume.scene.reflective import Layer, Reflective
+from relume.light.reflection.brdf import GGX, PhongReflectance, Ward
+from relume.light.reflection.glossy import albedo
+from relume.light.reflection.lobes import GGXLobe, Lobe, Phong, WardLobe
+from relume.light.reflection.weights import ByAngle
+from relume.renderers.mitsuba.path_tracer import Mitsuba, _mitsuba
+from relume.renderers.mitsuba.scene import envmap_pixels, sensor
+from relume.renderers.prefiltered.filters import Plain
+from relume.renderers.prefiltered.prefiltered import Prefiltered, Shading
+from relume.renderers.prefiltered.shading_samples import GBuffer
+from relume.renderers.renderer import render
+from relume.scene.cameras.camera import Camera
+from relume.scene.materials.materials import Diffuse
+from relume.scene.materials.reflective import Layer, Reflective
 from relume.scene.scene import Scene
-from relume.scene.shapes import Mesh, Sphere
+from relume.scene.shapes.shapes import Mesh, Sphere
 from relume.sphere.directions import normalised, rotation_about
-from relume.sphere.illumination import IlluminationMap, as_illumination
-from relume.sphere.mappings import LatLong
+from relume.sphere.environment_map import EnvironmentMap, as_environment
+from relume.sphere.mappings.mapping import LatLong
 
 CAMERA = Camera(32, 32, 119.0, np.array([0, 0, 8.0]), np.eye(3))
 """Sees a ball of radius 1 thirty pixels wide."""
@@ -48,7 +48,7 @@ def synthetic():
 
 @pytest.fixture(scope="module")
 def venice(shared):
-    return as_illumination(read_radiance(shared / "data/hdri/three/venice_sunset_1k.hdr")).remapped(LatLong(), 256)
+    return as_environment(read_radiance(shared / "data/hdri/three/venice_sunset_1k.hdr")).remapped(LatLong(), 256)
 
 
 @pytest.fixture
@@ -61,10 +61,10 @@ def ball(material):
 
 
 def mapped(material, light, shape=ball):
-    return Mapped().render(Scene(light, objects=(shape(material),)), CAMERA)
+    return Prefiltered().render(Scene(light, objects=(shape(material),)), CAMERA)
 
 
-def conductor(light: IlluminationMap, alpha: float, samples: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def conductor(light: EnvironmentMap, alpha: float, samples: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """A ball of white GGX by Mitsuba's own `roughconductor`: radiance and the variance of each pixel's mean."""
     with _mitsuba(None, None) as mi:
         metal = {"type": "roughconductor", "distribution": "ggx", "alpha": alpha, "material": "none"}
@@ -198,7 +198,7 @@ def seen_on_a_ball(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     return normals @ turn.T, np.broadcast_to(turn[:, 2], normals.shape)
 
 
-def pixels_of(light: IlluminationMap) -> tuple[np.ndarray, np.ndarray]:
+def pixels_of(light: EnvironmentMap) -> tuple[np.ndarray, np.ndarray]:
     """Where the pixels point, and their radiance times solid angle."""
     rows = light.size
     v, u = np.meshgrid(np.arange(rows) + 0.5, np.arange(2 * rows) + 0.5, indexing="ij")

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from relume.image.radiance import RadianceMap
-from relume.probe.ball import view_ball
-from relume.probe.blending import assemble
-from relume.render.mitsuba import Mitsuba
-from relume.render.renderer import render
-from relume.scene.camera import Camera
-from relume.scene.materials import Material
+from relume.probe.ball.blending import assemble
+from relume.probe.ball.unwrapping import unwrap_ball
+from relume.renderers.mitsuba.path_tracer import Mitsuba
+from relume.renderers.renderer import render
+from relume.scene.cameras.camera import Camera
+from relume.scene.materials.materials import Material
 from relume.scene.scene import Scene
 from relume.sphere.directions import normalised
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, pixel_points
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, pixel_points
 from solids import sphere
 
 CENTRE, RADIUS, SILVER = np.array([0.0, 0.05, 0.0]), 0.05, 0.8
@@ -34,7 +34,7 @@ def smooth_light(size):
     for towards, width, colour in LAMPS.values():
         sharpness = 1 / np.radians(width) ** 2
         radiance += np.exp(sharpness * (directions @ normalised(towards) - 1))[..., None] * np.array(colour)
-    return IlluminationMap(radiance.astype(np.float32))
+    return EnvironmentMap(radiance.astype(np.float32))
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +53,7 @@ def probe(light):
         camera = Camera.looking_at(position, CENTRE, width=256, height=256, focal_length=256 * 8.4)
         picture = render(Scene(light, objects=(ball,)), camera, Mitsuba(samples=32), seed=1)
         views.append(
-            view_ball(RadianceMap(picture.radiance), camera=position, centre=CENTRE, focal_length=camera.focal_length)
+            unwrap_ball(RadianceMap(picture.radiance), camera=position, centre=CENTRE, focal_length=camera.focal_length)
         )
     return assemble(views, size=128)
 

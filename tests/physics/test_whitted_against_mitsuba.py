@@ -11,14 +11,14 @@ import trimesh
 from scipy import stats
 
 from lights import sunny
-from relume.render.mitsuba import _mitsuba
-from relume.render.mitsuba_scene import scene_dictionary
-from relume.render.whitted import Whitted
-from relume.scene.camera import Camera
+from relume.renderers.mitsuba.path_tracer import _mitsuba
+from relume.renderers.mitsuba.scene import scene_dictionary
+from relume.renderers.whitted.whitted import Whitted
+from relume.scene.cameras.camera import Camera
 from relume.scene.lights import DistantLight, PointLight
-from relume.scene.materials import Diffuse, Material
+from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.scene import Scene
-from relume.scene.shapes import Mesh, Plane, Sphere
+from relume.scene.shapes.shapes import Mesh, Plane, Sphere
 from relume.sphere.directions import look_at, rotation_about
 
 EYE = np.array([0.4, 1.6, 3.6])

@@ -9,16 +9,16 @@ import pytest
 import trimesh
 
 from lights import constant
-from relume.render.ray_tree import ray_tree
-from relume.render.whitted import Whitted
-from relume.render.whitted_optics import fresnel, reflected, refracted
-from relume.render.whitted_record import REFLECTED, REFRACTED
+from relume.renderers.whitted.optics import fresnel, reflected, refracted
+from relume.renderers.whitted.ray_tree import ray_tree
+from relume.renderers.whitted.record import REFLECTED, REFRACTED
+from relume.renderers.whitted.whitted import Whitted
 from relume.scene.lights import PointLight
+from relume.scene.materials.whitted import WhittedMaterial
 from relume.scene.scene import Scene
-from relume.scene.shapes import Mesh, Plane, Sphere
-from relume.scene.whitted import WhittedMaterial
+from relume.scene.shapes.shapes import Mesh, Plane, Sphere
 from relume.sphere.directions import normalised
-from relume.sphere.illumination import IlluminationMap
+from relume.sphere.environment_map import EnvironmentMap
 from solo_ray import eye
 
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
@@ -44,11 +44,11 @@ def slab(material: WhittedMaterial, thickness: float = 1.0) -> Mesh:
     return Mesh(vertices.astype(np.float32), body.faces.astype(np.int32), material)
 
 
-def half_lit() -> IlluminationMap:
+def half_lit() -> EnvironmentMap:
     """1 from above the horizon, 0 from below it."""
     radiance = np.zeros((64, 128, 3), np.float32)
     radiance[:32] = 1
-    return IlluminationMap(radiance)
+    return EnvironmentMap(radiance)
 
 
 def downwards(degrees: float) -> np.ndarray:
@@ -127,13 +127,13 @@ def test_a22_nothing_gets_out_beyond_the_critical_angle(ior, critical):
 @pytest.mark.parametrize("angle", [45.0, 60.0, 85.0])
 def test_a22_with_fresnels_law_the_surface_is_a_perfect_mirror_beyond_the_critical_angle(angle):
     # Lit from below only: what a diver sees beyond Snell's window is the deep.
-    deep = IlluminationMap(half_lit().radiance[::-1].copy())
+    deep = EnvironmentMap(half_lit().radiance[::-1].copy())
     assert seen(Plane(glass(1.5)), deep, [0, -1, 0], -downwards(angle)) == 1
     assert fresnel(float(np.cos(np.radians(angle))), 1 / 1.5) == 1
 
 
 def test_a22_without_fresnels_law_total_reflection_keeps_k_s():
-    deep = IlluminationMap(half_lit().radiance[::-1].copy())
+    deep = EnvironmentMap(half_lit().radiance[::-1].copy())
     surface = Plane(WhittedMaterial(specular=(0.3, 0.3, 0.3), transmission=(0.7, 0.7, 0.7)))
     assert seen(surface, deep, [0, -1, 0], -downwards(60)) == pytest.approx(0.3, rel=1e-6)
 
@@ -165,7 +165,7 @@ def test_a23_a_dielectric_reflects_by_fresnels_law(ior, angle, expected):
     varnish = Plane(WhittedMaterial(specular=WHITE, ior=ior, fresnel=True))
     assert seen(varnish, SKY, [0, 1, 0], downwards(angle + 1e-9)) == pytest.approx(expected, abs=6e-7)
     # Lit from below, through the surface, comes the rest.
-    deep = IlluminationMap(half_lit().radiance[::-1].copy())
+    deep = EnvironmentMap(half_lit().radiance[::-1].copy())
     assert seen(Plane(glass(ior)), deep, [0, 1, 0], downwards(angle)) == pytest.approx(1 - expected, abs=1.2e-6)
 
 
@@ -208,7 +208,7 @@ def test_a24_a_slab_reflects_2r_over_1_plus_r(angle, expected):
     # followed for itself the slab reflects 0.0926557 at 45° and 0.1518716 at 60°.
     pane = slab(glass(1.5))
     assert seen(pane, half_lit(), [0, 2, 0], downwards(angle)) == pytest.approx(expected, abs=1e-6)
-    deep = IlluminationMap(half_lit().radiance[::-1].copy())
+    deep = EnvironmentMap(half_lit().radiance[::-1].copy())
     assert seen(pane, deep, [0, 2, 0], downwards(angle)) == pytest.approx(1 - expected, abs=1e-6)
 
 
@@ -256,7 +256,7 @@ def test_a26_through_a_lens_the_world_is_upside_down():
     # Brighter upwards; the lens of a glass ball turns that round, within the cone that its focus gathers.
     ramp = np.linspace(2, 0, 64, dtype=np.float32)[:, None, None] * np.ones((64, 128, 3), np.float32)
     ball = Sphere((0.0, 0.0, 0.0), 1.0, clear(1.5))
-    low, high = (seen(ball, IlluminationMap(ramp), [0, h, 5], [0, 0, -1]) for h in (-0.5, 0.5))
+    low, high = (seen(ball, EnvironmentMap(ramp), [0, h, 5], [0, 0, -1]) for h in (-0.5, 0.5))
     assert low > 1.2 and high < 0.8
 
 
@@ -269,7 +269,7 @@ def test_a22_a_prism_of_glass_turns_light_round_a_corner_and_one_of_water_does_n
     sky = np.zeros((64, 128, 3), np.float32)
     sky[:, :] = [1, 0, 1]
     sky[26:38, 90:102, 1] = 1  # green from +x
-    lit = seen(prism, IlluminationMap(sky), [-0.4, 2, 0.1], -UP)
+    lit = seen(prism, EnvironmentMap(sky), [-0.4, 2, 0.1], -UP)
     # In and out through the short sides along the normal, 0.96 each, and the echoes between them.
     assert lit == pytest.approx(0.9230769, abs=1e-5) if turned else lit < 0.2
 

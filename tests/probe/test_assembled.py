@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
-from relume.probe.agreement import agreement
-from relume.probe.ball import BallView, view_ball
-from relume.probe.blending import Probe, assemble
-from relume.probe.filling import filled
-from relume.probe.registration import spread_directions
-from relume.sphere.mappings import LatLong, pixel_directions, pixel_points
+from relume.probe.ball.agreement import agreement
+from relume.probe.ball.blending import Probe, assemble
+from relume.probe.ball.filling import filled
+from relume.probe.ball.registration import spread_directions
+from relume.probe.ball.unwrapping import BallView, unwrap_ball
+from relume.sphere.mappings.mapping import LatLong, pixel_directions, pixel_points
 from synthetic import CENTRE, lobes, photograph_ball, unit
 
 FRONT, SIDE = np.array([0.0, 0.17, 1.0]), np.array([1.0, 0.17, 0.0])
@@ -34,7 +34,7 @@ def photographed(camera: np.ndarray, light=sunlit, **more) -> RadianceMap:
 
 
 def view(picture: RadianceMap, camera: np.ndarray) -> BallView:
-    return view_ball(picture, camera=camera, centre=CENTRE, focal_length=2200.0)
+    return unwrap_ball(picture, camera=camera, centre=CENTRE, focal_length=2200.0)
 
 
 @pytest.fixture(scope="module")

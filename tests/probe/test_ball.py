@@ -5,9 +5,9 @@ import pytest
 
 from relume.errors import BallNotFound
 from relume.image.radiance import SATURATED, RadianceMap
-from relume.probe.ball import BallView, view_ball
-from relume.probe.blending import Probe, assemble
-from relume.sphere.mappings import LatLong, pixel_points
+from relume.probe.ball.blending import Probe, assemble
+from relume.probe.ball.unwrapping import BallView, unwrap_ball
+from relume.sphere.mappings.mapping import LatLong, pixel_points
 from synthetic import CENTRE, LAMPS, RADIUS, lobes, photograph_ball, turned, unit
 
 FRONT, SIDE = np.array([0.0, 0.17, 1.0]), np.array([1.0, 0.17, 0.0])
@@ -17,7 +17,7 @@ SIZE = 96
 def view(camera: np.ndarray, *, told: np.ndarray | None = None, **picture) -> BallView:
     """The ball photographed from `camera`, and viewed as if from `told`."""
     photograph = photograph_ball(lobes, camera, **picture)
-    return view_ball(
+    return unwrap_ball(
         photograph,
         camera=camera if told is None else told,
         centre=CENTRE,
@@ -81,7 +81,7 @@ def test_each_lamp_is_where_it_was(both, towards):
 def test_a_direction_is_looked_up_where_the_ray_tracer_saw_it(front):
     generator = np.random.default_rng(2)
     around = unit(generator.normal(size=(5000, 3)))
-    radiance, cosine = front.look_up(around)
+    radiance, cosine = front.lookup(around)
     # Half the ball's visible normals face the camera by more than 45°, which shows all but a cone of 90° behind it.
     seen = cosine > 0.3
     error = np.abs(np.log(radiance[seen] / lobes(around[seen])))
@@ -92,13 +92,13 @@ def test_a_direction_is_looked_up_where_the_ray_tracer_saw_it(front):
 def test_the_cosine_tells_how_squarely_the_ball_shows_a_direction(front):
     towards = front.towards_camera
     assert angle_between(towards, FRONT - CENTRE) < 0.05
-    assert front.look_up(towards[None])[1] == pytest.approx(1.0, abs=1e-4)
+    assert front.lookup(towards[None])[1] == pytest.approx(1.0, abs=1e-4)
     # Seen from far, a direction at angle β from the camera's is mirrored at normal angle β/2; at 20 radii, nearly.
     axis = np.cross(towards, [0.0, 1.0, 0.0])
     for beta, cosine in [(40.0, 0.937), (90.0, 0.69), (140.0, 0.312)]:
-        got = front.look_up(turned(towards[None], axis, beta))[1]
+        got = front.lookup(turned(towards[None], axis, beta))[1]
         assert got == pytest.approx(cosine, abs=0.015)
-    assert front.look_up(-towards[None])[1] == pytest.approx(0.0, abs=1e-6)
+    assert front.lookup(-towards[None])[1] == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("aim", [(0.0, 0.05, 0.0), (0.045, 0.02, 0.0), (-0.06, 0.09, 0.0)])
@@ -106,7 +106,7 @@ def test_the_cone_fit_gives_axis_and_distance_wherever_the_ball_lies(aim):
     # Off centre a wide lens stretches the ball to an ellipse: 38° across 480 pixels, the ball 0.35 m away.
     camera = np.array([0.05, 0.15, 0.33])
     picture = photograph_ball(lobes, camera, width=480, height=400, focal_length=700.0, target=np.array(aim))
-    found = view_ball(picture, camera=camera, centre=CENTRE, focal_length=700.0)
+    found = unwrap_ball(picture, camera=camera, centre=CENTRE, focal_length=700.0)
     distance = np.linalg.norm(camera - CENTRE) / RADIUS
     assert found.distance == pytest.approx(distance, rel=0.01)
     backward = unit(camera - np.array(aim))
@@ -115,23 +115,23 @@ def test_the_cone_fit_gives_axis_and_distance_wherever_the_ball_lies(aim):
     assert angle_between(found.axis, true_axis) < 0.15
     assert angle_between(found.towards_camera, camera - CENTRE) < 1e-5
     around = unit(np.random.default_rng(5).normal(size=(3000, 3)))
-    radiance, cosine = found.look_up(around)
+    radiance, cosine = found.lookup(around)
     seen = cosine > 0.35
     assert np.median(np.abs(np.log(radiance[seen] / lobes(around[seen])))) < 0.02
 
 
 def test_an_unknown_focal_length_is_told_by_the_ball(front):
-    found = view_ball(front.picture, camera=FRONT, centre=CENTRE, radius=RADIUS)
+    found = unwrap_ball(front.picture, camera=FRONT, centre=CENTRE, radius=RADIUS)
     assert found.focal_length == pytest.approx(3400.0, rel=0.005)
     assert found.distance == pytest.approx(np.linalg.norm(FRONT - CENTRE) / RADIUS, rel=0.005)
     with pytest.raises(ValueError, match=r"ball\.jpg: no focal length in its EXIF; give the ball's radius"):
-        view_ball(front.picture, camera=FRONT, centre=CENTRE, name="ball.jpg")
+        unwrap_ball(front.picture, camera=FRONT, centre=CENTRE, name="ball.jpg")
 
 
 def test_a_picture_without_a_ball_is_refused_by_name():
     with pytest.raises(BallNotFound, match=r"^empty\.jpg: "):
         picture = RadianceMap(np.full((80, 80, 3), 0.5, np.float32))
-        view_ball(picture, camera=FRONT, centre=CENTRE, focal_length=3400.0, name="empty.jpg")
+        unwrap_ball(picture, camera=FRONT, centre=CENTRE, focal_length=3400.0, name="empty.jpg")
 
 
 @pytest.mark.slow
@@ -156,7 +156,7 @@ def test_poses_that_are_right_stay(both):
 def test_neither_camera_is_seen_in_the_blended_light():
     # The photographer is a black disc of 0.15 m, 8.6° to either side of the camera a metre away.
     views = [view(camera, camera_blob=0.15) for camera in (FRONT, SIDE)]
-    dark = views[0].look_up(unit(FRONT - CENTRE)[None])[0]
+    dark = views[0].lookup(unit(FRONT - CENTRE)[None])[0]
     assert dark.max() < 0.05  # it is in the picture,
     light = assemble(views, size=SIZE).light.radiance
     truth = lobes(directions())
@@ -201,7 +201,7 @@ def test_near_walls_are_found_and_accounted_for():
     around = unit(np.random.default_rng(7).normal(size=(4000, 3)))
     error = {}
     for nearness in (0.0, probe.nearness):
-        radiance, cosine = views[0].look_up(around, nearness)
+        radiance, cosine = views[0].lookup(around, nearness)
         seen = cosine > 0.3
         error[nearness] = np.sqrt((np.log(radiance[seen] / lobes(around[seen])) ** 2).mean())
     assert error[probe.nearness] < 0.5 * error[0.0]

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from relume.capture.bracket import read_bracket
-from relume.capture.calibration import recover_response
+from relume.capture.exposure.bracket import read_bracket
 from relume.capture.merging import merge
+from relume.capture.response.calibration import recover_response
 from relume.errors import BallNotFound
 from relume.image.colour import decode_srgb
 from relume.image.files import read_photograph
-from relume.probe.lone_photograph import linear
-from relume.probe.outline import find_outline
-from relume.probe.rims import picked_rim
-from relume.probe.silhouette import Outline, outline_of_circle
+from relume.probe.ball.outline import find_outline
+from relume.probe.ball.rim_selection import picked_rim
+from relume.probe.ball.silhouette import Outline, outline_of_circle
+from relume.probe.single_photograph import linear
 
 
 def texture(x: np.ndarray, y: np.ndarray, period: float, seed: int) -> np.ndarray:

@@ -5,7 +5,7 @@ import pytest
 
 from relume.image.photograph import Photograph
 from relume.probe.painting import HotSpot, paint, read_gamma
-from relume.sphere.discs import Angular
+from relume.sphere.mappings.discs import Angular
 
 GREY = Photograph(np.full((4, 8, 3), 128, np.uint8), "grey.png")
 MASK = np.zeros((4, 8))

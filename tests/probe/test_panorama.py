@@ -10,15 +10,15 @@ from scipy.ndimage import maximum_filter
 
 import lights
 from panoramas import all_round, patchwork, photograph, turn_between
-from relume.capture.vignetting import Vignetting
+from relume.capture.lens.vignetting import Vignetting
 from relume.errors import NotAPanorama
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
-from relume.probe.panorama import Panorama, mosaic
-from relume.probe.panorama_balance import Balancing, balance
-from relume.probe.panorama_blending import fill
-from relume.probe.panorama_views import FACES, PanoramaView, orientation
+from relume.probe.panorama.balance import Balancing, balance
+from relume.probe.panorama.blending import fill
+from relume.probe.panorama.stitching import Panorama, mosaic
+from relume.probe.panorama.views import FACES, PanoramaView, orientation
 from relume.sphere.directions import normalised
-from relume.sphere.mappings import LatLong, pixel_points
+from relume.sphere.mappings.mapping import LatLong, pixel_points
 
 WORLD = patchwork()
 ROTATIONS = all_round()
@@ -229,7 +229,7 @@ def test_what_is_clipped_in_every_view_is_a_bound_and_told():
     assert bounded.any() and result.light.radiance[bounded].max() <= 1.5
     assert result.saturated == pytest.approx(float(LatLong().solid_angles(128)[bounded].sum()))
     # Nothing is bounded that has no light above white in or beside it.
-    truth = WORLD.look_up(LatLong().directions(pixel_points(LatLong(), 128)))
+    truth = WORLD.lookup(LatLong().directions(pixel_points(LatLong(), 128)))
     brightest = maximum_filter(truth.max(-1), 5, mode="wrap")
     assert brightest[bounded].min() > 1.4
 

@@ -7,14 +7,14 @@ import pytest
 
 from panoramas import patchwork, photograph, turn_between
 from relume.image.radiance import RadianceMap
-from relume.probe.panorama_adjustment import levelling
-from relume.probe.panorama_matching import features_of, fitted_rotation, match
-from relume.probe.panorama_matching import turn_between as found_turn
-from relume.probe.panorama_seams import sphere_graph
-from relume.probe.panorama_sight import continued, shrunk, view_in_map
-from relume.probe.panorama_views import PanoramaView, angles_of, focal_length_of, orientation
+from relume.probe.panorama.bundle_adjustment import levelling
+from relume.probe.panorama.coverage import continued, shrunk, view_in_map
+from relume.probe.panorama.matching import features_of, fitted_rotation, match
+from relume.probe.panorama.matching import turn_between as found_turn
+from relume.probe.panorama.seams import sphere_graph
+from relume.probe.panorama.views import PanoramaView, angles_of, focal_length_of, orientation
 from relume.sphere.directions import normalised, rotation_from_vector
-from relume.sphere.mappings import LatLong, pixel_points
+from relume.sphere.mappings.mapping import LatLong, pixel_points
 
 BLANK = RadianceMap(np.ones((60, 80, 3), np.float32))
 

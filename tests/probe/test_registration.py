@@ -7,8 +7,8 @@ import pytest
 
 from relume.errors import BallNotFound
 from relume.image.radiance import RadianceMap
-from relume.probe.ball import BallView, view_ball
-from relume.probe.registration import ToldPlaces, UnknownTurns
+from relume.probe.ball.registration import ToldPlaces, UnknownTurns
+from relume.probe.ball.unwrapping import BallView, unwrap_ball
 from relume.sphere.directions import look_at
 from synthetic import CENTRE, lobes, photograph_ball, turned, unit
 
@@ -19,7 +19,7 @@ OTHERS = {"a quarter turn": np.array([1.0, 0.17, 0.0]), "behind, from above": np
 def view(camera: np.ndarray, light=lobes, **more) -> BallView:
     """The ball from `camera`, told to be the place of the first one."""
     picture = photograph_ball(light, camera, width=240, height=240, focal_length=2200.0, **more)
-    return view_ball(picture, camera=FRONT, centre=CENTRE, focal_length=2200.0)
+    return unwrap_ball(picture, camera=FRONT, centre=CENTRE, focal_length=2200.0)
 
 
 def turn_of(camera: np.ndarray) -> np.ndarray:
@@ -51,16 +51,16 @@ def test_an_unknown_turn_is_found(front, camera):
 
 @pytest.mark.slow
 def test_the_turn_of_the_room_is_found(shared):
-    from relume.capture.bracket import read_bracket
-    from relume.capture.calibration import recover_response
+    from relume.capture.exposure.bracket import read_bracket
     from relume.capture.merging import merge
+    from relume.capture.response.calibration import recover_response
 
     folders = [shared / "shoots/room" / name for name in ("ball_0", "ball_90")]
     brackets = [read_bracket(sorted(folder.glob("*.jpg"))) for folder in folders]
     response = recover_response(brackets).response
     camera = np.array([0.0, 0.17, 1.0])
     views = [
-        view_ball(merge(bracket, response), camera=camera, centre=CENTRE, focal_length=bracket.focal_length)
+        unwrap_ball(merge(bracket, response), camera=camera, centre=CENTRE, focal_length=bracket.focal_length)
         for bracket in brackets
     ]
     found = UnknownTurns()(views)
@@ -74,7 +74,7 @@ def test_the_turn_of_the_room_is_found(shared):
 def test_several_views_are_refined_together():
     cameras = [FRONT, *OTHERS.values(), np.array([-0.9, 0.1, 0.2])]
     pictures = [photograph_ball(lobes, camera) for camera in cameras]
-    views = [view_ball(picture, camera=FRONT, centre=CENTRE, focal_length=3400.0) for picture in pictures]
+    views = [unwrap_ball(picture, camera=FRONT, centre=CENTRE, focal_length=3400.0) for picture in pictures]
     found = UnknownTurns()(views)
     # Balls of 169 pixels; with those of 109 one view of the three is 0.22° off.
     for turn, camera in zip(found.turns[1:], cameras[1:], strict=True):
@@ -101,7 +101,7 @@ def test_someone_who_walked_between_the_views_does_not_turn_them(front):
 
     camera = OTHERS["a quarter turn"]
     picture = photograph_ball(passing, camera, width=240, height=240, focal_length=2200.0)
-    other = view_ball(picture, camera=camera, centre=CENTRE, focal_length=2200.0)
+    other = unwrap_ball(picture, camera=camera, centre=CENTRE, focal_length=2200.0)
     assert np.degrees(ToldPlaces()((front, other)).corrections[1]) < 0.25
 
 
@@ -124,7 +124,7 @@ def test_a_silhouette_found_too_small_is_corrected_by_the_other_view():
     views = []
     for camera in (FRONT, OTHERS["a quarter turn"]):
         picture = photograph_ball(patterned, camera, width=240, height=240, focal_length=2200.0)
-        found = view_ball(picture, camera=camera, centre=CENTRE, focal_length=2200.0)
+        found = unwrap_ball(picture, camera=camera, centre=CENTRE, focal_length=2200.0)
         # As if little of the rim had been seen, so that it is not held where it is.
         views.append(replace(found, outline=replace(found.outline, points=found.outline.points[::4])))
     # Both cameras are 20.14 radii away. What is wrong in both alike looks like nearer walls; what differs does not.
@@ -151,6 +151,6 @@ def test_a_lone_view_stays_as_it_is(front):
 def test_a_told_place_wrong_by_more_than_a_tape_measure_is_doubted(front):
     wrong = CENTRE + turned(OTHERS["a quarter turn"] - CENTRE, np.array([0.0, 1.0, 0.0]), 40.0)
     picture = photograph_ball(lobes, OTHERS["a quarter turn"], width=240, height=240, focal_length=2200.0)
-    other = view_ball(picture, camera=wrong, centre=CENTRE, focal_length=2200.0)
+    other = unwrap_ball(picture, camera=wrong, centre=CENTRE, focal_length=2200.0)
     doubts = ToldPlaces()((front, other)).doubts
     assert doubts and doubts[0] == "view 2 of the ball does not fit the first one; check where its camera stood"

@@ -5,10 +5,10 @@ import pytest
 
 from relume.errors import BallNotFound
 from relume.image.radiance import RadianceMap
-from relume.probe.ball import view_ball
-from relume.probe.following import refined
-from relume.probe.outline import find_outline
-from relume.probe.silhouette import Cone, cone_through, outline_of, outline_of_circle, outline_through
+from relume.probe.ball.edge_tracking import refined
+from relume.probe.ball.outline import find_outline
+from relume.probe.ball.silhouette import Cone, cone_through, outline_of, outline_of_circle, outline_through
+from relume.probe.ball.unwrapping import unwrap_ball
 from synthetic import CENTRE, RADIUS, lobes, photograph_ball, unit
 
 CAMERA = np.array([0.05, 0.15, 0.33])
@@ -57,7 +57,7 @@ def test_the_ellipse_is_followed_to_a_tenth_of_a_pixel(size, focal_length, targe
     picture = photograph_ball(
         lobes, CAMERA, width=size[0], height=size[1], focal_length=focal_length, target=np.array(target)
     )
-    found = view_ball(picture, camera=CAMERA, centre=CENTRE, focal_length=focal_length)
+    found = unwrap_ball(picture, camera=CAMERA, centre=CENTRE, focal_length=focal_length)
     assert found.outline.semi_axes is not None
     assert found.outline.semi_axes[0] / found.outline.semi_axes[1] > stretch
     # Measured: 0.05 and 0.06; 0.07 and 0.09 pixels.
@@ -87,14 +87,14 @@ def test_a_ball_cut_by_the_picture_is_refused_unless_it_is_picked():
     camera = np.array([0.0, 0.17, 1.0])
     assert find_outline(cut.radiance).radius == pytest.approx(169, abs=1)
     with pytest.raises(BallNotFound, match=r"^left\.jpg: the picture's edge cuts off \d+ % of the ball; "):
-        view_ball(cut, camera=camera, centre=CENTRE, focal_length=3400.0, name="left.jpg")
+        unwrap_ball(cut, camera=camera, centre=CENTRE, focal_length=3400.0, name="left.jpg")
     picked = outline_of_circle(120.0, 180.0, 169.0)
-    view = view_ball(cut, camera=camera, centre=CENTRE, focal_length=3400.0, outline=picked)
+    view = unwrap_ball(cut, camera=camera, centre=CENTRE, focal_length=3400.0, outline=picked)
     assert picked.cut(cut.size) == pytest.approx(0.086, abs=0.01)
     right, left = np.array([0.98, 0.1, 0.1]), np.array([-0.98, 0.1, -0.1])
-    assert view.look_up(unit(right))[1] > 0.5
-    assert view.look_up(unit(np.array([-0.9, 0.0, -0.35])))[1] == 0
-    assert np.isfinite(view.look_up(unit(left))[0]).all()
+    assert view.lookup(unit(right))[1] > 0.5
+    assert view.lookup(unit(np.array([-0.9, 0.0, -0.35])))[1] == 0
+    assert np.isfinite(view.lookup(unit(left))[0]).all()
 
 
 def test_points_picked_by_hand_are_taken_exactly_or_followed():
@@ -103,7 +103,7 @@ def test_points_picked_by_hand_are_taken_exactly_or_followed():
     turns = np.radians([10, 130, 220, 300])
     rough = outline_through(np.stack([180 + 171 * np.cos(turns), 180 + 171 * np.sin(turns)], 1))
     assert rough.centre == pytest.approx((180, 180)) and rough.radius == pytest.approx(171)
-    exact = view_ball(picture, camera=camera, centre=CENTRE, focal_length=3400.0, outline=rough)
+    exact = unwrap_ball(picture, camera=camera, centre=CENTRE, focal_length=3400.0, outline=rough)
     assert exact.outline is rough
     assert refined(picture.radiance, rough, 3400.0).radius == pytest.approx(169.0, abs=0.15)
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from relume.image.radiance import OUTSIDE, RadianceMap
-from relume.probe.ball import CAMERA_FROM_PIXELS, BallView
-from relume.probe.reflectance import CHROME_STEEL, BallReflectance, measured_reflectance
-from relume.probe.silhouette import Cone, outline_of
-from relume.probe.weights import STILL_SEEN, clear_of_camera
+from relume.probe.ball.reflectance import CHROME_STEEL, BallReflectance, measured_reflectance
+from relume.probe.ball.silhouette import Cone, outline_of
+from relume.probe.ball.unwrapping import CAMERA_FROM_PIXELS, BallView
+from relume.probe.ball.weights import STILL_SEEN, clear_of_camera
 from synthetic import unit
 
 
@@ -34,7 +34,7 @@ def at_angle(view: BallView, degrees: float, around: float = 0.3) -> np.ndarray:
 )
 def test_from_far_away_a_ball_shows_twice_the_arcsine(radius, degrees):
     view = ball_view(1e5, focal_length=1e7, size=(240, 240))  # 100 pixels in radius
-    x, y, _ = view.look_up(at_angle(view, degrees))[0]
+    x, y, _ = view.lookup(at_angle(view, degrees))[0]
     assert np.hypot(x - 120, y - 120) / 100 == pytest.approx(radius, abs=2e-4)
 
 
@@ -59,7 +59,7 @@ def test_the_solid_angle_of_a_pixel_is_its_jacobian(distance, axis):
         side = unit(np.cross(towards, [0.3, 0.2, 1.0]))
         other = np.cross(towards, side)
         corners = unit(towards + step * np.array([side, -side, other, -other]))
-        places = view.look_up(corners)[0][:, :2]
+        places = view.lookup(corners)[0][:, :2]
         across, along = (places[0] - places[1]) / (2 * step), (places[2] - places[3]) / (2 * step)
         numeric = 1 / abs(across[0] * along[1] - across[1] * along[0])
         assert view.solid_angles(towards) == pytest.approx(numeric, rel=3e-3)
@@ -115,9 +115,9 @@ def test_what_a_ball_keeps_is_divided_out_by_its_angle():
     )
     for degrees in (10.0, 90.0, 165.0):
         towards = at_angle(plain, degrees)
-        (shown, cosine), (light, _) = plain.look_up(towards), dull.look_up(towards)
+        (shown, cosine), (light, _) = plain.lookup(towards), dull.lookup(towards)
         np.testing.assert_allclose(light * BallReflectance((0.5, 0.6, 0.7)).at(cosine), shown)
-    assert (plain.look_up(at_angle(plain, 10.0))[0] / dull.look_up(at_angle(plain, 10.0))[0])[0] == pytest.approx(
+    assert (plain.lookup(at_angle(plain, 10.0))[0] / dull.lookup(at_angle(plain, 10.0))[0])[0] == pytest.approx(
         0.5, abs=1e-4
     )
 

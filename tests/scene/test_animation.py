@@ -14,9 +14,9 @@ from scipy.spatial.transform import Rotation
 
 from gltf_files import CORNERS, TRIANGLES, as_glb
 from relume.errors import UnreadableFile
-from relume.scene.animation import posed
-from relume.scene.animation_file import read_animation
-from relume.scene.meshes import read_meshes
+from relume.scene.gltf.animation import read_animation
+from relume.scene.motion.animation import posed
+from relume.scene.shapes.meshes import read_meshes
 
 HALF = np.sqrt(0.5)
 TURN = [[0, 0, 0, 1], [0, HALF, 0, HALF], [0, 1, 0, 0]]  # none, a quarter and half a turn about +Y

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lights import spread
-from relume.scene.bumps import BumpMap, Wrinkles
+from relume.scene.materials.bumps import BumpMap, Wrinkles
 from relume.sphere.directions import normalised
 
 NORMAL, EAST, NORTH = np.array([[0.0, 1, 0]]), np.array([[2.0, 0, 0]]), np.array([[0.0, 0, -2.0]])

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from relume.scene.camera import Camera
-from relume.scene.distortion import Distortion
+from relume.scene.cameras.camera import Camera
+from relume.scene.cameras.distortion import Distortion
 from relume.sphere.directions import rotation_about
 
 ASKEW = Camera(7, 5, 9.0, np.array([1.0, 2.0, 3.0]), rotation_about([1, -2, 0.5], 2.1))

@@ -8,10 +8,10 @@ import pytest
 
 from gltf_files import as_glb
 from relume.errors import UnreadableFile
-from relume.scene.camera import Camera
-from relume.scene.camera_file_blender import FORMAT, blender_camera_script
-from relume.scene.camera_files import read_camera
-from relume.scene.grid import fit_grid
+from relume.scene.cameras.blender import FORMAT, blender_camera_script
+from relume.scene.cameras.camera import Camera
+from relume.scene.cameras.files import read_camera
+from relume.scene.cameras.grid import fit_grid
 from relume.sphere.directions import rotation_about
 
 CAMERA = Camera.looking_at(

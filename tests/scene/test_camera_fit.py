@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from relume.scene.camera import Camera
-from relume.scene.camera_fit import CameraFit, least_squares
+from relume.scene.cameras.camera import Camera
+from relume.scene.cameras.fit import CameraFit, least_squares
 
 CAMERA = Camera(8, 6, 10.0, np.zeros(3), np.eye(3))
 

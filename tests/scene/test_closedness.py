@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from relume.scene.closedness import bodied, closedness, inside
-from relume.scene.materials import Diffuse, Material
-from relume.scene.shapes import Mesh
+from relume.scene.materials.materials import Diffuse, Material
+from relume.scene.shapes.shapes import Mesh
+from relume.scene.shapes.watertight import bodied, closedness, inside
 
 GLASS = Material(roughness=0.0, transmission=1.0)
 

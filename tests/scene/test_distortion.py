@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from relume.scene.camera import Camera
-from relume.scene.distortion import Distortion
-from relume.scene.straightening import reprojected, straightened
+from relume.scene.cameras.camera import Camera
+from relume.scene.cameras.distortion import Distortion
+from relume.scene.cameras.undistortion import reprojected, straightened
 from relume.sphere.directions import rotation_about
 
 LENSES = [

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from relume.errors import FormatError, UnreadableFile
-from relume.scene.camera import Camera
-from relume.scene.camera_files import read_camera
-from relume.scene.fspy import read_fspy
+from relume.scene.cameras.camera import Camera
+from relume.scene.cameras.files import read_camera
+from relume.scene.cameras.fspy import read_fspy
 
 CAMERA = Camera.looking_at(
     np.array([1.0, 0.8, 1.4]), np.array([0.1, 0.2, 0.1]), width=1200, height=800, focal_length=900

@@ -8,8 +8,8 @@ from PIL import Image
 
 import gltf_files
 from relume.errors import UnreadableFile
-from relume.scene.materials import Material
-from relume.scene.meshes import read_meshes
+from relume.scene.materials.materials import Material
+from relume.scene.shapes.meshes import read_meshes
 
 HALF = np.full((2, 2, 4), 128, np.uint8)
 """128/255 is 0.5019608 as stored and 0.2158605 by the sRGB curve."""

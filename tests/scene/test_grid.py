@@ -10,9 +10,9 @@ import pytest
 from relume.errors import GridNotFound
 from relume.image.files import read_photograph
 from relume.image.photograph import Photograph
-from relume.scene.camera import Camera
-from relume.scene.distortion import Distortion
-from relume.scene.grid import camera_from_grid, fit_corners, fit_grid
+from relume.scene.cameras.camera import Camera
+from relume.scene.cameras.distortion import Distortion
+from relume.scene.cameras.grid import camera_from_grid, fit_corners, fit_grid
 
 ROOM = Path(__file__).resolve().parents[3] / "shared" / "shoots" / "room"
 SQUARE, SQUARES = 0.03, (9, 6)

@@ -6,7 +6,8 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 from scipy.spatial.transform import Slerp as ScipySlerp
 
-from relume.scene.keyframes import (
+from relume.scene.cameras.shutter import Shutter
+from relume.scene.motion.keyframes import (
     Linear,
     Slerp,
     Smooth,
@@ -19,7 +20,6 @@ from relume.scene.keyframes import (
     rotation,
     rotation_of,
 )
-from relume.scene.shutter import Shutter
 
 TIMES = np.array([1.0, 3.0, 4.0, 8.0])
 VALUES = np.array([[0.0, 1.0], [2.0, -1.0], [5.0, 0.0], [4.0, 4.0]])

@@ -12,10 +12,10 @@ import pytest
 
 from relume.errors import UnreadableFile
 from relume.scene.lights import AmbientLight, DistantLight, Linear, PointLight, SquareLaw, Unattenuated
-from relume.scene.materials import Diffuse
-from relume.scene.patches import Patches, read_patches
-from relume.scene.shapes import Polygon
-from relume.scene.whitted import Checks, WhittedMaterial
+from relume.scene.materials.materials import Diffuse
+from relume.scene.materials.whitted import Checks, WhittedMaterial
+from relume.scene.shapes.patches import Patches, read_patches
+from relume.scene.shapes.shapes import Polygon
 
 GREY = Diffuse((0.5, 0.5, 0.5))
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from relume.scene.materials import Material, Ward, dispersed
-from relume.scene.media import Medium
-from relume.scene.presets import PRESETS, preset
+from relume.scene.materials.materials import Material, Ward, dispersed
+from relume.scene.materials.media import Medium
+from relume.scene.materials.presets import PRESETS, preset
 
 GLASS = Material(roughness=0.0, transmission=1.0)
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from relume.scene.materials import Diffuse, Material
+from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.scene import Scene
-from relume.scene.shapes import Mesh, Plane
-from relume.sphere.illumination import IlluminationMap
+from relume.scene.shapes.shapes import Mesh, Plane
+from relume.sphere.environment_map import EnvironmentMap
 
 TRIANGLE = Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32), Diffuse((0.5, 0.5, 0.5)))
 
@@ -72,7 +72,7 @@ def test_a_plane_of_no_size_is_refused():
 
 
 def test_a_scene_is_changed_by_making_another():
-    light = IlluminationMap(np.ones((2, 4, 3), np.float32))
+    light = EnvironmentMap(np.ones((2, 4, 3), np.float32))
     plane = Plane(Diffuse((0.5, 0.5, 0.5)))
     scene = Scene(light, local=(plane,))
     fuller = scene.adding(TRIANGLE).adding(TRIANGLE)

@@ -8,8 +8,8 @@ import trimesh
 
 import gltf_files
 from relume.errors import UnreadableFile
-from relume.scene.materials import Material
-from relume.scene.meshes import GREY, read_meshes
+from relume.scene.materials.materials import Material
+from relume.scene.shapes.meshes import GREY, read_meshes
 
 OBJECTS = Path(__file__).resolve().parents[2] / "examples" / "room" / "objects"
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "meshes"

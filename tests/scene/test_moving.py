@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 
 import lights
-from relume.render.filters import Plain
-from relume.render.mapped import Mapped
-from relume.render.motion import Turntable, traced_frames
-from relume.render.whitted import Whitted
-from relume.scene.bounds import bounding_sphere, bounds
-from relume.scene.bumps import BumpMap, Wrinkles
-from relume.scene.camera import Camera
+from relume.renderers.prefiltered.filters import Plain
+from relume.renderers.prefiltered.prefiltered import Prefiltered
+from relume.renderers.turntable import Turntable, traced_frames
+from relume.renderers.whitted.whitted import Whitted
+from relume.scene.cameras.camera import Camera
 from relume.scene.lights import DistantLight
-from relume.scene.materials import Diffuse, Material
-from relume.scene.moving import ObjectOrbit, columns_turned, left_in_space, turned, turned_scene
-from relume.scene.patches import Patches
-from relume.scene.reflective import glossy
+from relume.scene.materials.bumps import BumpMap, Wrinkles
+from relume.scene.materials.materials import Diffuse, Material
+from relume.scene.materials.reflective import glossy
+from relume.scene.materials.whitted import Checks, WhittedMaterial
+from relume.scene.motion.moving_objects import ObjectOrbit, columns_turned, left_in_space, turned, turned_scene
 from relume.scene.scene import Scene
-from relume.scene.shapes import Mesh, Polygon, Solid, Sphere
-from relume.scene.whitted import Checks, WhittedMaterial
+from relume.scene.shapes.bounds import bounding_sphere, bounds
+from relume.scene.shapes.patches import Patches
+from relume.scene.shapes.shapes import Mesh, Polygon, Solid, Sphere
 from relume.sphere.directions import UP, rotation_about
 
 GREY = Diffuse((0.5, 0.5, 0.5))
@@ -90,14 +90,14 @@ def test_columns_of_an_image_move_to_smaller_ones_and_share_what_falls_between()
     "material", [glossy(picture()), Material(picture(), roughness=1.0)], ids=["reflective", "metallic-roughness"]
 )
 def test_an_image_on_a_sphere_turns_with_it(material, angle: float, allowed: float):
-    """`Mapped` turns what the camera sees; that has to be what it sees of what is turned."""
+    """`Prefiltered` turns what the camera sees; that has to be what it sees of what is turned."""
     ball, rotation, about = Sphere((0.5, 0, 0), 1.0, material), rotation_about(UP, angle), (0.2, 0.0, 0.0)
     light = lights.constant(16, 0.5)
-    first = Mapped(Plain()).prepared(Scene(light, objects=(ball,))).render(CAMERA, turn=rotation, about=about)
+    first = Prefiltered(Plain()).prepared(Scene(light, objects=(ball,))).render(CAMERA, turn=rotation, about=about)
     moved = turned(ball, rotation, about)
-    second = Mapped(Plain()).prepared(Scene(light, objects=(moved,))).render(CAMERA)
+    second = Prefiltered(Plain()).prepared(Scene(light, objects=(moved,))).render(CAMERA)
     np.testing.assert_allclose(second.radiance, first.radiance, atol=allowed)
-    still = Mapped(Plain()).prepared(Scene(light, objects=(ball,))).render(CAMERA)
+    still = Prefiltered(Plain()).prepared(Scene(light, objects=(ball,))).render(CAMERA)
     assert np.abs(still.radiance - first.radiance).max() > 0.1
 
 

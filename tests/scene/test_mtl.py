@@ -5,8 +5,8 @@ import pytest
 from PIL import Image
 
 from relume.errors import UnreadableFile
-from relume.scene.materials import Material
-from relume.scene.meshes import GREY, read_meshes
+from relume.scene.materials.materials import Material
+from relume.scene.shapes.meshes import GREY, read_meshes
 
 TRIANGLE = "mtllib paint.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl tin\nf 1/1 2/2 3/3\n"
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from relume.light.brdf import GGX
-from relume.light.lobes import Lambert, Mirror, Phong, WardLobe
-from relume.light.weights import Complement, Even, Fresnel, Schlick
-from relume.scene.bumps import Wrinkles
-from relume.scene.reflective import Layer, Reflective, Towards, glass, glossy, mirror, retroreflector
+from relume.light.reflection.brdf import GGX
+from relume.light.reflection.lobes import Lambert, Mirror, Phong, WardLobe
+from relume.light.reflection.weights import Complement, Even, Fresnel, Schlick
+from relume.scene.materials.bumps import Wrinkles
+from relume.scene.materials.reflective import Layer, Reflective, Towards, glass, glossy, mirror, retroreflector
 
 COSINES = np.linspace(0, 1, 30)
 

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from relume.render.raycast import RayCaster
-from relume.render.raycast_surface import Surfaces
-from relume.scene.materials import Diffuse
-from relume.scene.patches import Patches, read_patches
-from relume.scene.shapes import Mesh, Polygon
-from relume.scene.tessellation import tessellated, triangulated
-from relume.scene.triangulation import triangles_of
+from relume.renderers.raytrace.raycast import RayCaster
+from relume.renderers.raytrace.surface import Surfaces
+from relume.scene.materials.materials import Diffuse
+from relume.scene.shapes.patches import Patches, read_patches
+from relume.scene.shapes.polygon_triangulation import triangles_of
+from relume.scene.shapes.shapes import Mesh, Polygon
+from relume.scene.shapes.tessellation import tessellated, triangulated
 
 GREY = Diffuse((0.5, 0.5, 0.5))
 ARC = 4 / 3 * (np.sqrt(2) - 1)

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from relume.scene.camera import Camera
-from relume.scene.distortion import Distortion
-from relume.scene.known_lengths import CameraHeight, GroundLength, UprightLength
-from relume.scene.vanishing import AxisLines, fit_vanishing_lines
+from relume.scene.cameras.camera import Camera
+from relume.scene.cameras.distortion import Distortion
+from relume.scene.cameras.known_lengths import CameraHeight, GroundLength, UprightLength
+from relume.scene.cameras.vanishing_lines import AxisLines, fit_vanishing_lines
 
 SIZE = (1200, 800)
 BOX = np.array([0.3, 0.25, 0.4])  # its corner at the origin, its edges along the axes

@@ -6,22 +6,22 @@ import numpy as np
 import pytest
 
 from relume.image.radiance import SATURATED
-from relume.sphere.blur import blurred, spun
-from relume.sphere.cubes import Cross, Strip
 from relume.sphere.directions import normalised
-from relume.sphere.discs import Angular, Fisheye
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, Mapping, pixel_directions
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.cubes import CubeCross, Strip
+from relume.sphere.mappings.discs import Angular, Fisheye
+from relume.sphere.mappings.mapping import LatLong, Mapping, pixel_directions
+from relume.sphere.resampling.blur import blurred, spun
 
 
-def sparks(rows: int = 24, light: float = 1e5) -> IlluminationMap:
+def sparks(rows: int = 24, light: float = 1e5) -> EnvironmentMap:
     """Noise with a very bright pixel at a pole, one on the seam and one elsewhere."""
     field = np.random.default_rng(1).random((rows, 2 * rows, 3)).astype(np.float32) * 1e-2
     field[0, 3] = field[rows // 2, 0] = field[rows // 3, rows] = light
-    return IlluminationMap(field)
+    return EnvironmentMap(field)
 
 
-def naive(light: IlluminationMap, sigma: float, rounds: int = 400) -> np.ndarray:
+def naive(light: EnvironmentMap, sigma: float, rounds: int = 400) -> np.ndarray:
     """The kernel between every two pixels, balanced with all of them."""
     directions = pixel_directions(LatLong(), light.size).reshape(-1, 3)
     areas = LatLong().solid_angles(light.size).ravel()
@@ -45,7 +45,7 @@ def test_the_blur_is_the_slow_twin(sigma: float) -> None:
 def test_the_total_is_kept_and_constant_light_stays_constant(degrees: float) -> None:
     light = sparks()
     assert blurred(light, np.radians(degrees)).total() == pytest.approx(light.total(), rel=1e-7)
-    constant = IlluminationMap(np.full((24, 48, 3), 0.3, np.float32))
+    constant = EnvironmentMap(np.full((24, 48, 3), 0.3, np.float32))
     assert np.abs(blurred(constant, np.radians(degrees)).radiance / np.float32(0.3) - 1).max() < 3e-7
 
 
@@ -61,7 +61,7 @@ def test_a_light_is_as_wide_at_the_pole_as_at_the_horizon_and_across_the_seam() 
     for row, column in ((0, 17), (20, 100), (45, 0), (89, 179)):
         field = np.zeros((rows, 2 * rows, 3), np.float32)
         field[row, column] = 1e6
-        made = blurred(IlluminationMap(field), sigma).radiance[..., 0]
+        made = blurred(EnvironmentMap(field), sigma).radiance[..., 0]
         cosine = np.minimum(directions @ directions[row, column], 1)
         expected = 1e6 * areas[row, column] * kappa / (2 * np.pi) * np.exp(kappa * (cosine - 1))
         near = cosine > np.cos(4 * sigma)
@@ -85,13 +85,15 @@ def test_what_a_clipped_light_reaches_is_marked() -> None:
     light = sparks()
     marks = np.zeros((24, 48), np.uint8)
     marks[12, 0] = SATURATED
-    made = blurred(IlluminationMap(light.radiance, clipped=marks), np.radians(6)).clipped
+    made = blurred(EnvironmentMap(light.radiance, clipped=marks), np.radians(6)).clipped
     assert made is not None
     assert made[12, 0] == made[12, 47] == made[12, 1] == made[11, 0] == SATURATED
     assert made[12, 24] == 0 and made[0, 3] == 0
 
 
-@pytest.mark.parametrize(("mapping", "rows", "degrees"), [(Strip(), 64, 6), (Angular(), 128, 12), (Cross(), 192, 6)])
+@pytest.mark.parametrize(
+    ("mapping", "rows", "degrees"), [(Strip(), 64, 6), (Angular(), 128, 12), (CubeCross(), 192, 6)]
+)
 def test_in_another_mapping_light_spreads_by_the_same_kernel(mapping: Mapping, rows: int, degrees: float) -> None:
     """A spark whose blur is twice as bright as the even light about it, which resampling interpolates.
 
@@ -106,7 +108,7 @@ def test_in_another_mapping_light_spreads_by_the_same_kernel(mapping: Mapping, r
     place = np.unravel_index(int(cosine.argmax()), areas.shape)
     field = np.where(shown[..., None], np.float32(1), np.float32(0)).repeat(3, -1)
     field[place] += 2 * 2 * np.pi / (kappa * areas[place])
-    light = IlluminationMap(field, mapping)
+    light = EnvironmentMap(field, mapping)
     made = blurred(light, sigma)
     assert made.mapping == mapping and made.radiance.shape == field.shape
     cosine = np.minimum(directions @ directions[place], 1)
@@ -122,7 +124,7 @@ def test_what_stays_sharp_stays_in_its_pixel_in_any_mapping(mapping: Mapping) ->
     field[mapping.solid_angles(32) == 0] = 0
     marks = np.zeros(field.shape[:2], np.uint8)
     marks[16, 20] = SATURATED
-    light = IlluminationMap(field, mapping, clipped=marks)
+    light = EnvironmentMap(field, mapping, clipped=marks)
     mixed, soft = blurred(light, 0.2, share=0.25), blurred(light, 0.2)
     assert mixed.radiance == pytest.approx(0.75 * field + 0.25 * soft.radiance, rel=1e-6)
     assert mixed.radiance[16, 20, 0] > 7500 and soft.radiance[16, 20, 0] < 2500
@@ -133,7 +135,7 @@ def test_what_stays_sharp_stays_in_its_pixel_in_any_mapping(mapping: Mapping) ->
 @pytest.mark.parametrize("mapping", [Fisheye(), Fisheye(np.radians(120), equisolid=True), Strip(), Angular()])
 def test_constant_light_stays_constant_in_any_mapping_up_to_its_rim(mapping: Mapping) -> None:
     shown = mapping.solid_angles(48) > 0
-    light = IlluminationMap(np.where(shown[..., None], np.float32(0.3), np.float32(0)).repeat(3, -1), mapping)
+    light = EnvironmentMap(np.where(shown[..., None], np.float32(0.3), np.float32(0)).repeat(3, -1), mapping)
     for made in (blurred(light, 0.3), blurred(light, 0.02), blurred(light, 0.3, share=0.5), spun(light, 1.0)):
         assert made.radiance[shown] == pytest.approx(np.float32(0.3), rel=2e-6)
         assert not made.radiance[~shown].any() and made.clipped is None
@@ -144,7 +146,7 @@ def test_a_turn_is_a_streak_along_the_row_across_the_seam() -> None:
     light = sparks()
     field = np.zeros_like(light.radiance)
     field[5, 1] = 8.0
-    made = spun(IlluminationMap(field), np.radians(4 * 360 / 48)).radiance
+    made = spun(EnvironmentMap(field), np.radians(4 * 360 / 48)).radiance
     assert made[5, [46, 47, 0, 1, 2, 3, 4], 0] == pytest.approx([0, 1, 2, 2, 2, 1, 0], abs=1e-6)
     assert not made[4].any()
     assert spun(light, 1.3).radiance.sum(1) == pytest.approx(light.radiance.sum(1), rel=1e-5)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from lights import SIMPLE
-from relume.sphere.cube import Cube, cube_of, directions, mips, solid_angles
 from relume.sphere.directions import normalised
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, pixel_points
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, pixel_points
+from relume.sphere.mip_cube import Cube, cube_of, directions, mips, solid_angles
 
 # Direction in the world → face, s to the right, t down: OpenGL 4.6, table 8.19, worked out by hand.
 PLACES = [
@@ -28,7 +28,7 @@ PLACES = [
 
 def of_directions(function, size=128, mapping=LatLong()):
     values = function(np.nan_to_num(mapping.directions(pixel_points(mapping, size))))
-    return IlluminationMap(np.repeat(values[..., None], 3, axis=-1).astype(np.float32), mapping)
+    return EnvironmentMap(np.repeat(values[..., None], 3, axis=-1).astype(np.float32), mapping)
 
 
 def spot(direction, size=128):
@@ -58,7 +58,7 @@ def test_a_look_up_finds_the_texel_of_a_direction(direction, face, s, t):
     faces = np.zeros((6, 20, 20, 3), np.float32)
     faces[..., 0] = np.arange(6)[:, None, None]
     faces[..., 1:] = np.stack(np.broadcast_arrays(*np.meshgrid(np.arange(20.0), np.arange(20.0))), -1)
-    found = Cube(faces).look_up(normalised(direction))
+    found = Cube(faces).lookup(normalised(direction))
     assert found == pytest.approx([face, 20 * s - 0.5, 20 * t - 0.5], abs=1e-5)
 
 
@@ -68,7 +68,7 @@ def test_directions_are_unit_and_those_of_the_table():
     assert table[0, 0, 0] == pytest.approx(np.array([1, 0.5, 0.5]) / 1.5**0.5)
     assert table[5, 1, 0] == pytest.approx(np.array([0.5, -0.5, -1]) / 1.5**0.5)
     cube = noise(16)
-    assert cube.look_up(directions(16)) == pytest.approx(cube.faces, abs=1e-6)
+    assert cube.lookup(directions(16)) == pytest.approx(cube.faces, abs=1e-6)
 
 
 def test_solid_angles_are_exact():
@@ -86,7 +86,7 @@ def test_solid_angles_are_exact():
 @pytest.mark.parametrize("mapping", SIMPLE, ids=[m.name for m in SIMPLE])
 def test_constant_light_stays_exactly_constant(mapping):
     value = np.array([0.3, 1.7, 1e-5], np.float32)
-    light = IlluminationMap(np.broadcast_to(value, (*mapping.shape(24), 3)).copy(), mapping, "cd/m²")
+    light = EnvironmentMap(np.broadcast_to(value, (*mapping.shape(24), 3)).copy(), mapping, "cd/m²")
     for size in (1, 5, 16):
         cube = cube_of(light, size)
         assert np.all(cube.faces == value)
@@ -99,7 +99,7 @@ def test_the_light_of_a_map_with_a_sun_is_kept(size):
     random = np.random.default_rng(4)
     radiance = random.random((96, 192, 3)).astype(np.float32)
     radiance[31, 150] = 5e4, 4e4, 3e4
-    light = IlluminationMap(radiance)
+    light = EnvironmentMap(radiance)
     cube = cube_of(light, size)
     assert cube.total() == pytest.approx(light.total(), rel=1e-6)
     # Away from the sun the scale to the total is not seen: noise of mean ½ keeps it.
@@ -111,7 +111,7 @@ def test_a_fine_map_loses_no_pixel_in_a_coarse_cube():
     for column in range(100, 104):
         radiance = np.zeros((64, 128, 3), np.float32)
         radiance[20, column] = 1
-        light = IlluminationMap(radiance)
+        light = EnvironmentMap(radiance)
         cube, towards = cube_of(light, 4), LatLong().directions(np.array([(column + 0.5) / 128, 20.5 / 64]))
         lit = (cube.faces[..., :1] * directions(4) * solid_angles(4)[..., None]).sum((0, 1, 2))
         assert normalised(lit) @ towards > np.cos(np.radians(12))  # within half a texel
@@ -147,7 +147,7 @@ def test_a_mip_texel_weighs_its_four_by_solid_angle():
 def test_a_mirrored_cube_is_met_by_a_mirrored_direction(axis, sign, faces):
     cube = noise(8)
     towards = spread(200)
-    assert cube.mirrored(axis).look_up(towards * sign) == pytest.approx(cube.look_up(towards), abs=1e-6)
+    assert cube.mirrored(axis).lookup(towards * sign) == pytest.approx(cube.lookup(towards), abs=1e-6)
     assert cube.mirrored(axis).unit == "cd/m²"
     means = cube.mirrored(axis).faces.mean((1, 2, 3))
     assert means == pytest.approx(cube.faces.mean((1, 2, 3))[[int(face) for face in faces]])

@@ -7,9 +7,9 @@ import naive
 from lights import NAMED, SIMPLE, fitting
 from relume.image.radiance import RadianceMap
 from relume.sphere.directions import normalised, rotation_about
-from relume.sphere.discs import Angular, Fisheye, MirrorBall
-from relume.sphere.illumination import IlluminationMap, as_illumination, as_radiance_map
-from relume.sphere.mappings import LatLong, pixel_points
+from relume.sphere.environment_map import EnvironmentMap, as_environment, as_radiance_map
+from relume.sphere.mappings.discs import Angular, Fisheye, MirrorBall
+from relume.sphere.mappings.mapping import LatLong, pixel_points
 
 EVERY = pytest.mark.parametrize("mapping", SIMPLE, ids=[m.name for m in SIMPLE])
 X, Y, Z = np.eye(3)
@@ -21,24 +21,24 @@ def spread(count, seed=0):
 
 def constant(mapping, size, value=(1.0, 2.0, 0.5)):
     flat = np.broadcast_to(np.float32(value), (*mapping.shape(size), 3))
-    return IlluminationMap(flat.copy(), mapping)
+    return EnvironmentMap(flat.copy(), mapping)
 
 
 def of_directions(function, size=256, mapping=LatLong()):
     """Light whose radiance is a function of direction, grey."""
     values = function(np.nan_to_num(mapping.directions(pixel_points(mapping, size))))
-    return IlluminationMap(np.repeat(values[..., None], 3, axis=-1).astype(np.float32), mapping)
+    return EnvironmentMap(np.repeat(values[..., None], 3, axis=-1).astype(np.float32), mapping)
 
 
 def noise(mapping, size, seed=3):
     random = np.random.default_rng(seed).random((*mapping.shape(size), 3))
-    return IlluminationMap(random.astype(np.float32), mapping)
+    return EnvironmentMap(random.astype(np.float32), mapping)
 
 
 def lone(size, row, column, value=(8.0, 4.0, 2.0), mapping=LatLong()):
     radiance = np.zeros((*mapping.shape(size), 3), np.float32)
     radiance[row, column] = value
-    return IlluminationMap(radiance, mapping)
+    return EnvironmentMap(radiance, mapping)
 
 
 def shows(mapping, size):
@@ -118,10 +118,10 @@ def test_irradiance_keeps_the_shape_of_its_normals():
 def test_looking_up_a_pixels_centre_gives_the_pixel(mapping):
     y, x = np.indices(mapping.shape(9))
     numbered = np.stack([x + 1000 * y, x, y], axis=-1).astype(np.float32)
-    light = IlluminationMap(numbered, mapping)
+    light = EnvironmentMap(numbered, mapping)
     directions = mapping.directions(pixel_points(mapping, 9))
     shown = ~np.isnan(directions[..., 0])
-    np.testing.assert_allclose(light.look_up(directions[shown]), numbered[shown], rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(light.lookup(directions[shown]), numbered[shown], rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", NAMED)
@@ -130,17 +130,17 @@ def test_constant_light_is_constant_wherever_it_is_looked_up(name):
     light = constant(mapping, fitting(mapping, 48))
     # What other programs leave beside a disc or a cross is no light.
     garbage = np.where(mapping.solid_angles(light.size)[..., None] > 0, light.radiance, np.float32(99))
-    found = IlluminationMap(garbage, mapping).look_up(spread(4000, seed=11))
+    found = EnvironmentMap(garbage, mapping).lookup(spread(4000, seed=11))
     np.testing.assert_allclose(found, np.broadcast_to([1.0, 2.0, 0.5], found.shape), rtol=1e-5)
 
 
 def test_beyond_its_field_a_fisheye_shows_nothing():
     light = constant(Fisheye(), 32)
-    assert light.look_up(Z).tolist() == [0, 0, 0] and light.look_up(-Z).tolist() == [1, 2, 0.5]
+    assert light.lookup(Z).tolist() == [0, 0, 0] and light.lookup(-Z).tolist() == [1, 2, 0.5]
 
 
 def test_what_a_file_told_stays_with_its_light():
-    light = IlluminationMap(noise(LatLong(), 12).radiance, attributes={"owner": "me"})
+    light = EnvironmentMap(noise(LatLong(), 12).radiance, attributes={"owner": "me"})
     picture = as_radiance_map(light.remapped(Angular(), 12).rotated(rotation_about(X, 1)))
     assert picture.attributes == {"owner": "me", "mapping": "angular"}
 
@@ -161,15 +161,15 @@ def test_look_up_equals_its_slow_twin(mapping, size):
         np.concatenate([spread(40) * [0.05, 0, 0.05] + [0, 1, 0], spread(40) * [0.05, 1, 0] + [0, 0, 1]])
     )
     directions = np.concatenate([directions, edges, -edges])
-    slow = np.array([naive.look_up(light.radiance.astype(float), mapping.name, d) for d in directions])
-    np.testing.assert_allclose(light.look_up(directions), slow, atol=1e-6)
+    slow = np.array([naive.lookup(light.radiance.astype(float), mapping.name, d) for d in directions])
+    np.testing.assert_allclose(light.lookup(directions), slow, atol=1e-6)
 
 
 def test_look_up_goes_on_over_the_seam():
     light = noise(LatLong(), 8)
     heights = np.linspace(-0.9, 0.9, 21)
     left, right = (normalised(np.stack([np.full(21, s * 1e-9), heights, np.ones(21)], -1)) for s in (-1, 1))
-    np.testing.assert_allclose(light.look_up(left), light.look_up(right), atol=1e-6)
+    np.testing.assert_allclose(light.lookup(left), light.lookup(right), atol=1e-6)
 
 
 @pytest.mark.parametrize("pole", [1.0, -1.0], ids=["+Y", "-Y"])
@@ -177,7 +177,7 @@ def test_look_up_goes_on_over_the_poles(pole):
     light = noise(LatLong(), 8)
     longitudes = np.linspace(0, np.pi, 13)
     step = 1e-9 * np.stack([np.sin(longitudes), np.zeros(13), np.cos(longitudes)], -1)
-    before, after = (light.look_up(normalised(s * step + [0, pole, 0])) for s in (-1, 1))
+    before, after = (light.lookup(normalised(s * step + [0, pole, 0])) for s in (-1, 1))
     np.testing.assert_allclose(before, after, atol=1e-6)
 
 
@@ -186,7 +186,7 @@ def test_a_great_circle_over_both_poles_and_the_seam_meets_no_jump():
     angle = np.linspace(0, 2 * np.pi, 20_001)
     circle = np.stack([np.zeros_like(angle), np.sin(angle), np.cos(angle)], -1) @ rotation_about(Y, 0.3).T
     # Radiance below 1 changes by at most 2 a pixel, and a pixel is π/8 wide: 2·8/π a radian.
-    assert np.abs(np.diff(light.look_up(circle), axis=0)).max() < 2 * 8 / np.pi * (angle[1] - angle[0]) * 1.01
+    assert np.abs(np.diff(light.lookup(circle), axis=0)).max() < 2 * 8 / np.pi * (angle[1] - angle[0]) * 1.01
 
 
 # --- moving light ----------------------------------------------------------------------------------------------------
@@ -274,7 +274,7 @@ def test_a_lone_bright_pixel_goes_where_the_rotation_takes_it(rotation, place):
 def test_turning_by_half_a_pixel_is_the_same_at_the_seam_as_elsewhere():
     light = noise(LatLong(), 8)
     turn = rotation_about(Y, np.pi / 16)
-    rolled = IlluminationMap(np.roll(light.radiance, 5, axis=1))
+    rolled = EnvironmentMap(np.roll(light.radiance, 5, axis=1))
     np.testing.assert_allclose(rolled.rotated(turn).radiance, np.roll(light.rotated(turn).radiance, 5, 1), atol=1e-5)
 
 
@@ -292,7 +292,7 @@ def test_turning_there_and_back_puts_smooth_light_where_it_was():
 
 
 def test_remapping_keeps_unit_and_takes_the_size_asked_for():
-    light = IlluminationMap(np.ones((8, 16, 3), np.float32), unit="cd/m²")
+    light = EnvironmentMap(np.ones((8, 16, 3), np.float32), unit="cd/m²")
     moved = light.remapped(Angular(), 12)
     assert (moved.unit, moved.mapping, moved.radiance.shape) == ("cd/m²", Angular(), (12, 12, 3))
     assert light.remapped(LatLong()).size == 8
@@ -305,22 +305,22 @@ def test_remapping_keeps_unit_and_takes_the_size_asked_for():
 
 @EVERY
 def test_light_written_as_a_picture_is_read_back_as_the_same_light(mapping):
-    light = IlluminationMap(noise(mapping, 6).radiance, mapping, "cd/m²")
+    light = EnvironmentMap(noise(mapping, 6).radiance, mapping, "cd/m²")
     picture = as_radiance_map(light)
     assert picture.attributes["mapping"] == mapping.name
-    back = as_illumination(picture)
+    back = as_environment(picture)
     assert (back.mapping, back.unit) == (mapping, "cd/m²")
     assert np.array_equal(back.radiance, light.radiance)
 
 
 def test_a_picture_twice_as_wide_as_high_is_a_lat_long():
-    assert as_illumination(RadianceMap(np.ones((3, 6, 3), np.float32))).mapping == LatLong()
+    assert as_environment(RadianceMap(np.ones((3, 6, 3), np.float32))).mapping == LatLong()
 
 
 @pytest.mark.parametrize(("height", "width"), [(6, 6), (4, 9)])
 def test_a_picture_of_another_shape_does_not_tell_its_mapping(height, width):
     with pytest.raises(ValueError, match=f"{width}×{height} pixels does not tell its mapping"):
-        as_illumination(RadianceMap(np.ones((height, width, 3), np.float32)))
+        as_environment(RadianceMap(np.ones((height, width, 3), np.float32)))
 
 
 @pytest.mark.parametrize(
@@ -334,7 +334,7 @@ def test_a_picture_of_another_shape_does_not_tell_its_mapping(height, width):
 )
 def test_a_map_of_the_wrong_shape_is_refused_with_the_shape_expected(shape, mapping, message):
     with pytest.raises(ValueError, match=message):
-        IlluminationMap(np.ones(shape, np.float32), mapping)
+        EnvironmentMap(np.ones(shape, np.float32), mapping)
 
 
 @pytest.mark.parametrize("value", [-1e-3, np.nan, np.inf])
@@ -342,4 +342,4 @@ def test_light_that_is_negative_or_not_finite_is_refused(value):
     radiance = np.ones((4, 8, 3), np.float32)
     radiance[1, 2, 0] = value
     with pytest.raises(ValueError, match="negative or non-finite"):
-        IlluminationMap(radiance)
+        EnvironmentMap(radiance)

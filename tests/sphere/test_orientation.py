@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from relume.image import files
-from relume.render.mitsuba import _mitsuba
-from relume.render.mitsuba_scene import sensor
-from relume.scene.camera import Camera
+from relume.renderers.mitsuba.path_tracer import _mitsuba
+from relume.renderers.mitsuba.scene import sensor
+from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
-from relume.sphere.illumination import IlluminationMap, as_radiance_map
-from relume.sphere.labelled_probe import GROUND, INK, LABELS, labelled_probe
-from relume.sphere.mappings import LatLong, pixel_directions
+from relume.sphere.environment_map import EnvironmentMap, as_radiance_map
+from relume.sphere.mappings.mapping import LatLong, pixel_directions
 from relume.sphere.orientation import ORIENTATIONS, Orientation, orientation_named, oriented, restored
+from relume.sphere.orientation_chart import GROUND, INK, LABELS, labelled_probe
 
 AXES = np.array([label.towards for label in LABELS.values()])
 COLOURS = np.array([label.colour for label in LABELS.values()])
@@ -173,7 +173,7 @@ def test_the_labelled_probe_laid_out_for_pbrt_shows_each_axis_where_pbrt_looks()
 def test_whole_columns_are_moved_without_touching_a_pixel():
     random = np.random.default_rng(1)
     clipped = random.integers(0, 2, (8, 16)).astype(np.uint8)
-    light = IlluminationMap(random.random((8, 16, 3)).astype(np.float32), unit="cd/m²", clipped=clipped)
+    light = EnvironmentMap(random.random((8, 16, 3)).astype(np.float32), unit="cd/m²", clipped=clipped)
     for name, columns in (("radiance", 0), ("blender", -4), ("usd", 8)):
         laid_out = oriented(light, ORIENTATIONS[name])
         np.testing.assert_array_equal(laid_out.radiance, np.roll(light.radiance, columns, axis=1))
@@ -183,7 +183,7 @@ def test_whole_columns_are_moved_without_touching_a_pixel():
 
 def smooth(size=64):
     directions = pixel_directions(LatLong(), size)
-    return IlluminationMap((2 + directions @ [[1, 0.2, 0], [0, 1, 0.3], [0.5, 0, 1]]).astype(np.float32))
+    return EnvironmentMap((2 + directions @ [[1, 0.2, 0], [0, 1, 0.3], [0.5, 0, 1]]).astype(np.float32))
 
 
 @pytest.mark.parametrize("name", ORIENTATIONS)
@@ -215,7 +215,7 @@ def test_mitsuba_shows_every_axis_where_it_is_and_as_we_do(tmp_path):
             camera = Camera(31, 31, 31.0, np.zeros(3), np.stack([label.right, label.up, -label.towards], axis=1))
             found = np.array(mi.render(world, sensor=mi.load_dict(sensor(mi, camera)), integrator=path, spp=16))
             np.testing.assert_allclose(found[15, 15], label.colour, atol=0.01)
-            ours = probe.look_up(camera.rays()).reshape(found.shape)
+            ours = probe.lookup(camera.rays()).reshape(found.shape)
             straight, mirrored, turned = (
                 np.abs(picture - ours).mean() for picture in (found, found[:, ::-1], found[::-1, ::-1])
             )
@@ -247,10 +247,10 @@ def test_a_mirrored_map_is_flipped():
 
 def test_the_probe_shows_six_colours_and_no_two_alike():
     probe = labelled_probe(128)
-    np.testing.assert_allclose(probe.look_up(AXES), COLOURS, atol=0.01)
+    np.testing.assert_allclose(probe.lookup(AXES), COLOURS, atol=0.01)
     assert len({tuple(colour) for colour in COLOURS}) == 6
     assert probe.radiance.shape == (128, 256, 3) and probe.radiance.max() <= 1 and probe.radiance.min() >= INK - 1e-6
-    np.testing.assert_allclose(probe.look_up(normalised([1, 1, 0.35])), GROUND, atol=0.15)
+    np.testing.assert_allclose(probe.lookup(normalised([1, 1, 0.35])), GROUND, atol=0.15)
 
 
 @pytest.mark.parametrize("name", LABELS)
@@ -260,7 +260,7 @@ def test_a_label_reads_sign_before_letter_for_who_stands_inside(name):
     probe = labelled_probe(256)
 
     def ink(x, y):
-        found = probe.look_up(normalised(label.towards + x * label.right + y * label.up))
+        found = probe.lookup(normalised(label.towards + x * label.right + y * label.up))
         return bool(np.abs(found - INK).max() < 0.02)
 
     minus, plus = ink(-0.3, 0) and ink(-0.18, 0), ink(-0.24, 0.09) and ink(-0.24, -0.09)

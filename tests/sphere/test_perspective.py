@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
-from relume.sphere.cubes import Strip
 from relume.sphere.directions import look_at, normalised, rotation_about
-from relume.sphere.discs import Angular
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, Mapping, pixel_points
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.cubes import Strip
+from relume.sphere.mappings.discs import Angular
+from relume.sphere.mappings.mapping import LatLong, Mapping, pixel_points
 from relume.sphere.perspective import perspective_view, with_view
 
 AHEAD = np.eye(3)
@@ -18,7 +18,7 @@ ASIDE = look_at([0, 0, 0], [1, 0.4, -0.3])
 def smooth(mapping: Mapping = LatLong(), size=128, unit="relative"):
     towards = np.nan_to_num(mapping.directions(mapping.shown(pixel_points(mapping, size))))
     values = 2 + towards @ np.array([[0.5, 0.1, -0.3], [0.7, -0.2, 0.1], [-0.3, 0.9, 0.2]])
-    return IlluminationMap(values.astype(np.float32), mapping, unit)
+    return EnvironmentMap(values.astype(np.float32), mapping, unit)
 
 
 def rays(rotation, field, width, height):
@@ -47,7 +47,7 @@ def test_the_front_face_of_a_cube_is_the_view_ahead():
 
 def test_a_view_averages_what_is_finer_than_its_pixels():
     stripes = np.broadcast_to((np.arange(1024) % 2.0)[None, :, None], (512, 1024, 3)).astype(np.float32)
-    view = perspective_view(IlluminationMap(stripes), AHEAD, np.radians(90), (30, 20))
+    view = perspective_view(EnvironmentMap(stripes), AHEAD, np.radians(90), (30, 20))
     # A pixel at the edge is 5.4 columns wide, so a mean over its area is off by up to half a column of them.
     assert np.abs(view.radiance - 0.5).max() < 0.5 / 5.4
 
@@ -55,7 +55,7 @@ def test_a_view_averages_what_is_finer_than_its_pixels():
 def test_a_lamp_in_view_keeps_its_light():
     radiance = np.full((128, 256, 3), 1e-3, np.float32)
     radiance[60, 130] = 1e4
-    view = perspective_view(IlluminationMap(radiance), AHEAD, np.radians(60), (48, 32))
+    view = perspective_view(EnvironmentMap(radiance), AHEAD, np.radians(60), (48, 32))
     x, y = np.meshgrid((np.arange(48) + 0.5) / 24 - 1, (np.arange(32) + 0.5) / 24 - 32 / 48)
     tangent = np.tan(np.radians(30))
     angles = (tangent / 24) ** 2 / (1 + tangent**2 * (x**2 + y**2)) ** 1.5
@@ -99,7 +99,7 @@ def test_marks_follow_the_picture():
     assert back.clipped is not None
     assert back.clipped[64, 128] == SATURATED
     assert back.clipped[64, 20] == 0
-    covered = IlluminationMap(light.radiance, clipped=np.full((128, 256), OUTSIDE, np.uint8))
+    covered = EnvironmentMap(light.radiance, clipped=np.full((128, 256), OUTSIDE, np.uint8))
     seen = with_view(covered, RadianceMap(picture.radiance), AHEAD, np.radians(40)).clipped
     assert seen is not None
     assert (seen[64, 128], seen[64, 20]) == (0, OUTSIDE)

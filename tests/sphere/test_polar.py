@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from lights import spiky, spread
+from relume.sphere.bilinear_kernels import arctangent2, looked_up, padded, polar_point
 from relume.sphere.directions import normalised
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.polar import arctangent2, looked_up, padded, polar_point
+from relume.sphere.environment_map import EnvironmentMap
 
 
 @numba.njit
@@ -33,7 +33,7 @@ def seen(light, directions):
 
 def smooth(size):
     """Every pixel differs by a little from the next, so that float32 directions do not."""
-    return IlluminationMap((2 + np.random.default_rng(1).random((size, 2 * size, 3))).astype(np.float32))
+    return EnvironmentMap((2 + np.random.default_rng(1).random((size, 2 * size, 3))).astype(np.float32))
 
 
 AXES = np.concatenate([np.eye(3), -np.eye(3)])
@@ -55,14 +55,14 @@ def test_a_kernel_looks_up_what_the_map_looks_up(directions, size):
     light = smooth(size)
     # Both are asked about the direction as float32 holds it.
     directions = directions.astype(np.float32).astype(np.float64)
-    np.testing.assert_allclose(seen(light, directions), light.look_up(directions), rtol=1e-5)
+    np.testing.assert_allclose(seen(light, directions), light.lookup(directions), rtol=1e-5)
 
 
 def test_a_kernel_looks_up_a_sun_beside_the_dark():
     # float32 places a point to 4e-7 rad, so a share of the sun's edge may differ, but nothing of its size.
     light = spiky(64)
     directions = spread(5000).astype(np.float32).astype(np.float64)
-    np.testing.assert_allclose(seen(light, directions), light.look_up(directions), atol=1e-5 * light.radiance.max())
+    np.testing.assert_allclose(seen(light, directions), light.lookup(directions), atol=1e-5 * light.radiance.max())
 
 
 def test_a_kernel_looks_up_directions_of_any_length():

@@ -5,11 +5,11 @@ import pytest
 from scipy.special import sph_harm_y
 
 from relume.sphere.directions import normalised, rotation_about
-from relume.sphere.harmonic_rotation import euler_angles, wigner_matrices
-from relume.sphere.harmonics import wigner
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, mapping_named, pixel_directions
-from relume.sphere.spherical_harmonics import Hann, Harmonics, Lanczos, basis, cosine_factors, project
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.harmonics.rotation import euler_angles, wigner_matrices
+from relume.sphere.harmonics.spherical_harmonics import Hann, Harmonics, Lanczos, basis, cosine_factors, project
+from relume.sphere.harmonics.transform import wigner
+from relume.sphere.mappings.mapping import LatLong, mapping_named, pixel_directions
 
 X, Y, Z = np.eye(3)
 ROTATIONS = {
@@ -33,7 +33,7 @@ def random_harmonics(degree, seed=1):
 
 def spiky(mapping, size, seed=4):
     random = np.random.default_rng(seed).random((*mapping.shape(size), 3))
-    return IlluminationMap((random**6).astype(np.float32), mapping)
+    return EnvironmentMap((random**6).astype(np.float32), mapping)
 
 
 def gauss(degree):
@@ -205,7 +205,7 @@ def test_a_map_holds_the_harmonics_at_the_middles_of_its_pixels(name):
 
 
 def test_constant_light_has_one_coefficient_and_gives_pi():
-    light = project(IlluminationMap(np.full((64, 128, 3), 2.0, np.float32), unit="cd/m²"), 10)
+    light = project(EnvironmentMap(np.full((64, 128, 3), 2.0, np.float32), unit="cd/m²"), 10)
     assert light.unit == "cd/m²"
     assert light.coefficients[0] == pytest.approx(2 * np.sqrt(4 * np.pi), rel=1e-12)
     assert np.abs(light.coefficients[1:]).max() < 3e-3
@@ -231,14 +231,14 @@ def test_degree_two_errs_by_no_more_than_three_thirty_seconds_of_the_light():
     lone[20, 30] = 1 / LatLong().solid_angles(64)[20, 30]
     towards = pixel_directions(LatLong(), 64)[20, 30]
     side = normalised(np.cross(towards, Z))
-    found = project(IlluminationMap(lone), 2).irradiance(np.stack([towards, side, -towards]))[:, 0]
+    found = project(EnvironmentMap(lone), 2).irradiance(np.stack([towards, side, -towards]))[:, 0]
     assert found == pytest.approx([1 + 1 / 16, 3 / 32, 1 / 16], rel=1e-6)
 
 
 def test_windows_take_away_the_ringing():
     lone = np.zeros((32, 64, 3), np.float32)
     lone[8, 20] = 1000
-    harmonics = project(IlluminationMap(lone), 12)
+    harmonics = project(EnvironmentMap(lone), 12)
     values = [each.evaluate(spread(2000)) for each in (harmonics, *map(harmonics.windowed, (Lanczos(), Hann())))]
     # How far below 0 they go, as a share of their peaks.
     plain, lanczos, hann = (-each.min() / each.max() for each in values)
@@ -256,12 +256,12 @@ def test_negative_light_is_told():
     lone = np.zeros((32, 64, 3), np.float32)
     lone[8, 20] = 1000
     with pytest.warns(UserWarning, match=r"degree 6 ring below 0: \d+\.\d% of the light"):
-        shown = project(IlluminationMap(lone), 6).as_map(16)
+        shown = project(EnvironmentMap(lone), 6).as_map(16)
     assert shown.radiance.min() == 0
 
 
 def test_a_wrong_call_is_told():
-    light = IlluminationMap(np.ones((2, 4, 3), np.float32))
+    light = EnvironmentMap(np.ones((2, 4, 3), np.float32))
     for degree in (-1, 1001):
         with pytest.raises(ValueError, match="expected 0 to 1000"):
             project(light, degree)

@@ -5,29 +5,29 @@ from functools import lru_cache, partial
 import numpy as np
 import pytest
 
-import relume.sphere.resampling as engine
+import relume.sphere.resampling.resampling as engine
 from lights import lone
 from relume._kernel import in_threads
 from relume.image.files import read_radiance
 from relume.image.radiance import OUTSIDE, SATURATED
-from relume.sphere import pushing
-from relume.sphere.cubes import Cross, Strip, VerticalCross
 from relume.sphere.directions import normalised, rotation_about
-from relume.sphere.discs import Angular, Fisheye, Hemispheres, MirrorBall
-from relume.sphere.illumination import IlluminationMap, as_illumination
-from relume.sphere.layouts import layout
-from relume.sphere.mapping_kernels import solid_angle
-from relume.sphere.mappings import LatLong, Mapping, pixel_directions, pixel_points
-from relume.sphere.resampling import resampled
-from relume.sphere.squares import EqualArea, Octahedral
+from relume.sphere.environment_map import EnvironmentMap, as_environment
+from relume.sphere.mappings.cubes import CubeCross, Strip, VerticalCubeCross
+from relume.sphere.mappings.discs import Angular, Fisheye, Hemispheres, MirrorBall
+from relume.sphere.mappings.kernels import solid_angle
+from relume.sphere.mappings.layouts import layout
+from relume.sphere.mappings.mapping import LatLong, Mapping, pixel_directions, pixel_points
+from relume.sphere.mappings.squares import EqualArea, Octahedral
+from relume.sphere.resampling import splatting as pushing
+from relume.sphere.resampling.resampling import resampled
 
 WHOLE: list[Mapping] = [
     LatLong(),
     Angular(),
     MirrorBall(),
     Hemispheres(),
-    Cross(),
-    VerticalCross(),
+    CubeCross(),
+    VerticalCubeCross(),
     Strip(),
     Octahedral(),
     EqualArea(),
@@ -61,12 +61,12 @@ def middles(mapping, size):
 def of_directions(function, mapping=LatLong(), size=None):
     size = size or rows(mapping)
     values = np.where(mapping.solid_angles(size) > 0, function(middles(mapping, size)), 0)
-    return IlluminationMap(np.repeat(values[..., None], 3, axis=-1).astype(np.float32), mapping)
+    return EnvironmentMap(np.repeat(values[..., None], 3, axis=-1).astype(np.float32), mapping)
 
 
 def noise(mapping, size=None, seed=3):
     random = np.random.default_rng(seed).random((*mapping.shape(size or rows(mapping)), 3), np.float32)
-    return IlluminationMap(random, mapping)
+    return EnvironmentMap(random, mapping)
 
 
 def with_a_sun(mapping=LatLong(), size=None, towards=SUN):
@@ -89,7 +89,7 @@ def averaged(light, mapping, size, rotation, cells=16):
     towards = mapping.directions(points) @ rotation
     shown = ~np.isnan(towards[..., 0])
     weight = np.where(shown, mapping.solid_angles(size * cells), 0)[..., None]
-    found = light.look_up(np.where(shown[..., None], towards, [0.0, 0.0, 1.0])) * weight
+    found = light.lookup(np.where(shown[..., None], towards, [0.0, 0.0, 1.0])) * weight
     height, width = mapping.shape(size)
     summed, whole = (a.reshape(height, cells, width, cells, -1).sum((1, 3)) for a in (found, weight))
     return summed / np.maximum(whole, 1e-300)
@@ -140,7 +140,7 @@ def test_a_sun_is_found_where_the_mapping_says(mapping):
 def test_a_quarter_turn_and_a_mapping_put_a_lamp_into_the_pixels_worked_out_by_hand():
     radiance = np.zeros((32, 64, 3), np.float32)
     radiance[16, 32] = 1  # just right of and below −Z
-    light = IlluminationMap(radiance)
+    light = EnvironmentMap(radiance)
     # Right-handed about +Y takes −Z to −X: in an angular map that is half a radius left of the middle.
     turned = resampled(light, Angular(), 64, rotation_about([0, 1, 0], np.pi / 2))
     assert np.unravel_index(turned.radiance[..., 0].argmax(), (64, 64)) in [(31, 16), (32, 16), (32, 15), (31, 15)]
@@ -164,7 +164,7 @@ def test_total_and_first_moment_are_kept_with_a_sun(source, target):
 @PAIRS
 def test_constant_light_stays_constant(source, target):
     value = np.array([0.3, 1.7, 1e-5], np.float32)
-    light = IlluminationMap(np.broadcast_to(value, (*source.shape(rows(source)), 3)).copy(), source, "cd/m²")
+    light = EnvironmentMap(np.broadcast_to(value, (*source.shape(rows(source)), 3)).copy(), source, "cd/m²")
     moved = resampled(light, target, rows(target), ASKEW)
     shown = target.solid_angles(rows(target)) > 0
     np.testing.assert_allclose(moved.radiance[shown], np.broadcast_to(value, (shown.sum(), 3)), rtol=4e-7)
@@ -180,7 +180,7 @@ def test_no_lone_pixel_is_lost_wherever_it_is(mapping):
     for row, column in places[:: len(places) // 25]:
         radiance = np.zeros((*mapping.shape(size), 3), np.float32)
         radiance[row, column] = 8, 4, 2
-        light = IlluminationMap(radiance, mapping)
+        light = EnvironmentMap(radiance, mapping)
         for other in (LatLong(), MirrorBall(), Strip()):
             moved = resampled(light, other, rows(other), ASKEW)
             assert moved.total() == pytest.approx(light.total(), rel=2e-3)
@@ -250,7 +250,7 @@ def test_a_shrinking_map_is_averaged_over_areas_as_by_its_slow_twin(mapping):
 def test_a_pattern_too_fine_for_the_target_leaves_no_pattern_behind():
     columns = np.arange(512)
     stripes = np.broadcast_to((columns % 2 * 1.0)[None, :, None], (256, 512, 3)).astype(np.float32)
-    moved = resampled(IlluminationMap(stripes), Angular(), 64, np.eye(3))
+    moved = resampled(EnvironmentMap(stripes), Angular(), 64, np.eye(3))
     # Farther out an angular map's pixels are so narrow across their radius that they do show single stripes.
     inside = np.hypot(*np.moveaxis(pixel_points(Angular(), 64) - 0.5, -1, 0)) < 0.38
     assert np.abs(moved.radiance[inside] - 0.5).max() < 0.12
@@ -269,13 +269,13 @@ def test_a_growing_map_shows_no_edges_of_pixels():
 
 def test_the_result_does_not_depend_on_the_number_of_threads(monkeypatch):
     light = with_a_sun()
-    several = resampled(light, Cross(), 192, ASKEW).radiance
+    several = resampled(light, CubeCross(), 192, ASKEW).radiance
     monkeypatch.setattr(engine, "in_threads", partial(in_threads, threads=1))
-    assert np.array_equal(resampled(light, Cross(), 192, ASKEW).radiance, several)
+    assert np.array_equal(resampled(light, CubeCross(), 192, ASKEW).radiance, several)
 
 
 def test_light_that_is_not_turned_is_the_very_light_and_whole_pixels_are_rolled():
-    light = IlluminationMap(noise(LatLong()).radiance, clipped=np.eye(64, 128, dtype=np.uint8))
+    light = EnvironmentMap(noise(LatLong()).radiance, clipped=np.eye(64, 128, dtype=np.uint8))
     assert resampled(light, LatLong(), 64, np.eye(3)) is light
     turned = resampled(light, LatLong(), 64, rotation_about([0, 1, 0], 2 * np.pi * 5 / 128))
     assert np.array_equal(turned.radiance, np.roll(light.radiance, -5, axis=1))
@@ -292,7 +292,7 @@ def test_marks_travel_and_one_saturated_pixel_is_not_lost(mapping):
     marks = np.zeros((128, 256), np.uint8)
     marks[40, 70] = SATURATED
     marks[80:] = OUTSIDE
-    light = IlluminationMap(noise(LatLong(), 128).radiance, clipped=marks)
+    light = EnvironmentMap(noise(LatLong(), 128).radiance, clipped=marks)
     size = max(rows(mapping) // 2, 16)
     moved = resampled(light, mapping, size, np.eye(3))
     assert moved.clipped is not None
@@ -308,9 +308,7 @@ def test_marks_travel_and_one_saturated_pixel_is_not_lost(mapping):
 
 
 def test_what_a_fisheye_does_not_show_is_black_and_marked():
-    light = IlluminationMap(
-        np.full((64, 64, 3), 2, np.float32) * (Fisheye().solid_angles(64) > 0)[..., None], Fisheye()
-    )
+    light = EnvironmentMap(np.full((64, 64, 3), 2, np.float32) * (Fisheye().solid_angles(64) > 0)[..., None], Fisheye())
     moved = resampled(light, LatLong(), 64, np.eye(3))
     front = LatLong().directions(pixel_points(LatLong(), 64))[..., 2] < 0
     assert moved.clipped is not None
@@ -357,7 +355,7 @@ GRACE_MISSES = pytest.mark.xfail(
     ids=["sun", "sun to ball", "grace", "grace to ball"],
 )
 def test_real_maps_at_512_rows_keep_total_moment_and_irradiance_to_a_thousandth(shared, path, to_balls):
-    whole = as_illumination(read_radiance(shared / "data" / path))
+    whole = as_environment(read_radiance(shared / "data" / path))
     normals = normalised(np.random.default_rng(0).normal(size=(200, 3)))
     lights = {m.name: resampled(whole, m, 510 if m.name == "cross" else 512, np.eye(3)) for m in WHOLE}
 

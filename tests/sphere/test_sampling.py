@@ -5,13 +5,13 @@ import pytest
 from scipy import stats
 
 from lights import WHOLE, fitting
-from relume.sphere.cubes import Cross
 from relume.sphere.directions import normalised
-from relume.sphere.discs import Angular, Fisheye, MirrorBall
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, pixel_points
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.cubes import CubeCross
+from relume.sphere.mappings.discs import Angular, Fisheye, MirrorBall
+from relume.sphere.mappings.mapping import LatLong, pixel_points
+from relume.sphere.mappings.squares import Octahedral
 from relume.sphere.sampling import Sampler, _pixels, pixel_boxes
-from relume.sphere.squares import Octahedral
 
 EVERY = (*WHOLE, Fisheye(np.pi), Fisheye(1.0))
 MAPPINGS = pytest.mark.parametrize("mapping", EVERY, ids=[f"{m.name} {k}" for k, m in enumerate(EVERY)])
@@ -22,7 +22,7 @@ LEVEL = 0.01
 def spiky(mapping, size, seed=3):
     """Dark and bright pixels side by side, some black."""
     random = np.random.default_rng(seed).random((*mapping.shape(size), 3))
-    return IlluminationMap(np.where(random < 0.2, 0, random**3).astype(np.float32), mapping)
+    return EnvironmentMap(np.where(random < 0.2, 0, random**3).astype(np.float32), mapping)
 
 
 def uniform(count, seed=0):
@@ -75,13 +75,13 @@ def test_a_million_drawn_are_what_the_density_says(mapping):
 @pytest.mark.parametrize("rows", [1, 2])
 def test_the_fewest_pixels_are_drawn_evenly_too(mapping, rows):
     size = fitting(mapping, rows)
-    light = IlluminationMap(np.ones((*mapping.shape(size), 3), np.float32), mapping)
+    light = EnvironmentMap(np.ones((*mapping.shape(size), 3), np.float32), mapping)
     assert p_value(Sampler(light), numbers(20_000), 8) > LEVEL
 
 
 def test_chi_squared_finds_directions_that_bunch_within_pixels():
     # Uniform in the image's rows is not uniform in solid angle: too many near the poles.
-    light = IlluminationMap(np.ones((4, 8, 3), np.float32))
+    light = EnvironmentMap(np.ones((4, 8, 3), np.float32))
     directions = LatLong().directions(numbers(50_000))
     j, i = _pixels(LatLong(), directions, 8, 16)
     counts, areas = np.bincount(j * 16 + i, minlength=128), LatLong().solid_angles(8).ravel()
@@ -122,18 +122,18 @@ def test_the_density_integrates_to_one(mapping):
 
 
 def test_beside_what_a_map_shows_there_is_no_density():
-    light = IlluminationMap(np.ones((8, 8, 3), np.float32), Fisheye(np.pi))
+    light = EnvironmentMap(np.ones((8, 8, 3), np.float32), Fisheye(np.pi))
     assert Sampler(light).pdf(np.array([[0, 0, 1.0], [0, 0, -1.0]])) == pytest.approx([0, 1 / (2 * np.pi)], rel=1e-2)
 
 
 def test_one_bright_pixel_gets_all():
     radiance = np.zeros((16, 32, 3), np.float32)
     radiance[5, 20] = 3
-    directions, density = Sampler(IlluminationMap(radiance)).sample(numbers(1000))
+    directions, density = Sampler(EnvironmentMap(radiance)).sample(numbers(1000))
     points = LatLong().image_points(directions)
     assert np.all((points * (32, 16)).astype(int) == (20, 5))
     assert density == pytest.approx(np.full(1000, 1 / LatLong().solid_angles(16)[5, 20]))
-    assert Sampler(IlluminationMap(radiance)).pdf(-directions) == pytest.approx(0)
+    assert Sampler(EnvironmentMap(radiance)).pdf(-directions) == pytest.approx(0)
 
 
 def test_the_ends_of_the_numbers_fall_into_bright_pixels():
@@ -141,28 +141,28 @@ def test_the_ends_of_the_numbers_fall_into_bright_pixels():
     radiance[1:3, 2:5] = np.random.default_rng(0).random((2, 3, 3)) + 0.1
     last = np.nextafter(1, 0)
     ends = np.array([[0, 0], [last, last], [0, last], [last, 0], [0.5, 0.5]])
-    _, density = Sampler(IlluminationMap(radiance)).sample(ends)
+    _, density = Sampler(EnvironmentMap(radiance)).sample(ends)
     assert np.all(density > 0)
 
 
 def test_density_is_in_proportion_to_luminance():
     radiance = np.zeros((2, 4, 3), np.float32)
     radiance[0, 0], radiance[1, 2] = (1, 0, 0), (0, 1, 0)
-    sampler = Sampler(IlluminationMap(radiance))
+    sampler = Sampler(EnvironmentMap(radiance))
     red, green = sampler.pdf(LatLong().directions(np.array([[1 / 8, 1 / 4], [5 / 8, 3 / 4]])))
     assert green / red == pytest.approx(0.7152 / 0.2126, rel=1e-6)
-    brightest = Sampler(IlluminationMap(radiance), lambda radiance: radiance.max(-1))
+    brightest = Sampler(EnvironmentMap(radiance), lambda radiance: radiance.max(-1))
     assert brightest.pdf(LatLong().directions(np.array([1 / 8, 1 / 4]))) == pytest.approx(1 / np.pi, rel=1e-6)
 
 
-@pytest.mark.parametrize("mapping", [LatLong(), MirrorBall(), Cross()], ids=lambda m: m.name)
+@pytest.mark.parametrize("mapping", [LatLong(), MirrorBall(), CubeCross()], ids=lambda m: m.name)
 def test_irradiance_summed_over_what_is_drawn_is_unbiased_and_far_less_noisy(mapping):
     size = fitting(mapping, 48)
     light = spiky(mapping, size)
     radiance = light.radiance.copy()
     row, column = np.unravel_index(np.argmax(mapping.solid_angles(size)), mapping.shape(size))
     radiance[row, column] = 3000
-    light = IlluminationMap(radiance, mapping)
+    light = EnvironmentMap(radiance, mapping)
     towards = mapping.directions(np.array([column + 0.5, row + 0.5]) / mapping.shape(size)[::-1])
     normal, count = normalised(towards + np.array([0.3, 0.2, 0.4])), 40_000
     directions, density = Sampler(light).sample(numbers(count))
@@ -175,7 +175,7 @@ def test_irradiance_summed_over_what_is_drawn_is_unbiased_and_far_less_noisy(map
     evenly = values(uniform(count), 1 / (4 * np.pi))
     # The truth over 4 × 4 cells of every pixel.
     fine = np.repeat(np.repeat(light.radiance, 4, 0), 4, 1)
-    truth = IlluminationMap(fine, mapping).irradiance(normal)[1]
+    truth = EnvironmentMap(fine, mapping).irradiance(normal)[1]
     assert abs(drawn.mean() - truth) < 4 * drawn.std() / np.sqrt(count) + 1e-5 * truth
     assert drawn.std() < 0.1 * evenly.std()
 
@@ -195,9 +195,9 @@ def test_no_number_gives_no_direction():
 
 
 def test_a_wrong_call_is_told():
-    light = IlluminationMap(np.ones((2, 4, 3), np.float32))
+    light = EnvironmentMap(np.ones((2, 4, 3), np.float32))
     with pytest.raises(ValueError, match="black all over"):
-        Sampler(IlluminationMap(np.zeros((2, 4, 3), np.float32)))
+        Sampler(EnvironmentMap(np.zeros((2, 4, 3), np.float32)))
     with pytest.raises(ValueError, match="brightness is negative"):
         Sampler(light, lambda radiance: radiance[..., 0] - 2)
     with pytest.raises(ValueError, match=r"expected \(N, 2\)"):

@@ -9,29 +9,29 @@ from typing import TypeVar
 
 import numpy as np
 
-from relume.capture.absolute import Scale, calibrated
-from relume.capture.alignment import Aligned, align
-from relume.capture.bracket import Bracket, FrameFacts
-from relume.capture.calibration import (
+from relume.capture.alignment.alignment import Aligned, align
+from relume.capture.clipping_report import Extent, extent
+from relume.capture.exposure.bracket import Bracket, FrameFacts
+from relume.capture.exposure.consistency import NOTHING_TO_DO, Doubt, check
+from relume.capture.ghosts.deghosting import Consistency, Deghosted, deghost
+from relume.capture.lens.glare import Glare, diminish_glare
+from relume.capture.lens.vignetting import Vignetting
+from relume.capture.lens.vignetting import corrected as without_vignetting
+from relume.capture.merging import merge
+from relume.capture.provenance import provenance
+from relume.capture.raw.sensor import Sensor
+from relume.capture.response.calibration import (
     DOUBTFUL_MISFIT,
     Calibration,
     ResponseMethod,
     corrected,
     recover_response,
 )
-from relume.capture.consistency import NOTHING_TO_DO, Doubt, check
-from relume.capture.debevec_malik import DebevecMalik
-from relume.capture.deghosting import Consistency, Deghosted, deghost
-from relume.capture.extent import Extent, extent
-from relume.capture.glare import Glare, diminish_glare
-from relume.capture.luminaire import Balance, balanced
-from relume.capture.merging import merge
-from relume.capture.provenance import provenance
-from relume.capture.ratios import Ratios
-from relume.capture.sensor import Sensor
-from relume.capture.steps import Steps
-from relume.capture.vignetting import Vignetting
-from relume.capture.vignetting import corrected as without_vignetting
+from relume.capture.response.debevec_malik import DebevecMalik
+from relume.capture.response.ratios import Ratios
+from relume.capture.scale.absolute import Scale, calibrated
+from relume.capture.scale.luminaire import Balance, balanced
+from relume.capture.step_timing import Steps
 from relume.capture.weighting import InverseVariance, Weighting
 from relume.errors import NotABracket
 from relume.image.photograph import Exposure
@@ -47,7 +47,7 @@ observations a curve is a guess: sixteen scans of film, whose blue is hardly see
 
 
 @dataclass(frozen=True)
-class Treatment:
+class MergeSettings:
     """What is done to photographs on their way to radiance.
 
     method : that recovers the response
@@ -76,7 +76,7 @@ class Treatment:
     scale: Callable[[RadianceMap, Bracket, Response], Scale] | None = None
     focal_length: float | None = None
 
-    def read_once(self) -> Treatment:
+    def read_once(self) -> MergeSettings:
         """The same, but what is read in one map, glare, balance or scale, is taken for all: they share one scale."""
         return replace(
             self,
@@ -171,7 +171,7 @@ def measure(
     brackets: Bracket | Sequence[Bracket],
     *,
     response: Response | None = None,
-    treatment: Treatment = Treatment(),
+    treatment: MergeSettings = MergeSettings(),
     told: Callable[[str], None] = lambda step: None,
 ) -> Measurement:
     """Check, align, recover the response, take out ghosts, merge, and take out what the lens added.
@@ -222,7 +222,7 @@ def measure(
     )
 
 
-def _recovered(brackets: Sequence[Bracket], doubts: Sequence[Sequence[Doubt]], treatment: Treatment) -> Calibration:
+def _recovered(brackets: Sequence[Bracket], doubts: Sequence[Sequence[Doubt]], treatment: MergeSettings) -> Calibration:
     """The calibration, balanced; where there is none, the doubt that tells why stands in for the mere fact."""
     try:
         calibration = recover_response(brackets, method=treatment.method, refine=treatment.refine)
@@ -256,7 +256,7 @@ def _measured(
     response: Response,
     aligned: Aligned | None,
     doubts: tuple[Doubt, ...],
-    treatment: Treatment,
+    treatment: MergeSettings,
     steps: Steps,
 ) -> Measured:
     deghosted = None
@@ -291,7 +291,7 @@ def _warn_of_an_odd_frame(deghosted: Deghosted) -> None:
 
 
 def without_lens(
-    picture: RadianceMap, exposures: Sequence[Exposure], treatment: Treatment, steps: Steps
+    picture: RadianceMap, exposures: Sequence[Exposure], treatment: MergeSettings, steps: Steps
 ) -> tuple[RadianceMap, Balance | None]:
     """The map without the glare and the vignetting of its lens, in balance, as far as `treatment` tells of them.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume.capture.bracket import Bracket
+from relume.capture.exposure.bracket import Bracket
 from relume.capture.weighting import InverseVariance, Weighting
 from relume.errors import NotABracket
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap

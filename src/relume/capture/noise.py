@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import nnls
 
-from relume.capture.sampling import Observations
+from relume.capture.response.sampling import Observations
 
 ROUNDING = 1 / 12
 """Variance of a pixel value from rounding alone."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from relume.image.files.gps import text_of
+from relume.image.files.metadata.gps import text_of
 from relume.image.photograph import Photograph
 
 

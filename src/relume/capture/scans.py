@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.capture.bracket import Bracket
+from relume.capture.exposure.bracket import Bracket
 from relume.capture.merging import clipping_bounds, merge
 from relume.capture.weighting import InverseVariance, Weighting
 from relume.errors import NotABracket

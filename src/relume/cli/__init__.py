@@ -38,7 +38,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help_epilogue="`relume COMMAND --help` tells each command's options. Angles are degrees, lengths metres.",
     )
     for name, help_text in COMMANDS.items():
-        app.command(f"relume.cli.{name}:{name}", name=name, help=help_text)
+        module = "relume.cli.stage.stage" if name == "stage" else f"relume.cli.{name}"
+        app.command(f"{module}:{name}", name=name, help=help_text)
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
         app(words, exit_on_error=False, print_error=False, result_action="return_value")

@@ -18,7 +18,7 @@ from cyclopts import Parameter
 from relume.errors import DoubtfulResult, Interrupted, OutputNotWritten, RelumeError
 
 if TYPE_CHECKING:
-    from relume.render.interruption import Force
+    from relume.renderers.progressive.graceful_shutdown import Force
 
 _LONG = 96
 """Characters of a fact that a terminal shows on one line, beside its name."""
@@ -76,7 +76,7 @@ def speaking(manner: Manner) -> Iterator[None]:
 
 def force() -> Force:
     """How a long render is ended in time: by this process's own end, said in one line."""
-    from relume.render.interruption import Force
+    from relume.renderers.progressive.graceful_shutdown import Force
 
     def end(number: int, words: str) -> None:
         if words:

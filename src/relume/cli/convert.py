@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from relume.image.files import Encoding
     from relume.image.radiance import RadianceMap
-    from relume.sphere.illumination import IlluminationMap
-    from relume.sphere.mappings import Mapping
+    from relume.sphere.environment_map import EnvironmentMap
+    from relume.sphere.mappings.mapping import Mapping
 
 MAPPINGS = (
     "latlong, angular, ball, cross, cross-vertical, strip, faces, octahedral, equalarea, hemispheres, "
@@ -125,9 +125,9 @@ def convert(
     """
     from relume.image import files
     from relume.sphere.audit import audit, losses
-    from relume.sphere.cube import mirrored_strip
-    from relume.sphere.illumination import as_radiance_map
-    from relume.sphere.labelled_probe import labelled_probe
+    from relume.sphere.environment_map import as_radiance_map
+    from relume.sphere.mip_cube import mirrored_strip
+    from relume.sphere.orientation_chart import labelled_probe
 
     with speaking(manner):
         paths_in = files_in or []
@@ -240,16 +240,16 @@ def _refuse_mixtures(
 
 def _camera(text: str) -> np.ndarray:
     """The rotation of a camera: yaw to the right, pitch up, roll clockwise."""
-    from relume.probe.panorama_views import orientation
+    from relume.probe.panorama.views import orientation
 
     return orientation(*read_angles(text, "--view"))
 
 
-def _fine_enough(light: IlluminationMap, mapping: Mapping) -> int:
+def _fine_enough(light: EnvironmentMap, mapping: Mapping) -> int:
     """Rows as fine as the light's, rounded up: to a power of two a cube's face, else to a multiple of 64."""
     import math
 
-    from relume.sphere.matching import matching_size
+    from relume.sphere.mappings.matching_size import matching_size
 
     rows = matching_size(light, mapping)
     if mapping == light.mapping:
@@ -259,7 +259,7 @@ def _fine_enough(light: IlluminationMap, mapping: Mapping) -> int:
     return min(rounded, LARGEST // max(faces, 1) * max(faces, 1))
 
 
-def _laid_out(light: IlluminationMap, host: str, size: int | None) -> tuple[IlluminationMap, str]:
+def _laid_out(light: EnvironmentMap, host: str, size: int | None) -> tuple[EnvironmentMap, str]:
     from relume.sphere.orientation import orientation_named, oriented
 
     orientation = orientation_named(host)
@@ -267,7 +267,7 @@ def _laid_out(light: IlluminationMap, host: str, size: int | None) -> tuple[Illu
     return oriented(light, orientation, rows), orientation.name
 
 
-def _cropped(light: IlluminationMap, rotation: np.ndarray | None, field: float, pixels: str) -> RadianceMap:
+def _cropped(light: EnvironmentMap, rotation: np.ndarray | None, field: float, pixels: str) -> RadianceMap:
     import numpy as np
 
     from relume.sphere.perspective import perspective_view
@@ -280,7 +280,7 @@ def _cropped(light: IlluminationMap, rotation: np.ndarray | None, field: float, 
     return perspective_view(light, rotation, float(np.radians(field)), (width, height))
 
 
-def _filled_in(light: IlluminationMap, path: Path, rotation: np.ndarray | None, field: float) -> IlluminationMap:
+def _filled_in(light: EnvironmentMap, path: Path, rotation: np.ndarray | None, field: float) -> EnvironmentMap:
     """The map with a perspective picture put into it."""
     import numpy as np
 
@@ -323,6 +323,6 @@ def _write(out: Path, to: str | None, picture: RadianceMap, encoding: Encoding |
     return paths
 
 
-def _read_back(paths: list[Path], to: str | None) -> IlluminationMap:
+def _read_back(paths: list[Path], to: str | None) -> EnvironmentMap:
     """What was written, as any reader will find it, but in our frame."""
     return read_faces(paths, False, None) if to == "faces" else read_light(paths[0])

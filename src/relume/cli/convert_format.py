@@ -154,10 +154,10 @@ def _blocks_of_others(path: Path) -> list[str]:
 def _audited(before: RadianceMap, after: RadianceMap) -> dict[str, object]:
     """The energy of a light map as it was and as it is written; nothing for any other picture."""
     from relume.sphere.audit import audit
-    from relume.sphere.illumination import as_illumination
+    from relume.sphere.environment_map import as_environment
 
     try:
-        return {"before": audit(as_illumination(before)).facts(), "after": audit(as_illumination(after)).facts()}
+        return {"before": audit(as_environment(before)).facts(), "after": audit(as_environment(after)).facts()}
     except ValueError:
         return {}
 

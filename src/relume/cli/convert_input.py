@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 from relume.cli.light_input import read_light, read_picture
 from relume.errors import UnreadableFile
-from relume.image.files.reading import Reading
+from relume.image.files.read_options import Reading
 
 if TYPE_CHECKING:
-    from relume.sphere.illumination import IlluminationMap
-    from relume.sphere.mappings import Mapping
+    from relume.sphere.environment_map import EnvironmentMap
+    from relume.sphere.mappings.mapping import Mapping
 
 
 def read_mapping(text: str, option: str) -> Mapping:
-    from relume.sphere.mappings import mapping_named
+    from relume.sphere.mappings.mapping import mapping_named
 
     try:
         return mapping_named("strip" if text == "faces" else text)
@@ -32,7 +32,7 @@ def read_input(
     clamp: bool,
     mirror: str | None,
     reading: Reading,
-) -> IlluminationMap:
+) -> EnvironmentMap:
     """The light that the files hold."""
     told = None if from_ is None else read_mapping(from_, "--from")
     if gamma is not None:
@@ -63,10 +63,10 @@ def refuse_paintings(path: Path) -> None:
         )
 
 
-def _painted(path: Path, gamma: str, exposure: float, hot: list[str], mapping: Mapping | None) -> IlluminationMap:
+def _painted(path: Path, gamma: str, exposure: float, hot: list[str], mapping: Mapping | None) -> EnvironmentMap:
     from relume.image import files
     from relume.probe.painting import HotSpot, paint, read_gamma
-    from relume.sphere.mappings import LatLong
+    from relume.sphere.mappings.mapping import LatLong
 
     spots = []
     for text in hot:
@@ -81,12 +81,12 @@ def _painted(path: Path, gamma: str, exposure: float, hot: list[str], mapping: M
     return paint(painting, read_gamma(gamma, str(path)), 2.0**exposure, spots, mapping=mapping or LatLong())
 
 
-def read_faces(paths: list[Path], clamp: bool, mirror: str | None, reading: Reading = Reading()) -> IlluminationMap:
+def read_faces(paths: list[Path], clamp: bool, mirror: str | None, reading: Reading = Reading()) -> EnvironmentMap:
     """Six files as one strip; `mirror` where they do not remember for which engine they are."""
     import numpy as np
 
     from relume.image.radiance import RadianceMap
-    from relume.sphere.illumination import as_illumination
+    from relume.sphere.environment_map import as_environment
 
     pictures = [read_picture(path, clamp=clamp, reading=reading) for path in paths]
     first, side = pictures[0], pictures[0].size[1]
@@ -105,4 +105,4 @@ def read_faces(paths: list[Path], clamp: bool, mirror: str | None, reading: Read
         clipped = np.concatenate([empty if p.clipped is None else p.clipped for p in pictures], axis=1)
     radiance = np.concatenate([picture.radiance for picture in pictures], axis=1)
     attributes = {**({"mirror": mirror} if mirror else {}), **first.attributes, "mapping": "strip"}
-    return as_illumination(RadianceMap(radiance, None, clipped, first.unit, attributes))
+    return as_environment(RadianceMap(radiance, None, clipped, first.unit, attributes))

@@ -21,7 +21,7 @@ def demo(
 ) -> None:
     """Insert five objects into the photograph of a room, and say where the pictures are."""
     from relume.cli.insert import run
-    from relume.shot.project import read_shot
+    from relume.project.shot_file.shot import read_shot
 
     with speaking(manner):
         run(read_shot(_room() / "shot.toml"), out, manner, threads)

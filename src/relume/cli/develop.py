@@ -85,12 +85,12 @@ def develop(
 
     with speaking(manner), progress(manner) as advance:
         if list_presets:
-            from relume.shot.preset import builtin_presets
+            from relume.project.presets.preset import builtin_presets
 
             tell(manner, builtin_presets())
             return
         if show_preset is not None:
-            from relume.shot.preset import preset_file
+            from relume.project.presets.preset import preset_file
 
             print(preset_file(show_preset).read_text(encoding="utf-8"), end="")
             return

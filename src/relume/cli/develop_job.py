@@ -12,30 +12,30 @@ import numpy as np
 
 from relume.cli.arguments import made_folder, refuse_input, require_suffix
 from relume.cli.console import version
-from relume.develop.display.displays import HLG, PQ, HdrGainMap, Srgb
-from relume.develop.display.encoding import encoded_and_clipped
-from relume.develop.display.writing import require_suffix_for
-from relume.develop.film import Film
-from relume.develop.soundness import sound
-from relume.develop.steps import Undoable
-from relume.develop.tone.metered import Fixed, Metered
-from relume.develop.view import View
-from relume.develop.virtual_camera import IN_ORDER, developed, developed_frames
 from relume.errors import UnreadableFile
 from relume.image import files
 from relume.image.files.encodings import SUFFIXES
+from relume.virtual_camera.film.film import Film
+from relume.virtual_camera.steps import Undoable
+from relume.virtual_camera.tone.display.displays import HLG, PQ, HdrGainMap, Srgb
+from relume.virtual_camera.tone.display.encoding import encoded_and_clipped
+from relume.virtual_camera.tone.display.writing import require_suffix_for
+from relume.virtual_camera.tone.metered import Fixed, Metered
+from relume.virtual_camera.validation import sound
+from relume.virtual_camera.view import View
+from relume.virtual_camera.virtual_camera import IN_ORDER, developed, developed_frames
 
 if TYPE_CHECKING:
-    from relume.capture.profile import CameraProfile
+    from relume.capture.response.camera_profile import CameraProfile
     from relume.cli.develop_view import ViewOptions
-    from relume.develop.display.clipping import Clipping
-    from relume.develop.display.displays import Display
-    from relume.develop.steps import Optics
-    from relume.develop.virtual_camera import Developed, VirtualCamera
-    from relume.image.files.reading import Reading
+    from relume.image.files.read_options import Reading
     from relume.image.photograph import Photograph
     from relume.image.radiance import RadianceMap
-    from relume.shot.preset import Preset
+    from relume.project.presets.preset import Preset
+    from relume.virtual_camera.steps import Optics
+    from relume.virtual_camera.tone.display.clipping import Clipping
+    from relume.virtual_camera.tone.display.displays import Display
+    from relume.virtual_camera.virtual_camera import Developed, VirtualCamera
 
 Advance = Callable[[str, float], None]
 _NO_VIEW = View(1.0)
@@ -155,9 +155,9 @@ def _write_extras(
     facts: dict[str, object],
 ) -> None:
     """Write the sheet, the false colours and the report: of the scene, and of the light that the lens drew."""
-    from relume.develop.display.false_colour import false_colour
-    from relume.develop.display.stops import stops_sheet
     from relume.image.radiance import RadianceMap
+    from relume.virtual_camera.tone.display.false_colour import false_colour
+    from relume.virtual_camera.tone.display.stops import stops_sheet
 
     if extras.sheet:
         shown_by = replace(sensor, display=Srgb())
@@ -171,7 +171,7 @@ def _write_extras(
         files.write(extras.false_colour, false_colour(image))
         facts["false colour"] = str(extras.false_colour)
     if extras.report:
-        from relume.shot.develop_report import write_develop_report
+        from relume.report.develop_report import write_develop_report
 
         shown = replace(made, display=Srgb()).photograph()
         made_by = {"picture": path.name, **facts, "relume": version()}
@@ -260,7 +260,7 @@ def undo(
     dry_run: bool,
 ) -> dict[str, object]:
     """Take a photograph's camera out of it again; facts to tell."""
-    from relume.develop.inverse import radiance_of, undone_all
+    from relume.virtual_camera.inverse import radiance_of, undone_all
 
     require_suffix(out, *SUFFIXES)
     if len(paths) != 1:
@@ -287,7 +287,7 @@ def undo(
 
 def _film_of(photograph: Photograph, source: Source) -> tuple[Film, str, Optics | None, dict[str, object]]:
     """The film that a photograph was taken on, the unit of its radiance, the lens's fall-off, and what told them."""
-    from relume.develop.lens.vignetting import MeasuredVignetting
+    from relume.virtual_camera.lens.vignetting import MeasuredVignetting
 
     exposure = photograph.exposure
     factor = source.seconds or (1.0 if exposure is None else exposure.factor)
@@ -295,7 +295,11 @@ def _film_of(photograph: Photograph, source: Source) -> tuple[Film, str, Optics 
     facts: dict[str, object] = {"exposure from": told, "response": "sRGB"}
     if source.response is None:
         return Film(factor), "relative", None, facts
-    from relume.develop.profiled import profiled_response, profiled_scale, profiled_vignetting
+    from relume.virtual_camera.plate_matching.camera_profile import (
+        profiled_response,
+        profiled_scale,
+        profiled_vignetting,
+    )
 
     profile = _profile(source.response)
     response, vignetting = profiled_response(profile), profiled_vignetting(profile)
@@ -327,7 +331,7 @@ def _camera(preset: Preset, source: Source, picture: RadianceMap) -> tuple[Virtu
         return camera, {}
     if preset.tone is not None:
         raise ValueError("--response is a tone of its own; leave --tone, --film, --shutter and the preset's tone out")
-    from relume.develop.profiled import profiled_response
+    from relume.virtual_camera.plate_matching.camera_profile import profiled_response
 
     curve = profiled_response(_profile(source.response))
     seconds = source.seconds
@@ -339,8 +343,8 @@ def _camera(preset: Preset, source: Source, picture: RadianceMap) -> tuple[Virtu
 
 def _matched(camera: VirtualCamera, source: Source, picture: RadianceMap) -> tuple[VirtualCamera, dict[str, object]]:
     """The camera with the film, fall-off and sharpness of a plate in its places."""
-    from relume.capture.profile import read_profile
-    from relume.develop.plate_match import Softness, matched_film
+    from relume.capture.response.camera_profile import read_profile
+    from relume.virtual_camera.plate_matching.matched_film import Softness, matched_film
 
     assert source.match is not None
     plate = files.read_photograph(source.match)
@@ -352,7 +356,7 @@ def _matched(camera: VirtualCamera, source: Source, picture: RadianceMap) -> tup
 
 def _profile(path: Path) -> CameraProfile:
     """A camera's profile that holds a response; raises ValueError naming the file of one of raws."""
-    from relume.capture.profile import read_profile
+    from relume.capture.response.camera_profile import read_profile
 
     profile = read_profile(path)
     if profile.response is None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 if TYPE_CHECKING:
-    from relume.shot.preset import Preset
+    from relume.project.presets.preset import Preset
 
 ToneName = Literal[
     "exposure", "reinhard", "reinhard-local", "histogram", "human", "tumblin-rushmeier", "ferwerda", "pattanaik",
@@ -81,7 +81,7 @@ class CameraOptions:
 
         vectors : whether vectors were given, by which the picture moves then
         """
-        from relume.shot.preset import preset_of, preset_table
+        from relume.project.presets.preset import preset_of, preset_table
 
         table, origin = preset_table(self.preset) if self.preset else ({}, Path())
         given = self._tables()

@@ -71,8 +71,8 @@ def _layer(path: Path, names: tuple[str, ...], option: str, wanted: str) -> tupl
 def _planes(path: Path) -> dict[str, dict[str, np.ndarray]]:
     """Planes (H, W) by the names of their layers and channels: a layer is a part, what stands before a channel's last
     dot, or a channel that is no colour, as Z."""
-    from relume.image.files import exr_picture
-    from relume.image.files.exr_parts import read_parts, warn_of_overscan
+    from relume.image.files.exr import picture as exr_picture
+    from relume.image.files.exr.parts import read_parts, warn_of_overscan
 
     layers: dict[str, dict[str, np.ndarray]] = {}
     for index, part in enumerate(read_parts(path)):

@@ -12,10 +12,10 @@ from cyclopts import Parameter
 from relume.cli.develop_planes import Along, read_depth, read_motion
 
 if TYPE_CHECKING:
-    from relume.develop.view import View
-    from relume.develop.virtual_camera import VirtualCamera
     from relume.image.radiance import RadianceMap
-    from relume.shot.preset import Preset
+    from relume.project.presets.preset import Preset
+    from relume.virtual_camera.view import View
+    from relume.virtual_camera.virtual_camera import VirtualCamera
 
 
 @Parameter(name="*")

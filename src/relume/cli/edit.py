@@ -78,7 +78,7 @@ def _check(painter: Painter, alone: str, steps: list[Step]) -> None:
 
 def _edit(source: Path, out: Path, told_mapping: str | None, steps: list[Step], dry_run: bool, manner: Manner) -> None:
     from relume.image import files
-    from relume.sphere.mappings import mapping_named
+    from relume.sphere.mappings.mapping import mapping_named
 
     mapping = None if told_mapping is None else mapping_named(told_mapping).name
     if dry_run:

@@ -15,9 +15,9 @@ from relume.cli.edit_steps import energy
 from relume.errors import DoubtfulResult, UnreadableFile
 
 if TYPE_CHECKING:
+    from relume.image.ldr_slices import Repainted, Slice
     from relume.image.photograph import Photograph
     from relume.image.radiance import RadianceMap
-    from relume.image.slices import Repainted, Slice
 
 PAINTER = Group("Or, alone, to a painter and back", sort_key=5)
 
@@ -72,7 +72,7 @@ def sidecar(picture: Path) -> Path:
 def cut_slice(source: Path, out: Path, painter: Painter, dry_run: bool, manner: Manner) -> None:
     """Write an exposure of a map and, beside it, how it was made."""
     from relume.image import files
-    from relume.image.slices import Slice, fingerprint, fitting_stops
+    from relume.image.ldr_slices import Slice, fingerprint, fitting_stops
 
     word = painter.cut or "auto"
     stops = None if word == "auto" else _stops(word)
@@ -108,7 +108,7 @@ def _stops(word: str) -> float:
 def paint_back(source: Path, out: Path, painter: Painter, dry_run: bool, manner: Manner) -> None:
     """Write the map with what was painted; raises DoubtfulResult where most pixels changed."""
     from relume.image import files
-    from relume.image.slices import DOUBTFUL_SHARE, Replaced, Scaled, painted
+    from relume.image.ldr_slices import DOUBTFUL_SHARE, Replaced, Scaled, painted
 
     assert painter.paint is not None
     require_files([path for path in (painter.paint, painter.original) if path is not None])
@@ -140,7 +140,7 @@ def paint_back(source: Path, out: Path, painter: Painter, dry_run: bool, manner:
 
 def _description(painter: Painter) -> Slice:
     """How the slice was made: by --slice where it tells, else by the file beside the slice."""
-    from relume.image.slices import Slice
+    from relume.image.ldr_slices import Slice
 
     assert painter.paint is not None
     if painter.cut not in (None, "auto"):
@@ -159,7 +159,7 @@ def _description(painter: Painter) -> Slice:
 
 
 def _require_same_map(picture: RadianceMap, cut: Slice, source: Path, painter: Painter) -> None:
-    from relume.image.slices import fingerprint
+    from relume.image.ldr_slices import fingerprint
 
     if painter.original is None and cut.of and cut.of != fingerprint(picture):
         raise UnreadableFile(
@@ -185,7 +185,7 @@ def _plain(path: Path) -> Photograph:
 
 def _note_what_no_painter_sees(result: Repainted, picture: RadianceMap, *, scaled: bool) -> None:
     from relume.image.colour import luminance
-    from relume.image.slices import DOUBTFUL_PLACES
+    from relume.image.ldr_slices import DOUBTFUL_PLACES
 
     if not result.changed.any():
         warnings.warn("no pixel was changed; the map is written as it was", stacklevel=2)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from relume.image.radiance import RadianceMap
     from relume.sphere.audit import Audit
-    from relume.sphere.illumination import IlluminationMap
+    from relume.sphere.environment_map import EnvironmentMap
 
 _LOOKS = ("mapping", "envmap", "orientation", "mirror", "face", "view")
 """Attributes that tell where the pixels of a whole file look."""
@@ -83,22 +83,22 @@ def gain(picture: RadianceMap, factor: float) -> RadianceMap:
 
 def neutral_at(picture: RadianceMap, x: int, y: int, radius: float = 5.0) -> RadianceMap:
     """The map balanced so that a disc of it is grey."""
-    from relume.capture.luminaire import balance_from_luminaire, balanced
-    from relume.capture.regions import disc
+    from relume.capture.scale.luminaire import balance_from_luminaire, balanced
+    from relume.capture.scale.regions import disc
 
     return balanced(picture, balance_from_luminaire(picture, disc(picture.size, x, y, radius)))
 
 
 def balance(picture: RadianceMap, gains: list[float]) -> RadianceMap:
     """The channels times their gains."""
-    from relume.capture.luminaire import Balance, balanced
+    from relume.capture.scale.luminaire import Balance, balanced
 
     return balanced(picture, Balance((gains[0], gains[1], gains[2])))
 
 
 def neutral_under(picture: RadianceMap, kelvin: float) -> RadianceMap:
     """The map balanced for light of a colour temperature."""
-    from relume.capture.luminaire import Balance, balanced
+    from relume.capture.scale.luminaire import Balance, balanced
     from relume.image.white_point import gains_from_temperature
 
     return balanced(picture, Balance(gains_from_temperature(kelvin)))
@@ -122,10 +122,10 @@ def soften(picture: RadianceMap, sigma: float, share: float) -> RadianceMap:
 
 def spin(picture: RadianceMap, angle: float) -> RadianceMap:
     """Motion blur of a light map, turned by `angle` in radians, in our frame: only there the vertical is upright."""
-    from relume.sphere.blur import spun
-    from relume.sphere.illumination import as_illumination, as_radiance_map
+    from relume.sphere.environment_map import as_environment, as_radiance_map
+    from relume.sphere.resampling.blur import spun
 
-    light = _light(picture, as_illumination)
+    light = _light(picture, as_environment)
     told = picture.attributes.get("orientation")
     if told is not None:
         warnings.warn(f"laid out for {told}; written in our frame: convert --for {told} again", stacklevel=2)
@@ -137,23 +137,23 @@ def spin(picture: RadianceMap, angle: float) -> RadianceMap:
 
 def blur_sphere(picture: RadianceMap, sigma: float, share: float) -> RadianceMap:
     """Soft blur of a light map, `sigma` in radians."""
-    from relume.sphere.blur import blurred
+    from relume.sphere.resampling.blur import blurred
 
     result = blurred(_light(picture, _as_laid_out), sigma, share=share)
     made = replace(picture, radiance=result.radiance, variance=None, clipped=result.clipped)
     return with_mapping(made, result.mapping.name)
 
 
-def _as_laid_out(picture: RadianceMap) -> IlluminationMap:
+def _as_laid_out(picture: RadianceMap) -> EnvironmentMap:
     """The light as it stands in the file, whatever program it is for: enough for what is alike in all directions."""
-    from relume.sphere.illumination import as_illumination
+    from relume.sphere.environment_map import as_environment
 
     # Turned back, it would have to be resampled, and the file would no longer be for that program.
     attributes = {key: text for key, text in picture.attributes.items() if key not in ("orientation", "mirror")}
-    return as_illumination(replace(picture, attributes=attributes))
+    return as_environment(replace(picture, attributes=attributes))
 
 
-def _light(picture: RadianceMap, read: Callable[[RadianceMap], IlluminationMap]) -> IlluminationMap:
+def _light(picture: RadianceMap, read: Callable[[RadianceMap], EnvironmentMap]) -> EnvironmentMap:
     """A picture that is to be blurred as light; raises ValueError with the option that helps."""
     dark = int((picture.radiance < 0).any(-1).sum())
     if dark:
@@ -198,11 +198,11 @@ def note_losses(before: RadianceMap, after: RadianceMap) -> None:
 def _audit(picture: RadianceMap) -> Audit | None:
     """The energy of a light map; None for any other map, and one that holds what is no light."""
     from relume.sphere.audit import audit
-    from relume.sphere.illumination import as_illumination
+    from relume.sphere.environment_map import as_environment
 
     if "mapping" not in picture.attributes:
         return None
     try:
-        return audit(as_illumination(picture))
+        return audit(as_environment(picture))
     except ValueError:
         return None

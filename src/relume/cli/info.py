@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from relume.cli.console import Manner, refuse, speaking, tell, version
 from relume.cli.reading_options import ReadingOptions
 from relume.errors import RelumeError
-from relume.image.files.reading import Reading
+from relume.image.files.read_options import Reading
 
 
 def info(
@@ -81,7 +81,7 @@ def _direction(facts: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, 
 
     import numpy as np
 
-    from relume.sphere.mappings import LatLong, mapping_named
+    from relume.sphere.mappings.mapping import LatLong, mapping_named
 
     try:
         mapping = mapping_named(told["mapping"]) if "mapping" in told else LatLong()
@@ -110,8 +110,8 @@ def _draw(paths: list[Path], out: Path, from_: str | None, reading: Reading) -> 
     from relume.cli.arguments import require_suffix
     from relume.cli.light_input import read_light
     from relume.image import files
-    from relume.shot.light_plot import light_plot
-    from relume.sphere.mappings import mapping_named
+    from relume.report.light_plot import light_plot
+    from relume.sphere.mappings.mapping import mapping_named
 
     if len(paths) != 1:
         raise ValueError(f"--draw shows one map; {len(paths)} files are named")
@@ -126,7 +126,7 @@ def _system() -> dict[str, object]:
     import platform
     from importlib.metadata import version as version_of
 
-    from relume.render.mitsuba_variant import choose_variant
+    from relume.renderers.mitsuba.variant import choose_variant
 
     choice = choose_variant()
     return {

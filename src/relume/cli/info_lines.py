@@ -85,7 +85,7 @@ def _of_photograph(facts: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _captured(told: Mapping[str, str]) -> dict[str, str]:
-    """Exposure, camera and time of what a file tells by the names of `relume.image.files.attributes`."""
+    """Exposure, camera and time of what a file tells by the names of `relume.image.files.metadata.attributes`."""
     exposure = []
     if "exposure_time" in told:
         exposure.append(_seconds(told["exposure_time"]))

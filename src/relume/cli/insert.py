@@ -11,7 +11,7 @@ from relume.cli.arguments import DryRun, Threads, require_files
 from relume.cli.console import Manner, force, note, progress, speaking, tell
 
 if TYPE_CHECKING:
-    from relume.shot.project import Shot
+    from relume.project.shot_file.shot import Shot
 
 
 def insert(
@@ -42,7 +42,7 @@ def insert(
     Stages are kept in the output folder: a second run redoes only what changed, and a render that was interrupted goes
     on where it stopped. A shot with a [sequence] is made frame by frame.
     """
-    from relume.shot.project import read_shot
+    from relume.project.shot_file.shot import read_shot
 
     with speaking(manner):
         table = read_shot(shot)
@@ -82,8 +82,9 @@ def insert(
 
 def _hand_over(shot: Shot, out: Path, manner: Manner, to: str) -> None:
     """Do all but the render and write the shot for another program."""
-    from relume.shot.exports import FORMATS, hand_over
-    from relume.shot.insert import prepared
+    from relume.export import bundle as hand_over
+    from relume.export.shot_formats import FORMATS
+    from relume.project.insertion.insert import prepared
 
     if shot.sequence is not None:
         raise ValueError("--to hands one picture over, not a sequence; take [sequence] out of the shot file")
@@ -96,7 +97,7 @@ def _hand_over(shot: Shot, out: Path, manner: Manner, to: str) -> None:
 
 def _sequence(shot: Shot, out: Path, manner: Manner, threads: int | None, restart: bool) -> None:
     """Make every frame that is not there yet."""
-    from relume.shot.frames import insert_frames
+    from relume.project.insertion.frames import insert_frames
 
     with progress(manner) as report:
         made = insert_frames(shot, out, threads=threads, report=report, restart=restart, force=force())
@@ -116,7 +117,7 @@ def _sequence(shot: Shot, out: Path, manner: Manner, threads: int | None, restar
 
 def run(shot: Shot, out: Path, manner: Manner, threads: int | None, restart: bool = False) -> None:
     """Do the job and tell what came of it."""
-    from relume.shot.insert import insert as inserted
+    from relume.project.insertion.insert import insert as inserted
 
     with progress(manner) as report:
         result = inserted(shot, out, threads=threads, report=report, restart=restart, force=force())

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from relume.errors import UnreadableFile
-from relume.image.files.reading import Reading
+from relume.image.files.read_options import Reading
 
 if TYPE_CHECKING:
     from relume.image.radiance import RadianceMap
-    from relume.sphere.illumination import IlluminationMap
-    from relume.sphere.mappings import Mapping
+    from relume.sphere.environment_map import EnvironmentMap
+    from relume.sphere.mappings.mapping import Mapping
 
 Clamp = Annotated[
     bool,
@@ -25,7 +25,7 @@ Clamp = Annotated[
 
 def read_light(
     path: Path, mapping: Mapping | None = None, *, clamp: bool = False, reading: Reading = Reading()
-) -> IlluminationMap:
+) -> EnvironmentMap:
     """The light in a file.
 
     mapping : what the file's own memory and its shape are overruled by, where given
@@ -34,7 +34,7 @@ def read_light(
     Raises UnreadableFile for what is missing or damaged, does not tell its mapping, or holds pixels that are no light,
     which it counts.
     """
-    from relume.sphere.illumination import as_illumination
+    from relume.sphere.environment_map import as_environment
 
     picture = read_picture(path, mapping, clamp=clamp, reading=reading)
     width, height = picture.size
@@ -44,7 +44,7 @@ def read_light(
                 f"{width}×{height} pixels, but a picture in {mapping.name} of {height} rows is "
                 f"{mapping.shape(height)[1]} wide; tell another mapping, or crop it"
             )
-        return as_illumination(picture, mapping)
+        return as_environment(picture, mapping)
     except ValueError as error:
         raise UnreadableFile(f"{path}: {error}") from None
 
@@ -62,7 +62,7 @@ def _without_surroundings(picture: RadianceMap, mapping: Mapping | None) -> Radi
     """The picture with 0 beside the discs and faces of its mapping: what other programs leave there is no light."""
     import numpy as np
 
-    from relume.sphere.mappings import mapping_named
+    from relume.sphere.mappings.mapping import mapping_named
 
     try:
         mapping = mapping or mapping_named(picture.attributes.get("mapping", ""))

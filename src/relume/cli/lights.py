@@ -18,11 +18,11 @@ from relume.errors import DoubtfulResult, UnreadableFile
 if TYPE_CHECKING:
     import numpy as np
 
-    from relume.light.constellation import Constellation
-    from relume.light.exports import Format
-    from relume.light.k_means import Regions
-    from relume.light.sun import Sun
-    from relume.sphere.illumination import IlluminationMap
+    from relume.export.light_formats import Format
+    from relume.light.constellations.constellation import Constellation
+    from relume.light.constellations.k_means import Regions
+    from relume.light.suns.extraction import Sun
+    from relume.sphere.environment_map import EnvironmentMap
 
 COUNT = 64
 MOST = 65536
@@ -88,10 +88,10 @@ def lights(
     """Turn an illumination map into parallel lights that carry all of its light, for renderers without such maps."""
     from relume.errors import SunNotFound
     from relume.image import files
-    from relume.light.constellation import irradiance_error
-    from relume.sphere.illumination import as_radiance_map
-    from relume.sphere.mappings import LatLong, mapping_named
-    from relume.sphere.matching import matching_size
+    from relume.light.constellations.constellation import irradiance_error
+    from relume.sphere.environment_map import as_radiance_map
+    from relume.sphere.mappings.mapping import LatLong, mapping_named
+    from relume.sphere.mappings.matching_size import matching_size
 
     with speaking(manner):
         require_files([light_map])
@@ -175,7 +175,7 @@ def lights(
 
 def _forms(out: list[Path], named: str | None, residual: Path | None) -> list[Format]:
     """What kind of file each output is; refuses those no program reads."""
-    from relume.light.exports import FORMATS
+    from relume.export.light_formats import FORMATS
 
     suffixes = {form.suffix: form for form in FORMATS.values()}
     if named is not None and len(out) > 1:
@@ -214,12 +214,12 @@ def _check(
 
 
 def _divided(
-    light: IlluminationMap, count: int | None, suns: int | None, keep: bool, contrast: float | None, method: Regions
-) -> tuple[tuple[Sun, ...], IlluminationMap | None, Constellation]:
+    light: EnvironmentMap, count: int | None, suns: int | None, keep: bool, contrast: float | None, method: Regions
+) -> tuple[tuple[Sun, ...], EnvironmentMap | None, Constellation]:
     """The suns, the residual where one is kept, and all the lights, the suns first."""
-    from relume.light.constellation import constellation, together
-    from relume.light.residual import key_lights
-    from relume.light.sun import extract_sun
+    from relume.light.constellations.constellation import constellation, together
+    from relume.light.constellations.residual import key_lights
+    from relume.light.suns.extraction import extract_sun
 
     if suns is None:
         if not keep:
@@ -237,9 +237,9 @@ def _divided(
 
 
 def _method(word: Method) -> Regions:
-    from relume.light.k_means import KMeans
-    from relume.light.median_cut import MedianCut
-    from relume.light.variance_cut import VarianceMinimisation
+    from relume.light.constellations.k_means import KMeans
+    from relume.light.constellations.median_cut import MedianCut
+    from relume.light.constellations.variance_minimisation import VarianceMinimisation
 
     return {"median-cut": MedianCut(), "variance": VarianceMinimisation(), "k-means": KMeans()}[word]
 
@@ -254,7 +254,7 @@ def _angles(made: Constellation, suns: int, soft: bool) -> np.ndarray | None:
     return angles if soft else np.where(np.arange(len(angles)) < suns, angles, 0)
 
 
-def _clipped(path: Path, light: IlluminationMap, suns: Sequence[Sun]) -> list[str]:
+def _clipped(path: Path, light: EnvironmentMap, suns: Sequence[Sun]) -> list[str]:
     """What a map's clipped pixels make doubtful: a line, or none."""
     import numpy as np
 
@@ -280,9 +280,9 @@ def _relative(background: Path, file: Path) -> str:
         raise ValueError(f"--residual {background}: on another drive than {file}; write them to the same") from None
 
 
-def _draw(path: Path, light: IlluminationMap, made: Constellation, title: str) -> None:
+def _draw(path: Path, light: EnvironmentMap, made: Constellation, title: str) -> None:
     from relume.image import files
-    from relume.shot.lights_plot import lights_plot
+    from relume.report.constellation_plot import lights_plot
 
     with files.replacing(path) as temporary:
         temporary.write_bytes(lights_plot(light, made, title))

@@ -16,11 +16,11 @@ from relume.errors import RelumeError
 if TYPE_CHECKING:
     import numpy as np
 
-    from relume.light.constellation import Constellation
-    from relume.light.placing import PlacedLights
-    from relume.light.sun import Sun
-    from relume.sphere.illumination import IlluminationMap
-    from relume.sphere.mappings import Mapping
+    from relume.light.constellations.constellation import Constellation
+    from relume.light.constellations.placement import PlacedLights
+    from relume.light.suns.extraction import Sun
+    from relume.sphere.environment_map import EnvironmentMap
+    from relume.sphere.mappings.mapping import Mapping
 
 PLACES = Group("Lights that have a place")
 FINEST = 0.5
@@ -111,7 +111,7 @@ class Located:
 
     def seen(self, places: Places) -> Constellation:
         """All the lights as the probe sees them."""
-        from relume.light.constellation import together
+        from relume.light.constellations.constellation import together
 
         return together(self.points.seen_from(read_point(places.at or "", "--at")), self.distant)
 
@@ -120,7 +120,7 @@ def on_walls(places: Places, made: Constellation, angles: np.ndarray | None) -> 
     """Every light on the walls of the room but for those told to stay distant; as wide as their `angles`, (N,)."""
     import numpy as np
 
-    from relume.light.placing import placed_in_box
+    from relume.light.constellations.placement import placed_in_box
 
     distant = places.distant or []
     shown = replace(made, angular_radii=None if angles is None else angles / 2)
@@ -133,7 +133,7 @@ def on_walls(places: Places, made: Constellation, angles: np.ndarray | None) -> 
     return Located(placed.points, placed.distant, None if angles is None else angles[kept], facts)
 
 
-def read_second(places: Places, first: IlluminationMap, mapping: Mapping | None, clamp: bool) -> IlluminationMap | None:
+def read_second(places: Places, first: EnvironmentMap, mapping: Mapping | None, clamp: bool) -> EnvironmentMap | None:
     """The second map, to be compared with the first; None where none is told."""
     if places.second is None:
         return None
@@ -148,7 +148,7 @@ def read_second(places: Places, first: IlluminationMap, mapping: Mapping | None,
 
 def by_second(
     places: Places,
-    maps: tuple[IlluminationMap, IlluminationMap],
+    maps: tuple[EnvironmentMap, EnvironmentMap],
     made: Constellation,
     angles: np.ndarray | None,
     count: int,
@@ -162,9 +162,9 @@ def by_second(
     import numpy as np
 
     from relume.errors import SunNotFound
-    from relume.light.placing import chosen
-    from relume.light.sun import extract_sun
-    from relume.light.triangulation import triangulated
+    from relume.light.constellations.placement import chosen
+    from relume.light.constellations.triangulation import triangulated
+    from relume.light.suns.extraction import extract_sun
 
     try:
         taken = extract_sun(maps[1], asked)
@@ -209,15 +209,15 @@ def by_second(
     return Located(found.points, chosen(made, kept), apparent, facts, taken.suns)
 
 
-def _areas(light: IlluminationMap) -> np.ndarray:
+def _areas(light: EnvironmentMap) -> np.ndarray:
     return light.mapping.solid_angles(light.size)
 
 
 def _refuse_outside(at: tuple[float, float, float], box: str) -> None:
     import numpy as np
 
-    from relume.light.constellation import Constellation
-    from relume.light.placing import placed_in_box
+    from relume.light.constellations.constellation import Constellation
+    from relume.light.constellations.placement import placed_in_box
 
     try:
         placed_in_box(Constellation(np.zeros((0, 3)), np.zeros((0, 3))), at, _corners(box))

@@ -16,7 +16,7 @@ from relume.cli.merge_options import Lens, Readings, Steps, numbers, places, tre
 from relume.errors import DoubtfulResult, NotABracket, OutputNotWritten
 
 if TYPE_CHECKING:
-    from relume.capture.profile import CameraProfile
+    from relume.capture.response.camera_profile import CameraProfile
     from relume.cli.merge_facts import Block
 
 MAPS = (".exr", ".hdr")
@@ -71,9 +71,9 @@ def merge(
     line like "IMG_9.jpg 1/640" for each. What is read in a picture (--spot, --lux, --luminaire, --white, --glare) is
     read in the first bracket and holds for all. A doubtful result is written all the same and told with exit code 4.
     """
-    from relume.capture.folder import expand, name_order
-    from relume.capture.grouping import group_files
-    from relume.capture.profile import read_profile
+    from relume.capture.exposure.folder import expand, name_order
+    from relume.capture.exposure.grouping import group_files
+    from relume.capture.response.camera_profile import read_profile
     from relume.cli import merge_facts
     from relume.cli.merge_job import Job, Reading, forecast, results_of, write
     from relume.image.files.signatures import kind_of

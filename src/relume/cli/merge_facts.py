@@ -11,7 +11,7 @@ import numpy as np
 
 from relume.capture.measurement import Measured, Measurement
 from relume.image.photograph import Exposure
-from relume.shot.capture_report import clipped_facts, counted, in_words, seconds_in_words
+from relume.report.capture_report import clipped_facts, counted, in_words, seconds_in_words
 
 Block = tuple[str, dict[str, object]]
 """A title and lines under it, by their first words."""

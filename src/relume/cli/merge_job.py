@@ -8,17 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.capture.bracket import Bracket, read_bracket
-from relume.capture.consistency import Doubt
-from relume.capture.measurement import Measurement, Treatment, measure
-from relume.capture.profile import CameraProfile, profile_of, write_profile
-from relume.capture.raw_measurement import measure_raw
+from relume.capture.exposure.bracket import Bracket, read_bracket
+from relume.capture.exposure.consistency import Doubt
+from relume.capture.measurement import Measurement, MergeSettings, measure
+from relume.capture.raw.measurement import measure_raw
+from relume.capture.response.camera_profile import CameraProfile, profile_of, write_profile
 from relume.cli.merge_facts import Plan, Result
 from relume.cli.merge_options import Readings, tells
 from relume.errors import NotABracket, OutputNotWritten
 from relume.image import files
 from relume.image.photograph import Exposure
-from relume.shot.capture_report import write_capture_report
+from relume.report.capture_report import write_capture_report
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Job:
     targets: Sequence[Path]
     reading: Reading
     profile: CameraProfile | None
-    treatment: Treatment
+    treatment: MergeSettings
     readings: Readings
     raw: bool
     profile_name: str = ""

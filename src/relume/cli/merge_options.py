@@ -1,4 +1,4 @@
-"""What `relume merge` is told of the camera and the light, turned into a `Treatment`."""
+"""What `relume merge` is told of the camera and the light, turned into a `MergeSettings`."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from relume.errors import NotABracket
 if TYPE_CHECKING:
     import numpy as np
 
-    from relume.capture.absolute import Scale
-    from relume.capture.bracket import Bracket, FrameFacts
-    from relume.capture.luminaire import Balance
-    from relume.capture.measurement import Treatment
-    from relume.capture.profile import CameraProfile
-    from relume.capture.raw_merging import RawCalibration
-    from relume.capture.vignetting import Vignetting
+    from relume.capture.exposure.bracket import Bracket, FrameFacts
+    from relume.capture.lens.vignetting import Vignetting
+    from relume.capture.measurement import MergeSettings
+    from relume.capture.raw.merging import RawCalibration
+    from relume.capture.response.camera_profile import CameraProfile
+    from relume.capture.scale.absolute import Scale
+    from relume.capture.scale.luminaire import Balance
     from relume.image.photograph import Exposure
     from relume.image.radiance import RadianceMap
     from relume.image.response import Response
@@ -117,9 +117,9 @@ class Readings:
         return _from_saturation if self.absolute else found
 
     def _from_reading(self, name: str) -> Callable[[RadianceMap, Bracket, Response], Scale]:
-        from relume.capture.absolute import scale_from_lux, scale_from_spot
-        from relume.capture.luminaire import scale_from_luminaire
-        from relume.capture.regions import rectangle
+        from relume.capture.scale.absolute import scale_from_lux, scale_from_spot
+        from relume.capture.scale.luminaire import scale_from_luminaire
+        from relume.capture.scale.regions import rectangle
 
         option = f"--{name}"
         values = numbers(getattr(self, name), option, *{"spot": (3, 4), "lux": (6,), "luminaire": (7,)}[name])
@@ -193,27 +193,27 @@ def _box(values: Sequence[float], option: str) -> list[int]:
 
 
 def _from_exposure(picture: RadianceMap, bracket: Bracket, response: Response) -> Scale:
-    from relume.capture.absolute import scale_from_exposure
+    from relume.capture.scale.absolute import scale_from_exposure
 
     return scale_from_exposure(response, [p.exposure for p in bracket.photographs if p.exposure])
 
 
 def _from_saturation(picture: RadianceMap, bracket: Bracket, calibration: RawCalibration) -> Scale:
-    from relume.capture.absolute import scale_from_saturation
+    from relume.capture.scale.absolute import scale_from_saturation
 
     return scale_from_saturation(calibration.saturation, calibration.exposures)
 
 
-def treatment_of(steps: Steps, lens: Lens, readings: Readings, profile: CameraProfile | None) -> Treatment:
+def treatment_of(steps: Steps, lens: Lens, readings: Readings, profile: CameraProfile | None) -> MergeSettings:
     """What the options ask for; what they leave open the profile tells."""
-    from relume.capture.debevec_malik import DebevecMalik
-    from relume.capture.deghosting import Consistency
-    from relume.capture.glare_recovery import recover_glare_from_dark
-    from relume.capture.luminaire import balance_from_luminaire
-    from relume.capture.measurement import Treatment
-    from relume.capture.mitsunaga_nayar import MitsunagaNayar
-    from relume.capture.ratios import Ratios
-    from relume.capture.robertson import Robertson
+    from relume.capture.ghosts.deghosting import Consistency
+    from relume.capture.lens.glare_recovery import recover_glare_from_dark
+    from relume.capture.measurement import MergeSettings
+    from relume.capture.response.debevec_malik import DebevecMalik
+    from relume.capture.response.mitsunaga_nayar import MitsunagaNayar
+    from relume.capture.response.ratios import Ratios
+    from relume.capture.response.robertson import Robertson
+    from relume.capture.scale.luminaire import balance_from_luminaire
     from relume.capture.weighting import Hat, InverseVariance
 
     if lens.focal_length is not None:
@@ -224,7 +224,7 @@ def treatment_of(steps: Steps, lens: Lens, readings: Readings, profile: CameraPr
     methods = {"debevec-malik": DebevecMalik(), "mitsunaga-nayar": MitsunagaNayar(), "robertson": Robertson()}
     known = vignetting_of(profile)
     dark, white = _rectangle(lens.glare, "--glare"), _rectangle(lens.white, "--white")
-    return Treatment(
+    return MergeSettings(
         method=methods[steps.method],
         weighting=Hat() if steps.paper_weights else InverseVariance(),
         refine=Ratios() if steps.refine else None,
@@ -243,13 +243,13 @@ def treatment_of(steps: Steps, lens: Lens, readings: Readings, profile: CameraPr
 
 def vignetting_of(profile: CameraProfile | None) -> tuple[Vignetting, ...]:
     """What a profile knows of its lens."""
-    from relume.capture.vignetting import Vignetting
+    from relume.capture.lens.vignetting import Vignetting
 
     return () if profile is None or profile.vignetting is None else (Vignetting.from_dict(profile.vignetting),)
 
 
 def _balance(profile: CameraProfile | None) -> Callable[[RadianceMap], Balance] | None:
-    from relume.capture.luminaire import Balance
+    from relume.capture.scale.luminaire import Balance
 
     if profile is None or profile.balance == (1.0, 1.0, 1.0):
         return None
@@ -257,7 +257,7 @@ def _balance(profile: CameraProfile | None) -> Callable[[RadianceMap], Balance] 
 
 
 def _scale(profile: CameraProfile | None) -> Callable[[RadianceMap, Bracket, Response], Scale] | None:
-    from relume.capture.absolute import METER, Scale
+    from relume.capture.scale.absolute import METER, Scale
 
     if profile is None or profile.scale is None:
         return None
@@ -290,7 +290,7 @@ def words(told: tuple[bool, bool] | None) -> str:
 def _rectangle(text: str | None, option: str) -> Callable[[RadianceMap], np.ndarray] | None:
     if text is None:
         return None
-    from relume.capture.regions import rectangle
+    from relume.capture.scale.regions import rectangle
 
     left, top, width, height = _box(numbers(text, option, 4), option)
     return lambda picture: rectangle(picture.size, left, top, width, height)
@@ -298,7 +298,7 @@ def _rectangle(text: str | None, option: str) -> Callable[[RadianceMap], np.ndar
 
 def _spot_radius(bracket: Bracket | None) -> float:
     """Pixels: of a meter's 1° where the focal length is known, else a few."""
-    from relume.capture.regions import spot_radius
+    from relume.capture.scale.regions import spot_radius
 
     return spot_radius(bracket.focal_length) if bracket is not None and bracket.focal_length else 4.0
 
@@ -324,7 +324,7 @@ def whole(values: Sequence[float], option: str) -> list[int]:
 
 def flat_fields(paths: Sequence[Path] | None) -> tuple[Vignetting, ...]:
     """The vignetting that radiance maps of an even wall show; none without any."""
-    from relume.capture.vignetting import recover_vignetting
+    from relume.capture.lens.vignetting import recover_vignetting
     from relume.image import files
 
     if not paths:

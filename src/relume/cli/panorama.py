@@ -17,10 +17,10 @@ from relume.errors import DoubtfulResult, UnreadableFile
 if TYPE_CHECKING:
     import numpy as np
 
-    from relume.probe.panorama import Panorama
-    from relume.probe.panorama_crops import Crop
-    from relume.probe.panorama_sources import Source
-    from relume.probe.panorama_views import PanoramaView
+    from relume.probe.panorama.crops import Crop
+    from relume.probe.panorama.sources import Source
+    from relume.probe.panorama.stitching import Panorama
+    from relume.probe.panorama.views import PanoramaView
 
 Angles = tuple[float, float, float]
 """Yaw, pitch and roll, degrees."""
@@ -97,12 +97,12 @@ def panorama(
     """
     from relume.errors import NotAPanorama
     from relume.image import files
-    from relume.probe.panorama import mosaic
-    from relume.probe.panorama_balance import Balancing
-    from relume.probe.panorama_crops import remembered_crop
-    from relume.probe.panorama_matching import Matching
-    from relume.probe.panorama_sources import read_sources
-    from relume.sphere.illumination import as_radiance_map
+    from relume.probe.panorama.balance import Balancing
+    from relume.probe.panorama.crops import remembered_crop
+    from relume.probe.panorama.matching import Matching
+    from relume.probe.panorama.sources import read_sources
+    from relume.probe.panorama.stitching import mosaic
+    from relume.sphere.environment_map import as_radiance_map
 
     with speaking(manner):
         require_suffix(out, ".exr", ".hdr")
@@ -114,7 +114,7 @@ def panorama(
         told = _told(photographs, faces, turn, orientations)
         response = None
         if profile is not None:
-            from relume.capture.profile import read_profile
+            from relume.capture.response.camera_profile import read_profile
 
             response = read_profile(profile).response
         if match and told:
@@ -177,7 +177,7 @@ def _told(
     paths: Sequence[Path], faces: str | None, turn: float | None, table: Path | None
 ) -> dict[Path, tuple[Angles, float | None]]:
     """Yaw, pitch and roll of each view that something tells, degrees, and its field."""
-    from relume.probe.panorama_views import FACES
+    from relume.probe.panorama.views import FACES
 
     given = [
         name for name, value in (("--faces", faces), ("--turn", turn), ("--orientations", table)) if value is not None
@@ -241,7 +241,7 @@ def _view(
     use : whether the rotation that a crop remembers is used
     """
     from relume.errors import NotAPanorama
-    from relume.probe.panorama_views import PanoramaView, focal_length_of, orientation
+    from relume.probe.panorama.views import PanoramaView, focal_length_of, orientation
 
     angles, own_field = told
     across = field if own_field is None else own_field
@@ -290,7 +290,7 @@ def _facts(result: Panorama, listed: bool) -> dict[str, object]:
 
 
 def _view_facts(view: PanoramaView, gain: np.ndarray) -> dict[str, object]:
-    from relume.probe.panorama_views import angles_of
+    from relume.probe.panorama.views import angles_of
 
     yaw, pitch, roll = (_short(math.degrees(angle), 3) for angle in angles_of(view.placed))
     across = math.degrees(2 * math.atan(view.picture.size[0] / 2 / view.focal_length))

@@ -15,10 +15,10 @@ from relume.errors import DoubtfulResult
 
 if TYPE_CHECKING:
     from relume.cli.probe_views import Group, ViewPicture
-    from relume.probe.ball import BallView
-    from relume.probe.blending import Probe
-    from relume.probe.reflectance import BallReflectance
-    from relume.probe.silhouette import Outline
+    from relume.probe.ball.blending import Probe
+    from relume.probe.ball.reflectance import BallReflectance
+    from relume.probe.ball.silhouette import Outline
+    from relume.probe.ball.unwrapping import BallView
 
 FAR = 20.0
 """Ball radii from the camera to the ball where nothing tells: a metre for a ball of 5 cm."""
@@ -111,11 +111,11 @@ def probe(
     saturated, and an EXR has a layer `confidence`, 0 to 1. A view whose camera's place is not told is registered to
     the first.
     """
-    from relume.capture.profile import read_profile
+    from relume.capture.response.camera_profile import read_profile
     from relume.cli import probe_views
     from relume.cli.probe_facts import facts_of, remark
-    from relume.probe.blending import assemble
-    from relume.probe.registration import ToldPlaces, UnknownTurns
+    from relume.probe.ball.blending import assemble
+    from relume.probe.ball.registration import ToldPlaces, UnknownTurns
 
     doubts: list[str] = []
     with speaking(manner):
@@ -212,7 +212,7 @@ def _picks(words: Sequence[str], count: int) -> list[Outline | None]:
     """The outline picked for each view; None where it is to be sought."""
     import numpy as np
 
-    from relume.probe.silhouette import outline_of_circle, outline_through
+    from relume.probe.ball.silhouette import outline_of_circle, outline_through
 
     if len(words) > count:
         raise ValueError(f"--pick: {len(words)} are given for {count} view{'s' * (count > 1)}; give one for each")
@@ -235,7 +235,7 @@ def _picks(words: Sequence[str], count: int) -> list[Outline | None]:
 
 
 def _reflectance(text: str | None, rising: bool) -> BallReflectance:
-    from relume.probe.reflectance import CHROME_STEEL, BallReflectance
+    from relume.probe.ball.reflectance import CHROME_STEEL, BallReflectance
 
     if text is None:
         return BallReflectance()
@@ -268,8 +268,8 @@ def _view(
 ) -> BallView:
     import numpy as np
 
-    from relume.probe.ball import view_ball
-    from relume.probe.rims import picked_rim
+    from relume.probe.ball.rim_selection import picked_rim
+    from relume.probe.ball.unwrapping import unwrap_ball
 
     assert group.camera is not None
     camera, centre = np.array(group.camera), np.zeros(3)
@@ -278,7 +278,7 @@ def _view(
         picked = picked_rim(picture.picture.radiance, picked, picture.name, focal_length)
 
     def found(focal_length: float | None, size: float) -> BallView:
-        return view_ball(
+        return unwrap_ball(
             picture.picture, camera=camera, centre=centre, focal_length=focal_length, radius=size, outline=picked,
             reflectance=mirror, name=picture.name,
         )  # fmt: skip
@@ -306,7 +306,7 @@ def _write(out: Path, result: Probe) -> None:
     import numpy as np
 
     from relume.image import files
-    from relume.sphere.illumination import as_radiance_map
+    from relume.sphere.environment_map import as_radiance_map
 
     picture = as_radiance_map(result.light)
     if out.suffix.lower() == ".hdr":
@@ -319,7 +319,7 @@ def _write(out: Path, result: Probe) -> None:
 
 def _draw(out: Path, views: Sequence[BallView], names: Sequence[str]) -> None:
     from relume.image import files
-    from relume.shot.probe_plot import rim_plot
+    from relume.report.ball_plot import rim_plot
 
     drawn = rim_plot(views, names)
     with files.replacing(out) as temporary:

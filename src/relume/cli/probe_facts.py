@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from relume.cli.console import Manner, note
-from relume.probe.ball import BallView
-from relume.probe.blending import Probe
+from relume.probe.ball.blending import Probe
+from relume.probe.ball.unwrapping import BallView
 from relume.sphere.audit import audit
 
 

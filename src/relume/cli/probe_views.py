@@ -10,19 +10,19 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.capture.bracket import Bracket, read_bracket, require_told
-from relume.capture.exposures import exposed
-from relume.capture.folder import name_order, pictures_in
-from relume.capture.measurement import Treatment, measure
-from relume.capture.profile import CameraProfile
+from relume.capture.exposure.bracket import Bracket, read_bracket, require_told
+from relume.capture.exposure.exposures import exposed
+from relume.capture.exposure.folder import name_order, pictures_in
+from relume.capture.measurement import MergeSettings, measure
+from relume.capture.response.camera_profile import CameraProfile
 from relume.errors import UnreadableFile
 from relume.image import files
 from relume.image.files.signatures import MAPS, kind_of
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
-from relume.probe.crops import on_one_frame
-from relume.probe.lone_photograph import linear
-from relume.probe.saturation import in_the_colour_beside
+from relume.probe.ball.crops import on_one_frame
+from relume.probe.ball.saturation import in_the_colour_beside
+from relume.probe.single_photograph import linear
 
 Point = tuple[float, float, float]
 
@@ -128,7 +128,7 @@ def read_pictures(
         by_camera.setdefault(bracket.photographs[0].camera, []).append(index)
     response = None if profile is None else profile.response
     for indices in by_camera.values():
-        measurement = measure([brackets[i] for i in indices], response=response, treatment=Treatment())
+        measurement = measure([brackets[i] for i in indices], response=response, treatment=MergeSettings())
         for line in measurement.notes():
             told(line)
         for line in measurement.objections():

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 if TYPE_CHECKING:
-    from relume.image.files.reading import Reading
+    from relume.image.files.read_options import Reading
 
 _MEGAPIXEL = 1e6
 _BYTES = 32  # a pixel being read: its floats, those of the file, and a mask or two
@@ -47,7 +47,7 @@ class ReadingOptions:
 
     def reading(self) -> Reading:
         """The same for `relume.image.files.read`; raises ValueError naming the option."""
-        from relume.image.files.reading import Reading
+        from relume.image.files.read_options import Reading
 
         limits = Reading()
         pixels = limits.pixels

@@ -16,10 +16,10 @@ from relume.errors import OutputNotWritten
 if TYPE_CHECKING:
     import numpy as np
 
-    from relume.light.brdf import Reflectance
-    from relume.light.lobes import Lobe
-    from relume.sphere.cube import Cube
-    from relume.sphere.illumination import IlluminationMap
+    from relume.light.reflection.brdf import Reflectance
+    from relume.light.reflection.lobes import Lobe
+    from relume.sphere.environment_map import EnvironmentMap
+    from relume.sphere.mip_cube import Cube
 
 LOBES = "lambert, self-luminous, mirror, phong:N, varnish:N, ggx:ALPHA, ward:ALPHA"
 BRDFS = "ggx:ALPHA, ward:ALPHA, phong:N"
@@ -99,11 +99,11 @@ def reflect(
     import numpy as np
 
     from relume.image import files
-    from relume.light.glossy import glossy_map
-    from relume.light.lobes import Lambert
-    from relume.light.reflection import Normalisation, reflection_map
-    from relume.light.spherical_harmonics import as_json, irradiance_harmonics
-    from relume.light.stored_maps import as_layers, as_picture
+    from relume.light.reflection.glossy import glossy_map
+    from relume.light.reflection.irradiance_harmonics import as_json, irradiance_harmonics
+    from relume.light.reflection.lobes import Lambert
+    from relume.light.reflection.reflection_map import Normalisation, reflection_map
+    from relume.light.reflection.storage import as_layers, as_picture
 
     with speaking(manner):
         require_files([light_map])
@@ -187,7 +187,7 @@ def _check(
 
 def _tables(words: list[str], others: bool) -> dict[str, Lobe]:
     """File names and lobes; the paper's two where nothing is named."""
-    from relume.light.lobes import Lambert, Phong
+    from relume.light.reflection.lobes import Lambert, Phong
 
     if not words:
         return {} if others else {"diffuse": Lambert(), "specular": Phong()}
@@ -199,7 +199,7 @@ def _tables(words: list[str], others: bool) -> dict[str, Lobe]:
 
 
 def _lobe(word: str) -> Lobe:
-    from relume.light import lobes
+    from relume.light.reflection import lobes
 
     def varnished(n: float) -> Lobe:
         return lobes.Phong(n, varnish=lobes.VARNISH)
@@ -212,7 +212,7 @@ def _lobe(word: str) -> Lobe:
 
 
 def _brdf(word: str) -> Reflectance:
-    from relume.light.brdf import GGX, PhongReflectance, Ward
+    from relume.light.reflection.brdf import GGX, PhongReflectance, Ward
 
     return _numbered("--brdf", word, {"ggx": GGX, "ward": Ward, "phong": PhongReflectance}, BRDFS)
 
@@ -255,13 +255,13 @@ def _cube_paths(out: Path, names: list[str], size: int, suffix: str) -> list[Pat
 
 
 def _cubes(
-    light: IlluminationMap, lobes: dict[str, Lobe] | None, rows: int | None, size: int
+    light: EnvironmentMap, lobes: dict[str, Lobe] | None, rows: int | None, size: int
 ) -> Iterator[tuple[str, tuple[Cube, ...]]]:
     """Names and levels of the cubes, each made when it is asked for."""
-    from relume.light.lobes import Lambert
-    from relume.light.reflection import reflection_map
-    from relume.light.roughness_levels import roughness_levels
-    from relume.sphere.cube import cube_of, mips
+    from relume.light.reflection.lobes import Lambert
+    from relume.light.reflection.reflection_map import reflection_map
+    from relume.light.reflection.roughness_levels import roughness_levels
+    from relume.sphere.mip_cube import cube_of, mips
 
     yield "light", mips(cube_of(light, size))
     if lobes is None:
@@ -283,10 +283,10 @@ def _write_cube(path: Path, levels: tuple[Cube, ...], mirror: str | None) -> lis
     return [path]
 
 
-def _draw(path: Path, light: IlluminationMap, name: str, stops: float, report: Callable[[float], None]) -> None:
-    from relume.develop.sheet import contact_sheet, exposed_for
+def _draw(path: Path, light: EnvironmentMap, name: str, stops: float, report: Callable[[float], None]) -> None:
     from relume.image import files
-    from relume.render.sheet import balls
+    from relume.renderers.prefiltered.contact_sheet import balls
+    from relume.virtual_camera.tone.display.contact_sheet import contact_sheet, exposed_for
 
     made = balls(light, progress=report)
     lambert = next(ball for ball in made if ball.caption == "Lambert")

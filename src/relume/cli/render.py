@@ -12,7 +12,7 @@ from relume.cli.console import Manner, progress, speaking, tell
 
 if TYPE_CHECKING:
     from relume.image.radiance import RadianceMap
-    from relume.scene.camera import Camera
+    from relume.scene.cameras.camera import Camera
 
 FILTERS = Literal["plain", "subdivision", "quadrilateral", "preintegrated", "mip"]
 
@@ -126,7 +126,7 @@ def render(
     from relume.cli import render_choice as choice
     from relume.cli import render_frames as pictures
     from relume.cli.render_tree import draw_tree, read_pixel
-    from relume.shot.metering import metered_scene
+    from relume.project.metering import metered_scene
 
     with speaking(manner):
         options: dict[str, object] = {

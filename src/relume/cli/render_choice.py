@@ -12,10 +12,10 @@ from relume.cli.render_tree import DRAWINGS
 from relume.errors import UnreadableFile
 
 if TYPE_CHECKING:
-    from relume.render.mitsuba import Mitsuba
-    from relume.render.whitted import Whitted
-    from relume.scene.camera import Camera
-    from relume.shot.scene_file import SceneFile
+    from relume.project.scene_file.scene_file import SceneFile
+    from relume.renderers.mitsuba.path_tracer import Mitsuba
+    from relume.renderers.whitted.whitted import Whitted
+    from relume.scene.cameras.camera import Camera
 
 Name = Literal["mapped", "mitsuba", "whitted"]
 Region = tuple[int, int, int, int]
@@ -68,8 +68,8 @@ def chosen(read: SceneFile, left: list[Name], *, given: bool, moving: bool) -> N
     given : whether the renderer was named
     moving : whether frames are asked for
     """
-    from relume.render.mitsuba_scene import why_not
-    from relume.scene.whitted import WhittedMaterial
+    from relume.renderers.mitsuba.scene import why_not
+    from relume.scene.materials.whitted import WhittedMaterial
 
     orbits = moving and read.moves
     shapes = (*read.scene.local, *read.scene.objects)
@@ -138,7 +138,7 @@ def check_environment(out: Path, others: Mapping[str, object]) -> None:
 
 def mitsuba_with(samples: int | None, threads: int | None) -> Mitsuba:
     """Light transport with what the command line says."""
-    from relume.render.mitsuba import Mitsuba
+    from relume.renderers.mitsuba.path_tracer import Mitsuba
 
     return Mitsuba(samples=256 if samples is None else samples, threads=threads)
 
@@ -146,8 +146,8 @@ def mitsuba_with(samples: int | None, threads: int | None) -> Mitsuba:
 def read_file(path: Path, light: Path | None, size: str | None) -> SceneFile:
     """The scene file, or the mesh as one, under this light and in this size where they are given."""
     from relume.image import files
-    from relume.shot.scene_file import SIZE, read_scene, scene_of_mesh
-    from relume.sphere.illumination import as_illumination
+    from relume.project.scene_file.scene_file import SIZE, read_scene, scene_of_mesh
+    from relume.sphere.environment_map import as_environment
 
     require_files([path, *([light] if light is not None else [])])
     if path.suffix.lower() == ".bpt":
@@ -158,7 +158,7 @@ def read_file(path: Path, light: Path | None, size: str | None) -> SceneFile:
         read = read_scene(path)
         if light is not None:
             try:
-                found = as_illumination(files.read_radiance(light))
+                found = as_environment(files.read_radiance(light))
             except ValueError as error:
                 raise ValueError(f"--light {light}: {error}") from None
             read = replace(read, scene=replace(read.scene, light=found))
@@ -181,7 +181,7 @@ def whitted_with(
     threads: int | None,
 ) -> Whitted:
     """The scene file's renderer with what the command line says otherwise; subdivisions bring antialiasing back."""
-    from relume.render.antialiasing import Antialiasing
+    from relume.renderers.whitted.antialiasing import Antialiasing
 
     given = {"depth": depth, "rays": rays, "contribution": contribution}
     given |= {"constellation": constellation, "threads": threads}

@@ -11,8 +11,8 @@ from relume.cli.console import Manner, progress, tell
 if TYPE_CHECKING:
     import numpy as np
 
-    from relume.render.renderer import Renderer
-    from relume.shot.scene_file import SceneFile
+    from relume.project.scene_file.scene_file import SceneFile
+    from relume.renderers.renderer import Renderer
 
 ROWS = 512
 
@@ -24,9 +24,9 @@ def write_environment(
     """Render the map at the point that `place` tells, and write it; on a dry run only tell what would be done."""
     from relume.cli.render_choice import read_size
     from relume.image import files
-    from relume.render.environment import environment
+    from relume.renderers.environment_probe import environment
     from relume.sphere.directions import UP
-    from relume.sphere.illumination import as_radiance_map
+    from relume.sphere.environment_map import as_radiance_map
 
     point = read_point(place, "--environment")
     width, rows = (2 * ROWS, ROWS) if size is None else read_size(size)

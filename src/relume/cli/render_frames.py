@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     import numpy as np
 
     from relume.cli.render_choice import Region
-    from relume.develop.film import Film
     from relume.image.radiance import RadianceMap
-    from relume.render.filters import Filter
-    from relume.render.motion import Orbit, Turntable
-    from relume.render.renderer import Render
-    from relume.render.whitted import Whitted
+    from relume.project.scene_file.scene_file import SceneFile
+    from relume.renderers.prefiltered.filters import Filter
+    from relume.renderers.renderer import Render
+    from relume.renderers.turntable import Orbit, Turntable
+    from relume.renderers.whitted.whitted import Whitted
     from relume.scene.scene import Scene
-    from relume.shot.scene_file import SceneFile
+    from relume.virtual_camera.film.film import Film
 
 Report = Callable[[str, float], None]
 
@@ -37,8 +37,8 @@ class Movie:
 
     def way(self, scene: Scene) -> Orbit | Turntable:
         """The motion about the middle of the scene's objects, a turntable unless told."""
-        from relume.render import motion as motions
-        from relume.scene.bounds import bounds
+        from relume.renderers import turntable as motions
+        from relume.scene.shapes.bounds import bounds
 
         x, y, z = bounds(scene.objects).mean(axis=0)
         angle = math.radians(360.0 if self.degrees is None else self.degrees)
@@ -47,7 +47,7 @@ class Movie:
 
 def by_mitsuba(read: SceneFile, *, samples: int, seed: int, threads: int | None, report: Report) -> Iterator[Render]:
     """One picture by light transport."""
-    from relume.render.mitsuba import Mitsuba
+    from relume.renderers.mitsuba.path_tracer import Mitsuba
 
     method = Mitsuba(samples=samples, threads=threads)
     yield method.render(read.scene, read.camera, seed=seed, progress=lambda share: report("rendering", share))
@@ -64,11 +64,11 @@ def by_maps(
 ) -> Iterator[Render]:
     """One picture, or a movie's, by reflection maps."""
     from relume.composite.layering import over
-    from relume.render.mapped import Mapped
-    from relume.render.motion import frames
+    from relume.renderers.prefiltered.prefiltered import Prefiltered
+    from relume.renderers.turntable import frames
 
     report("tables", 0.0)
-    prepared = Mapped(_filter(filter), background=plate is None, threads=threads).prepared(read.scene)
+    prepared = Prefiltered(_filter(filter), background=plate is None, threads=threads).prepared(read.scene)
     report("tables", 1.0)
     if movie is None:
         pictures = iter([prepared.render(read.camera)])
@@ -85,8 +85,8 @@ def by_trees(
     method: Whitted, read: SceneFile, movie: Movie | None, *, seed: int, region: Region | None, report: Report
 ) -> Iterator[Render]:
     """One picture, or a movie's, by Whitted's trees: the file's orbits, and a motion unless they are all there is."""
-    from relume.render import motion as motions
-    from relume.scene.moving import left_in_space
+    from relume.renderers import turntable as motions
+    from relume.scene.motion.moving_objects import left_in_space
 
     def rendering(share: float) -> None:
         report("rendering", share)
@@ -126,9 +126,9 @@ def write_picture(out: Path, picture: Render, film: Film, unit: str) -> None:
     """Write one picture in the format that its suffix names."""
     import numpy as np
 
-    from relume.develop.film import develop
     from relume.image import files
     from relume.image.radiance import RadianceMap
+    from relume.virtual_camera.film.film import develop
 
     suffix = out.suffix.lower()
     if suffix == ".exr":
@@ -145,7 +145,7 @@ def write_picture(out: Path, picture: Render, film: Film, unit: str) -> None:
 
 def write_frames(out: Path, pictures: Iterator[Render], film: Film, unit: str) -> None:
     """Write a movie, or numbered pictures into a folder, as they are rendered."""
-    from relume.develop.film import develop
+    from relume.virtual_camera.film.film import develop
 
     if out.suffix.lower() == ".mp4":
         from relume.image.files.video import Movie as MovieFile
@@ -160,7 +160,7 @@ def write_frames(out: Path, pictures: Iterator[Render], film: Film, unit: str) -
 
 
 def _filter(name: str) -> Filter:
-    from relume.render import filters
+    from relume.renderers.prefiltered import filters
 
     ways: dict[str, type[Filter]] = {
         "plain": filters.Plain,

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from relume.develop.film import Film
-    from relume.render.ray_tree import RayTree
-    from relume.render.whitted import Whitted
-    from relume.scene.camera import Camera
+    from relume.renderers.whitted.ray_tree import RayTree
+    from relume.renderers.whitted.whitted import Whitted
+    from relume.scene.cameras.camera import Camera
     from relume.scene.scene import Scene
+    from relume.virtual_camera.film.film import Film
 
 DRAWINGS = (".png", ".svg")
 
@@ -34,8 +34,8 @@ def draw_tree(
 ) -> dict[str, object]:
     """Write the drawing of a pixel's tree; what there is to tell of it and of the picture's time (§4)."""
     from relume.image.files.atomic import replacing
-    from relume.render.ray_tree import breakdown, ray_tree
-    from relume.shot.tree_plot import tree_plot
+    from relume.renderers.whitted.ray_tree import breakdown, ray_tree
+    from relume.report.ray_tree_plot import tree_plot
 
     prepared = method.prepared(scene)
     tree = ray_tree(prepared, camera, (pixel[0] + 0.5, pixel[1] + 0.5), seed=seed)
@@ -56,7 +56,7 @@ def draw_tree(
 
 
 def _counted(tree: RayTree) -> str:
-    from relume.render.whitted_record import REFLECTED, REFRACTED, SHADOW
+    from relume.renderers.whitted.record import REFLECTED, REFRACTED, SHADOW
 
     rays = "1 ray" if len(tree.kind) == 1 else f"{len(tree.kind)} rays"
     counts = {kind: int((tree.kind == kind).sum()) for kind in (REFLECTED, REFRACTED, SHADOW)}

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     import numpy as np
 
     from relume.image.radiance import RadianceMap
-    from relume.light.clipped_sun import RecoveredSun
-    from relume.light.matte_readings import MatteReadings, Patch
+    from relume.light.suns.clipped_sun import RecoveredSun
+    from relume.light.suns.matte_readings import MatteReadings, Patch
 
 UNMEASURED = 0.01
 """Share of a patch's pixels that may be clipped: dust on the sensor is left out, a saturated patch is none."""
@@ -78,11 +78,11 @@ def sun(
 ) -> None:
     """Give a clipped sun back its light, so that a matte thing in the same light is as bright as it was."""
     from relume.image import files
-    from relume.light.clipped_regions import Disc, Spread
-    from relume.light.clipped_sun import recover_sun
+    from relume.light.suns.clipped_regions import Disc, Spread
+    from relume.light.suns.clipped_sun import recover_sun
     from relume.sphere.audit import audit
-    from relume.sphere.illumination import as_radiance_map
-    from relume.sphere.mappings import mapping_named
+    from relume.sphere.environment_map import as_radiance_map
+    from relume.sphere.mappings.mapping import mapping_named
 
     with speaking(manner):
         require_suffix(out, ".exr", ".hdr")
@@ -141,14 +141,14 @@ def _of_ball(
     import numpy as np
 
     from relume.image import files
-    from relume.light.matte_readings import read_grey_ball
-    from relume.probe.ball import view_ball
-    from relume.probe.silhouette import outline_of_circle
+    from relume.light.suns.matte_readings import read_grey_ball
+    from relume.probe.ball.silhouette import outline_of_circle
+    from relume.probe.ball.unwrapping import unwrap_ball
 
     if albedo is None:
         raise ValueError("--grey-ball needs its --albedo, like 0.18 for middle grey")
     outline = None if pick is None else outline_of_circle(*read_point(pick, "--pick"))
-    view = view_ball(
+    view = unwrap_ball(
         files.read_radiance(path), camera=np.array(camera), centre=np.zeros(3), radius=radius, outline=outline,
         name=path.name,
     )  # fmt: skip
@@ -157,7 +157,7 @@ def _of_ball(
 
 def _of_chart(path: Path, words: Sequence[str]) -> MatteReadings:
     from relume.image import files
-    from relume.light.matte_readings import read_chart
+    from relume.light.suns.matte_readings import read_chart
 
     if not words:
         raise ValueError("--chart needs a --patch, like 640,360,20=0.9@0,1,0")
@@ -168,7 +168,7 @@ def _of_chart(path: Path, words: Sequence[str]) -> MatteReadings:
 def _patch(word: str, picture: RadianceMap, path: Path) -> Patch:
     import numpy as np
 
-    from relume.light.matte_readings import Patch
+    from relume.light.suns.matte_readings import Patch
     from relume.sphere.directions import normalised
 
     place, equals, rest = word.partition("=")

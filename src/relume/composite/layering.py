@@ -9,7 +9,7 @@ def over(foreground: np.ndarray, matte: np.ndarray, plate: np.ndarray) -> np.nda
     """The foreground matted over a plate: foreground + (1 − matte)·plate.
 
     foreground : (H, W, 3) radiance, premultiplied: what the objects add to each pixel, black where there are none, as
-        `Mapped(background=False)` renders it
+        `Prefiltered(background=False)` renders it
     matte : (H, W), the share of each pixel that the objects cover, 0 to 1
     plate : (H, W, 3) radiance on the same scale
 

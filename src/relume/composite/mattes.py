@@ -60,9 +60,9 @@ def solid_foreground(plate: np.ndarray, occluder: np.ndarray) -> np.ndarray:
 def _painted(path: str | Path, kind: str) -> np.ndarray:
     """Alpha where a PNG has it, else its grey."""
     if kind == "PNG":
-        from relume.image.files import png, png_pixels
-        from relume.image.files.photograph_form import form_of
-        from relume.image.files.reading import Reading
+        from relume.image.files.photographs import png, png_pixels
+        from relume.image.files.photographs.header import form_of
+        from relume.image.files.read_options import Reading
 
         form_of(path, kind, Reading())  # judges the header before anything it claims is allocated
         chunks = png.chunks(path)

@@ -1,1 +1,5 @@
-"""Illumination map → the forms of light a scene can hold: reflection maps, harmonics."""
+"""Environment map → the forms of light a scene can hold: `relume.light`."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

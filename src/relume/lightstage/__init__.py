@@ -1,1 +1,5 @@
-"""Many lights, one at a time → any light: reflectance fields of real things, relit, seen from new places."""
+"""Photographs under one light at a time (OLAT) → any light: `relume.lightstage`."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -11,8 +11,8 @@ import numpy as np
 
 from relume.image.colour import decode_srgb, luminance
 from relume.image.photograph import Photograph
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, Mapping
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, Mapping
 
 FAINTEST = 1 / 65535
 """Share of white that stands for black where a mask mixes logarithms: the least that 16 bits can tell from nothing."""
@@ -76,7 +76,7 @@ def paint(
     *,
     mapping: Mapping = LatLong(),
     unit: Unit = "relative",
-) -> IlluminationMap:
+) -> EnvironmentMap:
     """The illumination map that a painting shows.
 
     painting : 8 or 16 bits, laid out in `mapping`; where it is transparent it is black
@@ -106,7 +106,7 @@ def paint(
         warnings.warn(f"{painting.name}: black all over, so it lights nothing; raise parts of it", stacklevel=2)
     for spot in hot:
         radiance = _raised(radiance, spot, scale, painting.name)
-    return IlluminationMap(radiance.astype(np.float32), mapping, unit)
+    return EnvironmentMap(radiance.astype(np.float32), mapping, unit)
 
 
 def read_gamma(text: str | None, name: str = "the painting") -> float | Literal["srgb"]:

@@ -1,1 +1,5 @@
-"""A description of what is rendered; no renderer, no pixels."""
+"""A description of what is rendered; no renderer, no pixels: `relume.scene`."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

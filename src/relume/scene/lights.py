@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.scene.materials import Colour
+from relume.scene.materials.materials import Colour
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 from relume.scene.distant import Distant, Infinite, Point
 from relume.scene.lights import Light
-from relume.scene.shapes import Shape, Solid
-from relume.sphere.illumination import IlluminationMap
+from relume.scene.shapes.shapes import Shape, Solid
+from relume.sphere.environment_map import EnvironmentMap
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class Scene:
     probe : where the light was measured, metres, world; means nothing for a distant scene at infinity
     """
 
-    light: IlluminationMap
+    light: EnvironmentMap
     local: tuple[Shape, ...] = ()
     objects: tuple[Solid, ...] = ()
     lights: tuple[Light, ...] = ()

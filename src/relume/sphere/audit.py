@@ -9,8 +9,8 @@ import numpy as np
 from relume.image.colour import luminance
 from relume.image.radiance import OUTSIDE, SATURATED
 from relume.sphere.directions import normalised
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import pixel_directions
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import pixel_directions
 
 AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
 _NORMALS = np.array(
@@ -67,7 +67,7 @@ class Audit:
         return facts
 
 
-def audit(light: IlluminationMap, turn: np.ndarray | None = None) -> Audit:
+def audit(light: EnvironmentMap, turn: np.ndarray | None = None) -> Audit:
     """Measure the energy of a light map.
 
     turn : an active rotation; the audit is of the light as it will be when it is so turned
@@ -121,7 +121,7 @@ def losses(before: Audit, after: Audit) -> tuple[str, ...]:
     return tuple(told)
 
 
-def _flux(light: IlluminationMap, areas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _flux(light: EnvironmentMap, areas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Radiance × solid angle (N, 3) float64 of pixels or blocks, and the directions (N, 3) float32 of their middles."""
     rows, columns = light.radiance.shape[:2]
     block = 1
@@ -140,7 +140,7 @@ def _flux(light: IlluminationMap, areas: np.ndarray) -> tuple[np.ndarray, np.nda
     return flux.reshape(-1, 3), directions.reshape(-1, 3)
 
 
-def _halves(light: IlluminationMap, block: int) -> bool:
+def _halves(light: EnvironmentMap, block: int) -> bool:
     """Whether the map divides into blocks of so many pixels that are pixels of a smaller map."""
     rows, columns = light.radiance.shape[:2]
     if rows % block or columns % block:

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, Mapping
-from relume.sphere.squares import EqualArea
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, Mapping
+from relume.sphere.mappings.squares import EqualArea
 
 _AHEAD_IS_PLUS_X = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 """The middle of the file shows +X and +Z lies to its right."""
@@ -55,7 +55,7 @@ class Orientation:
         return np.stack([1 - points[..., 0], points[..., 1]], axis=-1)
 
 
-def oriented(light: IlluminationMap, orientation: Orientation, size: int | None = None) -> IlluminationMap:
+def oriented(light: EnvironmentMap, orientation: Orientation, size: int | None = None) -> EnvironmentMap:
     """The light laid out as a program reads it: loaded there with default settings, it comes from where it came here.
 
     light : in our frame and any mapping
@@ -64,28 +64,28 @@ def oriented(light: IlluminationMap, orientation: Orientation, size: int | None 
     A lat-long map that is turned by whole columns keeps its pixels; any other is resampled, its energy kept. The result
     is *for the program*: read by us it is light from elsewhere, until `restored` turns it back.
     """
-    from relume.sphere.resampling import resampled
+    from relume.sphere.resampling.resampling import resampled
 
     turned = resampled(light, orientation.mapping, size or light.size, orientation.rotation.T)
     return _flipped(turned) if orientation.mirrored else turned
 
 
-def restored(light: IlluminationMap, orientation: Orientation) -> IlluminationMap:
+def restored(light: EnvironmentMap, orientation: Orientation) -> EnvironmentMap:
     """A map that is laid out for a program, in our frame again (as a lat-long map): what `oriented` did, undone.
 
     Raises ValueError when the map's mapping is not the one the program reads.
     """
     if light.mapping.name != orientation.mapping.name:
         raise ValueError(f"a {light.mapping.name} map; {orientation.name} reads {orientation.mapping.name} maps only")
-    from relume.sphere.resampling import resampled
+    from relume.sphere.resampling.resampling import resampled
 
     straight = _flipped(light) if orientation.mirrored else light
     return resampled(straight, LatLong(), light.size, orientation.rotation)
 
 
-def _flipped(light: IlluminationMap) -> IlluminationMap:
+def _flipped(light: EnvironmentMap) -> EnvironmentMap:
     clipped = None if light.clipped is None else np.ascontiguousarray(light.clipped[:, ::-1])
-    return IlluminationMap(np.ascontiguousarray(light.radiance[:, ::-1]), light.mapping, light.unit, clipped)
+    return EnvironmentMap(np.ascontiguousarray(light.radiance[:, ::-1]), light.mapping, light.unit, clipped)
 
 
 _SAME = "its axes are ours"

@@ -6,11 +6,11 @@ import numpy as np
 
 from relume.image.radiance import RadianceMap
 from relume.sphere.directions import required_rotation
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.layouts import FLAT, Layout, laid_out, layout
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.layouts import FLAT, Layout, laid_out, layout
 
 
-def perspective_view(light: IlluminationMap, rotation: np.ndarray, field: float, size: tuple[int, int]) -> RadianceMap:
+def perspective_view(light: EnvironmentMap, rotation: np.ndarray, field: float, size: tuple[int, int]) -> RadianceMap:
     """What a pinhole camera in the middle of the light sees, antialiased.
 
     light : in any mapping
@@ -23,7 +23,7 @@ def perspective_view(light: IlluminationMap, rotation: np.ndarray, field: float,
     below 1, and for a matrix that is no rotation.
     """
     camera = _camera(rotation, field, size)
-    from relume.sphere.resampling import moved
+    from relume.sphere.resampling.resampling import moved
 
     radiance, marks, _ = moved(light.radiance, light.clipped, layout(light.mapping, light.size), camera, np.eye(3))
     attributes = {
@@ -34,8 +34,8 @@ def perspective_view(light: IlluminationMap, rotation: np.ndarray, field: float,
 
 
 def with_view(
-    light: IlluminationMap, picture: RadianceMap, rotation: np.ndarray, field: float, feather: float = 0.0
-) -> IlluminationMap:
+    light: EnvironmentMap, picture: RadianceMap, rotation: np.ndarray, field: float, feather: float = 0.0
+) -> EnvironmentMap:
     """The light with a perspective picture put in: the inverse of `perspective_view`.
 
     light, rotation, field : as there
@@ -54,7 +54,7 @@ def with_view(
     if not 0 <= feather <= 0.5:
         raise ValueError(f"feather is {feather:g}; expected 0 to 0.5 of the picture's shorter side")
     camera = _camera(rotation, field, picture.size)
-    from relume.sphere.resampling import moved
+    from relume.sphere.resampling.resampling import moved
 
     target = layout(light.mapping, light.size)
     eye = np.eye(3)
@@ -71,7 +71,7 @@ def with_view(
         clipped = np.zeros(share.shape, np.uint8) if clipped is None else clipped.copy()
         more = share > 0.5
         clipped[more] = marks[more] if marks is not None and picture.clipped is not None else 0
-    return IlluminationMap(np.maximum(mixed, 0), light.mapping, light.unit, clipped)
+    return EnvironmentMap(np.maximum(mixed, 0), light.mapping, light.unit, clipped)
 
 
 def _camera(rotation: np.ndarray, field: float, size: tuple[int, int]) -> Layout:

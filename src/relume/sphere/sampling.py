@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from relume.image.colour import luminance
-from relume.sphere.illumination import IlluminationMap
-from relume.sphere.mappings import LatLong, Mapping
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, Mapping
 
 _ROUNDS = 100_000
 """Draws after which something must be wrong: the least likely pixel needs some thousand."""
@@ -40,7 +40,7 @@ class Sampler:
     Raises ValueError for a map without any brightness: there is nothing to draw.
     """
 
-    light: IlluminationMap
+    light: EnvironmentMap
     brightness: Callable[[np.ndarray], np.ndarray] = luminance
 
     def __post_init__(self) -> None:

@@ -14,9 +14,9 @@ import numpy as np
 import rawpy
 
 from relume.errors import FormatError, UnreadableFile
-from relume.image.files import exif
-from relume.image.files.exr_parts import gathered_messages
-from relume.image.files.reading import Reading, refuse_absurd_amount, refuse_absurd_size
+from relume.image.files.exr.parts import gathered_messages
+from relume.image.files.metadata import exif
+from relume.image.files.read_options import Reading, refuse_absurd_amount, refuse_absurd_size
 from relume.image.files.signatures import one_line
 from relume.image.photograph import Exposure, Settings
 from relume.image.primaries import REC709

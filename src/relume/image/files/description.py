@@ -10,7 +10,7 @@ import numpy as np
 
 from relume.image import files
 from relume.image.code_values import code_percentiles, code_values
-from relume.image.files.reading import Reading
+from relume.image.files.read_options import Reading
 from relume.image.files.signatures import MAPS, kind_of
 from relume.image.photograph import Exposure, Photograph, Settings
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
@@ -78,7 +78,7 @@ def _of_map(path: str | os.PathLike[str], kind: str, image: RadianceMap, reading
 
 
 def _of_photograph(path: str | os.PathLike[str], kind: str, image: Photograph, reading: Reading) -> dict[str, object]:
-    from relume.image.files import photographs
+    from relume.image.files.photographs import photographs
 
     told = code_values(image)
     # Of such a JPEG the library's own word on its variety is that of the gain map.
@@ -212,7 +212,7 @@ def _letters(image: RawPhotograph) -> str:
 
 def _parts(path: str | os.PathLike[str], reading: Reading) -> list[dict[str, object]]:
     """The parts of an EXR by its headers: their names, channels, the numbers these are stored in, their windows."""
-    from relume.image.files.exr_header import read_headers
+    from relume.image.files.exr.header import read_headers
 
     return [
         {

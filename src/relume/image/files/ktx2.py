@@ -2,7 +2,7 @@
 
 A file is a header, an index of its levels, a data format descriptor, keys with values and the levels, the smallest
 first; numbers are little-endian. Formats: Khronos KTX 2.0 revision 4, and Khronos Data Format 1.4, section 5. A level
-is (6, S, S, 3), the faces +X, −X, +Y, −Y, +Z, −Z with row 0 on top, as in `relume.sphere.cube`.
+is (6, S, S, 3), the faces +X, −X, +Y, −Y, +Z, −Z with row 0 on top, as in `relume.sphere.mip_cube`.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from relume.errors import FormatError, UnreadableFile
-from relume.image.files import radiance_hdr
 from relume.image.files.atomic import replacing
-from relume.image.files.reading import Reading, refuse_absurd_size
+from relume.image.files.hdr import radiance_hdr
+from relume.image.files.read_options import Reading, refuse_absurd_size
 from relume.image.files.signatures import one_line
 from relume.image.radiance import RadianceMap
 

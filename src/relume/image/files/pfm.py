@@ -21,9 +21,9 @@ import numpy as np
 
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files.atomic import replacing
-from relume.image.files.attributes import warn_of_losses
 from relume.image.files.encodings import PFM
-from relume.image.files.reading import OR_SALVAGE, Reading, refuse_absurd_amount, refuse_absurd_size
+from relume.image.files.metadata.attributes import warn_of_losses
+from relume.image.files.read_options import OR_SALVAGE, Reading, refuse_absurd_amount, refuse_absurd_size
 from relume.image.radiance import OUTSIDE, RadianceMap
 
 _HEADER = 2**14  # bytes in which a header ends; with comments, which Debevec's has not, but some readers take

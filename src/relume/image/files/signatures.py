@@ -10,7 +10,7 @@ from typing import BinaryIO
 
 from relume.errors import UnreadableFile
 from relume.image.files.encodings import suffix_of
-from relume.image.files.tiff_folders import folders_in
+from relume.image.files.tiff.directories import folders_in
 
 MAPS = ("EXR", "HDR", "PFM", "raw float", "float TIFF", "LogLuv TIFF")
 """The kinds that hold radiance maps."""

@@ -1,0 +1,9 @@
+from .measurement import Measurement as Measurement
+from .measurement import MergeSettings as MergeSettings
+from .response.calibration import Calibration as Calibration
+from .response.debevec_malik import DebevecMalik as DebevecMalik
+from .response.mitsunaga_nayar import MitsunagaNayar as MitsunagaNayar
+from .response.ratios import Ratios as Ratios
+from .response.robertson import Robertson as Robertson
+from .weighting import Hat as Hat
+from .weighting import InverseVariance as InverseVariance

@@ -1,0 +1,188 @@
+"""A bracket: photographs of one static scene from one place, differently exposed."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from relume.capture.exposure.exposures import Times, exposed
+from relume.errors import NotABracket
+from relume.image import files
+from relume.image.photograph import Photograph
+
+
+@dataclass(frozen=True, eq=False)
+class Bracket:
+    """Photographs sorted from the least to the most exposed; one photograph is a bracket too."""
+
+    photographs: tuple[Photograph, ...]
+
+    def __post_init__(self) -> None:
+        photographs = self.photographs
+        if not photographs:
+            raise NotABracket("no photographs were given; name at least one file")
+        for photograph in photographs:
+            if photograph.exposure is None:
+                raise NotABracket(
+                    f"{photograph.name}: no exposure time in its EXIF; give one per photograph with --times"
+                )
+            if photograph.size != photographs[0].size or photograph.pixels.dtype != photographs[0].pixels.dtype:
+                raise NotABracket(
+                    f"{photograph.name} is {_form(photograph)}, {photographs[0].name} is {_form(photographs[0])}; "
+                    "a bracket needs photographs of one size and depth"
+                )
+        for attribute in ("f_number", "iso"):
+            known = [getattr(p.exposure, attribute) is not None for p in photographs]
+            if any(known) and not all(known):
+                raise NotABracket(
+                    f"{photographs[known.index(False)].name}: no {attribute} in its EXIF while other frames have one; "
+                    "give all exposures with --times"
+                )
+        ordered = sorted(photographs, key=lambda p: (_factor(p), p.name))
+        object.__setattr__(self, "photographs", tuple(ordered))
+
+    @property
+    def exposures(self) -> np.ndarray:
+        """Pixel exposure per unit of radiance of each photograph, rising (`Exposure.factor`)."""
+        return np.array([_factor(p) for p in self.photographs])
+
+    @property
+    def exposure_table(self) -> tuple[FrameFacts, ...]:
+        """What is known of each exposure, from the least to the most exposed."""
+        stops = np.log2(self.exposures / self.exposures[0])
+        told = [(p.name, p.exposure, float(s)) for p, s in zip(self.photographs, stops, strict=True) if p.exposure]
+        return tuple(FrameFacts(name, e.seconds, e.f_number, e.iso, s, e.source) for name, e, s in told)
+
+    @property
+    def focal_length(self) -> float | None:
+        """Of the lens, in pixels; None where the photographs tell none."""
+        return next((p.focal_length for p in self.photographs if p.focal_length is not None), None)
+
+    @property
+    def name(self) -> str:
+        """The photographs' names, short, for messages."""
+        names = [p.name for p in self.photographs]
+        return names[0] if len(names) == 1 else f"{names[0]} … {names[-1]}"
+
+
+@dataclass(frozen=True)
+class FrameFacts:
+    """What is known of the exposure of one photograph of a bracket: a line of its exposure table.
+
+    name : the file
+    seconds, f_number, iso : as in `Exposure`; None where unknown
+    stops : above the least exposed photograph of the bracket
+    source : who told it: "given", "sidecar", "EXIF" or "estimated"
+    """
+
+    name: str
+    seconds: float
+    f_number: float | None
+    iso: float | None
+    stops: float
+    source: str
+
+
+def read_bracket(
+    paths: Sequence[str | Path],
+    *,
+    times: Times = None,
+    ignore: tuple[int, int, int] | None = None,
+    true_powers: bool = False,
+    sidecars: bool = True,
+) -> Bracket:
+    """Read photographs into a bracket, each with the exposure of the strongest source that tells it.
+
+    The order of sources is fixed: `times`, a list beside the photographs, EXIF, the pixels (`exposures.exposed`).
+
+    paths : image files; their order does not matter but for `times` in seconds
+    times : exposure time of each path in seconds, or the path of a file that lists them; replaces the whole EXIF
+        exposure, because a hand-written list is the stronger word
+    ignore : red, green and blue of pixels that are not part of the picture, as stored in the file (0 to 255, or to
+        65535): the pure blue (0, 0, 255) of the memorial church's borders. Exactly this colour is meant, so give it for
+        losslessly stored photographs only
+    true_powers : take marked shutter speeds for the powers of two that they stand for; `true_shutter` says why not
+        always
+    sidecars : look for a list of exposures beside the photographs
+
+    A photograph that is there twice, pixel for pixel and with the same exposure, is kept once, with a warning.
+    Raises UnreadableFile, NotABracket. Warns of exposures that are not plainly told.
+    """
+    photographs = [files.read_photograph(path) for path in paths]
+    if ignore is not None:
+        photographs = _ignoring(photographs, ignore)
+    speeds = None
+    if true_powers:
+        facts = [files.read_facts(path) for path in paths]
+        speeds = {f.name: f.shutter_speed for f in facts}
+    photographs = exposed(photographs, times=times, sidecars=sidecars, shutter_speeds=speeds)
+    return Bracket(_once_each(photographs))
+
+
+def require_told(brackets: Iterable[Bracket]) -> None:
+    """Refuse brackets whose exposures were only estimated where several have to lie on one scale."""
+    for bracket in brackets:
+        for photograph in bracket.photographs:
+            if photograph.exposure is not None and photograph.exposure.source == "estimated":
+                raise NotABracket(
+                    f"{photograph.name}: no exposure time in its EXIF, so its scale is not that of the others; "
+                    "give the times of its bracket"
+                )
+
+
+def same_pixels(first: Photograph, second: Photograph) -> bool:
+    """Whether two photographs are one, pixel for pixel."""
+    # A few pixels tell nearly all pairs apart; only copies are compared whole.
+    return np.array_equal(first.pixels[::37, ::37], second.pixels[::37, ::37]) and np.array_equal(
+        first.pixels, second.pixels
+    )
+
+
+def _ignoring(photographs: list[Photograph], colour: tuple[int, int, int]) -> list[Photograph]:
+    for photograph in photographs:
+        if not 0 <= min(colour) <= max(colour) <= np.iinfo(photograph.pixels.dtype).max:
+            raise NotABracket(
+                f"{photograph.name}: no {photograph.pixels.dtype} pixel has the colour {','.join(map(str, colour))}; "
+                f"give values from 0 to {np.iinfo(photograph.pixels.dtype).max}"
+            )
+    found = [np.all(p.pixels == np.array(colour), axis=2) for p in photographs]
+    if photographs and not any(outside.any() for outside in found):
+        warnings.warn(
+            f"{photographs[0].name} and the others have no pixel of the colour {','.join(map(str, colour))} to ignore; "
+            "give it as it is stored in the files",
+            stacklevel=3,
+        )
+    return [_without(p, outside) for p, outside in zip(photographs, found, strict=True)]
+
+
+def _without(photograph: Photograph, outside: np.ndarray) -> Photograph:
+    if not outside.any():
+        return photograph
+    return replace(photograph, outside=outside if photograph.outside is None else outside | photograph.outside)
+
+
+def _once_each(photographs: list[Photograph]) -> tuple[Photograph, ...]:
+    kept: list[Photograph] = []
+    for photograph in photographs:
+        twin = next((p for p in kept if p.exposure == photograph.exposure and same_pixels(p, photograph)), None)
+        if twin is None:
+            kept.append(photograph)
+        else:
+            warnings.warn(
+                f"{photograph.name}: pixel for pixel {twin.name}, so it is left out; take one of them away",
+                stacklevel=3,
+            )
+    return tuple(kept)
+
+
+def _factor(photograph: Photograph) -> float:
+    assert photograph.exposure is not None  # __post_init__ refused the others
+    return photograph.exposure.factor
+
+
+def _form(photograph: Photograph) -> str:
+    return f"{photograph.size[0]}×{photograph.size[1]} {photograph.pixels.dtype}"

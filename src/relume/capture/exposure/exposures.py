@@ -1,0 +1,206 @@
+"""The exposure of every photograph of a bracket: given by hand, listed beside it, in its EXIF, or told by its pixels.
+
+The order is fixed, from the strongest word to the weakest, and `Exposure.source` says which one counted.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from relume.capture.exposure.folder import listed_exposures
+from relume.capture.exposure.relative_brightness import brightness_chain, reduced
+from relume.capture.exposure.shutter import marked, true_shutter
+from relume.capture.exposure.sidecar import ExposureList, read_times
+from relume.errors import NotABracket
+from relume.image.photograph import Exposure, Photograph
+
+Times = Sequence[float] | str | os.PathLike[str] | None
+"""Seconds, one a photograph in their order, or the path of a file that lists them."""
+
+
+def exposed(
+    photographs: Sequence[Photograph],
+    *,
+    times: Times = None,
+    sidecars: bool = True,
+    shutter_speeds: Mapping[str, float | None] | None = None,
+) -> list[Photograph]:
+    """The photographs, each with the exposure of the strongest source that tells it.
+
+    photographs : named by the paths of their files
+    times : seconds, one a photograph, or the path of a list; replaces the whole EXIF exposure, because a hand-written
+        list is the stronger word
+    sidecars : look for such a list beside the photographs; it too replaces the whole EXIF exposure
+    shutter_speeds : APEX values by name (`Facts.shutter_speed`); where given, marked shutter speeds are replaced by
+        the powers of two that they stand for (`true_shutter`), in all exposures but estimated ones
+    Raises NotABracket for a wrong number of times, lists that disagree or name no photograph, and photographs whose
+    exposure cannot be estimated either; UnreadableFile. Warns of every exposure that is not plainly told.
+    """
+    if times is None:
+        listed = _listed(photographs, sidecars)
+    elif isinstance(times, str | os.PathLike):
+        listed = _given_list(photographs, read_times(times))
+    else:
+        if len(times) != len(photographs):
+            raise NotABracket(
+                f"{len(times)} times were given for {len(photographs)} photographs; give one a photograph"
+            )
+        listed = [Exposure(float(seconds)) for seconds in times]
+    told = [replace(p, exposure=e or p.exposure) for p, e in zip(photographs, listed, strict=True)]
+    told = _on_one_scale(told, photographs)
+    if shutter_speeds is not None:
+        told = [_true(p, shutter_speeds.get(p.name)) for p in told]
+    # A photograph alone has nothing to be compared with: the bracket refuses it.
+    return estimated(told) if len(told) > 1 else told
+
+
+def estimated(photographs: Sequence[Photograph]) -> list[Photograph]:
+    """The photographs, those without an exposure with one estimated from their pixels, if sRGB encoded them.
+
+    Where others have one, the estimate is read off theirs: between two of them it does not depend on the encoding.
+    Where none has, only ratios are known, and the photograph in the middle is counted as exposed for one second.
+    Cameras that press more contrast into their pictures than sRGB have these ratios told too large, by a quarter to a
+    third of the stops. Warns of each; raises NotABracket where pixels tell nothing.
+    """
+    unknown = [i for i, p in enumerate(photographs) if p.exposure is None]
+    if not unknown:
+        return list(photographs)
+    seen = brightness_chain([reduced(p) for p in photographs])
+    known = [p.exposure for p in photographs if p.exposure is not None]
+    exposures: list[Exposure] = []
+    if known:
+        told = [(s, np.log(p.exposure.factor)) for s, p in zip(seen, photographs, strict=True) if p.exposure]
+        base = known[0]
+        scale = replace(base, seconds=1.0).factor
+        exposures = [
+            replace(base, seconds=float(np.exp(_read_off(seen[i], sorted(told)))) / scale, source="estimated")
+            for i in unknown
+        ]
+        names = ", ".join(photographs[i].name for i in unknown)
+        warnings.warn(
+            f"{names}: no exposure is told; it is estimated from the other photographs, so give all with --times",
+            stacklevel=4,
+        )
+    else:
+        middle = np.sort(seen)[len(seen) // 2]
+        exposures = [Exposure(float(seconds), source="estimated") for seconds in np.exp(seen - middle)]
+        ratios = " : ".join(f"{ratio:.3g}" for ratio in np.exp(np.sort(seen) - seen.min()))
+        warnings.warn(
+            f"{photographs[0].name} and others: no exposure is told; only the ratios {ratios} are known, from the "
+            f"pixels under an assumed sRGB curve; {_advice(photographs, seen)}",
+            stacklevel=4,
+        )
+    by_index = dict(zip(unknown, exposures, strict=True))
+    return [replace(p, exposure=by_index[i]) if i in by_index else p for i, p in enumerate(photographs)]
+
+
+def times_in_names(names: Sequence[str]) -> list[str] | None:
+    """The time in each file name, as text for --times, where every name reads like one: 1_25, 17_1, img_0.033, 1-250s.
+
+    None where any does not, or two are equal: then the numbers count something else.
+    """
+    stems = [Path(name).stem for name in names]
+    times = [_time_in(stem) for stem in stems]
+    if any(time and "." in time for time in times):
+        # Beside img_0.033 a whole number is a time too: img_15.
+        whole = [re.search(r"(?<![\d.])\d+$", stem) for stem in stems]
+        times = [time or (match and match[0]) for time, match in zip(times, whole, strict=True)]
+    found = [time for time in times if time]
+    return found if len(found) == len(names) == len(set(found)) else None
+
+
+def _listed(photographs: Sequence[Photograph], sidecars: bool) -> list[Exposure | None]:
+    """What the lists beside the photographs tell, folder by folder."""
+    listed: list[Exposure | None] = [None] * len(photographs)
+    folders = {Path(p.name).parent for p in photographs} if sidecars else set()
+    for folder in sorted(folders):
+        members = [i for i, p in enumerate(photographs) if Path(p.name).parent == folder]
+        paths = [Path(photographs[i].name) for i in members]
+        for i, exposure in zip(members, listed_exposures(paths, _brightness(photographs, members)), strict=True):
+            listed[i] = exposure
+    return listed
+
+
+def _given_list(photographs: Sequence[Photograph], given: ExposureList) -> list[Exposure | None]:
+    paths = [Path(p.name) for p in photographs]
+    if not given.names and len(given.exposures) != len(paths):
+        raise NotABracket(
+            f"{given.path}: {len(given.exposures)} times for {len(paths)} photographs; list one a photograph, or names"
+        )
+    listed = given.told(paths, range(len(paths)), _brightness(photographs, range(len(paths))))
+    missing = [str(path) for path, exposure in zip(paths, listed, strict=True) if exposure is None]
+    if len(missing) == len(paths):
+        raise NotABracket(
+            f"{given.path}: names none of the photographs, such as {paths[0].name}; check which list it is"
+        )
+    if missing:
+        warnings.warn(f"{given.path}: does not name {', '.join(missing)}; add them to the list", stacklevel=4)
+    return [replace(exposure, source="given") if exposure else None for exposure in listed]
+
+
+def _brightness(photographs: Sequence[Photograph], members: Sequence[int]) -> Callable[[], list[float]]:
+    return lambda: [reduced(photographs[i]).mean for i in members]
+
+
+def _on_one_scale(told: list[Photograph], photographs: Sequence[Photograph]) -> list[Photograph]:
+    """Where only some exposures tell aperture or ISO, the others take them from their own EXIF if it tells."""
+    for attribute in ("f_number", "iso"):
+        known = [p.exposure is None or getattr(p.exposure, attribute) is not None for p in told]
+        if any(p.exposure and ok for p, ok in zip(told, known, strict=True)) and not all(known):
+            told = [
+                replace(p, exposure=replace(p.exposure, **{attribute: getattr(original.exposure, attribute)}))
+                if p.exposure and original.exposure and not ok
+                else p
+                for p, original, ok in zip(told, photographs, known, strict=True)
+            ]
+    return told
+
+
+def _true(photograph: Photograph, shutter_speed: float | None) -> Photograph:
+    exposure = photograph.exposure
+    if exposure is None or not marked(exposure.seconds):
+        return photograph
+    return replace(photograph, exposure=replace(exposure, seconds=true_shutter(exposure.seconds, shutter_speed)))
+
+
+def _read_off(seen: float, told: Sequence[tuple[float, float]]) -> float:
+    """ln exposure at `seen` on the line through what is `told`, carried on at both ends with the slope of the whole."""
+    places, values = np.array(told).T
+    run = places[-1] - places[0]
+    slope = (values[-1] - values[0]) / run if run > 0.5 else 1.0
+    beyond = min(seen - places[0], 0.0) + max(seen - places[-1], 0.0)
+    return float(np.interp(seen, places, values) + slope * beyond)
+
+
+def _advice(photographs: Sequence[Photograph], seen: np.ndarray) -> str:
+    times = times_in_names([p.name for p in photographs])
+    if times is None:
+        return "give the exposure times with --times"
+    seconds = [_seconds(time) for time in times]
+    if list(np.argsort(seconds)) != list(np.argsort(seen)):
+        return "give the exposure times with --times; the file names read like times, but not of these photographs"
+    return f"the file names read like times: if they are, give --times {','.join(times)}"
+
+
+def _time_in(stem: str) -> str | None:
+    if found := re.search(r"(?:^|[^\d._-]|(?<!\d)[_-])(\d+)[_-](\d+)(?:s|sec)?$", stem):
+        # One of a pair is 1 in every marked time: 1_25 is 1/25 s, 17_1 is 17 s, and 2016_08 is a date.
+        above, below = found.groups()
+        if "1" in (above, below) and "0" not in (above, below):
+            return above if below == "1" else f"{above}/{below}"
+        return None
+    if found := re.search(r"(?<![\d.])(\d+\.\d+|\d+(?=s|sec))(?:s|sec)?$", stem):
+        return found[1] if float(found[1]) > 0 else None
+    return None
+
+
+def _seconds(time: str) -> float:
+    above, _, below = time.partition("/")
+    return float(above) / float(below or 1)

@@ -1,0 +1,134 @@
+"""A folder of photographs: its pictures in the order of their names, and the list of exposures beside them."""
+
+from __future__ import annotations
+
+import os
+import re
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from relume.capture.exposure.sidecar import ExposureList, read_times
+from relume.errors import NotABracket, UnreadableFile
+from relume.image.files.signatures import kind_of
+from relume.image.photograph import Exposure
+
+_PHOTOGRAPHS = ("JPEG", "PNG", "TIFF", "RAW")
+_LISTS = (".txt", ".csv", ".tsv", ".hdrgen", ".lst", ".list")
+_SAME = 0.01  # of an exposure: lists agree within the rounding of what they print
+
+
+def expand(paths: Iterable[str | os.PathLike[str]]) -> tuple[Path, ...]:
+    """The paths with every folder replaced by the photographs and camera raws in it, in the order of their names.
+
+    Folders inside come after, each by itself. Lists, radiance maps and what is hidden are passed over; what a file is
+    its content says. Raises NotABracket for a folder without photographs.
+    """
+    found: list[Path] = []
+    for path in map(Path, paths):
+        pictures = _all_in(path) if path.is_dir() else [path]
+        if not pictures:
+            raise NotABracket(f"{path}: no photograph is in this folder; name the photographs, or their folder")
+        found.extend(pictures)
+    return tuple(found)
+
+
+def _all_in(folder: Path) -> list[Path]:
+    inner = [path for path in folder.iterdir() if path.is_dir() and not path.name.startswith(".")]
+    return pictures_in(folder) + [path for each in sorted(inner, key=name_order) for path in _all_in(each)]
+
+
+def pictures_in(folder: Path) -> list[Path]:
+    """The photographs and camera raws in a folder, in the order of their names, 9 before 10."""
+    files = [path for path in folder.iterdir() if not path.name.startswith(".") and path.is_file()]
+    return sorted(filter(_is_photograph, files), key=name_order)
+
+
+def name_order(path: str | os.PathLike[str]) -> tuple[object, ...]:
+    """A key that sorts file names as people number them: IMG_9 before IMG_10."""
+    words = re.split(r"(\d+)", Path(path).name.lower())
+    return tuple((int(word), "") if word.isdecimal() else (-1, word) for word in words)
+
+
+def listed_exposures(paths: Sequence[Path], brightness: Callable[[], Sequence[float]] | None) -> list[Exposure | None]:
+    """What the lists of exposures in the photographs' folder tell of each; None where they tell nothing.
+
+    paths : photographs of one folder
+    brightness : gives their mean pixel values (`ExposureList.told`); None where pixels are not to be looked at
+
+    Of several lists that name all the photographs the first by name counts, once they agree. Where none names all, the
+    one that names most counts, with a warning. Raises NotABracket where lists disagree.
+    """
+    folder = paths[0].parent
+    lists = [found for path in sorted(folder.iterdir(), key=name_order) if (found := _list_in(path, paths))]
+    pictures = pictures_in(folder) if any(not found.names for found in lists) else []
+    told: dict[str, list[Exposure | None]] = {}
+    for found in lists:
+        if found.names:
+            told[found.path] = found.told(paths, [0] * len(paths), brightness)
+        elif len(found.exposures) == len(pictures):
+            told[found.path] = found.told(paths, [pictures.index(path) for path in paths], brightness)
+    told = {path: exposures for path, exposures in told.items() if any(exposures)}
+    if not told:
+        for found in lists if brightness is not None else []:
+            _warn_of_strangers(found, paths, len(pictures))
+        return [None] * len(paths)
+    _refuse_disagreement(told, paths)
+    chosen = max(told, key=lambda path: sum(exposure is not None for exposure in told[path]))
+    missing = [path.name for path, exposure in zip(paths, told[chosen], strict=True) if exposure is None]
+    if missing and brightness is not None:
+        warnings.warn(f"{chosen}: does not name {', '.join(missing)}; add them to the list", stacklevel=5)
+    return told[chosen]
+
+
+def _is_photograph(path: Path) -> bool:
+    try:
+        return kind_of(path) in _PHOTOGRAPHS
+    except UnreadableFile:
+        return False
+
+
+def _list_in(path: Path, paths: Sequence[Path]) -> ExposureList | None:
+    if path.suffix.lower() not in _LISTS or path.name.startswith(".") or not path.is_file():
+        return None
+    try:
+        return read_times(path)
+    except UnreadableFile as error:
+        # A text that names the photographs was meant as their list, any other is none of our business.
+        try:
+            text = path.read_text("utf-8", errors="replace").lower()
+        except OSError:
+            return None
+        if sum(p.name.lower() in text for p in paths) > len(paths) // 2:
+            warnings.warn(f"{error}; it is passed over", stacklevel=6)
+        return None
+
+
+def _warn_of_strangers(found: ExposureList, paths: Sequence[Path], pictures: int) -> None:
+    if found.names:
+        warnings.warn(
+            f"{found.path}: lists exposures, but of none of the photographs, such as {paths[0].name}; it is "
+            "passed over",
+            stacklevel=6,
+        )
+    elif len(found.exposures) > 1:
+        warnings.warn(
+            f"{found.path}: {len(found.exposures)} numbers for {pictures} photographs in its folder; it is passed over",
+            stacklevel=6,
+        )
+
+
+def _refuse_disagreement(told: dict[str, list[Exposure | None]], paths: Sequence[Path]) -> None:
+    """Refuse lists of which no single scale makes one the other: only ratios matter to a merge."""
+    (first, reference), *others = told.items()
+    for other, exposures in others:
+        pairs = [(a.factor, b.factor, p) for a, b, p in zip(reference, exposures, paths, strict=True) if a and b]
+        ratios = np.array([a / b for a, b, _ in pairs])
+        if len(pairs) and np.ptp(np.log(ratios)) > _SAME:
+            odd = pairs[int(np.argmax(np.abs(np.log(ratios / np.median(ratios)))))][2]
+            raise NotABracket(
+                f"{first} and {other} disagree about {odd.name}; take one of them away, or name the right one "
+                "with --times"
+            )

@@ -1,0 +1,79 @@
+"""The response as a polynomial, from ratios of exposures (Mitsunaga & Nayar 1999)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from relume.capture.response.sampling import Observations
+from relume.errors import NotABracket
+
+
+@dataclass(frozen=True)
+class MitsunagaNayar:
+    """Fits f⁻¹(m) = Σ cₙ mⁿ, f⁻¹(1) = 1, to f⁻¹(m_q) = R f⁻¹(m_q+1) of neighbouring exposures.
+
+    degree : of the polynomial; None takes the one from 1 to 10 with the least misfit, as the authors do
+    rounds : how often the ratios R are estimated anew from the curve; 0, the default, takes the exposures as told:
+        curve and ratios share an exponent that the photographs cannot settle, and here the told ones do
+    trim : pixel values below the first or above the second, of 255, are left out: the method knows no weights
+    """
+
+    degree: int | None = None
+    rounds: int = 0
+    trim: tuple[float, float] = (5.0, 250.0)
+
+    def __post_init__(self) -> None:
+        if self.degree is not None and not 1 <= self.degree <= 10:
+            raise ValueError(f"degree is {self.degree}; expected 1 to 10, or None to choose one")
+
+    def curve(self, observed: Sequence[Observations], levels: int) -> tuple[np.ndarray, np.ndarray]:
+        """g (levels,), rising, 0 at the middle value; its standard error is not known: NaN (levels,)."""
+        pairs = self._pairs(observed, levels)
+        if not pairs:
+            raise NotABracket(
+                f"no pixel lies between {self.trim[0]:g} and {self.trim[1]:g} of 255 in two neighbouring exposures; "
+                "photograph at smaller exposure steps"
+            )
+        degrees = range(1, 11) if self.degree is None else (self.degree,)
+        fits = [self._fitted(pairs, degree) for degree in degrees]
+        coefficients = min(fits, key=lambda fit: fit[1])[0]
+        exposure = np.polynomial.polynomial.polyval(np.linspace(0, 1, levels), coefficients)
+        # A polynomial can fall or turn negative where no value was seen: it goes on from its least positive value.
+        least = float(exposure[exposure > 0].min()) if np.any(exposure > 0) else 1e-6
+        curve = np.maximum.accumulate(np.log(np.maximum(exposure, least))) + 1e-9 * np.arange(levels)
+        return curve - curve[(levels - 1) // 2], np.full(levels, np.nan)
+
+    def _pairs(self, observed: Sequence[Observations], levels: int) -> list[tuple[np.ndarray, np.ndarray, float]]:
+        """Values 0…1 of the same pixels in neighbouring exposures, and the ratio of the exposures."""
+        low, high = (limit * (levels - 1) / 255 for limit in self.trim)
+        pairs = []
+        for values, log_exposures in observed:
+            order = np.argsort(log_exposures, kind="stable")
+            for first, second in pairwise(order):
+                both = values[:, [first, second]]
+                kept = ((both >= low) & (both <= high)).all(1)
+                if kept.sum() >= 20:
+                    dark, bright = both[kept].T / (levels - 1)
+                    pairs.append((dark, bright, float(np.exp(log_exposures[first] - log_exposures[second]))))
+        return pairs
+
+    def _fitted(self, pairs: list[tuple[np.ndarray, np.ndarray, float]], degree: int) -> tuple[np.ndarray, float]:
+        """Coefficients c₀ … c_N and the mean square misfit, each pair of photographs counting by its exposure."""
+        ratios = [ratio for _, _, ratio in pairs]
+        coefficients = np.zeros(degree + 1)
+        powers = np.arange(degree + 1)
+        bases = [(dark[:, None] ** powers, bright[:, None] ** powers) for dark, bright, _ in pairs]
+        for each in range(self.rounds + 1):
+            if each:
+                means = [((d @ coefficients).mean(), (b @ coefficients).mean()) for d, b in bases]
+                ratios = [d / b if b > 0 else ratio for (d, b), ratio in zip(means, ratios, strict=True)]
+            rows = np.concatenate([d - r * b for (d, b), r in zip(bases, ratios, strict=True)])
+            # c_N = 1 − Σ of the others.
+            found = np.linalg.lstsq(rows[:, :-1] - rows[:, -1:], -rows[:, -1], rcond=None)[0]
+            coefficients = np.append(found, 1 - found.sum())
+        misfit = float(np.mean((rows @ coefficients) ** 2)) * len(rows) / max(len(rows) - degree, 1)
+        return coefficients, misfit

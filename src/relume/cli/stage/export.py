@@ -1,0 +1,56 @@
+"""`relume stage export`: a stage for museums' viewers, as pictures with their lights, PTM and HSH."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from relume.cli.arguments import DryRun
+from relume.cli.console import Manner, speaking, tell
+from relume.cli.stage.options import Camera, Stage, work_of
+from relume.cli.stage.output import require_output_folder
+
+
+def export(
+    stage: Stage,
+    /,
+    *,
+    out: Annotated[Path, Parameter(alias="-o", help="The folder for the pictures, .lp, .ptm and .rti.")],
+    name: Annotated[str, Parameter(help="What the files are called, one word.")] = "stage",
+    pictures: Annotated[Literal["jpg", "png", "none"], Parameter(help="Pictures beside the .lp.")] = "jpg",
+    ptm: Annotated[Literal["LRGB", "RGB", "none"], Parameter(help="Polynomial texture map.")] = "LRGB",
+    hsh: Annotated[
+        Literal["1", "2", "3", "none"], Parameter(help="Degree of the hemispherical harmonics; 2 is read everywhere.")
+    ] = "2",
+    exposure: Annotated[
+        float | None, Parameter(help="What values are multiplied with; 99 in 100 stay below white unless given.")
+    ] = None,
+    camera: Camera = None,
+    dry_run: DryRun = False,
+    manner: Manner = Manner(),
+) -> None:
+    """Write a stage so that RTI viewers and builders open it (RTIViewer, RelightLab, OpenLIME).
+
+    Lights behind the subject are left out, for these formats know the hemisphere before the camera.
+    """
+    from relume.lightstage.acquire.read_stage import read_stage
+    from relume.lightstage.rti.export import RTIForm, export_rti
+
+    with speaking(manner):
+        require_output_folder(out)
+        form = RTIForm(
+            None if pictures == "none" else pictures,
+            None if ptm == "none" else ptm,
+            None if hsh == "none" else int(hsh),
+            exposure,
+        )
+        field = read_stage(stage, camera)
+        if dry_run:
+            tell(manner, {"would write": str(out), **work_of(field, 1 << 30)})
+            return
+        done = export_rti(field, out, form, name)
+        facts = {"written": [str(path) for path in done.files], "lights": done.lights, "left out": len(done.left_out)}
+        facts |= {"exposure": float(f"{done.exposure:.5g}"), "above white": float(f"{done.clipped:.3g}")}
+        tell(manner, {**facts, "ptm error": done.ptm_error, "hsh error": done.hsh_error})

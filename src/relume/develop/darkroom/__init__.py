@@ -1,1 +1,0 @@
-"""The Virtual Darkroom: radiance → negative → print."""

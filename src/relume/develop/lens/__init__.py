@@ -1,1 +1,0 @@
-"""What a lens and its shutter do to light on its way to the sensor."""

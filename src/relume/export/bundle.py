@@ -1,0 +1,185 @@
+"""What another program gets of a shot: plate, camera, real surfaces, objects and light, and what it is written from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from relume.errors import UnsupportedScene
+from relume.image.bilinear import bilinear
+from relume.image.photograph import Photograph
+from relume.image.radiance import RadianceMap
+from relume.light.constellations.constellation import Constellation, together
+from relume.light.constellations.placement import PlacedLights, radii_at
+from relume.light.constellations.residual import KeyLights
+from relume.light.reflection.convolution import as_latlong
+from relume.renderers.mitsuba.distant import wall_distances
+from relume.scene.cameras.camera import Camera
+from relume.scene.distant import Infinite
+from relume.scene.lights import AmbientLight, DistantLight, Light, PointLight, SphereLight, SquareLaw
+from relume.scene.scene import Scene
+from relume.sphere.environment_map import EnvironmentMap
+from relume.virtual_camera.film.film import Film, develop
+
+WHITE_PERCENTILE = 99
+"""Of a plate without a film: the radiance that is put just below white, as `insert` does."""
+
+
+@dataclass(frozen=True, eq=False)
+class HandOver:
+    """A shot for another program.
+
+    scene : the light as the probe saw it, the real surfaces with their reflectance, and the objects
+    camera : the plate's
+    plate : scene-linear, in the light's unit
+    photograph : the developed plate, for the eye; made from the plate by `film` unless given
+    film : what the plate is developed by; the sRGB curve with the plate's bright end at white unless given
+    keys : lights taken out of the scene's map, as `light.residual.key_lights` and `light.sun.extract_sun` find them,
+        for programs that find small lights in a map by chance alone. They are handed over as lamps and `keys.residual`
+        as the map; without them the whole map is
+    samples : rays a pixel, as the shot file says
+    depth : bounces
+
+    Raises ValueError where the plate is not of the camera's size.
+    """
+
+    scene: Scene
+    camera: Camera
+    plate: RadianceMap
+    photograph: Photograph | None = None
+    film: Film | None = None
+    keys: KeyLights | None = None
+    samples: int = 256
+    depth: int = 12
+
+    def __post_init__(self) -> None:
+        size = (self.camera.width, self.camera.height)
+        if self.plate.size != size:
+            raise ValueError(f"the plate is {self.plate.size} pixels and its camera {size}; give both alike")
+        if self.photograph is not None and self.photograph.size != size:
+            raise ValueError(f"the photograph is {self.photograph.size} pixels and its camera {size}; give both alike")
+
+    def developed_by(self) -> Film:
+        """The film, or that of `film = None`."""
+        if self.film is not None:
+            return self.film
+        return Film(1 / max(float(np.percentile(self.plate.radiance, WHITE_PERCENTILE)), 1e-30))
+
+    def picture(self) -> Photograph:
+        """The photograph, or the plate developed."""
+        if self.photograph is not None:
+            return self.photograph
+        return develop(self.plate.radiance, self.developed_by())
+
+
+@dataclass(frozen=True, eq=False)
+class Lamps:
+    """All the light of a hand-over.
+
+    map : lat-long, what no lamp stands for
+    distant : parallel lights
+    angles : (N,), their apparent diameters, radians
+    placed : lights that have a place; None for none
+    """
+
+    map: EnvironmentMap
+    distant: Constellation
+    angles: np.ndarray
+    placed: PlacedLights | None
+
+
+def lamps_of(value: HandOver) -> Lamps:
+    """The scene's lamps and its key lights, each where it stands, and the map that is left.
+
+    The key lights of a distant scene with walls stand where their rays from the probe meet them, as in
+    `light.placing.placed_in_box`. Raises UnsupportedScene for ambient light and for points without the square law.
+    """
+    scene, keys = value.scene, value.keys
+    distant, placed = _of_scene(scene.lights)
+    if keys is None:
+        light = scene.light
+    else:
+        light = keys.residual
+        if isinstance(scene.distant, Infinite):
+            distant = together(distant, replace(keys.lights, labels=None))
+        else:
+            reach = wall_distances(scene.distant, np.array(scene.probe), keys.lights.directions)
+            radii = radii_at(keys.lights, reach)
+            walls = PlacedLights(
+                np.array(scene.probe) + reach[:, None] * keys.lights.directions,
+                keys.lights.irradiance * reach[:, None] ** 2,
+                np.zeros(len(reach)) if radii is None else radii,
+            )
+            placed = walls if placed is None else _both(placed, walls)
+    radii = distant.angular_radii
+    angles = np.zeros(len(distant.directions)) if radii is None else np.minimum(2 * radii, np.pi)
+    return Lamps(as_latlong(light), distant, angles, placed)
+
+
+def _of_scene(lights: tuple[Light, ...]) -> tuple[Constellation, PlacedLights | None]:
+    towards, irradiance, places = [], [], []
+    for light in lights:
+        if isinstance(light, DistantLight):
+            way = np.asarray(light.towards, np.float64)
+            towards.append(way / np.linalg.norm(way))
+            irradiance.append(light.irradiance)
+        elif isinstance(light, SphereLight):
+            # From everywhere a sphere is a disc of π r².
+            intensity = np.pi * light.radius**2 * np.asarray(light.radiance, np.float64)
+            places.append((light.position, intensity, light.radius))
+        elif isinstance(light, AmbientLight) or not isinstance(light.falloff, SquareLaw):
+            raise UnsupportedScene(
+                "ambient light, and points that do not fall with the square of the distance, are in no other program; "
+                "leave them out, or use an even light map"
+            )
+        else:
+            assert isinstance(light, PointLight)
+            places.append((light.position, np.asarray(light.intensity, np.float64), 0.0))
+    distant = Constellation(
+        np.array(towards, np.float64).reshape(-1, 3),
+        np.array(irradiance, np.float64).reshape(-1, 3),
+        np.zeros(len(towards)),
+        np.zeros(len(towards)),
+    )
+    if not places:
+        return distant, None
+    where, intensity, radii = zip(*places, strict=True)
+    return distant, PlacedLights(np.array(where, np.float64), np.array(intensity), np.array(radii, np.float64))
+
+
+def _both(first: PlacedLights, second: PlacedLights) -> PlacedLights:
+    assert first.radii is not None and second.radii is not None
+    return PlacedLights(
+        np.concatenate([first.positions, second.positions]),
+        np.concatenate([first.intensity, second.intensity]),
+        np.concatenate([first.radii, second.radii]),
+    )
+
+
+def straightened(value: HandOver) -> tuple[HandOver, tuple[str, ...]]:
+    """The shot as a camera without lens distortion would have taken it, and a note that says so where it changed.
+
+    Other programs' cameras draw straight lines straight. The plate is drawn anew for one (bilinear); what lies outside
+    of it is its edge, drawn out. The scene stays as it is.
+    """
+    if value.camera.distortion is None:
+        return value, ()
+    camera = value.camera.pinhole()
+    seen = value.camera.project(camera.position + camera.rays())
+    x, y = seen[..., 0], seen[..., 1]
+    outside = ~((x >= 0) & (x <= camera.width) & (y >= 0) & (y <= camera.height))
+    x, y = np.nan_to_num(x, nan=0.0), np.nan_to_num(y, nan=0.0)
+
+    def drawn(pixels: np.ndarray) -> np.ndarray:
+        return bilinear(pixels.astype(np.float64), x, y)
+
+    plate = replace(value.plate, radiance=drawn(value.plate.radiance).astype(np.float32), variance=None, clipped=None)
+    shown = value.picture()
+    picture = replace(shown, pixels=np.rint(drawn(shown.pixels)).astype(shown.pixels.dtype), outside=None)
+    note = (
+        "the lens' distortion is in no other program's camera: the plate is drawn anew without it, and "
+        f"{outside.mean():.1%} of it, at the edges, had no pixel; distort the finished picture to lay it over the "
+        "photograph"
+    )
+    return replace(value, camera=camera, plate=plate, photograph=picture), (note,)

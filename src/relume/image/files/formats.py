@@ -1,0 +1,235 @@
+"""The only place where relume opens image files: one module a format behind `read` and `write`.
+
+Files are told by their content, never by their suffix (but raw .float, which has no content but pixels). A JPEG, PNG or
+TIFF of 8 or 16 bits is a `Photograph` (encoded values); an OpenEXR, Radiance picture, LogLuv or float TIFF, PFM or raw
+float file a `RadianceMap` (scene-linear): what a file is decides what it becomes, and nothing converts between the two
+unseen. A JPEG with a gain map is both, and each is had by asking for it. A camera raw is neither until it is merged:
+`read_raw` gives its sensor's own values. Format libraries are imported at first use.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from relume.errors import UnreadableFile
+from relume.image.files import encodings
+from relume.image.files.encodings import Encoding, suffix_of
+from relume.image.files.photographs.facts import Facts
+from relume.image.files.read_options import Reading
+from relume.image.files.signatures import MAPS, kind_of
+from relume.image.photograph import Photograph
+from relume.image.radiance import RadianceMap
+from relume.image.raw import RawPhotograph
+
+_READERS = {
+    "EXR": "exr.maps",
+    "HDR": "hdr.radiance_hdr",
+    "PFM": "pfm",
+    "raw float": "raw_float",
+    "float TIFF": "tiff.float_tiff",
+    "LogLuv TIFF": "logluv.logluv_tiff",
+    "JPEG": "photographs.photographs",
+    "PNG": "photographs.photographs",
+    "TIFF": "photographs.photographs",
+}
+_WRITERS = {
+    encodings.OpenEXR: "exr.maps",
+    encodings.RadianceHDR: "hdr.radiance_hdr",
+    encodings.PFM: "pfm",
+    encodings.RawFloat: "raw_float",
+    encodings.FloatTIFF: "tiff.float_tiff",
+    encodings.LogLuv: "logluv.logluv_tiff",
+    encodings.GainMap: "gain_map.gain_map",
+}
+
+
+def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Photograph | RadianceMap:
+    """The photograph or radiance map in a file; of a JPEG with a gain map the photograph, and a warning that says so.
+
+    reading : limits, and how what a file leaves open is understood
+    Raises UnreadableFile, in one line, for anything missing, damaged or beyond the limits.
+    """
+    kind = kind_of(path)
+    image = _read(path, kind, reading)
+    if _has_gain_map(path, kind):
+        warnings.warn(
+            f"{path}: only its base picture is read, though it has a gain map too; read_radiance gives its light",
+            stacklevel=2,
+        )
+    return image
+
+
+def read_photograph(path: str | os.PathLike[str], reading: Reading = Reading()) -> Photograph:
+    """The photograph in a file; raises UnreadableFile where the file holds a radiance map."""
+    kind = kind_of(path)
+    if kind in MAPS:
+        raise UnreadableFile(f"{path}: a radiance map where a photograph is needed; give a JPEG, PNG or TIFF")
+    image = _read(path, kind, reading)
+    assert isinstance(image, Photograph)
+    return image
+
+
+def read_radiance(path: str | os.PathLike[str], reading: Reading = Reading()) -> RadianceMap:
+    """The radiance map in a file, also that of a JPEG with a gain map; raises UnreadableFile for a photograph."""
+    kind = kind_of(path)
+    if _has_gain_map(path, kind):
+        return _decoded(path, "gain_map.gain_map", reading)
+    if kind in ("JPEG", "PNG", "TIFF"):
+        raise UnreadableFile(
+            f"{path}: a photograph where a radiance map is needed; give an EXR or .hdr, or merge a bracket"
+        )
+    image = _read(path, kind, reading)
+    assert isinstance(image, RadianceMap)
+    return image
+
+
+def has_radiance(path: str | os.PathLike[str]) -> bool:
+    """Whether `read_radiance` would find any: not in a photograph without a gain map; raises UnreadableFile."""
+    kind = kind_of(path)
+    return kind not in ("JPEG", "PNG", "TIFF") or _has_gain_map(path, kind)
+
+
+def _has_gain_map(path: str | os.PathLike[str], kind: str) -> bool:
+    if kind != "JPEG":
+        return False
+    from relume.image.files.gain_map import gain_map
+
+    return gain_map.is_present(path)
+
+
+def _read(path: str | os.PathLike[str], kind: str, reading: Reading) -> Photograph | RadianceMap:
+    if kind == "RAW":
+        raise UnreadableFile(f"{path}: a camera raw file, not a photograph yet; give raw files to `relume merge`")
+    if kind == "KTX2":
+        raise UnreadableFile(f"{path}: a cube of an engine's texture levels, not one picture; give what it was made of")
+    return _decoded(path, _READERS[kind], reading)
+
+
+def _decoded(path: str | os.PathLike[str], module: str, reading: Reading) -> Any:
+    try:
+        return import_module(f"relume.image.files.{module}").read(path, reading)
+    except MemoryError:
+        raise UnreadableFile(f"{path}: larger than the memory there is; scale it down first") from None
+
+
+def read_facts(path: str | os.PathLike[str], reading: Reading = Reading()) -> Facts:
+    """What the header of a photograph tells, without its pixels; raises UnreadableFile for what is no photograph."""
+    from relume.image.files.photographs import facts
+
+    return facts.read(path, reading)
+
+
+def read_raw(path: str | os.PathLike[str], reading: Reading = Reading()) -> RawPhotograph:
+    """What the sensor read, from a camera raw file (DNG, NEF, CR2, CR3, ARW, …); see `RawPhotograph`.
+
+    Raises UnreadableFile for another kind of file, a damaged one, and a sensor without a Bayer pattern.
+    """
+    if (kind := kind_of(path)) != "RAW":
+        raise UnreadableFile(f"{path}: a {kind} file where a camera raw is needed; give the camera's own raw file")
+    from relume.image.files import camera_raw
+
+    try:
+        return camera_raw.read(path, reading)
+    except MemoryError:
+        raise UnreadableFile(f"{path}: larger than the memory there is") from None
+
+
+def write(path: str | os.PathLike[str], image: RadianceMap | Photograph, encoding: Encoding | None = None) -> None:
+    """Write an image, whole or not at all, in the format that `encoding` or else its suffix names.
+
+    A radiance map goes to .exr (float32, everything kept), .hdr or .pic (RGBE, an error of up to 1/256 of a pixel's
+    largest channel), .tif (float32), .pfm, .float and .float.gz, or .jpg (with a gain map); see
+    `relume.image.files.encodings` for what else there is, such as LogLuv. A photograph goes to .png or .tif (8 or 16
+    bits) or .jpg (8 bits, quality 95, full colour resolution), with its EXIF. What the format does not keep is said in
+    a warning.
+
+    Raises ValueError for another suffix or pixels the format cannot hold, OutputNotWritten.
+    """
+    suffix = suffix_of(Path(path))
+    if isinstance(image, RadianceMap):
+        chosen = encoding or encodings.SUFFIXES.get(suffix)
+        if chosen is None:
+            raise ValueError(
+                f'{path} ends in "{suffix}"; a radiance map goes to .exr, .hdr, .tif, .pfm or .float: develop it for a '
+                "photograph"
+            )
+        wanted = [ending for ending, known in encodings.SUFFIXES.items() if _home(known) == _home(chosen)]
+        if suffix not in wanted:
+            raise ValueError(f'{path} ends in "{suffix}"; {type(chosen).__name__} is written to {" or ".join(wanted)}')
+        import_module(f"relume.image.files.{_WRITERS[type(chosen)]}").write(path, image, chosen)
+        return
+    if not isinstance(image, Photograph):
+        raise ValueError(f"{path}: the image is a {type(image).__name__}; expected a RadianceMap or a Photograph")
+    if encoding is not None:
+        raise ValueError(f"{type(encoding).__name__} holds radiance; a photograph goes to .png, .tif or .jpg as it is")
+    from relume.image.files.photographs import photographs
+
+    writers = {
+        ".png": photographs.write_png,
+        ".tif": photographs.write_tiff,
+        ".tiff": photographs.write_tiff,
+        ".jpg": photographs.write_jpeg,
+        ".jpeg": photographs.write_jpeg,
+    }
+    if suffix not in writers:
+        raise ValueError(
+            f'{path} ends in "{suffix}"; a photograph goes to .png, .tif or .jpg: merge a bracket for .exr or .hdr'
+        )
+    writers[suffix](path, image)
+
+
+def _home(encoding: Encoding) -> str:
+    """What an encoding's files are called after: the two of TIFF share their endings."""
+    return "tiff" if isinstance(encoding, encodings.LogLuv | encodings.FloatTIFF) else _WRITERS[type(encoding)]
+
+
+def write_layers(
+    path: str | os.PathLike[str],
+    layers: Mapping[str, np.ndarray],
+    *,
+    unit: str = "relative",
+    attributes: Mapping[str, str] | None = None,
+) -> None:
+    """Write named layers of one size as the parts of one EXR, always float32.
+
+    layers : name → (H, W, 3), stored as R, G, B, or (H, W), stored as Y
+    unit : of the three-channel layers, "relative" or "cd/m²"
+    attributes : strings stored with every layer
+
+    Raises ValueError for another suffix, shape or unit, or sizes that differ; OutputNotWritten.
+    """
+    from relume.image.files.exr import maps as exr
+
+    if Path(path).suffix.lower() != ".exr":
+        raise ValueError(f'{path} ends in "{Path(path).suffix}"; layers are written to .exr')
+    exr.write_layers(path, layers, unit=unit, attributes=attributes)
+
+
+def read_layers(path: str | os.PathLike[str], reading: Reading = Reading()) -> dict[str, np.ndarray]:
+    """The parts of an EXR by name, (H, W, 3) or (H, W) float32; raises UnreadableFile."""
+    if (kind := kind_of(path)) != "EXR":
+        raise UnreadableFile(f"{path}: a {kind} file where layers are needed; give an EXR")
+    from relume.image.files.exr import maps as exr
+
+    return exr.read_layers(path, reading)
+
+
+def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
+    """The variety of a file's format in a few words, from its header: "half, PIZ, tiled"; raises UnreadableFile."""
+    kind = kind_of(path)
+    module = "gain_map.gain_map" if _has_gain_map(path, kind) else _READERS.get(kind)
+    return "" if module is None else import_module(f"relume.image.files.{module}").subtype(path, reading)
+
+
+def describe(path: str | os.PathLike[str], reading: Reading = Reading()) -> dict[str, object]:
+    """What a file holds, in plain values that JSON can hold: see `relume.image.files.description.describe`."""
+    from relume.image.files import description
+
+    return description.describe(path, reading)

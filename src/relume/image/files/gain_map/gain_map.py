@@ -1,0 +1,187 @@
+"""JPEGs with a gain map: an ordinary picture that every program shows, and beside it what makes it radiance.
+
+Ultra HDR 1.1 (parameters in XMP) and ISO 21496-1 (a binary block), read and written. Files of others were graded for a
+display: their light is read at full strength, relative to the base's white, and marked as `rendition: display`. Files
+written here carry the factor that their radiance was multiplied by, and give it back.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from typing import BinaryIO
+
+import numpy as np
+
+from relume.errors import FormatError, UnreadableFile
+from relume.image.files.atomic import replacing
+from relume.image.files.encodings import GainMap
+from relume.image.files.gain_map import layout as gain_map_layout
+from relume.image.files.gain_map.hdrgm_xmp import LARGEST_SCALE, SCALE, UNIT
+from relume.image.files.gain_map.layout import Layout
+from relume.image.files.metadata import xmp
+from relume.image.files.metadata.attributes import warn_of_losses
+from relume.image.files.photographs import jpeg_segments
+from relume.image.files.read_options import Reading, refuse_absurd_amount, refuse_absurd_size
+from relume.image.files.signatures import one_line
+from relume.image.radiance import RadianceMap
+
+_PICTURES = ("base picture", "gain map")
+
+
+def is_present(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is a JPEG that has, or claims, a gain map; told by headers alone, and never raises."""
+    try:
+        with open(path, "rb") as file:
+            return gain_map_layout.located(path, file, Reading()) is not None
+    except FormatError as error:
+        return error.format == gain_map_layout.FORMAT
+    except Exception:  # whatever a file does; what is wrong with it is told when it is read
+        return False
+
+
+def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
+    """A few words: "gain map of 2.2 stops, XMP, grey, 1020 x 768"; raises UnreadableFile."""
+    with _opened(path) as file:
+        layout = _layout(path, file, reading)
+    stops = max(layout.metadata.high)
+    colours = "grey" if layout.map.channels == 1 else "colour"
+    return f"gain map of {stops:.1f} stops, {layout.form}, {colours}, {layout.map.width} x {layout.map.height}"
+
+
+def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> RadianceMap:
+    """The bright picture of a JPEG with a gain map, upright, in Rec. 709 primaries, 1 = the base's white.
+
+    Of a file written here it is the radiance that was written, in its unit. Warns of a file made for displays, of
+    other primaries, and of a profile that is not understood, which is taken for sRGB.
+    Raises UnreadableFile for a file without a gain map, damaged ones, and those whose base is the bright picture: that
+    has a curve which 8 bits of sRGB are not.
+    """
+    with _opened(path) as file:
+        layout = _layout(path, file, reading)
+        headers = (layout.base, layout.map)
+        ends = (layout.base_end, layout.map_end)
+        for header, end, what in zip(headers, ends, _PICTURES, strict=True):
+            _refuse_unusable(path, header, end - header.begin, f"its {what}", reading)
+        jpegs = [_bytes(file, header, end) for header, end in zip(headers, ends, strict=True)]
+    own = _own(layout.packet, reading)
+    if any(header.stray for header in headers):
+        warnings.warn(f"{path}: has stray bytes among its headers; look whether the picture is whole", stacklevel=4)
+    # Only now: these load libraries, and a header that claims too much is refused before.
+    from relume.image.files.gain_map import applying as gain_map_applying
+    from relume.image.files.metadata import exif, exif_attributes
+    from relume.image.files.photographs import jpeg_decoding
+    from relume.image.files.photographs.orientation import UPRIGHT
+    from relume.image.primaries import REC709
+
+    codes = [jpeg_decoding.decoded(path, *one) for one in zip(jpegs, headers, _PICTURES, strict=True)]
+    del jpegs
+    given = gain_map_applying.pictures(
+        path, codes[0], codes[1], layout.metadata, layout.base.profile, layout.map.profile
+    )
+    radiance = gain_map_applying.bright(given)
+    tags = exif.tags(path, "JPEG") if layout.base.first(jpeg_segments.APP1, jpeg_segments.EXIF) else {}
+    attributes = {**exif_attributes.attributes_of(tags), **own}
+    scale, unit = attributes.pop(SCALE, None), attributes.pop(UNIT, "relative")
+    if scale is None:
+        attributes["rendition"] = "display"
+        unit = "relative"
+        warnings.warn(f"{path}: made for displays, its light is not measured", stacklevel=4)
+    else:
+        radiance /= np.float32(scale)
+    if not given.gain_primaries.is_close(REC709):
+        attributes["primaries"] = given.gain_primaries.text
+        warnings.warn(
+            f"{path}: its primaries are {given.gain_primaries.text} (x, y of R, G, B, white); converted to Rec. 709",
+            stacklevel=4,
+        )
+    del codes, given
+    upright = UPRIGHT[exif.orientation_of(tags)](radiance)
+    return RadianceMap(np.ascontiguousarray(upright), unit=unit, attributes=attributes)
+
+
+def write(path: str | os.PathLike[str], image: RadianceMap, encoding: GainMap = GainMap()) -> None:
+    """Write a JPEG with a gain map, and say in a warning how much luminance it loses.
+
+    The base is the picture at `encoding.exposure`, its highlights rolled off. Where `encoding.quality` loses more than
+    5 %, the gain map alone is written at 98 or 100. Black stays black but for the least step of gain; the
+    warning tells what it becomes. Other programs may stop at 10,000 cd/m² for a base white of 203 (libultrahdr does).
+    Attributes named "unit" and "gain_map_scale" are not kept: the file has its own.
+
+    Raises ValueError for negative, NaN and infinite pixels (counted), for a picture so bright or dark that its base is
+    more than 100 stops away, and where more than `encoding.tolerance` of the luminance is lost in more than one pixel
+    of a hundred or in all together; OutputNotWritten.
+    """
+    from relume.image.files.gain_map import encoding as gain_map_encoding
+
+    written = gain_map_encoding.encoded(path, image, encoding)
+    with replacing(path) as temporary:
+        temporary.write_bytes(written.file)
+    warn_of_losses(path, image, written.attributes)
+    warnings.warn(f"{path}: {written.losses}", stacklevel=3)
+
+
+def write_rendition(
+    path: str | os.PathLike[str], bright: np.ndarray, base: np.ndarray, quality: int = GainMap().quality
+) -> None:
+    """Write a JPEG of a picture made for displays, with a gain map from it to the same for brighter ones.
+
+    bright : (H, W, 3) float32, linear Rec. 709, 1 = the base's white; base : (H, W, 3) uint8 sRGB
+
+    Warns where more than 5 % of the bright one's luminance is lost, in 1 pixel of 100 or in all light together.
+    Raises ValueError for negative, NaN and infinite pixels (counted), OutputNotWritten.
+    """
+    from relume.image.files.gain_map import encoding as gain_map_encoding
+
+    written = gain_map_encoding.encoded_rendition(path, bright, base, quality)
+    with replacing(path) as temporary:
+        temporary.write_bytes(written.file)
+    if written.losses:
+        warnings.warn(f"{path}: {written.losses}", stacklevel=3)
+
+
+def _opened(path: str | os.PathLike[str]) -> BinaryIO:
+    try:
+        return open(path, "rb")
+    except OSError as error:
+        raise UnreadableFile(f"{path}: cannot be opened: {one_line(error)}; check its permissions") from None
+
+
+def _layout(path: str | os.PathLike[str], file: BinaryIO, reading: Reading) -> Layout:
+    layout = gain_map_layout.located(path, file, reading)
+    if layout is None:
+        raise UnreadableFile(f"{path}: a JPEG without a gain map, so a photograph; merge a bracket for radiance")
+    if layout.metadata.base_is_bright:
+        raise UnreadableFile(
+            f"{path}: its base is the picture for bright displays and its gain map leads down from it, which relume "
+            "does not read; export it with a base for ordinary displays"
+        )
+    return layout
+
+
+def _refuse_unusable(
+    path: str | os.PathLike[str], header: jpeg_segments.Header, stored: int, what: str, reading: Reading
+) -> None:
+    """Raise UnreadableFile where one of the JPEGs is too large, or neither grey nor of three channels."""
+    refuse_absurd_size(path, header.width, header.height, reading, where=what)
+    refuse_absurd_amount(path, header.width * header.height * 12, stored, reading)  # as three floats
+    if header.channels not in (1, 3):
+        raise UnreadableFile(f"{path}: {what} has {header.channels} channels, not 1 or 3; convert it to RGB")
+
+
+def _bytes(file: BinaryIO, header: jpeg_segments.Header, end: int) -> bytes:
+    """One JPEG of the file; of a file with other things behind it, no more than it can need."""
+    file.seek(header.begin)
+    return file.read(min(end - header.begin, jpeg_segments.most_bytes(header)))
+
+
+def _own(packet: bytes | None, reading: Reading) -> dict[str, str]:
+    """What a writer of ours told; nothing where the packet is damaged or its scale makes no sense."""
+    try:
+        own = xmp.attributes(packet, reading) if packet is not None else {}
+        known = own.get(UNIT) in ("relative", "cd/m²")
+        if SCALE in own and not (known and 1 / LARGEST_SCALE <= float(own[SCALE]) <= LARGEST_SCALE):
+            return {}
+    except ValueError:
+        return {}
+    return own

@@ -1,0 +1,169 @@
+"""Radiance pictures (.hdr, .pic): a shared exponent for R, G, B or X, Y, Z, read and written without a library.
+
+A pixel is three mantissas m and one exponent e; its value is m·2^(e−136), 0 where e = 0 (Ward, "Real Pixels", Graphics
+Gems II, 1991). Writing rounds to nearest, so m itself is the value without bias, and a file read and written again
+keeps its codes; what others write by truncation means m + ½ (`Reading(mantissa_middle=True)`). EXPOSURE and COLORCORR
+lines tell what the pixels were multiplied by; all of them are divided out.
+
+XYZE is CIE XYZ seen under the white of equal energy: as in Radiance's ra_xyze, colours are adapted between it and the
+white of R = G = B = 1, so that what is neutral in one is neutral in the other.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+
+import numpy as np
+
+from relume.errors import FormatError
+from relume.image.files.atomic import replacing
+from relume.image.files.encodings import RadianceHDR
+from relume.image.files.hdr.header import FORMAT, Header, header_of, kept_attributes, read_header
+from relume.image.files.hdr.scanlines import DARKEST, along, decode, encoded
+from relume.image.files.metadata.attributes import warn_of_losses
+from relume.image.files.read_options import Reading, refuse_absurd_amount, refuse_absurd_size
+from relume.image.primaries import EQUAL_ENERGY, REC709, adaptation, between
+from relume.image.radiance import OUTSIDE, RadianceMap
+
+_UPRIGHT = ("-Y", "+X")
+
+
+def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> RadianceMap:
+    """The radiance map in a Radiance picture, RGBE or XYZE, of any axis order; its colours become Rec. 709.
+
+    reading : limits; salvage; whether mantissas mean the middle of their step
+    Header variables become attributes: pixel_aspect (a pixel's width by its height), view, camera, taken, software,
+    owner, and others by their own name. Primaries that are not named are taken for Rec. 709, as everywhere but in
+    Radiance itself. Warns of primaries that were converted, and of a file that was salvaged.
+
+    Raises FormatError for a damaged file and a truncated one that is not to be salvaged, UnreadableFile for one beyond
+    the limits.
+    """
+    stored = os.path.getsize(path)
+    with open(path, "rb") as file:
+        header = read_header(path, file, reading)
+        refuse_absurd_size(path, *header.size, reading)
+        pixels = header.lines * header.length
+        refuse_absurd_amount(path, 12 * pixels, stored, reading)
+        # Nothing beyond the longest form there is, a run for every byte, belongs to the picture.
+        file.seek(header.start)
+        data = np.fromfile(file, np.uint8, min(8 * pixels + 4 * header.lines, max(0, stored - header.start)))
+    width, height = header.size
+    radiance = (np.zeros if reading.salvage else np.empty)((height, width, 3), np.float32)
+    matrix = _to_rec709(header)
+    whole = decode(
+        path,
+        data,
+        header.start,
+        radiance,
+        header.axes,
+        scale=header.scale,
+        middle=0.5 if reading.mantissa_middle else 0.0,
+        matrix=matrix,
+        salvage=reading.salvage,
+    )
+    _refuse_overflow(path, radiance, header, matrix)
+    attributes = dict(header.attributes)
+    if header.primaries is not None and not header.primaries.is_close(REC709):
+        attributes["primaries"] = header.primaries.text
+        if not header.xyz:
+            what = f"{header.primaries.text} (x, y of R, G, B, white)"
+            warnings.warn(f"{path}: its primaries are {what}; converted to Rec. 709", stacklevel=5)
+    if header.gamma:
+        what = f"a GAMMA of {header.gamma[:20]}"
+        warnings.warn(f"{path}: its header tells {what}; its pixels are taken to be linear all the same", stacklevel=5)
+    clipped = None
+    if whole < header.lines:
+        clipped = np.zeros((height, width), np.uint8)
+        along(clipped, header.axes)[whole:] = OUTSIDE
+        what = f"{header.lines - whole} of {header.lines} scan lines are missing"
+        warnings.warn(f"{path}: ends early; {what}: they are 0 and marked as outside", stacklevel=5)
+    return RadianceMap(radiance, clipped=clipped, unit=header.unit, attributes=attributes)
+
+
+def write(path: str | os.PathLike[str], image: RadianceMap, encoding: RadianceHDR = RadianceHDR()) -> None:
+    """Write a radiance map, each mantissa rounded to nearest: an error of at most 1/256 of the pixel's largest channel.
+
+    encoding : RGBE or XYZE, in new runs or flat
+    All attributes but those with "=" in their name are kept, on one line each. Warns of what is not: planes of variance
+    and of clipped pixels; and counts the pixels darker than RGBE holds, which become 0.
+
+    Raises ValueError for a map without pixels and for pixels that the format cannot hold: negative, NaN, infinite or
+    above 1.7e38; OutputNotWritten.
+    """
+    if 0 in image.size:
+        raise ValueError(f"the map has {image.size[0]} x {image.size[1]} pixels; a .hdr file has one or more")
+    pieces, unfit, dark = encoded(
+        image.radiance, matrix=_FROM_REC709 if encoding.xyz else None, compressed=encoding.compressed
+    )
+    if unfit:
+        raise ValueError(_cannot_hold(unfit, image.radiance[..., 0].size, xyz=encoding.xyz))
+    if dark:
+        what = f"{dark} of {image.radiance[..., 0].size} pixels are darker than {DARKEST:.2g} and become 0"
+        warnings.warn(f"{path}: {what}; .exr keeps them", stacklevel=3)
+    warn_of_losses(path, image, kept_attributes(image))
+    with replacing(path) as temporary, open(temporary, "wb") as file:
+        file.write(header_of(image, xyz=encoding.xyz))
+        for piece in pieces:
+            file.write(piece.data)
+
+
+def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
+    """The form of the pixels, like "RGBE, new runs", and the order of the axes where it is not "-Y +X".
+
+    Raises FormatError for a damaged header. Whether lines are flat is told from the size of the file.
+    """
+    with open(path, "rb") as file:
+        header = read_header(path, file, reading)
+        file.seek(header.start)
+        head = file.read(4)
+    if head == bytes((2, 2, header.length >> 8 & 255, header.length & 255)) and 8 <= header.length <= 32767:
+        form = "new runs"
+    else:
+        stored = os.path.getsize(path) - header.start
+        form = "flat" if stored >= 4 * header.lines * header.length else "old runs"
+    words = ["XYZE" if header.xyz else "RGBE", form]
+    return ", ".join(words + ([] if header.axes == _UPRIGHT else [" ".join(header.axes)]))
+
+
+def encode(radiance: np.ndarray) -> np.ndarray:
+    """(..., 4) uint8 RGBE of (..., 3) float32, rounded to nearest; raises ValueError for pixels it cannot hold."""
+    pieces, unfit, _ = encoded(np.reshape(radiance, (-1, 1, 3)), compressed=False)
+    if unfit:
+        raise ValueError(_cannot_hold(unfit, np.size(radiance) // 3, xyz=False))
+    return np.concatenate([*pieces, np.empty(0, np.uint8)]).reshape(*np.shape(radiance)[:-1], 4)
+
+
+def _from_xyz(white: tuple[float, float]) -> np.ndarray:
+    return np.linalg.inv(REC709.to_xyz()) @ adaptation(white, REC709.white)
+
+
+_FROM_REC709 = np.linalg.inv(_from_xyz(EQUAL_ENERGY))
+
+
+def _to_rec709(header: Header) -> np.ndarray | None:
+    """What the decoded channels are mixed by; None where they are Rec. 709 already."""
+    given = header.primaries
+    if header.xyz:
+        return _from_xyz(given.white if given else EQUAL_ENERGY)
+    return None if given is None or given.is_close(REC709) else between(given, REC709)
+
+
+def _refuse_overflow(
+    path: str | os.PathLike[str], radiance: np.ndarray, header: Header, matrix: np.ndarray | None
+) -> None:
+    """Raise FormatError where exposures or primaries take values beyond float32; few files have any that come near."""
+    gain = 1.0 if matrix is None else float(np.abs(matrix).sum(1).max())
+    if gain * 2.0**127 < np.finfo(np.float32).max * header.scale.min():
+        return
+    beyond = np.count_nonzero(~np.isfinite(radiance))
+    if beyond:
+        where = "its pixels, without exposure and in Rec. 709"
+        raise FormatError(path, FORMAT, where, "values within float32", f"{beyond} beyond", "mend its EXPOSURE lines")
+
+
+def _cannot_hold(unfit: int, pixels: int, *, xyz: bool) -> str:
+    what = "pixels are negative in X, Y or Z" if xyz else "pixels are negative"
+    remedy = "write .exr" if xyz else "write .exr, or XYZE where they are colours beyond Rec. 709"
+    return f"{unfit} of {pixels} {what}, NaN, infinite or above 1.7e38; a .hdr file holds none of these: {remedy}"

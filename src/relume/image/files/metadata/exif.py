@@ -1,0 +1,210 @@
+"""What a photograph's EXIF tells: exposure, settings, camera, orientation; read through Pillow.
+
+Pillow and not OpenImageIO, because it keeps rationals exact (OpenImageIO hands 1/60 over as a 32-bit float, and a
+bracket written and read again would change its exposures). `exif_writing` writes the same tags. Tags and units: EXIF
+2.32 (CIPA DC-008).
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from typing import BinaryIO
+
+import PIL
+from PIL import Image, JpegImagePlugin, PngImagePlugin
+
+from relume.image.files.metadata import gps
+from relume.image.files.metadata.exif_attributes import letters
+from relume.image.files.signatures import one_line
+from relume.image.photograph import Exposure, Settings, named
+
+_MAKE, _MODEL, _ORIENTATION, _EXIF_IFD = 0x010F, 0x0110, 0x0112, 0x8769
+_EXPOSURE_TIME, _F_NUMBER, _ISO, _ISO_SPEED, _EXPOSURE_INDEX = 0x829A, 0x829D, 0x8827, 0x8833, 0x8832
+_FOCAL_LENGTH, _FOCAL_LENGTH_35MM, _MAKER_NOTE, _PIXEL_WIDTH = 0x920A, 0xA405, 0x927C, 0xA002
+_PLANE_RESOLUTION, _PLANE_UNIT = 0xA20E, 0xA210
+_TAKEN, _TAKEN_FRACTION, _WHITE_BALANCE, _BIAS = 0x9003, 0x9291, 0xA403, 0x9204
+_LENS, _SERIAL, _SHUTTER_SPEED = 0xA434, 0xA431, 0x9201
+_COMMENTS, _OWNER, _COPYRIGHT = 0x010E, 0x013B, 0x8298
+_MILLIMETRES = {2: 25.4, 3: 10.0, 4: 1.0}
+_SMALL_SENSOR, _SHORT_LENS = 6.0, 12.0  # mm
+_FULL_FRAME = 36.0  # mm, the longer side to which FocalLengthIn35mmFilm refers
+
+# Image.open would refuse above 179 million pixels what our own limits allow; these read the header alone.
+_OPENERS = {"JPEG": JpegImagePlugin.JpegImageFile, "PNG": PngImagePlugin.PngImageFile}
+# Of tags with more values than they should have, none of which is read here; and of animations, which are not read.
+_HARMLESS = ("Metadata Warning", "Invalid APNG")
+_PILLOW = os.path.dirname(PIL.__file__)
+_HEARING = threading.Lock()  # what is heard of warnings is one list of the whole process
+
+
+def tags(path: str | os.PathLike[str], kind: str) -> dict[int, object]:
+    """All tags of a JPEG, PNG, TIFF or raw TIFF by number, those of the EXIF folder among them.
+
+    The value of `gps.FOLDER` is that folder, tags by number. Texts are read as UTF-8, where they are none as Latin-1.
+    Warns where they are damaged; what is not is still told.
+    """
+    damage: list[str] = []
+    found: dict[int, object] = {}
+    try:
+        with heard(damage), open(path, "rb") as file:
+            if kind in _OPENERS:
+                with _OPENERS[kind](file) as image:
+                    # The base class's method: that of PNG decodes the whole picture in search of a late chunk.
+                    exif = Image.Image.getexif(image)
+            else:  # only the tags: Pillow tells of pixels it could not decode on the error output
+                exif = _of_tiff(file)
+            found.update(exif)
+            found.update(exif.get_ifd(_EXIF_IFD))
+            if gps.FOLDER in exif:
+                found[gps.FOLDER] = _position_in(exif, damage)
+    except Exception as error:  # Pillow raises SyntaxError, struct.error, KeyError and others for damaged tags
+        warnings.warn(f"{path}: its EXIF cannot be read ({one_line(error)}); exposure unknown", stacklevel=4)
+        return {}
+    if damage:
+        warnings.warn(f"{path}: its EXIF is damaged ({one_line(damage[0])}); exposure may be missing", stacklevel=4)
+    # Pillow takes every byte for a letter of Latin-1, so that none is lost.
+    return {tag: letters(v.encode("latin-1", "replace")) if isinstance(v, str) else v for tag, v in found.items()}
+
+
+def _position_in(exif: Image.Exif, damage: list[str]) -> dict[int, object]:
+    """The GPS folder; a damaged one costs no other tag."""
+    try:
+        return exif.get_ifd(gps.FOLDER)
+    except Exception as error:  # as in `tags`
+        damage.append(one_line(error))
+        return {}
+
+
+def _of_tiff(file: BinaryIO) -> Image.Exif:
+    exif = Image.Exif()
+    head = file.read(16)
+    order = "little" if head[:2] == b"II" else "big"
+    if int.from_bytes(head[2:4], order) == 43:
+        exif.endian, exif.bigtiff = "<" if order == "little" else ">", True
+        exif.load_from_fp(file, int.from_bytes(head[8:16], order))
+    else:
+        file.seek(0)
+        exif.load_from_fp(file)
+    return exif
+
+
+def exposure_of(tags: dict[int, object]) -> Exposure | None:
+    """Shutter, aperture and ISO; None where the exposure time is missing or no positive number."""
+    seconds = _positive(tags, _EXPOSURE_TIME)
+    iso = _positive(tags, _ISO)
+    if iso == 65535:  # the 16-bit tag is full: the true value stands beside it
+        iso = _positive(tags, _ISO_SPEED) or _positive(tags, _EXPOSURE_INDEX) or iso
+    return Exposure(seconds, _positive(tags, _F_NUMBER), iso, "EXIF") if seconds else None
+
+
+def settings_of(tags: dict[int, object]) -> Settings:
+    """When and how else the photograph was made; None for each thing that is missing or senseless."""
+    white, place = tags.get(_WHITE_BALANCE), tags.get(gps.FOLDER)
+    position = gps.position_of(place) if isinstance(place, dict) else {}
+    return Settings(
+        taken=_taken(tags),
+        automatic_white={0: True, 1: False}.get(white) if isinstance(white, int) else None,
+        bias=_number(tags, _BIAS),
+        lens=_text(tags, _LENS) or None,
+        serial=_text(tags, _SERIAL) or None,
+        focal_length=_positive(tags, _FOCAL_LENGTH),
+        make=_text(tags, _MAKE) or None,
+        model=_text(tags, _MODEL) or None,
+        owner=_text(tags, _OWNER) or None,
+        copyright=_text(tags, _COPYRIGHT) or None,
+        comments=_text(tags, _COMMENTS) or None,
+        latitude=position.get("latitude"),
+        longitude=position.get("longitude"),
+    )
+
+
+def shutter_speed_of(tags: dict[int, object]) -> float | None:
+    """ShutterSpeedValue, −log₂ of the exposure time in seconds (APEX); None where it is missing."""
+    return _number(tags, _SHUTTER_SPEED)
+
+
+def camera_of(tags: dict[int, object]) -> str:
+    """Make and model, the make once where the model repeats it; "" where unknown."""
+    return named(_text(tags, _MAKE), _text(tags, _MODEL))
+
+
+def focal_length_of(tags: dict[int, object], width: int, height: int) -> float | None:
+    """Focal length in pixels of a picture of that size, None where the tags do not tell it.
+
+    FocalLengthIn35mmFilm comes first: it survives resizing. It is an integer, so where FocalLength rounds to it the
+    camera is full-frame and the finer FocalLength is meant. FocalPlaneXResolution counts pixels of the sensor, and
+    editors keep it when they resize (a 640-pixel copy would come out 8 times too long); so it is believed only where
+    the maker's note is still there, the recorded width is this file's, and the sensor it makes is no telephone's behind
+    a lens of a big camera.
+    """
+    focal, focal_35mm = _positive(tags, _FOCAL_LENGTH), _positive(tags, _FOCAL_LENGTH_35MM)
+    if focal_35mm:
+        finer = focal if focal and round(focal) == focal_35mm else focal_35mm
+        return finer / _FULL_FRAME * max(width, height)
+    resolution = _positive(tags, _PLANE_RESOLUTION)
+    if focal and resolution and _MAKER_NOTE in tags and tags.get(_PIXEL_WIDTH) == width:
+        per_millimetre = resolution / _MILLIMETRES.get(int(_positive(tags, _PLANE_UNIT) or 2), 25.4)
+        if width / per_millimetre >= _SMALL_SENSOR or focal <= _SHORT_LENS:
+            return focal * per_millimetre
+    return None
+
+
+def orientation_of(tags: dict[int, object]) -> int:
+    """The EXIF orientation, 1 to 8; 1, upright, where it is missing or senseless."""
+    value = int(_positive(tags, _ORIENTATION) or 1)
+    return value if value in range(1, 9) else 1
+
+
+@contextmanager
+def heard(damage: list[str]) -> Iterator[None]:
+    """Add what Pillow warns of to `damage`, but for what does no harm; warnings of others meanwhile are passed on."""
+    caught: list[warnings.WarningMessage] = []
+    try:
+        with _HEARING, warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            yield
+    finally:
+        for warning in caught:
+            text = str(warning.message)
+            if not warning.filename.startswith(_PILLOW):
+                warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
+            elif not text.startswith(_HARMLESS):
+                damage.append(text)
+
+
+def _taken(tags: dict[int, object]) -> datetime | None:
+    try:
+        taken = datetime.strptime(_text(tags, _TAKEN), "%Y:%m:%d %H:%M:%S")
+    except ValueError:  # cameras without a clock write blanks or zeros
+        return None
+    # The digits stand behind the decimal point: "02" is two hundredths.
+    digits = _text(tags, _TAKEN_FRACTION)
+    return taken.replace(microsecond=int(f"{digits[:6]:0<6}")) if digits.isdecimal() else taken
+
+
+def _text(tags: dict[int, object], tag: int) -> str:
+    text = str(tags.get(tag, "")).strip("\0 ")
+    # Photographer and editor, a NUL between them (CIPA DC-008, 4.6.4).
+    return "; ".join(filter(None, (part.strip() for part in text.split("\0")))) if tag == _COPYRIGHT else text
+
+
+def _number(tags: dict[int, object], tag: int) -> float | None:
+    value = tags.get(tag)
+    if isinstance(value, tuple) and value:
+        value = value[0]
+    try:
+        number = float(value)  # pyright: ignore[reportArgumentType]
+    except (TypeError, ValueError, ZeroDivisionError):
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _positive(tags: dict[int, object], tag: int) -> float | None:
+    number = _number(tags, tag)
+    return number if number is not None and number > 0 else None

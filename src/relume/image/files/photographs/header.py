@@ -1,0 +1,139 @@
+"""What the header of a JPEG, PNG or TIFF tells of its pixels before one is decoded: how many, how deep, how stored."""
+
+from __future__ import annotations
+
+import os
+import struct
+from dataclasses import dataclass
+from typing import BinaryIO
+
+from relume.errors import FormatError, UnreadableFile
+from relume.image.files.photographs import png
+from relume.image.files.photographs.jpeg_segments import APP1, APP2, ISO_GAIN_MAP
+from relume.image.files.read_options import Reading, refuse_absurd_amount, refuse_absurd_size
+from relume.image.files.tiff.directories import read_folders
+from relume.image.files.tiff.layout import Layout, layout_of, pages_of
+
+_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # ITU-T T.81, table B.1
+_PROGRESSIVE = (0xC2, 0xC6, 0xCA, 0xCE)
+_ALONE = (0x01, *range(0xD0, 0xD9))  # markers without a length
+_MOST_STEPS = 2**13  # segments, and stray bytes between them; 16 MiB of metadata make 256 full segments
+_SUBSAMPLED = {(1, 1): "4:4:4", (2, 1): "4:2:2", (2, 2): "4:2:0", (4, 1): "4:1:1", (1, 2): "4:4:0", (4, 2): "4:1:0"}
+_PHOTOMETRICS = {0: "grey, black and white exchanged", 1: "grey", 2: "RGB", 3: "palette", 5: "CMYK", 6: "YCbCr"}
+_UNREAD = (6, 34712, 34887, 34925, 50000, 50001)  # old JPEG, JPEG 2000, LERC, LZMA, ZSTD, WebP
+
+
+@dataclass(frozen=True)
+class Form:
+    """The form of a photograph's pixels as its header has it.
+
+    width, height, channels, bits : as stored
+    kind : in words, "RGB", "YCbCr 4:2:0", …
+    packing : in words, "" for the one that every file of its format has
+    gain_map : whether a JPEG has a gain map, or says so
+    layout : of a TIFF
+    pages : of a TIFF
+    """
+
+    width: int
+    height: int
+    channels: int
+    bits: int
+    kind: str
+    packing: str = ""
+    gain_map: bool = False
+    layout: Layout | None = None
+    pages: int = 1
+
+    @property
+    def text(self) -> str:
+        """In a few words: "8 bits, YCbCr 4:2:0"."""
+        depth = "1 bit" if self.bits == 1 else f"{self.bits} bits"
+        return ", ".join(filter(None, [depth, self.kind, self.packing]))
+
+
+def form_of(path: str | os.PathLike[str], kind: str, reading: Reading) -> Form:
+    """The form of a "JPEG", "PNG" or "TIFF"; raises UnreadableFile where it is beyond `reading`, or damaged."""
+    size = os.path.getsize(path)
+    if kind == "TIFF":
+        return _tiff(path, size, reading)
+    if kind == "PNG":
+        told = png.header(path)
+        packing = "interlaced" if told.interlaced else ""
+        form = Form(told.width, told.height, told.channels, told.bits, told.colour, packing)
+    else:
+        with open(path, "rb") as file:
+            form = _jpeg(path, file, size, reading)
+    refuse_absurd_size(path, form.width, form.height, reading)
+    if form.channels > reading.channels:
+        raise UnreadableFile(f"{path}: its header claims {form.channels} channels; relume reads {reading.channels}")
+    refuse_absurd_amount(path, form.width * form.height * max(form.channels, 3) * -(-form.bits // 8), size, reading)
+    return form
+
+
+def _tiff(path: str | os.PathLike[str], size: int, reading: Reading) -> Form:
+    folders = read_folders(path, reading)
+    layout = layout_of(path, folders[0], size, reading)
+    if layout.compression in _UNREAD:
+        raise UnreadableFile(f"{path}: packed by {layout.packing}, which relume does not read; save it with ZIP or LZW")
+    kind = _PHOTOMETRICS.get(layout.photometric, f"photometric {layout.photometric}")
+    packing = [layout.packing]
+    if layout.tiled:
+        packing.append(f"tiled {layout.block[0]} × {layout.block[1]}")
+    pages = pages_of(folders)
+    if pages > 1:
+        packing.append(f"{pages} pages")
+    alpha = " with alpha" if layout.extra else ""
+    return Form(
+        layout.width,
+        layout.height,
+        layout.samples,
+        layout.bits,
+        kind + alpha,
+        ", ".join(packing),
+        layout=layout,
+        pages=pages,
+    )
+
+
+def _jpeg(path: str | os.PathLike[str], file: BinaryIO, size: int, reading: Reading) -> Form:
+    """From the first frame; bytes between the segments are passed over, as decoders do."""
+    place, gain_map = 2, False
+    for _ in range(_MOST_STEPS):
+        file.seek(place)
+        head = file.read(4)
+        if len(head) < 4 or place > reading.metadata:
+            break
+        if head[0] != 0xFF or head[1] in (0x00, 0xFF):
+            place += 1
+            continue
+        marker = head[1]
+        if marker in _ALONE:
+            place += 2
+            continue
+        if marker in _FRAMES:
+            return _frame(path, place, marker, file.read(64), gain_map)
+        if marker in (0xD9, 0xDA):
+            raise FormatError(path, "JPEG", f"byte {place}", "a frame", f"the marker {marker:02x}")
+        length = int.from_bytes(head[2:])
+        if marker in (APP1, APP2) and not gain_map:
+            payload = file.read(max(length - 2, 0))
+            gain_map = b"hdrgm:Version" in payload if marker == APP1 else payload.startswith(ISO_GAIN_MAP)
+        place += 2 + max(length, 2)
+    raise FormatError(path, "JPEG", f"byte {min(place, size)}", "a frame", "none ahead of the pixels")
+
+
+def _frame(path: str | os.PathLike[str], place: int, marker: int, payload: bytes, gain_map: bool) -> Form:
+    if len(payload) < 6 or len(payload) < 6 + 3 * payload[5] or not payload[5]:
+        raise FormatError(path, "JPEG", f"byte {place}", "a frame with its components", payload[:6].hex(" "))
+    bits, height, width, channels = struct.unpack_from(">BHHB", payload)
+    factors = [(byte >> 4, byte & 15) for byte in payload[7 : 6 + 3 * channels : 3]]
+    across, down = (max(factor[axis] for factor in factors) for axis in (0, 1))
+    names = {1: "grey", 3: "YCbCr", 4: "CMYK"}
+    kind = names.get(channels, f"{channels} channels")
+    if channels == 3:
+        chroma = factors[1]
+        if factors[1] == factors[2] and min(chroma) > 0:
+            kind += " " + _SUBSAMPLED.get((across // chroma[0], down // chroma[1]), "")
+    packing = "progressive" if marker in _PROGRESSIVE else ""
+    return Form(width, height, channels, bits, kind.strip(), packing, gain_map)

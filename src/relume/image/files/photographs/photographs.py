@@ -1,0 +1,315 @@
+"""JPEG, PNG and TIFF photographs: pixels through OpenImageIO or our own, EXIF through Pillow, upright, three channels.
+
+OpenImageIO decodes JPEG and TIFF, because Pillow rounds 16-bit colour to 8 bits without a word and takes any JPEG with
+a hole in its data for whole. OpenImageIO returns the pixels of a damaged JPEG too, with a complaint: every complaint is
+an error here, but for stray bytes among the headers, which lose no pixel. (A JPEG has no checksum: a few bytes altered
+in the middle may still decode without one.) It does not turn pictures by their EXIF orientation; we do. The header is
+judged by our own readers first, because a decoder allocates what a header claims.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import warnings
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+from PIL import Image, ImageCms
+
+from relume.errors import FormatError, UnreadableFile
+from relume.image.files.atomic import replacing
+from relume.image.files.metadata import exif, exif_attributes, exif_writing
+from relume.image.files.photographs import png, png_pixels
+from relume.image.files.photographs.header import Form, form_of
+from relume.image.files.photographs.jpeg_decoding import decoded
+from relume.image.files.photographs.jpeg_segments import header_at, length_of
+from relume.image.files.photographs.orientation import UPRIGHT
+from relume.image.files.photographs.salvage import Salvaged, embedded_profile, salvaged
+from relume.image.files.read_options import Reading
+from relume.image.files.signatures import kind_of, one_line
+from relume.image.files.tiff.layout import ZIP
+from relume.image.files.tiff.writing import write_tiff as write_folders
+from relume.image.photograph import Photograph
+
+# Only before markers that come ahead of the pixels: APP, COM, DQT, DRI, SOF. Elsewhere such bytes are lost pixels.
+_HARMLESS = re.compile(r"extraneous bytes before marker 0x(e[0-9a-f]|fe|db|dd|c[012])")
+_STRIP = 2**18  # bytes before compression
+_PROFILE, _UNDEFINED = 34675, 7  # ICC.1:2022, B.3; TIFF 6.0, section 2
+_MOST_EXIF = 65533  # bytes behind the length of a JPEG's segment
+_MOST_PROFILE = 255 * (65533 - 14)  # of numbered pieces (ICC.1:2022, B.4)
+_LONG_TEXT = 1024  # letters; five of these fit
+
+
+def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Photograph:
+    """The photograph in a JPEG, PNG or TIFF, with the exposure, settings, camera and focal length its EXIF tells.
+
+    Grey becomes three equal channels. Where alpha is 0 the picture is `outside`. Of a JPEG with a gain map it is the
+    base picture; of a TIFF the first page. Warns of other pages, where alpha is dropped that was neither 0 nor opaque,
+    where an embedded profile is not sRGB (it is kept, and not heeded), and where a PNG says that its values are encoded
+    otherwise. With `reading.salvage` the rows that a file lacks are 0 and `outside`. Raises UnreadableFile for damaged
+    files, those beyond the limits of `reading`, and camera raw.
+    """
+    kind = kind_of(path)
+    form = form_of(path, kind, reading)
+    if kind == "PNG":
+        png.warn_of_other_encoding(path, png.header(path))
+    if form.pages > 1:
+        warnings.warn(f"{path}: only the first of its {form.pages} pages is read", stacklevel=4)
+    found = salvaged(path, kind, form, reading) if reading.salvage else None
+    pixels, outside, profile = _decoded(path, kind, form, reading) if found is None else _placed(path, found)
+    tags = exif.tags(path, kind)
+    height, width = pixels.shape[:2]
+    upright = UPRIGHT[exif.orientation_of(tags)]
+    return Photograph(
+        pixels=np.ascontiguousarray(upright(pixels)),
+        name=str(path),
+        exposure=exif.exposure_of(tags),
+        camera=exif.camera_of(tags),
+        focal_length=exif.focal_length_of(tags, width, height),
+        outside=None if outside is None else np.ascontiguousarray(upright(outside)),
+        settings=exif.settings_of(tags),
+        profile=profile if profile is not None and _is_of_rgb(profile) else None,
+    )
+
+
+def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
+    """What kind of JPEG, PNG or TIFF a file is, from its header alone: "8 bits, YCbCr 4:2:0"."""
+    return form_of(path, kind_of(path), reading).text
+
+
+def write_jpeg(path: str | os.PathLike[str], photograph: Photograph) -> None:
+    """Write a JPEG of quality 95 with full colour resolution, EXIF and profile; raises ValueError for 16-bit pixels.
+
+    Warns of pixels that are `outside`, which a JPEG cannot mark, and of texts that are too long for its EXIF.
+    """
+    if photograph.pixels.dtype != np.uint8:
+        raise ValueError(f"pixels are {photograph.pixels.dtype}; a JPEG holds uint8: write .png")
+    if max(photograph.size) > 65500:
+        raise ValueError(f"the photograph is {photograph.size} pixels; a JPEG's side is at most 65500: write .png")
+    # Not straight into the file: on a full disk Pillow takes a short write for a whole one.
+    encoded = io.BytesIO()
+    told, lost = _within_segment(photograph)
+    profile = _profile_to_write(path, photograph)
+    if profile is not None and len(profile) > _MOST_PROFILE:
+        lost.append(f"its profile of {len(profile)} bytes")
+        profile = None
+    picture = Image.fromarray(photograph.pixels)
+    picture.save(encoded, "JPEG", quality=95, subsampling=0, exif=told, icc_profile=profile)
+    with replacing(path) as temporary:
+        temporary.write_bytes(encoded.getvalue())
+    if photograph.outside is not None and (count := int(np.count_nonzero(photograph.outside))):
+        lost.append(f"which {count} of its pixels are outside the picture")
+    if lost:
+        warnings.warn(f"{path}: does not keep {'; '.join(lost)}; .png keeps everything", stacklevel=3)
+
+
+def write_png(path: str | os.PathLike[str], photograph: Photograph) -> None:
+    """Write a PNG of 8 or 16 bits with EXIF and profile, and an alpha channel where some of it is `outside`."""
+    profile = _profile_to_write(path, photograph)
+    told = exif_writing.encoded(photograph)
+    encoded = png.encode(_with_alpha(photograph), told, profile, strategy=zlib.Z_RLE)
+    with replacing(path) as temporary:
+        temporary.write_bytes(encoded)
+
+
+def write_tiff(path: str | os.PathLike[str], photograph: Photograph) -> None:
+    """Write a TIFF of 8 or 16 bits with EXIF and profile, and an alpha channel where some of it is `outside`.
+
+    Packed by ZIP with the horizontal predictor, which lose nothing.
+    """
+    from relume._kernel import in_threads
+
+    pixels = _with_alpha(photograph)
+    pixels = pixels.astype(pixels.dtype.newbyteorder("<"), copy=False)
+    height, width, channels = pixels.shape
+    rows = max(1, _STRIP // (channels * width * pixels.itemsize))
+    main, folder = exif_writing.folders(photograph)
+    profile = _profile_to_write(path, photograph)
+
+    def strip(begin: int, end: int) -> bytes:
+        told = pixels[begin:end].copy()
+        told[:, 1:] -= pixels[begin:end, :-1]
+        return zlib.compress(told.tobytes())
+
+    tags = {
+        256: (4, [width]),
+        257: (4, [height]),
+        258: (3, [8 * pixels.itemsize] * channels),
+        259: (3, [ZIP]),
+        262: (3, [2]),  # RGB
+        277: (3, [channels]),
+        278: (4, [rows]),
+        284: (3, [1]),  # samples of a pixel side by side
+        317: (3, [2]),  # the horizontal predictor
+        **({338: (3, [2])} if channels == 4 else {}),  # alpha that colours are not multiplied by
+        **({_PROFILE: (_UNDEFINED, profile)} if profile else {}),
+        **main,
+    }
+    write_folders(path, tags, in_threads(strip, height, chunk=rows), folder)
+
+
+def _within_segment(photograph: Photograph) -> tuple[bytes, list[str]]:
+    """The EXIF of a JPEG, without the texts for which its one segment has no room, and those."""
+    lost: list[str] = []
+    told = exif_writing.encoded(photograph)
+    for name in ("comments", "copyright", "owner", "lens", "serial"):
+        if len(told) + len(exif_attributes.HEAD) <= _MOST_EXIF:
+            break
+        text = getattr(photograph.settings, name) or ""
+        if len(text) > _LONG_TEXT:
+            lost.append(f"its {name} of {len(text)} letters")
+            photograph = replace(photograph, settings=replace(photograph.settings, **{name: None}))
+            told = exif_writing.encoded(photograph)
+    return exif_attributes.HEAD + told if told else b"", lost
+
+
+def _with_alpha(photograph: Photograph) -> np.ndarray:
+    """(H, W, 3) pixels as they are; (H, W, 4), alpha the last, where some are outside."""
+    pixels, outside = photograph.pixels, photograph.outside
+    if outside is None or not outside.any():
+        return pixels
+    alpha = np.where(outside, 0, np.iinfo(pixels.dtype).max).astype(pixels.dtype)
+    return np.concatenate([pixels, alpha[..., None]], axis=2)
+
+
+def _profile_to_write(path: str | os.PathLike[str], photograph: Photograph) -> bytes | None:
+    if photograph.profile is None or _is_of_rgb(photograph.profile):
+        return photograph.profile
+    warnings.warn(f"{path}: does not keep its profile, which is not an ICC profile of RGB", stacklevel=4)
+    return None
+
+
+def _is_of_rgb(profile: bytes) -> bool:
+    """Whether a profile is of three channels, as all pixels here are, from its header (ICC.1:2022, 7.2)."""
+    return profile[16:20] == b"RGB " and profile[36:40] == b"acsp"
+
+
+def _decoded(
+    path: str | os.PathLike[str], kind: str, form: Form, reading: Reading
+) -> tuple[np.ndarray, np.ndarray | None, bytes | None]:
+    """(H, W, 3) uint8 or uint16 as stored, (H, W) bool where alpha is 0, None where it is nowhere, and the profile."""
+    if kind == "PNG":
+        return _of_png(path, reading)
+    if form.gain_map:
+        return _base_of_gain_map(path, reading)
+    wanted = oiio.ImageSpec()
+    wanted.attribute("oiio:UnassociatedAlpha", 1)  # else colours come multiplied by alpha
+    source = oiio.ImageInput.open(str(path), wanted)
+    if source is None:
+        raise FormatError(path, kind, "its header", "a sound one", one_line(oiio.geterror()))
+    try:
+        spec = source.spec()
+        if kind == "JPEG" and spec.format == oiio.HALF:  # its library found a gain map where we saw none
+            source.close()
+            return _base_of_gain_map(path, reading)
+        _refuse_unusable(path, kind, spec)
+        if (spec.width, spec.height) != (form.width, form.height):
+            expected = f"{form.width} x {form.height} pixels"
+            raise FormatError(path, kind, "its header", expected, f"{spec.width} x {spec.height}")
+        pixels = source.read_image(0, 0, 0, spec.nchannels, spec.format)
+        complaint = one_line(source.geterror())
+    finally:
+        source.close()
+    if pixels is None or (complaint and not _HARMLESS.search(complaint)):
+        reason = complaint.replace(f' ("{path}")', "") or "none"
+        raise FormatError(path, kind, "its pixels", "whole data", reason)
+    if complaint:
+        _refuse_truncated(path, kind)
+        _warn_of_stray_bytes(path)
+    pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
+    outside = _transparent(path, pixels[..., -1]) if spec.nchannels in (2, 4) else None
+    return _three(pixels), outside, embedded_profile(spec)
+
+
+def _of_png(path: str | os.PathLike[str], reading: Reading) -> tuple[np.ndarray, np.ndarray | None, bytes | None]:
+    chunks = png.chunks(path)
+    png.refuse_cut(path, chunks)
+    if (profile := png.profile(chunks, reading)) is not None:
+        _warn_of_profile(path, _description(profile))
+    pixels = png_pixels.decoded(path, png.header(path), chunks)
+    outside = _transparent(path, pixels[..., -1]) if pixels.shape[2] in (2, 4) else None
+    return _three(pixels), outside, profile
+
+
+def _base_of_gain_map(path: str | os.PathLike[str], reading: Reading) -> tuple[np.ndarray, None, bytes | None]:
+    """As `_decoded`, of the picture that every program shows; a library that knows gain maps decodes to light."""
+    data = Path(path).read_bytes()
+    header = header_at(path, io.BytesIO(data), 0, reading)
+    if profile := header.profile:
+        _warn_of_profile(path, _description(profile))
+    end = length_of(data, header.scan) or len(data)
+    pixels = _three(decoded(path, data[:end], header, "base picture"))
+    if header.stray:
+        _warn_of_stray_bytes(path)
+    return pixels, None, header.profile
+
+
+def _warn_of_stray_bytes(path: str | os.PathLike[str]) -> None:
+    warnings.warn(f"{path}: has stray bytes among its headers; look whether the picture is whole", stacklevel=6)
+
+
+def _three(pixels: np.ndarray) -> np.ndarray:
+    return pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
+
+
+def _placed(path: str | os.PathLike[str], found: Salvaged) -> tuple[np.ndarray, np.ndarray, bytes | None]:
+    """As `_decoded`, of a file that ends early: what is missing is 0 and outside."""
+    height = found.height
+    rows, width, channels = found.pixels.shape
+    warnings.warn(f"{path}: ends early; {height - rows} of {height} rows are missing", stacklevel=4)
+    pixels = np.zeros((height, width, 3), found.pixels.dtype)
+    pixels[:rows] = _three(found.pixels)
+    outside = np.ones((height, width), bool)
+    seen = _transparent(path, found.pixels[..., -1]) if channels in (2, 4) else None
+    outside[:rows] = False if seen is None else seen
+    if found.profile is not None:
+        _warn_of_profile(path, _description(found.profile))
+    return pixels, outside, found.profile
+
+
+def _refuse_unusable(path: str | os.PathLike[str], kind: str, spec: oiio.ImageSpec) -> None:
+    if int(spec.getattribute("tiff:subfiletype") or 0) & 1:
+        raise UnreadableFile(f"{path}: a camera raw file (it begins with a preview); develop it to a 16-bit TIFF first")
+    if spec.format not in (oiio.UINT8, oiio.UINT16):
+        what = f"a {kind} of {spec.format} pixels"
+        raise UnreadableFile(f"{path}: {what}, not 8 or 16 bits; convert it to EXR, or to a plain {kind}")
+    if tuple(spec.channelnames[: spec.nchannels]) not in (("R", "G", "B"), ("R", "G", "B", "A"), ("Y",), ("Y", "A")):
+        raise UnreadableFile(f"{path}: its channels are {', '.join(spec.channelnames)}; save it as RGB or grey")
+    if profile := spec.getattribute("ICCProfile:profile_description"):
+        _warn_of_profile(path, str(profile))
+
+
+def _description(profile: bytes) -> str:
+    try:
+        return str(ImageCms.getProfileDescription(ImageCms.ImageCmsProfile(io.BytesIO(profile)))).strip()
+    except (ImageCms.PyCMSError, OSError, ValueError, TypeError):
+        return "damaged"
+
+
+def _warn_of_profile(path: str | os.PathLike[str], description: str) -> None:
+    if "srgb" not in description.lower():
+        warnings.warn(f'{path}: its colour profile is "{one_line(description)}", not sRGB; not converted', stacklevel=6)
+
+
+def _refuse_truncated(path: str | os.PathLike[str], kind: str) -> None:
+    """Ask another decoder whether the data ends early: the first one tells only the first of its troubles."""
+    try:
+        with exif.heard([]), open(path, "rb") as file, Image.open(file, formats=[kind]) as image:
+            image.load()
+    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
+        raise FormatError(path, kind, "its pixels", "whole data", one_line(error)) from error
+
+
+def _transparent(path: str | os.PathLike[str], alpha: np.ndarray) -> np.ndarray | None:
+    transparent = alpha == 0
+    if transparent.all():
+        raise UnreadableFile(f"{path}: alpha is 0 everywhere, so there is nothing to see; save it without alpha")
+    seen_through = np.count_nonzero(~transparent & (alpha != np.iinfo(alpha.dtype).max))
+    if seen_through:
+        warnings.warn(f"{path}: alpha is left out, though {seen_through} pixels are not opaque", stacklevel=5)
+    return transparent if transparent.any() else None

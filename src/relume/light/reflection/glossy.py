@@ -1,0 +1,142 @@
+"""The full map of an isotropic BRDF (Miller & Hoffman 1984, §9): view angle × direction × azimuth of the view.
+
+The paper counts three dimensions, view angle and reflected direction. They are enough for lobes that are round about
+their direction; real ones are drawn out in the plane of incidence at grazing angles. The lobe's Fourier series about
+its direction, cos kψ for k = 0 … `azimuths`, holds that too: k = 0 alone is the paper's map.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from relume.light.reflection.brdf import Reflectance
+from relume.light.reflection.convolution import as_latlong, cut_up
+from relume.light.reflection.lobes import quadrature
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.harmonics.transform import analysed, synthesised, wigner
+
+AZIMUTHS = 8
+"""Mean errors of a fifth of a per cent under a sunset sky; with 5 the lobes of a bare low sun leave streaks at rims."""
+NARROWEST = 0.04
+"""Radians; the tables grow with the square of what is finer, and are half a gigabyte here."""
+VIEWS = 24
+"""View angles from the normal to the horizon: one each four degrees."""
+_AROUND = 256
+"""Azimuths at which half a lobe is sampled, the other half being its mirror image: at grazing angles it is thin."""
+
+
+@dataclass(frozen=True, eq=False)
+class GlossyMap:
+    """What a surface reflects, by the view's angle and the direction it mirrors.
+
+    tables : (views, rows, 2·rows, 2·azimuths + 1, 3) float32 in `unit`; in the fourth axis k = 0, then for each k the
+        parts in phase and a quarter turn on
+    tilts : (views,) the angle of each lobe's middle from the normal, in the plane of incidence away from the viewer;
+        the lobes are kept about their middles, which at grazing angles are not the mirrored direction
+    albedos : (views,) what the surface reflects of constant light of 1
+    brdf : what was convolved
+    unit : the light's
+    """
+
+    tables: np.ndarray
+    tilts: np.ndarray
+    albedos: np.ndarray
+    brdf: Reflectance
+    unit: str
+
+    @cached_property
+    def padded(self) -> np.ndarray:
+        """The tables with one more entry on every side, for look-up in kernels."""
+        half = self.tables.shape[2] // 2
+        # Over a pole south is north: odd k change sign.
+        k = (np.arange(self.tables.shape[3]) + 1) // 2
+        over = np.where(k % 2, -1, 1).astype(np.float32)[:, None]
+        top, bottom = (np.roll(self.tables[:, row], half, 2) * over for row in (slice(0, 1), slice(-1, None)))
+        tall = np.concatenate([top, self.tables, bottom], axis=1)
+        return np.ascontiguousarray(np.concatenate([tall[:, :, -1:], tall, tall[:, :, :1]], axis=2))
+
+    def lookup(self, normals: np.ndarray, views: np.ndarray) -> np.ndarray:
+        """Reflected radiance (…, 3) for unit normals and unit directions to the eye (…, 3)."""
+        from relume.light.reflection.glossy_lookup import lookup
+
+        return lookup(self, normals, views)
+
+
+def glossy_map(
+    light: EnvironmentMap,
+    brdf: Reflectance,
+    rows: int | None = None,
+    *,
+    views: int = VIEWS,
+    azimuths: int = AZIMUTHS,
+) -> GlossyMap:
+    """Convolve an illumination map with an isotropic BRDF for every view.
+
+    rows : the tables' height; as fine as the lobe needs unless given
+    views : view angles, evenly spaced from 0 to π/2
+    azimuths : the highest k of the lobes' Fourier series; 0 for the paper's three dimensions
+
+    Raises ValueError for sizes that cannot be, and for lobes narrower than NARROWEST.
+    """
+    if brdf.width < NARROWEST:
+        raise ValueError(
+            f"{brdf} is {brdf.width:.3g} rad wide; a three-dimensional map needs {NARROWEST}: "
+            "below that take a lobe of relume.light.reflection.lobes, which is nearly as good for narrow ones"
+        )
+    rows = int(np.clip(np.ceil(3 * np.pi / brdf.width), 32, 512)) if rows is None else rows
+    if rows < 2 or views < 2 or azimuths < 0:
+        raise ValueError(f"{rows} rows, {views} views and {azimuths} azimuths; expected at least 2, 2 and 0")
+    degree = int(np.clip(np.ceil(12 / brdf.width), 48, 400))
+    # At exactly 90° a view sees no surface.
+    angles = np.minimum(np.linspace(0, np.pi / 2, views), np.pi / 2 - 1e-3)
+    tilts, albedos, kernels = zip(*(_kernels(brdf, angle, degree, azimuths) for angle in angles), strict=True)
+    source = cut_up(as_latlong(light), brdf.width / 2)
+    coefficients = analysed(source.radiance * source.mapping.solid_angles(source.size)[..., None], degree)
+    tables = np.empty((views, rows, 2 * rows, 2 * azimuths + 1, 3), np.float32)
+    for k in range(azimuths + 1):
+        part = synthesised(coefficients, np.stack([kernel[k] for kernel in kernels]), k, rows)
+        tables[..., max(2 * k - 1, 0), :] = np.real(part)
+        if k:
+            tables[..., 2 * k, :] = np.imag(part)
+    return GlossyMap(tables, np.array(tilts), np.array(albedos), brdf, light.unit)
+
+
+def albedo(brdf: Reflectance, view_angle: float) -> float:
+    """∫ f_r N·L dω: what a surface reflects of constant light of 1, seen from that angle."""
+    return _kernels(brdf, view_angle, 0, 0)[1]
+
+
+def _kernels(brdf: Reflectance, view_angle: float, degree: int, azimuths: int) -> tuple[float, float, np.ndarray]:
+    """The lobe's tilt, its integral, and its coefficients (azimuths + 1, degree + 1) for `synthesised`."""
+    polar, weights = quadrature(brdf.width, degree)
+    azimuth = np.pi * (np.arange(_AROUND) + 0.5) / _AROUND
+    measure = weights[:, None] * (2 * np.pi / _AROUND)
+    if azimuths:
+        # About its peak the series of a lobe ends soonest: what is narrow is in the middle, which has no azimuth.
+        steps = np.linspace(-np.pi / 2, np.pi / 2, 4001)
+        plane = np.stack([-np.sin(steps), np.zeros_like(steps), np.cos(steps)], axis=-1)
+        tilt = float(steps[np.argmax(brdf(view_angle, plane))])
+    else:
+        # A lobe that is taken to be round is nearest to the true one about its centre of mass.
+        directions = _directions(-view_angle, polar, azimuth)
+        centre = np.einsum("pa,pai->i", brdf(view_angle, directions) * measure, directions)
+        tilt = float(np.arctan2(-centre[0], centre[2]))
+    lobe = brdf(view_angle, _directions(-tilt, polar, azimuth))
+    coefficients = np.zeros((azimuths + 1, degree + 1))
+    for k in range(azimuths + 1):
+        profile = (lobe * np.cos(k * azimuth)).mean(1) * (1 if k == 0 else 2)
+        legendre = np.array([values[0] for values in wigner(np.array([k]), 0, polar, degree)])
+        scale = np.sqrt((2 * np.arange(degree + 1) + 1) / (4 * np.pi))
+        coefficients[k] = 2 * np.pi * scale * (legendre @ (profile * weights))
+    return tilt, float((lobe * measure).sum()), coefficients
+
+
+def _directions(lean: float, polar: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
+    """Directions (P, A, 3) about one that leans from the normal towards the viewer; ψ = 0 leans further."""
+    axis = np.array([np.sin(lean), 0, np.cos(lean)])
+    along, across = np.array([np.cos(lean), 0, -np.sin(lean)]), np.array([0.0, 1.0, 0.0])
+    ring = np.cos(azimuth)[:, None] * along + np.sin(azimuth)[:, None] * across
+    return np.cos(polar)[:, None, None] * axis + np.sin(polar)[:, None, None] * ring

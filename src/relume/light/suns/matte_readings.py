@@ -1,0 +1,148 @@
+"""What matte things of known reflectance tell about the light: the irradiance on surfaces of known normals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from relume.image.radiance import BLACK, OUTSIDE, SATURATED
+from relume.probe.ball.unwrapping import BallView
+from relume.sphere.directions import normalised
+
+STEEPEST = 0.3
+"""Cosine of view below which a ball is not read: paint is not matte at grazing angles, and the rim is mixed with what
+lies behind."""
+CELLS = 64
+"""Cells across the ball whose pixels are averaged, against noise; coarser ones would blur a sun's terminator."""
+
+
+@dataclass(frozen=True, eq=False)
+class MatteReadings:
+    """The irradiance on N surfaces, E = π · radiance / reflectance.
+
+    normals : (N, 3), unit, world
+    irradiance : (N, 3), in the light's unit times steradians (lux for cd/m²)
+    deviation : (N, 3), standard deviation of the irradiance by the photographs' noise; 0 where that is unknown
+    source : what was read, for a person: "a grey ball of albedo 0.18"
+    unit : of the radiance they were made from, "relative" or "cd/m²"
+    """
+
+    normals: np.ndarray
+    irradiance: np.ndarray
+    deviation: np.ndarray
+    source: str
+    unit: str = "relative"
+
+    def __post_init__(self) -> None:
+        shapes = [np.shape(each) for each in (self.normals, self.irradiance, self.deviation)]
+        if any(shape != (len(self.normals), 3) for shape in shapes) or not len(self.normals):
+            raise ValueError(f"normals, irradiance and deviation have shapes {shapes}; expected (N, 3) each, N ≥ 1")
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A patch of a chart: what it reflects and which way it faces.
+
+    radiance : (3,), its mean, in the light's unit
+    reflectance : (3,) or one number, linear Rec. 709, above 0: 0.18 or so for middle grey, 0.9 for white
+    normal : (3,), world, away from the chart
+    deviation : (3,), of the mean radiance
+    """
+
+    radiance: tuple[float, float, float]
+    reflectance: tuple[float, float, float] | float
+    normal: tuple[float, float, float]
+    deviation: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+def read_chart(patches: Sequence[Patch], unit: str = "relative") -> MatteReadings:
+    """The irradiance on one or more patches of known reflectance; they are taken to be matte.
+
+    unit : of the patches' radiance
+
+    Raises ValueError for no patch, a reflectance that is not above 0 and at most 1, radiance that is not light, or a
+    normal that is no direction.
+    """
+    if not patches:
+        raise ValueError("no patch of the chart is given; one is enough, a white one is best")
+    reflectance = np.stack([_reflectance(patch.reflectance) for patch in patches])
+    radiance = np.array([patch.radiance for patch in patches], np.float64)
+    if not np.all(np.isfinite(radiance)) or radiance.min() < 0:
+        raise ValueError(f"a patch has the radiance {radiance.tolist()}; light is finite and not below 0")
+    normals = np.array([patch.normal for patch in patches], np.float64)
+    if not np.all(np.isfinite(normals)) or not np.all(normals.any(-1)):
+        raise ValueError(f"a patch faces {normals.tolist()}; a normal is a direction, like (0, 1, 0)")
+    scale = np.pi / reflectance
+    several = f"{len(patches)} patches" if len(patches) > 1 else "one patch"
+    return MatteReadings(
+        normalised(normals),
+        radiance * scale,
+        np.array([patch.deviation for patch in patches]) * scale,
+        f"{several} of a chart",
+        unit,
+    )
+
+
+def read_grey_ball(view: BallView, albedo: tuple[float, float, float] | float) -> MatteReadings:
+    """The irradiance on all sides of a matte ball that a photograph shows well, averaged over cells.
+
+    view : of the matte ball, as `relume.probe.ball.unwrapping.unwrap_ball` finds it; its radiance in the light's unit
+    albedo : of the ball, (3,) or one number, above 0 and at most 1: 0.18 for a middle grey
+
+    Pixels that are clipped, or see the ball at a grazing angle, are left out; the rest are weighed alike.
+    Raises ValueError for another albedo, or a ball with nothing left to read.
+    """
+    reflectance = _reflectance(albedo)
+    rows, columns, normals, cosines = _seen(view)
+    good = cosines > STEEPEST
+    if view.picture.clipped is not None:
+        good &= ~np.isin(view.picture.clipped[rows, columns], (SATURATED, BLACK, OUTSIDE))
+    rows, columns, normals = rows[good], columns[good], normals[good]
+    if not len(rows):
+        raise ValueError("every pixel of the grey ball is clipped or outside; expose it so that none is saturated")
+    side = max(int(2 * view.outline.radius / CELLS), 1)
+    _, cell = np.unique((rows // side) * 65536 + columns // side, return_inverse=True)
+    count = np.bincount(cell).astype(np.float64)[:, None]
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        return np.stack([np.bincount(cell, values[:, k]) for k in range(3)], axis=-1) / count
+
+    scale = np.pi / reflectance
+    variance = view.picture.variance
+    deviation = 0.0 if variance is None else np.sqrt(mean(variance[rows, columns].astype(np.float64)) / count)
+    irradiance = mean(view.picture.radiance[rows, columns].astype(np.float64)) * scale
+    named = "/".join(f"{a:g}" for a in dict.fromkeys(reflectance.tolist()))
+    return MatteReadings(
+        normalised(mean(normals)),
+        irradiance,
+        np.broadcast_to(deviation * scale, irradiance.shape),
+        f"a grey ball of albedo {named}",
+        view.picture.unit,
+    )
+
+
+def _reflectance(told: ArrayLike) -> np.ndarray:
+    """Three reflectances."""
+    values = np.broadcast_to(np.asarray(told, np.float64), (3,)) if np.size(told) in (1, 3) else np.zeros(1)
+    if not np.all((values > 0) & (values <= 1)):
+        raise ValueError(f"reflectance is {told}; expected one number or three, above 0 and at most 1, like 0.18")
+    return values
+
+
+def _seen(view: BallView) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Rows and columns (N,) of the pixels that show the ball, its normals (N, 3) in the world, cosines of view (N,)."""
+    width, height = view.picture.size
+    x, y = np.arange(width) + 0.5 - width / 2, np.arange(height) + 0.5 - height / 2
+    rays = np.stack(np.broadcast_arrays(x[None, :], y[:, None], view.focal_length), axis=-1)
+    rays = normalised(rays)
+    # |t d − D a| = 1 along the ray d; the nearer of both points is seen.
+    along = view.distance * (rays @ view.axis)
+    inside = along**2 - (view.distance**2 - 1)
+    rows, columns = np.nonzero((inside > 0) & (along > 0))
+    reach = along[rows, columns] - np.sqrt(inside[rows, columns])
+    rays = rays[rows, columns]
+    normals = reach[:, None] * rays - view.distance * view.axis
+    return rows, columns, normals @ view.world_from_pixels.T, -(normals * rays).sum(-1)

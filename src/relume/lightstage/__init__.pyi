@@ -1,0 +1,15 @@
+from .acquire.read_stage import read_stage as read_stage
+from .acquire.store_building import build_store as build_store
+from .driving.driving import drive as drive
+from .field.field import Noise as Noise
+from .field.field import Pictures as Pictures
+from .field.lights import StageLights as StageLights
+from .matting.environment_matte import EnvironmentMatte as EnvironmentMatte
+from .matting.environment_matte import environment_matte as environment_matte
+from .novel_view.viewpoint import Source as Source
+from .novel_view.viewpoint import view as view
+from .recolouring import Cloths as Cloths
+from .recolouring import reclothed as reclothed
+from .relighting.illumination import irradiances as irradiances
+from .relighting.relighting import relight as relight
+from .surface.separation import separate as separate

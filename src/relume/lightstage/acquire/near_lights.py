@@ -1,0 +1,115 @@
+"""Lights that stand near: where they are, from several mirrored balls, and what they do at each point of a subject.
+
+The rays on which several balls mirror one lamp meet where it stands. At a point p a lamp at q shines from the direction
+(q − p)/|q − p| with an irradiance that goes as 1/|q − p|². Metres, world frame.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from relume.lightstage.acquire.ball_highlights import BallReadings
+from relume.scene.cameras.camera import Camera
+from relume.sphere.directions import normalised
+
+PARALLEL = np.radians(0.5)
+"""Rays that differ by less, the error of a highlight's place on a ball, do not tell how far away a light is."""
+
+
+@dataclass(frozen=True, eq=False)
+class LightPlaces:
+    """Where lights stand, and how well their rays meet there.
+
+    positions : (N, 3) metres
+    residuals : (N,) metres, root mean square distance from each position to its rays
+    parallax : (N,) radians, the largest angle between two rays of a light
+    """
+
+    positions: np.ndarray
+    residuals: np.ndarray
+    parallax: np.ndarray
+
+
+def light_places(readings: Sequence[BallReadings], names: Sequence[str] | None = None) -> LightPlaces:
+    """The points nearest to the rays that the balls mirror, by least squares.
+
+    readings : of two balls or more, in metres and one world; one row a light
+    names : of the lights, for messages
+    Raises ValueError for fewer than two balls and for rays that meet behind the balls. Warns of lights whose rays are
+    nearly parallel: their distance is a guess.
+    """
+    if len(readings) < 2 or len({len(reading.points) for reading in readings}) != 1:
+        raise ValueError(
+            f"{len(readings)} balls with {[len(reading.points) for reading in readings]} readings; a place needs two "
+            "balls or more, and as many readings of each"
+        )
+    places = np.stack([reading.places for reading in readings], axis=1)
+    rays = np.stack([reading.directions for reading in readings], axis=1)
+    # Σ (I − d dᵀ)(p − o) = 0: the squared distances to all rays are least.
+    across = np.eye(3) - rays[..., :, None] * rays[..., None, :]
+    positions = np.linalg.solve(across.sum(axis=1), (across @ places[..., None]).sum(axis=1))[..., 0]
+    offset = positions[:, None] - places
+    residuals = np.sqrt(((across @ offset[..., None])[..., 0] ** 2).sum(axis=-1).mean(axis=1))
+    parallax = np.arccos(np.clip((rays[:, :, None] * rays[:, None]).sum(axis=-1), -1, 1)).max(axis=(1, 2))
+    _tell_of_doubts((offset * rays).sum(axis=-1).min(axis=1), parallax, names)
+    return LightPlaces(positions, residuals, parallax)
+
+
+def _tell_of_doubts(ahead: np.ndarray, parallax: np.ndarray, names: Sequence[str] | None) -> None:
+    called = [f"light {i + 1}" for i in range(len(ahead))] if names is None else list(names)
+    told = parallax >= PARALLEL
+    if np.any(told & (ahead <= 0)):
+        odd = called[int(np.argmax(told & (ahead <= 0)))]
+        raise ValueError(f"{odd}: the balls' rays run apart; check the balls' circles, their order and their radii")
+    if not told.all():
+        warnings.warn(
+            f"{called[int(np.argmin(told))]}: the balls' rays are parallel within half a degree ({(~told).sum()} such "
+            "lights), so that its distance is a guess; put the balls farther apart, or take it for a distant light",
+            stacklevel=3,
+        )
+
+
+def near_light(position: np.ndarray, points: np.ndarray, subject: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What a near light does at points (…, 3): the unit directions (…, 3) towards it, and its fall-off (…).
+
+    position : (3,) of the light, metres
+    subject : (3,) the point where its irradiance is told, metres; the fall-off is 1 there and |subject − position|²
+        over |point − position|² elsewhere, NaN points staying NaN
+    Raises ValueError for a light that stands at the subject or in one of the points.
+    """
+    towards = np.asarray(position, np.float64) - np.asarray(points, np.float64)
+    square = (towards**2).sum(axis=-1)
+    reference = float(((np.asarray(subject, np.float64) - position) ** 2).sum())
+    if reference == 0 or np.any(square == 0):
+        raise ValueError(f"the light at {np.asarray(position).tolist()} stands in the subject; give metres, world")
+    return towards / np.sqrt(square)[..., None], reference / square
+
+
+def points_on_plane(camera: Camera, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """The points (H, W, 3) of a plane that a camera's pixels see, metres; NaN where they see none.
+
+    point, normal : of the plane, world
+    """
+    rays = camera.rays()
+    facing = rays @ normalised(normal)
+    height = float((np.asarray(point, np.float64) - camera.position) @ normalised(normal))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = np.where(height / facing > 0, height / facing, np.nan)
+    return camera.position + along[..., None] * rays
+
+
+def points_at_depth(camera: Camera, depth: np.ndarray) -> np.ndarray:
+    """The points (H, W, 3) that a camera's pixels see at depths (H, W) along its axis, metres; NaN where it is not > 0.
+
+    Raises ValueError where depth is not of the camera's size.
+    """
+    if depth.shape != (camera.height, camera.width):
+        raise ValueError(f"depth is {depth.shape}; expected the camera's {(camera.height, camera.width)}")
+    rays = camera.rays()
+    ahead = -(rays @ camera.rotation[:, 2])
+    along = np.where(depth > 0, depth, np.nan) / ahead
+    return camera.position + along[..., None] * rays

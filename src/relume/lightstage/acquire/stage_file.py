@@ -1,0 +1,203 @@
+"""The file of a stage, `stage.json`: which picture was taken under which light, where from, and how it is encoded.
+
+    {
+      "lights": [{"file": "olat/a.exr", "direction": [0, 1, 0]}, …],
+      "cameras": {"front": {"position": [0, 0, 4], "look_at": [0, 0, 0], "hfov_deg": 28}},
+      "light": {"irradiance_at_normal_incidence": 1, "angular_diameter_deg": 2},
+      "grid": {"inclination": 12, "azimuth": 24},
+      "encoding": "srgb",
+      "subject": [0, 0, 0],
+      "target": {"rectangle": [10, 20, 64, 64], "reflectance": 0.18}
+    }
+
+A light has one of `file` (a name, or a list of names: a bracket) and `files` (camera name → the same); a `direction`
+towards it, a `position` in metres, or `inclination` from +Y and `azimuth` from +Z towards +X in radians; and may have
+`name`, `solid_angle` (sr), `irradiance` (a number or R, G, B; 1 unless `light` tells another) and `exposure` (seconds,
+one a file). `camera_NAME` is another way to write `cameras.NAME`. `target` is a white or grey card in the pictures, on
+which an import measures what each light gives. Only `lights` is required. Other keys at the top are kept and passed
+over, but for those that are nearly one of these; unknown keys of all else are refused. Files are beside the stage file;
+the frame is `sphere.directions`'.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from relume.errors import InvalidStage
+from relume.image.files import write_text
+from relume.lightstage.field.lights import StageLights
+from relume.scene.cameras.camera import Camera
+
+STAGE_FILE = "stage.json"
+FILLED = 1e-3
+"""How far, as a share, told solid angles may sum from 4π and still be believed: files round their numbers."""
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera of the stage: where it stands and looks, metres, and its field of view across, radians."""
+
+    position: Vector
+    look_at: Vector
+    field_of_view: float
+
+    def camera(self, width: int, height: int) -> Camera:
+        """The camera that takes pictures of this size."""
+        focal_length = width / 2 / np.tan(self.field_of_view / 2)
+        return Camera.looking_at(
+            np.array(self.position), np.array(self.look_at), width=width, height=height, focal_length=focal_length
+        )
+
+
+@dataclass(frozen=True)
+class TargetPlace:
+    """A white or grey target in the pictures: (left, top, width, height) in pixels, and its reflectance, 0 to 1."""
+
+    rectangle: tuple[int, int, int, int]
+    reflectance: float
+
+
+@dataclass(frozen=True)
+class LightEntry:
+    """One light of a stage file.
+
+    files : camera name → its picture, or its bracket; the name is "" where the file names no camera
+    direction : towards the light, of any length; None where `position` is given
+    position : metres
+    name : what it is called; that of its first file unless given
+    solid_angle : sr, None where not told
+    irradiance : R, G, B at normal incidence where the subject is
+    exposure : seconds, one a file; None where not told
+    """
+
+    files: Mapping[str, tuple[str, ...]]
+    direction: Vector | None = None
+    position: Vector | None = None
+    name: str | None = None
+    solid_angle: float | None = None
+    irradiance: Vector = (1.0, 1.0, 1.0)
+    exposure: tuple[float, ...] | None = None
+
+    @property
+    def called(self) -> str:
+        return self.name or next(iter(self.files.values()))[0]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What a stage file says.
+
+    lights : in the file's order
+    cameras : by name, in the file's order
+    grid : (rows, columns) of inclination and azimuth, None where the lights are none
+    encoding : "srgb", "linear" or the name of a response file, of photographs; radiance maps are linear as they are
+    subject : the point, metres, from which lights with a position are looked at
+    target : in the pictures; None where there is none
+    angular_diameter : of a light, radians; None where not told
+    others : keys at the top that mean nothing here, kept for `write_stage_file`
+    """
+
+    lights: tuple[LightEntry, ...]
+    cameras: Mapping[str, View] = field(default_factory=dict)
+    grid: tuple[int, int] | None = None
+    encoding: str = "srgb"
+    subject: Vector = (0.0, 0.0, 0.0)
+    target: TargetPlace | None = None
+    angular_diameter: float | None = None
+    others: Mapping[str, Any] = field(default_factory=dict)
+
+    def stage_lights(self) -> StageLights:
+        """The lights, whose cells are those told where they fill the sphere, else spherical Voronoi cells.
+
+        Raises ValueError for two lights in one direction.
+        """
+        subject = np.array(self.subject)
+        towards = np.array(
+            [np.array(e.position) - subject if e.direction is None else e.direction for e in self.lights]  # type: ignore[arg-type]
+        )
+        near = all(entry.position is not None for entry in self.lights)
+        positions = np.array([entry.position for entry in self.lights]) if near else None
+        names = tuple(entry.called for entry in self.lights)
+        lights = StageLights.towards(towards, names, positions=positions, grid=self._ordered_grid(towards))
+        told = np.array([np.nan if e.solid_angle is None else e.solid_angle for e in self.lights])
+        if abs(told.sum() / (4 * np.pi) - 1) < FILLED:  # False for NaN
+            scaled = told * (4 * np.pi / told.sum())
+            return StageLights(lights.directions, scaled, names, positions, lights.grid)
+        return lights
+
+    def _ordered_grid(self, towards: np.ndarray) -> tuple[int, int] | None:
+        """The grid, where the lights stand in its order: rows of one height each, from +Y down."""
+        if self.grid is None:
+            return None
+        heights = (towards[:, 1] / np.linalg.norm(towards, axis=1)).reshape(self.grid)
+        level = np.ptp(heights, axis=1).max() < 1e-3
+        return self.grid if level and np.all(np.diff(heights.mean(axis=1)) < 0) else None
+
+
+def stage_file_text(stage: Stage) -> str:
+    """A stage as the text of a stage file."""
+    table: dict[str, Any] = dict(stage.others)
+    table["lights"] = [_light_table(entry) for entry in stage.lights]
+    if stage.cameras:
+        table["cameras"] = {
+            name: {
+                "position": list(view.position),
+                "look_at": list(view.look_at),
+                "hfov_deg": float(np.degrees(view.field_of_view)),
+            }
+            for name, view in stage.cameras.items()
+        }
+    if stage.grid is not None:
+        table["grid"] = {"inclination": stage.grid[0], "azimuth": stage.grid[1]}
+    if stage.angular_diameter is not None:
+        table["light"] = {"angular_diameter_deg": float(np.degrees(stage.angular_diameter))}
+    table["encoding"], table["subject"] = stage.encoding, list(stage.subject)
+    if stage.target is not None:
+        table["target"] = {"rectangle": list(stage.target.rectangle), "reflectance": stage.target.reflectance}
+    return json.dumps(table, indent=1, ensure_ascii=False) + "\n"
+
+
+def write_stage_file(path: str | os.PathLike[str], stage: Stage) -> None:
+    """Write a stage file, whole or not at all; raises OutputNotWritten."""
+    write_text(path, stage_file_text(stage))
+
+
+def read_stage_file(path: str | os.PathLike[str]) -> Stage:
+    """The stage that a stage file describes; its pictures are not looked at.
+
+    Raises InvalidStage for a file that is missing, no JSON, or has a wrong value, an unknown key in one of its tables,
+    a misspelt one at the top, or a light without direction.
+    """
+    from relume.lightstage.acquire.stage_file_checks import stage_of
+
+    try:
+        table = json.loads(Path(path).read_text("utf-8-sig"))
+    except FileNotFoundError:
+        raise InvalidStage(
+            f"{path}: no such file; name the folder of the pictures, its stage.json or its .lp"
+        ) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InvalidStage(f"{path}: cannot be read ({error.__class__.__name__}); is it a text file?") from None
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise InvalidStage(f"{path}: not valid JSON: {error}; mend it") from None
+    return stage_of(table, str(path))
+
+
+def _light_table(entry: LightEntry) -> dict[str, Any]:
+    told = {camera: names[0] if len(names) == 1 else list(names) for camera, names in entry.files.items()}
+    table: dict[str, Any] = {"file": told[""]} if "" in told else {"files": told}
+    for key in ("name", "direction", "position", "solid_angle", "exposure"):
+        value = getattr(entry, key)
+        if value is not None:
+            table[key] = list(value) if isinstance(value, tuple) else value
+    if entry.irradiance != (1.0, 1.0, 1.0):
+        table["irradiance"] = list(entry.irradiance)
+    return table

@@ -1,0 +1,196 @@
+"""Intensities of a stage's lamps that light a subject as an illumination map would (Light Stage 3).
+
+"If the required lighting is known beforehand, live-action performance can be captured … with correct photometric
+interactions" (course slides, section 10). Lamps stand at single directions, so the map cannot be had itself; what is
+matched is what a subject shows of it: irradiance over all normals, highlights of a given width, or the pixels of a
+subject whose reflectance field is known. Irradiance is in the map's unit times sr.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from relume.lightstage.driving.primaries import LampPrimaries
+from relume.lightstage.driving.subjects import Subject, Surface, cell_sums
+from relume.lightstage.field.lights import StageLights
+from relume.sphere.environment_map import EnvironmentMap
+
+_STEPS = 200
+_CONVERGED = 1e-9
+_FAINTEST = 0.01
+"""The share of the mean intensity below which lamps are equally stiff."""
+_TOLD = 0.01
+"""A share of the light from which on a warning is due: nobody sees less."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """What every lamp of a stage is set to.
+
+    lights, primaries : of the stage
+    intensities : (N, P) float64, from 0 to `primaries.maximum`
+    residual : (3,), what remains of the subject's look in R, G and B: the root of the mean square over its normals,
+        directions or pixels, as a share of that of its look under the map
+    clipped : how many intensities are at the maximum
+    headroom : by what the map could be multiplied with no lamp above the maximum; below 1 the stage cannot reach the
+        map's level, and the map times this factor is the brightest that it shows faithfully
+    beyond_gamut : the share of the subject's look whose colour no mix of the primaries makes
+    """
+
+    lights: StageLights
+    primaries: LampPrimaries
+    intensities: np.ndarray
+    residual: np.ndarray
+    clipped: int = 0
+    headroom: float = np.inf
+    beyond_gamut: float = 0.0
+
+    @property
+    def irradiances(self) -> np.ndarray:
+        """What each lamp gives, (N, 3) float64: with a reflectance field of the same lights, what is then seen."""
+        return self.intensities @ self.primaries.irradiance
+
+
+def drive(
+    lights: StageLights,
+    light: EnvironmentMap,
+    primaries: LampPrimaries | None = None,
+    subject: Subject = Surface(),
+    *,
+    closeness: float = 0.1,
+) -> Drive:
+    """The intensities under which a subject looks most as under an illumination map, by bounded least squares.
+
+    The sum over the subject of (seen under the lamps − seen under the map)² is least, plus `closeness` times how far
+    each lamp is from what its cell of the map holds, as a share of that: of all settings that look alike, which on a
+    matte subject there are many, the one nearest to the map. Convex, so there is one answer.
+
+    primaries : of each lamp; RGB without a maximum unless given
+    subject : matte unless given, as a face nearly is
+    closeness : its weight, in units of the mean square with which a lamp is seen. The default costs a matte ball
+        little. At a hundredth of it lamps go out to make up for the sun's, which shows where a face is in shadow
+    Warns where the stage cannot reach the map's level or colours.
+    """
+    lamps = LampPrimaries.rgb() if primaries is None else primaries
+    if not 0 < closeness < np.inf:
+        raise ValueError(f"closeness is {closeness}; expected a number above 0, like 0.1")
+    weights, seen, wanted = subject.weights, subject.lit_by(lights), subject.under(light)
+    start = lamps.nearest(cell_sums(lights, light))
+    gram, rhs = _normal_equations(seen, wanted, weights, lamps.irradiance)
+    held = closeness * float(np.trace(gram)) / len(gram) * _stiffness(start.ravel())
+    gram = gram + np.diag(held)
+    rhs = rhs + held * start.ravel()
+    free = bounded_least_squares(gram, rhs, np.inf, start.ravel())
+    highest = float(free.max())
+    headroom = lamps.maximum / highest if highest > 0 else np.inf
+    found = free if headroom >= 1 else bounded_least_squares(gram, rhs, lamps.maximum, free)
+    intensities = found.reshape(len(lights), len(lamps))
+    result = Drive(
+        lights,
+        lamps,
+        intensities,
+        _residual(seen, wanted, weights, intensities @ lamps.irradiance),
+        int((intensities >= lamps.maximum * (1 - 1e-9)).sum()) if headroom < 1 else 0,
+        headroom,
+        lamps.beyond_gamut(wanted, weights),
+    )
+    _tell(result)
+    return result
+
+
+def _stiffness(start: np.ndarray) -> np.ndarray:
+    """How much a change of each intensity counts: less where there is much, so that a sun's lamps give way first."""
+    mean = float(start.mean())
+    return mean / (start + _FAINTEST * mean) if mean > 0 else np.ones_like(start)
+
+
+def bounded_least_squares(gram: np.ndarray, rhs: np.ndarray, maximum: float, start: np.ndarray) -> np.ndarray:
+    """The x (n,) in [0, maximum] for which ½ xᵀGx − bᵀx is least; G (n, n) positive definite.
+
+    Newton's step in what is free, shortened until the function falls on the way back into the box (projected Newton,
+    Bertsekas 1982). Deterministic; ends where no free gradient is left, to rounding.
+    """
+    count, part = connected_components(csr_array(gram != 0), directed=False)
+    if count > 1:
+        # Lamps of pure red, green and blue are three problems, each a ninth as large.
+        x = np.empty_like(rhs)
+        for number in range(count):
+            own = np.flatnonzero(part == number)
+            x[own] = bounded_least_squares(gram[np.ix_(own, own)], rhs[own], maximum, start[own])
+        return x
+    x = np.clip(start, 0, maximum)
+    scale = max(float(np.abs(rhs).max()), 1e-300)
+    for _ in range(_STEPS):
+        gradient = gram @ x - rhs
+        moved = np.clip(x - gradient / gram.diagonal(), 0, maximum) - x
+        near = min(float(np.abs(moved).max()), 1e-3 * max(float(x.max()), 1e-300))
+        if np.abs(moved * gram.diagonal()).max() <= _CONVERGED * scale:
+            break
+        # What is at a bound, or nearly, and pushed against it stays out of the Newton step.
+        stays = ((x <= near) & (gradient > 0)) | ((x >= maximum - near) & (gradient < 0))
+        step = -gradient / gram.diagonal()
+        free = np.flatnonzero(~stays)
+        if free.size:
+            step[free] = -cho_solve(cho_factor(gram[np.ix_(free, free)]), gradient[free])
+        x = _descended(gram, rhs, x, step, maximum)
+    return x
+
+
+def _descended(gram: np.ndarray, rhs: np.ndarray, x: np.ndarray, step: np.ndarray, maximum: float) -> np.ndarray:
+    """The first of x + step, x + step/2, … cut off at the bounds, where the function is lower than at x."""
+    gradient = gram @ x - rhs
+    for halvings in range(60):
+        there = np.clip(x + step * 0.5**halvings, 0, maximum)
+        change = there - x
+        if change @ gradient + 0.5 * change @ gram @ change <= 1e-4 * min(change @ gradient, 0):
+            return there
+    return x
+
+
+def _normal_equations(
+    seen: np.ndarray, wanted: np.ndarray, weights: np.ndarray, colours: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """G and b of all intensities, light · primaries + primary; the look is a sum over lights, primaries and channels.
+
+    seen : (M, N) or (M, N, 3), per unit irradiance of each light
+    """
+    lights, primaries = seen.shape[1], len(colours)
+    gram = np.zeros((lights, primaries, lights, primaries))
+    rhs = np.zeros((lights, primaries))
+    for channel in range(3):
+        look = (seen if seen.ndim == 2 else seen[..., channel]).astype(np.float64)
+        weighted = look * weights[:, None]
+        colour = colours[:, channel]
+        if seen.ndim == 3 or channel == 0:
+            product = weighted.T @ look
+        gram += np.einsum("ij,p,q->ipjq", product, colour, colour)
+        rhs += np.outer(weighted.T @ wanted[:, channel], colour)
+    size = lights * primaries
+    return gram.reshape(size, size), rhs.ravel()
+
+
+def _residual(seen: np.ndarray, wanted: np.ndarray, weights: np.ndarray, irradiances: np.ndarray) -> np.ndarray:
+    shown = seen @ irradiances if seen.ndim == 2 else np.einsum("mnc,nc->mc", seen, irradiances)
+    missed, whole = weights @ np.square(shown - wanted), weights @ np.square(wanted)
+    return np.sqrt(np.where(whole > 0, missed / np.where(whole > 0, whole, 1), np.where(missed > 0, np.inf, 0)))
+
+
+def _tell(result: Drive) -> None:
+    if result.headroom < 1:
+        warnings.warn(
+            f"{result.clipped} intensities are at their maximum and the stage stays below the map's level; show the "
+            f"map times {result.headroom:.3g}",
+            stacklevel=3,
+        )
+    if result.beyond_gamut > _TOLD:
+        warnings.warn(
+            f"{result.beyond_gamut:.1%} of the light has colours that no mix of {', '.join(result.primaries.names)} "
+            "makes; the nearest are shown",
+            stacklevel=3,
+        )

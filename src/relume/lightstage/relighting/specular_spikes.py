@@ -1,0 +1,176 @@
+"""Pixels whose reflectance functions are spikes, as a mirror's are: relit without a share below 0.
+
+Smooth interpolation has shares below 0, which a spike turns into negative light beside it. Where a pixel's greatest
+value is many times its mean over the sphere, its sum takes irradiances whose shares are not (`Barycentric`). That is
+told from the field alone, never from the light, so that a picture stays linear in its light.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+
+import numpy as np
+
+from relume.image.radiance import RadianceMap
+from relume.lightstage.field.field import ReflectanceField
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.relighting import MEMORY, Progress, checked, summed
+from relume.lightstage.relighting.sequences import pictures_at_once
+
+SPIKE = 8.0
+"""The greatest value over the mean: 4 for a matte surface that faces a light, 5 … 7 for skin, hundreds for a mirror. On
+a rendered head under 288 lights 6 … 10 do nearly as well."""
+MIRROR = 0.5
+"""The part of the mean that one light alone makes in a pixel that reflects it as a mirror does."""
+_TINY = 1e-3
+"""Of a picture's brightest hundredth: what is below 0 by less is no more than the noise of its source."""
+
+
+def spikes(peak: np.ndarray, mean: np.ndarray) -> np.ndarray:
+    """Which pixels' functions are spikes: bool of the shape (…) of two arrays (…, 3).
+
+    peak : the greatest value over the lights, channel by channel
+    mean : over the sphere, Σ R_i Ω_i / 4π
+    """
+    return np.asarray(peak.sum(axis=-1) > SPIKE * np.maximum(mean.sum(axis=-1), 0))
+
+
+def spikes_of(values: np.ndarray, lights: StageLights) -> tuple[np.ndarray, np.ndarray]:
+    """Which of K pixels' functions (N, K, 3) are spikes, and in which one light alone makes most: two (K,) bool."""
+    shares = (lights.solid_angles / (4 * np.pi)).astype(np.float32)
+    mean = np.einsum("nkc,n->kc", values, shares)
+    alone = (values.sum(axis=2) * shares[:, None]).max(axis=0)
+    return spikes(values.max(axis=0), mean), np.asarray(alone > MIRROR * np.maximum(mean.sum(axis=1), 0))
+
+
+def interpolated(values: np.ndarray, spiky: np.ndarray, weights: np.ndarray, glints: np.ndarray) -> np.ndarray:
+    """Values (N, K, 3) summed with weights (M, N), those that glint with theirs: (M, K, 3) float32."""
+    count, pixels = values.shape[:2]
+    found = (weights.astype(np.float32) @ values.reshape(count, -1)).reshape(len(weights), pixels, 3)
+    if spiky.any():
+        some = values[:, spiky].reshape(count, -1)
+        found[:, spiky] = (glints.astype(np.float32) @ some).reshape(len(weights), -1, 3)
+    return found
+
+
+def relit(
+    field: ReflectanceField,
+    smooth: np.ndarray,
+    glints: np.ndarray,
+    *,
+    threads: int | None = None,
+    memory: int = MEMORY,
+    progress: Progress | None = None,
+) -> RadianceMap:
+    """The subject under one light, spikes summed without shares below 0; one pass over the field.
+
+    smooth, glints : (N, 3), the same light shared out by `Smooth` and by `Barycentric`
+    threads, memory : as of `relighting.relight`
+    Raises ValueError as `relight`, and warns where some of the picture is below 0.
+    """
+    given = checked(field.lights, smooth)[None], checked(field.lights, glints)[None]
+    return next(relit_sequence(field, *given, threads=threads, memory=memory, progress=progress))
+
+
+def relit_sequence(
+    field: ReflectanceField,
+    smooth: np.ndarray,
+    glints: np.ndarray,
+    *,
+    threads: int | None = None,
+    memory: int = MEMORY,
+    progress: Progress | None = None,
+) -> Iterator[RadianceMap]:
+    """Pictures under each light, in their order, each the very bytes of `relit`'s.
+
+    smooth, glints : (K, N, 3) each, as of `relit`
+    memory : bytes; where they do not hold all pictures, the field is read again for the next of them
+    Raises ValueError as `relight`, before the first picture. With the last one, a warning tells
+    of what is below 0.
+    """
+    pairs = [np.asarray(each, np.float64) for each in (smooth, glints)]
+    if pairs[0].ndim != 3 or len(pairs[0]) == 0 or pairs[0].shape != pairs[1].shape:
+        raise ValueError(
+            f"irradiances are {pairs[0].shape} and {pairs[1].shape}; expected (pictures, {len(field.lights)} lights, "
+            "3) both"
+        )
+    for each in np.concatenate(pairs):
+        checked(field.lights, each)
+    return _passes(field, pairs[0], pairs[1], threads, memory, progress)
+
+
+def _passes(
+    field: ReflectanceField,
+    smooth: np.ndarray,
+    glints: np.ndarray,
+    threads: int | None,
+    memory: int,
+    progress: Progress | None,
+) -> Iterator[RadianceMap]:
+    count, together = len(smooth), max(1, (pictures_at_once(field, memory) - 2) // 2)
+    peak = np.full((*field.shape, 3), -np.inf, np.float32)
+    even = np.repeat(field.lights.solid_angles[:, None] / (4 * np.pi), 3, axis=1)[None]
+    spiky: np.ndarray | None = None
+    below = 0.0
+
+    def seen(rows: slice, values: np.ndarray, scale: np.ndarray | None) -> None:
+        """Keep the greatest of each pixel's values while the sum reads them."""
+        if scale is None:
+            np.maximum(peak[rows], values.max(axis=0), out=peak[rows])
+            return
+        for picture, one in zip(values, scale.astype(np.float32), strict=True):
+            np.maximum(peak[rows], picture * one, out=peak[rows])
+
+    for begin in range(0, count, together):
+        part = slice(begin, min(begin + together, count))
+
+        def report(done: float, part: slice = part) -> None:
+            if progress:
+                progress((part.start + done * (part.stop - part.start)) / count)
+
+        # The first pass finds the spikes beside its pictures.
+        extra = [even] if spiky is None else []
+        pictures = list(
+            summed(
+                field,
+                np.concatenate([*extra, smooth[part], glints[part]]),
+                threads=threads,
+                memory=memory - peak.nbytes,
+                progress=report,
+                seen=seen if spiky is None else None,
+            )
+        )
+        if spiky is None:
+            spiky = spikes(peak, pictures.pop(0).radiance)
+        half = len(pictures) // 2
+        for index in range(half):
+            picture = chosen(spiky, pictures[half + index], pictures[index])
+            below = max(below, share_below(picture.radiance))
+            if part.start + index == count - 1:
+                warn_below(below)
+            yield picture
+
+
+def chosen(where: np.ndarray, first: RadianceMap, other: RadianceMap) -> RadianceMap:
+    """The first picture in some pixels (H, W) bool, the other in the rest."""
+    radiance = np.where(where[..., None], first.radiance, other.radiance)
+    if first.variance is None or other.variance is None:
+        return RadianceMap(radiance)
+    return RadianceMap(radiance, np.where(where[..., None], first.variance, other.variance))
+
+
+def share_below(radiance: np.ndarray) -> float:
+    """The share of pixels with a channel below 0, by more than a thousandth of what 1 in 100 pixels exceed."""
+    bright = max(float(np.quantile(radiance.max(axis=-1), 0.99)), 0.0)
+    return float(np.mean(radiance.min(axis=-1) < -_TINY * bright))
+
+
+def warn_below(share: float) -> None:
+    """Tell of pixels below 0; they are left as they are, for a sum stays linear only so."""
+    if share > 0:
+        warnings.warn(
+            f"{100 * share:.2g}% of the picture's pixels are below 0, as smooth interpolation makes them beside "
+            "bright light; they are written as they are",
+            stacklevel=3,
+        )

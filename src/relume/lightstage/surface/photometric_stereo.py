@@ -1,0 +1,104 @@
+"""Surface normals from reflectance functions: the Lambertian lobe that fits each pixel's diffuse values.
+
+A lobe is a vector b (world frame) with value = max(b · l, 0) for light from l: its direction is the normal, its length
+albedo/π. Debevec et al. 2000, §4.2, search it directly; here the same lobe is found by reweighted least squares.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from relume.lightstage.field.lights import StageLights
+from relume.scene.cameras.camera import Camera
+
+
+@dataclass(frozen=True)
+class LobeFit:
+    """How robustly a lobe is fitted.
+
+    width : departures from the lobe, as fractions of its length, beyond which a value soon stops counting; shadows,
+        light from neighbours and from below the skin are such departures
+    horizon : lights of which the lobe itself sees less than this fraction are left out: there scattered light is all
+    rounds : of reweighting
+    """
+
+    width: float = 0.1
+    horizon: float = 0.1
+    rounds: int = 15
+
+    def __post_init__(self) -> None:
+        if not self.width > 0 or not 0 <= self.horizon < 1 or self.rounds < 1:
+            raise ValueError(f"{self}: expected a width above 0, a horizon from 0 to 1, and one or more rounds")
+
+
+@dataclass(frozen=True, eq=False)
+class Lobes:
+    """Lambertian lobes of P pixels.
+
+    vectors : (P, 3) float32, world, unit of the values; 0 where none could be fitted
+    weight : (P,) float32, 0 to 1, how much of the light that the lobe sees counted in its fit; low in deep shadow and
+        where the pixel is no Lambertian surface
+    """
+
+    vectors: np.ndarray
+    weight: np.ndarray
+
+    @property
+    def normals(self) -> np.ndarray:
+        """Unit normals (P, 3) float32, world; 0 where there is no lobe."""
+        length = np.linalg.norm(self.vectors, axis=-1, keepdims=True)
+        return np.divide(self.vectors, length, out=np.zeros_like(self.vectors), where=length > 0)
+
+
+def lambertian_lobes(
+    values: np.ndarray, lights: StageLights, usable: np.ndarray | None = None, fit: LobeFit = LobeFit()
+) -> Lobes:
+    """The Lambertian lobe of each pixel.
+
+    values : (N, P), one channel or the brightness of a diffuse reflectance function
+    usable : bool (N, P), which may count: such as a shadow map; all unless given
+    A light counts by its solid angle. Fewer than three usable lights, or lights in one plane, fit no lobe.
+    Raises ValueError when the values are not (N, P).
+    """
+    if values.ndim != 2 or len(values) != len(lights):
+        raise ValueError(f"values are {values.shape}; expected ({len(lights)} lights, pixels)")
+    directions = lights.directions.astype(np.float32)
+    share = (lights.solid_angles / lights.solid_angles.mean()).astype(np.float32)[:, None]
+    weights = share * (np.ones_like(values) if usable is None else usable.astype(np.float32))
+    bright = weights * (values > 0)
+    vectors = _least_squares(values, bright, directions)
+    for _ in range(fit.rounds):
+        predicted = directions @ vectors.T
+        length = np.maximum(np.linalg.norm(vectors, axis=1), np.float32(1e-12))
+        seen = weights * (predicted > fit.horizon * length)
+        departure = np.minimum(np.abs(values - predicted) / (fit.width * length), np.float32(1e4))
+        trust = 1 / (1 + departure**2) ** 2
+        vectors = _least_squares(values, seen * trust, directions)
+    expected = np.maximum(predicted, 0) * share
+    counted = (expected * seen / np.maximum(share, 1e-30) * trust).sum(axis=0)
+    weight = counted / np.maximum(expected.sum(axis=0), 1e-30)
+    return Lobes(vectors, np.where(vectors.any(axis=1), np.clip(weight, 0, 1), 0).astype(np.float32))
+
+
+def _least_squares(values: np.ndarray, weights: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Vectors (P, 3) with directions · vectors nearest the values; 0 where the lights do not tell them."""
+    pairs = (directions[:, :, None] * directions[:, None, :]).reshape(-1, 9)
+    matrices = (weights.T @ pairs).reshape(-1, 3, 3).astype(np.float64)
+    sides = ((weights * values).T @ directions).astype(np.float64)
+    trace = np.trace(matrices, axis1=1, axis2=2)
+    known = (weights > 0).sum(axis=0) >= 3
+    known &= np.linalg.det(matrices) > 1e-9 * np.maximum(trace, 1e-30) ** 3
+    matrices[~known] = np.eye(3)
+    return np.where(known[:, None], np.linalg.solve(matrices, sides[..., None])[..., 0], 0).astype(np.float32)
+
+
+def towards_camera(camera: Camera | None, shape: tuple[int, int]) -> np.ndarray:
+    """Unit directions (H, W, 3) float32, world, from what each pixel shows to the camera.
+
+    Without a camera the view is that of one far away on +Z: (0, 0, 1) everywhere.
+    """
+    if camera is None:
+        return np.broadcast_to(np.array([0, 0, 1], np.float32), (*shape, 3))
+    return (-camera.rays()).astype(np.float32)

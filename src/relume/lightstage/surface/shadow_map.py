@@ -1,0 +1,65 @@
+"""Shadow maps of reflectance functions: which lights reach each pixel straight (Debevec et al. 2000, §4.4, Fig. 13).
+
+They are found by brightness alone, without geometry. Where strong indirect light falls, as within an ear, a shadowed
+light looks bright enough to be seen: the lit part is overestimated there, and the albedo that is fitted to it under.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from relume.lightstage.field.field import ReflectanceField
+
+SHADOW = 0.1
+"""A light below this fraction of the pixel's bright level is in shadow: a Lambertian surface loses by it only lights
+within 6° of its horizon, which tell little of it."""
+BRIGHT = 0.95
+"""The quantile of a pixel's values that is its bright level: highlights are in fewer of the lights than the rest."""
+DARKEST = 0.004
+"""A pixel below this share of the field's level shows noise, no surface; where the level is that of a surface of albedo
+0.5, the share is that of an albedo of 0.002: a tenth of soot's."""
+FIELD = 0.99
+"""The quantile of the pixels' bright levels that is the field's: so that a subject may be small, but no stray pixel."""
+
+
+def brightness(values: np.ndarray) -> np.ndarray:
+    """The mean of the three channels of values (…, 3)."""
+    return np.asarray(values.mean(axis=-1))
+
+
+def bright_level(bright: np.ndarray) -> np.ndarray:
+    """The bright level (…) of brightnesses (N, …) under N lights: their quantile `BRIGHT`."""
+    rank = min(int(np.ceil(BRIGHT * len(bright))), len(bright) - 1)
+    return np.asarray(np.partition(bright, rank, axis=0)[rank])
+
+
+def shows_surface(level: np.ndarray, darkest: float = DARKEST) -> np.ndarray:
+    """Whether each pixel shows a surface and not noise, bool (…), for the bright levels (…) of all pixels of a field.
+
+    darkest : share of the field's own level below which a pixel is noise: of its own, so that it does not matter in
+        what unit the lights' irradiance was told
+    Raises ValueError for a share that is not between 0 and 1.
+    """
+    if not 0 <= darkest < 1:
+        raise ValueError(f"the darkest surface is {darkest} of the field's level; expected a share from 0 to below 1")
+    above = level[level > 0]
+    return np.asarray(level > darkest * (np.quantile(above, FIELD) if above.size else 0))
+
+
+def lit(values: np.ndarray, shadow: float = SHADOW) -> np.ndarray:
+    """Whether each light reaches each pixel straight, bool (N, …), for values (N, …, 3) of a reflectance field.
+
+    shadow : fraction of the pixel's bright level below which a light is in shadow
+    A pixel that no light brightens is lit by none. Raises ValueError for a fraction that is not between 0 and 1.
+    Source: Debevec et al. 2000, §4.4.
+    """
+    if not 0 <= shadow < 1:
+        raise ValueError(f"a shadow threshold of {shadow}; expected a fraction from 0 to below 1")
+    bright = brightness(values)
+    level = bright_level(bright)
+    return (bright > shadow * level) & (bright > 0)
+
+
+def shadow_map(field: ReflectanceField, rows: slice, shadow: float = SHADOW) -> np.ndarray:
+    """The shadow map of these rows of a field, bool (N, rows, W): True where the light reaches the pixel straight."""
+    return lit(field.block(slice(0, len(field.lights)), rows), shadow)

@@ -1,0 +1,126 @@
+"""From views of a mirrored ball to one illumination map.
+
+Every view is blind behind the ball, sees it squeezed near the silhouette and sees its own camera in the middle;
+what one view lacks comes from another (Debevec 1998, §5.1: two views ninety degrees apart).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from relume.image.radiance import OUTSIDE, SATURATED
+from relume.probe.ball.agreement import Agreement, agreement
+from relume.probe.ball.filling import filled
+from relume.probe.ball.registration import RegistrationMethod, ToldPlaces
+from relume.probe.ball.unwrapping import BallView
+from relume.probe.ball.weights import clear_of_camera, finest
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, pixel_points
+
+SHARPNESS = 8
+"""Power of the weights: high, so that a near lamp that two views show in two places is taken from one of them."""
+UNSEEN = 0.05
+"""Confidence below which a direction counts as seen by no view."""
+CLIPPED_SHARE = 0.05
+"""Share of saturated light from which on a pixel is but a lower bound."""
+
+
+@dataclass(frozen=True, eq=False)
+class Probe:
+    """An illumination map with what it was assembled from.
+
+    light : lat-long illumination map; its `clipped` tells what was saturated, and what no view saw and was filled in
+    corrections : radians by which registration turned each view; the first view stays
+    nearness : ball radius over the distance of what surrounds it, as registration found it; 0 for a lone view
+    clipped_solid_angle : steradians whose light was saturated in every photograph of the view it came from
+    confidence : (size, 2·size) float32, 0 where no view saw the direction well, 1 where one faced it squarely
+    notes : doubts about the views, a line each
+    turns : (N, 3, 3) rotations that carried each view's world into the first one's; None where that is not known
+    gains : how many times as bright as the first each view was
+    unseen_solid_angle : steradians that no view saw, so that they were filled in
+    """
+
+    light: EnvironmentMap
+    corrections: tuple[float, ...]
+    nearness: float
+    clipped_solid_angle: float
+    confidence: np.ndarray
+    notes: tuple[str, ...] = ()
+    turns: np.ndarray | None = None
+    gains: tuple[float, ...] = ()
+    unseen_solid_angle: float = 0.0
+
+
+def assemble(
+    views: Sequence[BallView],
+    *,
+    size: int = 512,
+    registration: RegistrationMethod = ToldPlaces(),
+    balanced: bool = False,
+) -> Probe:
+    """Register the views of a ball to the first and blend them into a lat-long illumination map.
+
+    size : rows of the map; 512 is what a ball 600 pixels wide resolves
+    registration : how the views are laid on one another; unless given the places of their cameras are taken as told,
+        to a tape measure's uncertainty
+    balanced : whether every view is brought to the brightness of the first; not unless asked for, since views that
+        were exposed alike differ in brightness only where something is wrong
+
+    A direction that no view sees is filled smoothly from round about it, marked OUTSIDE, and its confidence is 0.
+    Raises BallNotFound where the registration finds that views do not overlap; ValueError for no views.
+    """
+    if not views:
+        raise ValueError("no views of the ball were given; give one at least")
+    found = registration(views)
+    placed = found.views
+    gains = found.gains if balanced else (1.0,) * len(views)
+    agreed = agreement(placed, found.nearness, found.gains)
+    near = found.nearness
+
+    # Cells no wider than a pixel of the ball, or a lamp falls between them.
+    ball_pixel = 2 / max(view.outline.radius for view in views)
+    subdivision = max(2, int(np.ceil(np.pi / size / ball_pixel)))
+    points = pixel_points(LatLong(), size, subdivision)
+    cell = LatLong().solid_angles(size * subdivision)[:, 0]
+    total, weight = np.zeros((size, 2 * size, 3)), np.zeros((size, 2 * size))
+    sure, saturated, clipped = np.zeros_like(weight), np.zeros_like(weight), 0.0
+    best = max(map(finest, placed))
+    for chosen in np.array_split(np.arange(size), min(size, 8 * subdivision)):
+        rows = slice(chosen[0] * subdivision, (chosen[-1] + 1) * subdivision)
+        directions = LatLong().directions(points[rows])
+        cells = (len(chosen), subdivision, 2 * size, subdivision)
+        shares, lights, told = [], [], []
+        for index, view in enumerate(placed):
+            seen = view.see(directions, near)
+            share = seen.sampling
+            if len(placed) > 1:
+                # A lone view keeps its camera in the picture: nothing else could stand there.
+                share = share * clear_of_camera(view, directions) * _agreed(agreed, index, directions)
+            sure[chosen] += ((share / finest(view)) ** SHARPNESS).reshape(cells).sum((1, 3))
+            shares.append((share / best) ** SHARPNESS)
+            lights.append(seen.radiance / gains[index])
+            told.append(seen.saturated)
+        whole = sum(shares, np.full(shares[0].shape, 1e-300))
+        for share, light, over in zip(shares, lights, told, strict=True):
+            total[chosen] += (light * share[..., None]).reshape(*cells, 3).sum((1, 3))
+            weight[chosen] += share.reshape(cells).sum((1, 3))
+            lost = over * share / whole
+            saturated[chosen] += lost.reshape(cells).mean((1, 3))
+            clipped += float(((over > 0.5) * share / whole).sum(1) @ cell[rows])
+    confidence = np.minimum(sure / subdivision**2, 1) ** (1 / SHARPNESS)
+    known = confidence > UNSEEN
+    radiance = filled(total / np.maximum(weight, 1e-300)[..., None], known).astype(np.float32)
+    mask = np.where(saturated > CLIPPED_SHARE, SATURATED, 0).astype(np.uint8)
+    mask[~known] = OUTSIDE
+    light = EnvironmentMap(radiance, unit=views[0].picture.unit, clipped=mask if mask.any() else None)
+    return Probe(
+        light, found.corrections, near, clipped, np.where(known, confidence, 0).astype(np.float32), found.doubts,
+        found.turns, found.gains, float((~known * LatLong().solid_angles(size)).sum()),
+    )  # fmt: skip
+
+
+def _agreed(agreed: Agreement | None, view: int, directions: np.ndarray) -> np.ndarray | float:
+    return 1.0 if agreed is None else agreed.of(view, directions)

@@ -1,0 +1,206 @@
+"""Following a ball's rim along its normals, to a tenth of a pixel.
+
+Right inside the rim the ball shows all that lies behind it, squeezed: at the depth s below the rim the light from an
+angle ∝ √s off the blind direction. So across the rim the brightness is level or slopes outside, and starts as a root
+inside; where the ball reflects nearly all, there is no step at all, only this root.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import gaussian_filter, gaussian_filter1d, map_coordinates
+
+from relume.image.colour import luminance
+from relume.probe.ball.silhouette import RAYS, TELEPHOTO, Cone, Outline, cone_through, outline_of
+from relume.sphere.directions import normalised
+
+OUTLIER = 1.0
+"""Pixels beyond which a point of the rim is not believed; an edge is seen to a few tenths."""
+PRECISE = 0.3
+"""The same for the places that were found in linear light: what the ball mirrors near its rim draws whole stretches of
+it inward by a pixel or two, and only a narrow gate tells them from the rim itself."""
+HELD, LEAST_HELD = 0.006, 1.0
+"""The most, in radii and at least in pixels, by which placing in linear light moves any part of the rim."""
+REACH = (0.02, 0.012, 0.008)
+"""How far the rim is sought on either side of the guess, in radii, pass by pass."""
+STEP, INSIDE, OUTSIDE, MOVE = 0.5, 6.0, 4.0, 2.0
+"""Pixels: between the samples of a profile, its lengths inside and outside the rim, and the most it is moved."""
+BLURS = (0.3, 0.4, 0.5, 0.65, 0.85, 1.1, 1.5)
+"""Standard deviations, in pixels, of the blur of lens and pixel that are tried: the picture tells which is its own."""
+
+
+def evened(image: np.ndarray) -> np.ndarray:
+    """Luminance (H, W) made even over many stops, so that an edge in the dark counts as much as one in the light."""
+    positive = np.maximum(image, np.percentile(image[image > 0], 1) if np.any(image > 0) else 1.0)
+    logarithm = np.log(positive)
+    low, high = np.percentile(logarithm, [1, 99.5])
+    return np.clip((logarithm - low) / max(high - low, 1e-6), 0, 1.2)
+
+
+def follow(picture: np.ndarray, cone: Cone, focal_length: float, reaches: tuple[float, ...] = REACH) -> Outline | None:
+    """The rim near a cone's silhouette; None where too little of it is seen.
+
+    picture : (H, W) luminance, `evened`
+    reaches : how far to look on either side, in radii, for each pass
+    """
+    size = (picture.shape[1], picture.shape[0])
+    found: Outline | None = None
+    for reach in reaches:
+        rim, normals = cone.silhouette(size, focal_length)
+        radius = float(np.sqrt(np.prod(np.ptp(rim, axis=0)))) / 2
+        half = max(reach * radius, 2.0)
+        places = _edges(picture, rim, normals, half, max(0.8, radius / 300))
+        points = (rim + normals * places[:, None])[np.isfinite(places)]
+        if len(points) < RAYS // 10:
+            return None
+        cone, near = robust_cone(points, size, focal_length, max(OUTLIER, 0.5 * half))
+        found = outline_of(cone, size, focal_length, points[near], float(near.sum()) / RAYS)
+    return found
+
+
+def refined(
+    radiance: np.ndarray,
+    outline: Outline,
+    focal_length: float | None = None,
+    reaches: tuple[float, ...] = REACH[1:],
+) -> Outline:
+    """The rim near an outline, placed in linear light, where a pixel that the rim cuts mixes both sides by their areas.
+
+    radiance : (H, W, 3)
+    outline : within about 1 % of its radius of the rim
+    focal_length : pixels; a circle is followed where it is unknown
+    reaches : how far to look for edges first, in radii, for each pass; none for an outline that follows them already
+
+    The outline is given back as it was where too little of the rim is seen.
+    """
+    bright = np.asarray(luminance(radiance), np.float64)
+    size = (bright.shape[1], bright.shape[0])
+    focal = float(TELEPHOTO * size[0]) if focal_length is None else focal_length
+    cone = cone_through(outline.points, size, focal)
+    found = follow(evened(bright), cone, focal, reaches) if reaches else outline
+    if found is None:
+        return outline
+    cone = cone_through(found.points, size, focal)
+    start, _ = cone.silhouette(size, focal)
+    for _ in range(2):
+        rim, normals = cone.silhouette(size, focal)
+        places, sure = _placed(bright, rim, normals)
+        points = (rim + normals * places[:, None])[sure]
+        if len(points) < RAYS // 10:
+            break
+        cone, near = robust_cone(points, size, focal, PRECISE)
+        # Few points that happen to lie on one ellipse must not carry the whole rim away.
+        if np.abs(_off(start, cone, size, focal)).max() > max(HELD * found.radius, LEAST_HELD):
+            break
+        found = outline_of(cone, size, focal, points[near], found.coverage)
+    return replace(found, rivals=outline.rivals)
+
+
+def robust_cone(
+    points: np.ndarray, size: tuple[int, int], focal_length: float, tolerance: float
+) -> tuple[Cone, np.ndarray]:
+    """The cone that most points (N, 2) lie on within `tolerance` pixels, and which they are, (N,) bool."""
+    generator = np.random.default_rng(1998)
+    best = np.zeros(len(points), bool)
+    for _ in range(100):
+        chosen = points[generator.choice(len(points), 3, replace=False)]
+        near = np.abs(_off(points, cone_through(chosen, size, focal_length), size, focal_length)) < tolerance
+        if near.sum() > best.sum():
+            best = near
+    cone = cone_through(points[best], size, focal_length)
+    for _ in range(5):
+        near = np.abs(_off(points, cone, size, focal_length)) < tolerance
+        if near.sum() < 3:
+            break
+        best = near
+        cone = cone_through(points[best], size, focal_length)
+    return cone, best
+
+
+def _off(points: np.ndarray, cone: Cone, size: tuple[int, int], focal_length: float) -> np.ndarray:
+    """How far outside a cone's silhouette points lie, pixels, to first order."""
+    offset = np.concatenate([points - np.array(size) / 2, np.full((len(points), 1), focal_length)], axis=1)
+    cosine = focal_length / np.linalg.norm(offset, axis=1)
+    # The chord between directions keeps its digits where their cosine is 1 to all of them.
+    angle = 2 * np.arcsin(np.minimum(np.linalg.norm(normalised(offset) - cone.axis, axis=1) / 2, 1))
+    return (angle - cone.half_angle) * focal_length / cosine**2
+
+
+def _edges(picture: np.ndarray, rim: np.ndarray, normals: np.ndarray, half: float, blur: float) -> np.ndarray:
+    """Where along its normal each rim point has its edge, pixels outward; NaN where none is clear."""
+    blurred = gaussian_filter(picture, blur)
+    steps = np.arange(-2 * half, 2 * half + 0.25, 0.5)
+    slope = np.abs(np.gradient(profiles(blurred, rim, normals, steps), axis=1))
+    # The guess draws the choice towards itself, so that a stronger edge inside the ball does not win.
+    drawn = slope * np.exp(-0.5 * (steps / half) ** 2)
+    best, rows = np.argmax(drawn[:, 1:-1], axis=1) + 1, np.arange(len(rim))
+    before, here, after = slope[rows, best - 1], slope[rows, best], slope[rows, best + 1]
+    bend = np.minimum(before - 2 * here + after, -1e-12)
+    edge = steps[best] + 0.5 * np.clip(0.5 * (before - after) / bend, -0.5, 0.5)
+    clear = (here >= before) & (here >= after) & (here > 1.5 * np.median(slope, axis=1)) & (here > 0.002)
+    at = rim + normals * steps[best][:, None]
+    clear &= np.all((at > 0) & (at < np.array(picture.shape[::-1])), axis=1)
+    return np.where(clear, edge, np.nan)
+
+
+def _placed(bright: np.ndarray, rim: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where along its normal each rim point has the rim, pixels outward, and whether that is sure.
+
+    The model, a line outside and a + b·√depth inside, blurred, is fitted at every place that is tried; its residual is
+    a fixed quadratic form of the profile, so all points are done at once.
+    """
+    steps = np.arange(-INSIDE, OUTSIDE + STEP / 2, STEP)
+    seen = profiles(bright, rim, normals, steps)
+    around = profiles(np.ones_like(bright), rim, normals, steps, mode="constant").min(1) > 0.99
+    varied = seen - seen.mean(1, keepdims=True)
+    total = np.maximum((varied**2).sum(1), 1e-300)
+    moves = np.arange(-MOVE, MOVE + 0.05, 0.1)
+    best: tuple[float, np.ndarray] | None = None
+    for blur in BLURS:
+        model = _Model.of(blur)
+        residuals = np.stack([model.unexplained(steps - move) @ seen.T for move in moves])
+        left = (residuals**2).sum(1).T / total[:, None]
+        misfit = float(np.median(left.min(1)[around])) if around.any() else 0.0
+        if best is None or misfit < best[0]:
+            best = misfit, left
+    assert best is not None
+    left = best[1]
+    lowest = np.clip(np.argmin(left, axis=1), 1, len(moves) - 2)
+    rows = np.arange(len(rim))
+    before, here, after = left[rows, lowest - 1], left[rows, lowest], left[rows, lowest + 1]
+    place = moves[lowest] + 0.1 * np.clip(0.5 * (before - after) / np.maximum(before - 2 * here + after, 1e-12), -1, 1)
+    # A profile that is alike wherever the rim is put says nothing.
+    told = here < 0.25 * np.minimum(left[:, 0], left[:, -1])
+    return place, around & told & (np.abs(place) < MOVE - 0.15)
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """What a profile across a blurred rim is made of, in columns: level and slope outside, level and root inside."""
+
+    places: np.ndarray
+    shapes: np.ndarray
+
+    @staticmethod
+    def of(blur: float) -> _Model:
+        fine = 0.05
+        places = np.arange(-INSIDE - MOVE - 8, OUTSIDE + MOVE + 8, fine)
+        outside = (places > 0).astype(np.float64)
+        shapes = np.stack([outside, outside * places, 1 - outside, np.sqrt(np.maximum(-places, 0))])
+        return _Model(places, np.asarray(gaussian_filter1d(shapes, blur / fine, axis=1, mode="nearest")))
+
+    def unexplained(self, steps: np.ndarray) -> np.ndarray:
+        """The matrix that takes from a profile at `steps` from the rim all that the rim explains."""
+        columns = [np.interp(steps, self.places, shape) for shape in self.shapes]
+        basis, _ = np.linalg.qr(np.stack(columns, axis=1))
+        return np.eye(len(steps)) - basis @ basis.T
+
+
+def profiles(
+    picture: np.ndarray, rim: np.ndarray, normals: np.ndarray, steps: np.ndarray, mode: str = "nearest"
+) -> np.ndarray:
+    """The picture (H, W) at `steps` pixels outward along the normals of rim points (N, 2): (N, len(steps))."""
+    at = rim[:, None, :] + normals[:, None, :] * steps[None, :, None]
+    return np.asarray(map_coordinates(picture, [at[..., 1] - 0.5, at[..., 0] - 0.5], order=1, mode=mode))

@@ -1,0 +1,160 @@
+"""Laying the views of a ball on one another: how each is turned against the first, how near the walls are.
+
+All views are compared in the logarithm of luminance, at directions spread evenly over the sphere, weighted by how well
+each view shows them. Rays to a near wall leave the ball in different places for different cameras, which looks like a
+turn; so the walls' distance is found together with the turns. The first view stays as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from relume.errors import BallNotFound
+from relume.probe.ball.bundle_adjustment import NEAREST, Bundle
+from relume.probe.ball.rotation_search import likeliest_turns
+from relume.probe.ball.unwrapping import BallView
+from relume.probe.ball.weights import trust
+from relume.sphere.directions import rotation_from_vector
+
+TURN_LIMIT = np.radians(6)
+"""The farthest that registration turns a view whose camera's place is told: what a tape measure leaves uncertain."""
+TURN_HOLD = 4.0
+"""How hard told places hold the turns, in misfit per radian: enough for light that tells little of them."""
+LIKENESS = 0.7
+"""Correlation of ln luminance below which two views do not show one light; the room's two reach 0.995, and −0.04 to
+0.84 where a camera is said to have stood elsewhere."""
+BRIGHTNESS_LIMIT = 0.1
+"""Natural logarithm of the brightness ratio of two views above which it is told."""
+HORIZON = 0.1
+"""Least y of the directions that are compared: what the ball stands on is nearer than all else."""
+DIRECTIONS = 20_000
+"""Spread over the sphere; half of those above the horizon are compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class Registration:
+    """How the views of a ball lie.
+
+    views : turned into the first one's world, their silhouettes adjusted so that they agree
+    turns : (N, 3, 3) rotations of each view's world into the first one's; the first is the identity
+    corrections : (N,) the angle of each turn, radians
+    nearness : ball radius over the distance of what surrounds it; 0 for a lone view
+    gains : (N,) how many times as bright as the first each view is
+    likenesses : (N,) correlation of ln luminance with the other views; 1 for the first, and in even light
+    doubts : a line each
+    """
+
+    views: tuple[BallView, ...]
+    turns: np.ndarray
+    corrections: tuple[float, ...]
+    nearness: float
+    gains: tuple[float, ...]
+    likenesses: tuple[float, ...]
+    doubts: tuple[str, ...] = ()
+
+
+class RegistrationMethod(Protocol):
+    """How views are laid on one another."""
+
+    def __call__(self, views: Sequence[BallView]) -> Registration: ...
+
+
+@dataclass(frozen=True)
+class ToldPlaces:
+    """The cameras' places are told; each view is turned by no more than their uncertainty.
+
+    limit : the most a view is turned, radians; 6°, what tape measure and level leave uncertain
+    """
+
+    limit: float = float(TURN_LIMIT)
+
+    def __call__(self, views: Sequence[BallView]) -> Registration:
+        return _laid(views, np.stack([np.eye(3)] * len(views)), self.limit, hold=TURN_HOLD)
+
+
+@dataclass(frozen=True)
+class UnknownTurns:
+    """Nothing is told of how the views are turned against the first: it is sought, then refined.
+
+    tilt : the most by which a camera leant or looked down more than the first one's, radians; turns about the vertical
+        are free. 45°, since photographers keep the horizon upright
+    limit : the most by which a turn that was found is refined, radians; 8°, the spacing of those that are tried
+
+    Raises BallNotFound for views that do not overlap or do not show one light.
+    """
+
+    tilt: float = float(np.radians(45))
+    limit: float = float(np.radians(8))
+
+    def __call__(self, views: Sequence[BallView]) -> Registration:
+        turns = [np.eye(3)]
+        for number, view in enumerate(views[1:], start=2):
+            tried: list[tuple[float, np.ndarray]] = []
+            for start in likeliest_turns(views[0], view, tilt=self.tilt):
+                found = _laid((views[0], view), np.stack([np.eye(3), start]), self.limit, quick=True)
+                tried.append((found.likenesses[1], found.turns[1]))
+            likeness, turn = max(tried, key=lambda each: each[0])
+            if not likeness > LIKENESS:
+                raise BallNotFound(
+                    f"view {number} of the ball shows nothing that fits the first one, however it is turned; "
+                    "leave it out, or tell where its camera stood"
+                )
+            turns.append(turn)
+        return _laid(views, np.stack(turns), self.limit)
+
+
+def spread_directions(count: int) -> np.ndarray:
+    """Unit vectors (count, 3), evenly spread (a Fibonacci spiral)."""
+    y = 1 - 2 * (np.arange(count) + 0.5) / count
+    longitude = np.pi * (1 + np.sqrt(5)) * np.arange(count)
+    ring = np.sqrt(1 - y * y)
+    return np.stack([ring * np.sin(longitude), y, -ring * np.cos(longitude)], axis=1)
+
+
+def _laid(
+    views: Sequence[BallView], turns: np.ndarray, limit: float, *, hold: float = 0.0, quick: bool = False
+) -> Registration:
+    """All views turned by `turns`, then refined together; `quick` for a first look, without touching silhouettes."""
+    count = len(views)
+    placed = [view.turned(turn) for view, turn in zip(views, turns, strict=True)]
+    if count == 1:
+        return Registration(tuple(placed), turns, (0.0,), 0.0, (1.0,), (1.0,))
+    directions = spread_directions(DIRECTIONS // (8 if quick else 1))
+    directions = directions[directions[:, 1] > HORIZON]
+    shares = np.stack([trust(view, directions) for view in placed])
+    # A direction is compared where two views at least show it well.
+    second = np.sort(shares, axis=0)[-2]
+    chosen = second > np.quantile(second, 0.5)
+    if not chosen.any():
+        raise BallNotFound("the views of the ball have no direction in common that both show well; take them closer")
+    directions, shares = directions[chosen], shares[:, chosen] ** 2
+    problem = Bundle(placed, directions, shares / shares.sum(0), adjusting=not quick, hold=hold)
+    found = problem.solved(limit)
+    seen = problem.logarithms(found)
+    gains = np.exp(problem.offsets(seen))
+    likenesses, doubts = [1.0], []
+    for index in range(1, count):
+        likeness = problem.likeness(seen, index)
+        likenesses.append(likeness)
+        far = np.any(np.abs(found.vectors[index]) > 0.98 * limit) or found.nearness > 0.98 * NEAREST
+        if likeness <= LIKENESS or far:
+            doubts.append(f"view {index + 1} of the ball does not fit the first one; check where its camera stood")
+        if abs(np.log(gains[index])) > BRIGHTNESS_LIMIT:
+            doubts.append(
+                f"view {index + 1} of the ball is {gains[index]:.2f} times as bright as the first; "
+                "did the light or the exposure change?"
+            )
+    refined = [rotation_from_vector(v) @ turn for v, turn in zip(found.vectors, turns, strict=True)]
+    return Registration(
+        tuple(problem.placed(found, index) for index in range(count)),
+        np.stack(refined),
+        tuple(float(np.linalg.norm(v)) for v in found.vectors),
+        found.nearness,
+        tuple(gains.tolist()),
+        tuple(likenesses),
+        tuple(doubts),
+    )

@@ -1,0 +1,243 @@
+"""Unwrapping a photographed mirrored ball with the true perspective of its camera.
+
+Camera frame here: x right, y down, z forward, as pixels run. The ball is the unit sphere; the camera stands
+`distance` radii from its centre. A direction at angle β from the camera's is seen in the ball where the normal
+makes the angle γ, with β = γ + atan2(D sin γ, D cos γ − 1), and in the picture at the angle α from the ball's middle,
+tan α = sin γ / (D − cos γ).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from relume.errors import BallNotFound
+from relume.image.bilinear import bilinear
+from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
+from relume.probe.ball.edge_tracking import refined
+from relume.probe.ball.outline import find_outline
+from relume.probe.ball.reflectance import BallReflectance
+from relume.probe.ball.silhouette import Outline, cone_through
+from relume.sphere.directions import look_at, normalised, rotation_between
+
+MOST_CUT = 0.02
+"""The share of the ball that may lie beyond the picture's edge: crops drawn along the rim cut that much."""
+MIXED = 1.0
+"""Pixels inside the silhouette that a pixel cut by it reaches when the picture is looked up between its pixels."""
+CAMERA_FROM_PIXELS = np.diag([1.0, -1.0, -1.0])
+"""Turns the pixel frame (y down, z forward) into the camera frame of the world's conventions (y up, z backward)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What a view of the ball tells of some directions (…).
+
+    radiance : (…, 3), the ball's reflectance divided out
+    incidence : (…) cosine of incidence, 0 where the picture shows nothing of it
+    sampling : (…) pixels per radian where it is squeezed most, 0 where the picture shows nothing of it, and in the
+        outermost pixel of the ball
+    saturated : (…) share that was saturated in every photograph, 0 to 1
+    """
+
+    radiance: np.ndarray
+    incidence: np.ndarray
+    sampling: np.ndarray
+    saturated: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class BallView:
+    """One radiance map of the ball, with where its camera stood: everything needed to look light up in it.
+
+    picture : the radiance map
+    focal_length : pixels; the principal point is the picture's middle
+    axis : unit vector from the camera to the ball's centre, pixel frame
+    distance : from the camera to the ball's centre, in ball radii
+    world_from_pixels : rotation of the pixel frame into the world
+    outline : the silhouette the ball was found by
+    reflectance : of the ball; what is looked up is divided by it
+    """
+
+    picture: RadianceMap
+    focal_length: float
+    axis: np.ndarray
+    distance: float
+    world_from_pixels: np.ndarray
+    outline: Outline
+    reflectance: BallReflectance = BallReflectance()
+
+    @property
+    def towards_camera(self) -> np.ndarray:
+        """The direction from the ball to its camera, in the world."""
+        return -self.world_from_pixels @ self.axis
+
+    def turned(self, rotation: np.ndarray) -> BallView:
+        """The same view with its world turned by `rotation`."""
+        return replace(self, world_from_pixels=rotation @ self.world_from_pixels)
+
+    def adjusted(self, right: float, down: float, outward: float) -> BallView:
+        """The same view with its silhouette moved, and grown, by pixels; where its camera stood stays."""
+        axis = normalised(self.axis + np.array([right, down, 0.0]) * self.axis[2] / self.focal_length)
+        sine = min((1 + outward / self.outline.radius) / self.distance, 0.999)
+        world = self.world_from_pixels @ rotation_between(axis, self.axis)
+        return replace(self, axis=axis, distance=1 / sine, world_from_pixels=world)
+
+    def lookup(self, directions: np.ndarray, nearness: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """Radiance (…, 3) seen in the ball from world directions (…, 3), and how squarely, cos of incidence (…).
+
+        nearness : ball radius over the distance of what is seen; directions are those from the ball's centre, and
+            the ray that leaves its surface meets them there. 0 is light at infinity.
+        The cosine is 1 where the ball faces the camera and falls to 0 at the silhouette, where the whole
+        neighbourhood of the direction behind the ball is squeezed into no width; in the blind cone it is 0.
+        """
+        seen = self.see(directions, nearness)
+        return seen.radiance, seen.incidence
+
+    def saturated(self, directions: np.ndarray, nearness: float = 0.0) -> np.ndarray:
+        """Whether the light from world directions (…, 3) was saturated in every photograph: (…) bool."""
+        return self.see(directions, nearness).saturated > 0.5
+
+    def sampling(self, directions: np.ndarray, nearness: float = 0.0) -> np.ndarray:
+        """Pixels per radian of light in the direction in which the ball squeezes it most: (…), 0 in the blind cone.
+
+        Likewise in the ball's outermost pixel, which mixes it with what is behind. It squeezes radially,
+        f d(tan α)/dβ: all pixels take in nearly the same solid angle (`solid_angles`), but near the silhouette a long
+        narrow strip of it.
+        """
+        return self.see(directions, nearness).sampling
+
+    def see(self, directions: np.ndarray, nearness: float = 0.0) -> Seen:
+        """All that the view tells of world directions (…, 3); `nearness` as for `lookup`."""
+        x, y, incidence, gamma = self._places(directions, nearness)
+        alpha_rise, beta_rise = self._rises(gamma)
+        width, height = self.picture.size
+        shown = (x >= 0) & (x <= width) & (y >= 0) & (y <= height)
+        saturated = np.zeros(x.shape)
+        if self.picture.clipped is not None:
+            if np.any(self.picture.clipped == OUTSIDE):
+                shown &= bilinear((self.picture.clipped == OUTSIDE).astype(np.float32), x, y) < 0.01
+            saturated = bilinear((self.picture.clipped == SATURATED).astype(np.float32), x, y)
+        radiance = bilinear(self.picture.radiance, x, y)
+        if min(self.reflectance.normal) < 1:
+            radiance = radiance / self.reflectance.at(incidence)
+        # The outermost pixel mixes the ball with what is behind it.
+        outermost = 1 - np.sin(gamma) / (self.distance - np.cos(gamma)) * np.sqrt(self.distance**2 - 1)
+        clean = shown & (outermost * self.outline.radius > MIXED)
+        stretch = 1 + (np.sin(gamma) / (self.distance - np.cos(gamma))) ** 2  # 1/cos² α: the picture is flat
+        sampling = np.where(clean, self.focal_length * stretch * np.maximum(alpha_rise, 0) / beta_rise, 0)
+        return Seen(radiance, np.where(shown, incidence, 0), sampling, saturated)
+
+    def places(self, directions: np.ndarray, nearness: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where in the picture directions (…, 3) are mirrored: x and y in pixels, and the cosine of incidence (…)."""
+        return self._places(directions, nearness)[:3]
+
+    def _places(self, directions: np.ndarray, nearness: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Those of `places`, and γ."""
+        local = np.asarray(directions, np.float64) @ self.world_from_pixels
+        gamma, normal = self._normal(local)
+        if nearness:
+            # From the surface point n (in radii) the point at 1/nearness lies along ω − nearness·n.
+            gamma, normal = self._normal(normalised(local - nearness * normal))
+        point = self.distance * self.axis + normal
+        x, y = self._project(point)
+        return x, y, np.maximum(-(normalised(point) * normal).sum(-1), 0), gamma
+
+    def solid_angles(self, directions: np.ndarray) -> np.ndarray:
+        """Steradians of light from infinity that one pixel takes in where directions (…, 3) are seen: (…).
+
+        It is (sin β dβ)/(sin α dα) times the solid angle of the pixel itself, cos³/f²: nearly the same all over the
+        ball for a distant camera, 4/radius² (its pixels lie on 4π sr alike), and 0 in the blind cone.
+        """
+        local = np.asarray(directions, np.float64) @ self.world_from_pixels
+        beta = np.arccos(np.clip(-local @ self.axis, -1, 1))
+        gamma, normal = self._normal(local)
+        alpha_rise, beta_rise = self._rises(gamma)
+        alpha = np.arctan2(np.sin(gamma), self.distance - np.cos(gamma))
+        # At the middle both sines vanish, and their ratio is that of the angles.
+        middle = gamma < 1e-5
+        ratio = np.where(
+            middle, beta_rise / np.where(middle, alpha_rise, 1), np.sin(beta) / np.where(middle, 1, np.sin(alpha))
+        )
+        point = self.distance * self.axis + normal
+        pixel = (point[..., 2] / np.linalg.norm(point, axis=-1)) ** 3 / self.focal_length**2
+        seen = beta < np.pi - np.arcsin(1 / self.distance)
+        return np.where(seen, pixel * ratio * beta_rise / np.maximum(alpha_rise, 1e-12), 0)
+
+    def _rises(self, gamma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """dα/dγ and dβ/dγ."""
+        cosine, far = np.cos(gamma), self.distance
+        squared = far**2 - 2 * far * cosine + 1
+        rise = (far * cosine - 1) / squared
+        return rise, 1 + (far**2 - far * cosine) / squared
+
+    def _normal(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """γ (…) and the normals (…, 3) at which directions (…, 3), in the pixel frame, are reflected to the camera."""
+        back = -self.axis
+        cosine = np.clip(directions @ back, -1, 1)
+        sideways = directions - cosine[..., None] * back
+        length = np.linalg.norm(sideways, axis=-1, keepdims=True)
+        sideways = np.divide(sideways, length, out=np.zeros_like(sideways), where=length > 0)
+        gamma = np.linspace(0, np.arccos(1 / self.distance), 8192)
+        beta = gamma + np.arctan2(self.distance * np.sin(gamma), self.distance * np.cos(gamma) - 1)
+        angle = np.interp(np.arccos(cosine), beta, gamma)
+        return angle, np.cos(angle)[..., None] * back + np.sin(angle)[..., None] * sideways
+
+    def _project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        width, height = self.picture.size
+        x = width / 2 + self.focal_length * points[..., 0] / points[..., 2]
+        return x, height / 2 + self.focal_length * points[..., 1] / points[..., 2]
+
+
+def unwrap_ball(
+    picture: RadianceMap,
+    *,
+    camera: np.ndarray,
+    centre: np.ndarray,
+    focal_length: float | None = None,
+    radius: float | None = None,
+    outline: Outline | None = None,
+    reflectance: BallReflectance = BallReflectance(),
+    name: str = "picture",
+) -> BallView:
+    """Find the ball in a radiance map and place its view in the world.
+
+    camera, centre : where the camera and the ball's centre were, metres, world; the horizon is level
+    focal_length : pixels; taken from the ball's size and distance when unknown
+    radius : the ball's, metres; needed only when the focal length is unknown
+    outline : taken exactly as told, as from `outline_through` or `outline_of_circle`; the rim is sought and followed
+        as an ellipse unless given. Only a ball that is picked so may be cut by the picture's edge
+    reflectance : of the ball, divided out of what it shows; 1 unless given
+    Raises BallNotFound; ValueError when neither focal length nor radius is given.
+    """
+    camera, centre = np.asarray(camera, np.float64), np.asarray(centre, np.float64)
+    shown = _continued(picture)
+    found = find_outline(shown, name, focal_length) if outline is None else outline
+    if focal_length is None:
+        if radius is None:
+            raise ValueError(f"{name}: no focal length in its EXIF; give the ball's radius, so that it can be found")
+        sine = radius / float(np.linalg.norm(camera - centre))
+        if sine >= 1:
+            raise ValueError(f"{name}: the camera is told to stand inside the ball; radius and places are in metres")
+        focal_length = found.radius * float(np.sqrt(1 - sine**2)) / sine
+    if outline is None:
+        found = refined(shown, found, focal_length, ())
+        cut = found.cut(picture.size)
+        if cut > MOST_CUT:
+            raise BallNotFound(
+                f"{name}: the picture's edge cuts off {100 * cut:.0f} % of the ball; take it whole, or pick its rim"
+            )
+    cone = cone_through(found.points, picture.size, focal_length)
+    # The camera that looks straight at the ball, then turned in itself so that the ball lies where it is seen.
+    straight = look_at(camera, centre) @ CAMERA_FROM_PIXELS
+    world_from_pixels = straight @ rotation_between(cone.axis, np.array([0.0, 0.0, 1.0]))
+    return BallView(picture, focal_length, cone.axis, cone.distance, world_from_pixels, found, reflectance)
+
+
+def _continued(picture: RadianceMap) -> np.ndarray:
+    """Radiance that goes on beyond every photograph, lest the border there be taken for a rim."""
+    if picture.clipped is None or not np.any(picture.clipped == OUTSIDE) or np.all(picture.clipped == OUTSIDE):
+        return picture.radiance
+    rows, columns = distance_transform_edt(picture.clipped == OUTSIDE, return_distances=False, return_indices=True)  # pyright: ignore
+    return picture.radiance[rows, columns]

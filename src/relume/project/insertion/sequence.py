@@ -1,0 +1,216 @@
+"""A sequence: a shot inserted frame by frame, each frame whole or not there, so that it can be gone on with.
+
+Every frame is rendered with the same seed. What stands still then has the same noise in every frame, to the bit, and
+does not flicker; the noise stands on the screen, and what moves goes through it.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from relume.image import files
+from relume.project.insertion.outcome import require_folder
+from relume.project.insertion.sequence_moments import at_frame, frames_of
+from relume.project.shot_file.shot import Shot
+from relume.renderers.progressive.fingerprint import fingerprint, program
+
+Insert = Callable[[Shot, Path, tuple[Path, ...]], Sequence[str]]
+"""Inserts one frame's shot into its folder and returns notes. The last are folders of stages of frames before, which
+serve where they were made from the same."""
+Report = Callable[[str, float], None]
+_DONE = "frame.json"
+_SPARKLE = 24
+"""Steps of 255 by which a pixel stands out of the frames before and after it to count as a sparkle: three times the
+noise of a photograph, and what the eye sees at once."""
+
+
+@dataclass(frozen=True)
+class FrameMade:
+    """One frame of a sequence.
+
+    number, folder : which one, and where it lies
+    seconds : it took; of the run that made it
+    kept : whether an earlier run had made it
+    notes : what the user should know of it
+    """
+
+    number: int
+    folder: Path
+    seconds: float
+    kept: bool
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class SequenceMade:
+    """All frames of a sequence.
+
+    frames : in order
+    movie : the file that shows them, or None where none could be written
+    notes : what the user should know, each once, with the frames it was said of
+    """
+
+    frames: tuple[FrameMade, ...]
+    movie: Path | None
+    notes: tuple[str, ...]
+
+
+def insert_sequence(
+    shot: Shot, out: str | Path, *, insert: Insert, report: Report = lambda stage, share: None
+) -> SequenceMade:
+    """Make every frame of the shot's sequence: `out`/frame_0001 and so on, a movie and one report.
+
+    out : folder; frames that are whole there, made from the same files and settings, are kept
+    insert : makes one frame
+    report : told of "frames" and the share of them that is there, beside what `insert` tells
+
+    Raises RelumeError; what ends it, as Interrupted, leaves the frames before it to a later run.
+    """
+    out = Path(out)
+    require_folder(out)
+    numbers = frames_of(shot)
+    # All of them first: a key that cannot be is told before hours of rendering.
+    shots = {number: at_frame(shot, number) for number in numbers}
+    made: list[FrameMade] = []
+    for index, number in enumerate(numbers):
+        report("frames", index / len(numbers))
+        folder = folder_of(out, number)
+        before = tuple(dict.fromkeys(each.folder / "stages" for each in (*made[:1], *made[-1:])))
+        made.append(_one(shots[number], number, folder, before, insert, _motion_key(shot)))
+    report("frames", 1.0)
+    notes = list(_gathered(made))
+    movie = _movie(out, made, float(shot.sequence.rate if shot.sequence is not None else 24), notes)
+    result = SequenceMade(tuple(made), movie, tuple(notes))
+    _write_report(result, out)
+    return result
+
+
+def folder_of(out: Path, number: int) -> Path:
+    """Where a frame lies."""
+    return out / f"frame_{number:04d}"
+
+
+def frame_key(shot: Shot) -> str:
+    """A hash of what a frame at its moment depends on: the program, the tables, the bytes of every file they name."""
+    return fingerprint([program(), shot.model_dump(mode="json"), _named_files(shot)])
+
+
+def sparkles(before: np.ndarray, frame: np.ndarray, after: np.ndarray) -> float:
+    """The share of pixels of a frame that stand out of both of their neighbours in time.
+
+    before, frame, after : (H, W, 3) uint8, developed
+    """
+    middle = np.median(np.stack([before, frame, after]), axis=0)
+    return float(np.mean(np.abs(frame - middle).max(axis=-1) > _SPARKLE))
+
+
+def _motion_key(shot: Shot) -> object:
+    """What moves while the shutter is open, of which a frame's own moment tells nothing; None without a shutter."""
+    if shot.sequence is None or shot.sequence.shutter is None:
+        return None
+    tables = shot.sequence.model_dump(mode="json", exclude={"frames", "plates"})
+    keys = [each.keyframes for each in (shot.camera, shot.light, *shot.objects)]
+    return [tables, [[key.model_dump(mode="json") for key in some] for some in keys]]
+
+
+def _one(shot: Shot, number: int, folder: Path, before: tuple[Path, ...], insert: Insert, motion: object) -> FrameMade:
+    key = fingerprint([frame_key(shot), motion])
+    kept = _whole(folder, key)
+    if kept is not None:
+        return FrameMade(number, folder, float(kept["seconds"]), True, tuple(kept["notes"]))
+    # From here until all is written the frame counts as not made.
+    (folder / _DONE).unlink(missing_ok=True)
+    begun = time.perf_counter()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        notes = insert(shot, folder, before)
+    seconds = time.perf_counter() - begun
+    notes = tuple(dict.fromkeys([*(str(each.message) for each in caught), *notes]))
+    sizes = {p.name: p.stat().st_size for p in sorted(folder.iterdir()) if p.is_file() and not p.name.startswith(".")}
+    files.write_text(
+        folder / _DONE, json.dumps({"key": key, "files": sizes, "seconds": seconds, "notes": notes}, indent=1)
+    )
+    return FrameMade(number, folder, seconds, False, notes)
+
+
+def _whole(folder: Path, key: str) -> dict[str, Any] | None:
+    """What was told of a frame that is there, whole and of this key; None for any other."""
+    try:
+        told = json.loads((folder / _DONE).read_text(encoding="utf-8"))
+        same = told["key"] == key and bool(told["files"])
+        there = all((folder / name).stat().st_size == size for name, size in told["files"].items())
+        return told if same and there else None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def _named_files(shot: Shot) -> list[Path]:
+    """Every file that a string of the shot names, alone or by a pattern, and those that its .gltf files name."""
+    found: list[Path] = []
+    for text in _strings(shot.model_dump(mode="json")):
+        if any(c in text for c in "*?["):
+            found.extend(sorted(p for p in shot.folder.glob(text) if p.is_file()))
+        elif 0 < len(text) < 1024 and "\0" not in text and (shot.folder / text).is_file():
+            found.append(shot.folder / text)
+    return [*found, *(part for path in found if path.suffix.lower() == ".gltf" for part in _parts_of(path))]
+
+
+def _parts_of(path: Path) -> Iterator[Path]:
+    try:
+        header = json.loads(path.read_bytes())
+    except (OSError, ValueError):  # told where the mesh is read
+        return
+    for text in _strings([header.get("buffers"), header.get("images")]):
+        if not text.startswith("data:") and len(text) < 1024 and (path.parent / text).is_file():
+            yield path.parent / text
+
+
+def _strings(value: Any) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict | list):
+        for part in value.values() if isinstance(value, dict) else value:
+            yield from _strings(part)
+
+
+def _gathered(made: Sequence[FrameMade]) -> Iterator[str]:
+    """Each note once; with its frame where not all frames have it."""
+    for note in dict.fromkeys(note for frame in made for note in frame.notes):
+        told = [frame.number for frame in made if note in frame.notes]
+        if len(told) == len(made):
+            yield note
+        else:
+            yield f"frame {told[0]}{f' and {len(told) - 1} more' if len(told) > 1 else ''}: {note}"
+
+
+def _movie(out: Path, made: Sequence[FrameMade], rate: float, notes: list[str]) -> Path | None:
+    pictures = [frame.folder / "composite.png" for frame in made]
+    path = out / "sequence.mp4"
+    if len(made) < 2 or not all(picture.is_file() for picture in pictures):
+        return None
+    if path.is_file() and all(frame.kept for frame in made):
+        return path
+    from relume.image.files.video import Movie
+
+    try:
+        with Movie(path, rate) as movie:
+            for picture in pictures:
+                movie.add(files.read_photograph(picture).pixels)
+    except ValueError as error:  # no PyAV, or frames of several sizes
+        notes.append(f"no movie was written: {error}")
+        return None
+    return path
+
+
+def _write_report(result: SequenceMade, out: Path) -> None:
+    from relume.report.sequence_report import write_sequence_report
+
+    write_sequence_report(result, out / "report.html")

@@ -1,0 +1,166 @@
+"""A shot at one frame of its sequence: a plain shot, as if it had been written so."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from relume.errors import InvalidShot, UnreadableFile
+from relume.project.schema import SomeTable
+from relume.project.shot_file.sequence_table import SequenceTable
+from relume.project.shot_file.shot import Shot
+from relume.scene.cameras.shutter import Shutter
+from relume.scene.gltf.animation import read_animation
+from relume.scene.motion.animation import Animation
+from relume.scene.motion.keyframes import Interpolation, Linear, Smooth, Step, Track, Turning
+from relume.sphere.directions import UP, rotation_about
+from relume.sphere.environment_map import EnvironmentMap
+
+BETWEEN: dict[str, Interpolation] = {"linear": Linear(), "smooth": Smooth(), "step": Step()}
+
+
+def frames_of(shot: Shot) -> list[int]:
+    """The frames of the shot's sequence; raises InvalidShot where it is none or cannot be one."""
+    table = _sequence(shot)
+    if table.plates is None and shot.camera.keyframes:
+        raise InvalidShot(
+            "camera.keyframes: the plate is one photograph, in which the camera stood still; give a plate for each "
+            "frame in sequence.plates, or move the objects"
+        )
+    if shot.camera.keyframes and shot.camera.pose is None:
+        raise InvalidShot("camera.keyframes: the camera comes from elsewhere; give camera.pose to move it from")
+    if table.plates is not None:
+        plates = _plates(shot, table.plates)
+        if missing := [frame for frame in table.frames if frame not in plates]:
+            others = f", nor of {len(missing) - 1} others" if len(missing) > 1 else ""
+            raise InvalidShot(
+                f"sequence.plates: no picture has the number of frame {missing[0]}{others}; the last number in a name "
+                "is its frame's"
+            )
+    return list(table.frames)
+
+
+def at_frame(shot: Shot, frame: float) -> Shot:
+    """The shot as it is at a frame, or between two: without keys or a sequence, its files' motion stopped there.
+
+    Raises InvalidShot where what the keys make there cannot be.
+    """
+    table = _sequence(shot)
+    between = BETWEEN[table.interpolation]
+    # Motion in a file begins with the sequence.
+    seconds = (frame - table.frames[0]) / table.rate
+    objects = []
+    for index, each in enumerate(shot.objects):
+        changes = _at(each.keyframes, frame, between, ("translate", "scale"))
+        turns = [key for key in each.keyframes if key.rotate is not None]
+        if turns:
+            times = np.array([key.frame for key in turns])
+            angles = Turning(times, np.array([key.rotate for key in turns]), between).at(frame)
+            changes["rotate"] = tuple(angles.tolist())
+        if motion_of(shot.folder / each.mesh) is not None:
+            changes["time"] = seconds
+        objects.append(_changed(each, changes, f"objects.{index}", frame))
+    camera = _at(shot.camera.keyframes, frame, between, ("position", "look_at", "focal_length"))
+    pose = {name: camera.pop(name) for name in ("position", "look_at") if name in camera}
+    if pose and shot.camera.pose is not None:
+        camera["pose"] = shot.camera.pose.model_dump() | pose
+    light = _at(shot.light.keyframes, frame, between, ("turn", "exposure"))
+    changes = {
+        "objects": objects,
+        "camera": _changed(shot.camera, camera, "camera", frame),
+        "light": _changed(shot.light, light, "light", frame),
+        "sequence": None,
+    }
+    if table.plates is not None:
+        # Between two frames, and while the shutter is open beyond the last, the plate is that of the nearest.
+        plates = _plates(shot, table.plates)
+        plate = plates[min(plates, key=lambda number: abs(number - frame))]
+        changes["plate"] = shot.plate.model_copy(update={"photographs": [str(plate.relative_to(shot.folder))]})
+    return shot.model_copy(update=changes)
+
+
+def moments(shot: Shot, frame: int, passes: int) -> list[float]:
+    """The frames, with fractions, that a render's passes see while the shutter is open: the frame alone without one.
+
+    Give each to `at_frame` for what moves; the camera, whose plate was blurred by its own shutter, as well.
+    """
+    table = _sequence(shot)
+    if table.shutter is None:
+        return [float(frame)] * passes
+    return (frame + Shutter(*table.shutter).times(passes, shot.render.seed)).tolist()
+
+
+def changed_light(light: EnvironmentMap, turn: float, exposure: float) -> EnvironmentMap:
+    """The light turned about +Y, degrees, counter-clockwise seen from above, and made brighter by stops."""
+    if turn % 360 != 0:
+        light = light.rotated(rotation_about(UP, np.radians(turn)))
+    return light if exposure == 0 else replace(light, radiance=np.float32(2.0**exposure) * light.radiance)
+
+
+@lru_cache(maxsize=64)
+def _motion(path: Path, modified: int) -> Animation | None:
+    return read_animation(path)
+
+
+def motion_of(path: Path) -> Animation | None:
+    """The motion that a mesh file holds, read once; None where it holds none, or the file is missing."""
+    try:
+        return _motion(path, path.stat().st_mtime_ns)
+    except OSError:  # told where the mesh is read
+        return None
+
+
+def _sequence(shot: Shot) -> SequenceTable:
+    if shot.sequence is None:
+        raise InvalidShot('sequence: missing; give the frames to make, as [sequence] frames = "1-120"')
+    return shot.sequence
+
+
+def _at(keys: Sequence[Any], frame: float, between: Interpolation, names: Sequence[str]) -> dict[str, Any]:
+    """What the keys say of each of these names at a frame; nothing of those that none of them says anything of."""
+    found: dict[str, Any] = {}
+    for name in names:
+        told = [(key.frame, getattr(key, name)) for key in keys if getattr(key, name) is not None]
+        if told:
+            times, values = (np.array(column, np.float64) for column in zip(*told, strict=True))
+            value = Track(times, values, between).at(frame)
+            found[name] = tuple(value.tolist()) if value.ndim else float(value)
+    return found
+
+
+def _changed(table: SomeTable, changes: Mapping[str, Any], place: str, frame: float) -> SomeTable:
+    """The table without its keys, and with what they say, checked as if the file had it."""
+    try:
+        return type(table).model_validate(table.model_dump() | dict(changes) | {"keyframes": ()})
+    except ValidationError as error:
+        fault = error.errors()[0]
+        keys = ".".join(map(str, fault["loc"]))
+        raise InvalidShot(
+            f"{place}.{keys}: at frame {frame:g} the keys make it {fault['input']!r}: {fault['msg']}; add a key there"
+        ) from None
+
+
+def _plates(shot: Shot, patterns: Sequence[str]) -> dict[int, Path]:
+    plates: dict[int, Path] = {}
+    for path in shot.files(patterns):
+        numbers = re.findall(r"\d+", path.stem)
+        if not numbers:
+            raise InvalidShot(
+                f"sequence.plates: {path.name} has no number; name each after its frame, as plate_0001.exr"
+            )
+        if int(numbers[-1]) in plates:
+            raise InvalidShot(
+                f"sequence.plates: {plates[int(numbers[-1])].name} and {path.name} are both frame {int(numbers[-1])}; "
+                "keep one"
+            )
+        plates[int(numbers[-1])] = path
+    if not plates:
+        raise UnreadableFile(f"{shot.folder}: no plates; check sequence.plates")
+    return plates

@@ -1,0 +1,243 @@
+"""The shot file's [camera]: a grid, a pose, lines drawn on the plate or another program's camera, and the lens."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from relume.errors import InvalidShot
+from relume.image import files
+from relume.project.schema import Positive, Table, Vector
+from relume.project.shot_file.sequence_table import CameraKey, require_rising
+from relume.scene.cameras.camera import Camera
+from relume.scene.cameras.distortion import Distortion
+from relume.scene.cameras.files import read_camera
+from relume.scene.cameras.fit import CameraFit
+from relume.scene.cameras.grid import fit_grid
+from relume.scene.cameras.known_lengths import CameraHeight, GroundLength, KnownLength, UprightLength
+from relume.scene.cameras.pose import UpAxis
+from relume.scene.cameras.vanishing_lines import AxisLines, fit_vanishing_lines
+
+Pixel = tuple[float, float]
+"""A point of the photograph: x right and y down from its upper left corner."""
+Segment = tuple[float, float, float, float]
+"""A line drawn on the photograph: x and y of one end, x and y of the other."""
+SOURCES = ("grid", "pose", "lines", "file")
+GRID_RESIDUAL = 1.0
+"""Pixels, RMS, from which on a grid's corners doubt the lens: they are found to a tenth even in a noisy JPEG."""
+LINES_RESIDUAL = 3.0
+"""Pixels, RMS, from which on lines doubt their axes or the lens: a person draws them to one or two."""
+
+
+class Grid(Table):
+    """A chequered board on the ground, photographed by the plate's camera; what of the lens it is to tell."""
+
+    photograph: str
+    squares: tuple[Annotated[int, Field(ge=3)], Annotated[int, Field(ge=3)]]
+    square: Positive
+    estimate_focal_length: bool = False
+    estimate_k1: bool = False
+
+
+class Pose(Table):
+    """Where the plate's camera stood and looked, horizon level."""
+
+    position: Vector
+    look_at: Vector
+
+
+class Length(Table):
+    """Two points of the plate and the metres between them at the place."""
+
+    between: tuple[Pixel, Pixel]
+    metres: Positive
+
+
+class Lines(Table):
+    """Lines drawn on the plate along the world's axes, where its origin is, and one length that was measured."""
+
+    x: list[Segment] = Field(default_factory=list)
+    y: list[Segment] = Field(default_factory=list)
+    z: list[Segment] = Field(default_factory=list)
+    level: bool = False
+    origin: Pixel
+    length: Length | None = None
+    upright: Length | None = None
+    camera_height: Positive | None = None
+    estimate_centre: bool = False
+
+    @model_validator(mode="after")
+    def _one_length(self) -> Lines:
+        if sum(known is not None for known in (self.length, self.upright, self.camera_height)) != 1:
+            raise ValueError("give one of length, upright and camera_height, which tells how large all is")
+        return self
+
+    def known_length(self) -> KnownLength:
+        """The one that is given."""
+        if self.length is not None:
+            return GroundLength(*self.length.between, self.length.metres)
+        if self.upright is not None:
+            return UprightLength(*self.upright.between, self.upright.metres)
+        assert self.camera_height is not None  # _one_length
+        return CameraHeight(self.camera_height)
+
+
+class CameraFile(Table):
+    """A camera that another program wrote; `up` and `unit` where they are not what the file says."""
+
+    path: str
+    name: str | None = None
+    up: UpAxis | None = None
+    unit: Positive | None = None
+
+
+class DistortionTable(Table):
+    """The lens's distortion in OpenCV's coefficients."""
+
+    k1: float = 0.0
+    k2: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    k3: float = 0.0
+
+
+class CameraTable(Table):
+    """The plate's camera: from a grid, lines or a file, or given; and its lens."""
+
+    grid: Grid | None = None
+    pose: Pose | None = None
+    lines: Lines | None = None
+    file: Annotated[CameraFile | None, BeforeValidator(lambda v: {"path": v} if isinstance(v, str) else v)] = None
+    focal_length: Positive | None = None
+    centre: Pixel | None = None
+    distortion: DistortionTable | None = None
+    keyframes: tuple[CameraKey, ...] = ()
+
+    @model_validator(mode="after")
+    def _one_source(self) -> CameraTable:
+        require_rising(self.keyframes)
+        if self.grid is not None and self.grid.squares[0] <= self.grid.squares[1]:
+            raise ValueError(
+                f"grid.squares is {list(self.grid.squares)}; the long side comes first, and must be longer"
+            )
+        if sum(getattr(self, source) is not None for source in SOURCES) != 1:
+            raise ValueError("give one of grid, pose, lines and file")
+        if self.file is not None and (self.focal_length is not None or self.centre is not None):
+            raise ValueError("file tells the focal length and the centre; leave focal_length and centre out")
+        if self.focal_length is not None and self.grid is not None and self.grid.estimate_focal_length:
+            raise ValueError("both focal_length and grid.estimate_focal_length; give one of them")
+        if self.distortion is not None and self.grid is not None and self.grid.estimate_k1:
+            raise ValueError("both distortion and grid.estimate_k1; give one of them")
+        if self.centre is not None and self.lines is not None and self.lines.estimate_centre:
+            raise ValueError("both centre and lines.estimate_centre; give one of them")
+        return self
+
+
+def camera_fit(table: CameraTable, size: tuple[int, int], folder: Path, focal_length: float | None) -> CameraFit:
+    """The plate's camera, and how well the photograph agrees with it.
+
+    table : [camera]
+    size : (width, height) of the plate, pixels
+    folder : where its relative paths start
+    focal_length : pixels, as the plate's EXIF tells it; None where it tells none
+    Raises InvalidShot naming the key, UnreadableFile and GridNotFound.
+    """
+    distortion = Distortion(**table.distortion.model_dump()) if table.distortion is not None else None
+    if table.grid is not None:
+        fit = _from_grid(table, table.grid, size, folder, distortion)
+    elif table.lines is not None:
+        fit = _from_lines(table, table.lines, size, focal_length, distortion)
+    elif table.file is not None:
+        asked = table.file
+        camera = read_camera(folder / asked.path, *size, name=asked.name, up=asked.up, unit=asked.unit)
+        fit = CameraFit(_with(camera, "camera.distortion", distortion=distortion))
+    else:
+        assert table.pose is not None  # _one_source
+        fit = CameraFit(_from_pose(table, table.pose, size, focal_length, distortion))
+    _warn_of_residual(table, fit)
+    return fit
+
+
+def _warn_of_residual(table: CameraTable, fit: CameraFit) -> None:
+    if fit.residual is None or fit.residual <= (GRID_RESIDUAL if table.grid is not None else LINES_RESIDUAL):
+        return
+    source = "grid" if table.grid is not None else "lines"
+    remedy = "is focal_length right, or distortion missing?" if source == "grid" else "check which axis each is along"
+    warnings.warn(f"camera.{source} fits badly: {fit.agreement}; {remedy}", stacklevel=3)
+
+
+def _with(camera: Camera, key: str, **changes: Any) -> Camera:
+    try:
+        return replace(camera, **changes)
+    except ValueError as error:
+        raise InvalidShot(f"{key}: {error}") from None
+
+
+def _from_grid(
+    table: CameraTable, grid: Grid, size: tuple[int, int], folder: Path, distortion: Distortion | None
+) -> CameraFit:
+    photograph = files.read_photograph(folder / grid.photograph)
+    if photograph.size != size:
+        raise InvalidShot(
+            f"camera.grid.photograph: {photograph.name} is {photograph.size[0]}×{photograph.size[1]}, the "
+            f"plate {size[0]}×{size[1]}; photograph the grid with the plate's camera and size"
+        )
+    try:
+        return fit_grid(
+            photograph, squares=grid.squares, square=grid.square, focal_length=table.focal_length,
+            centre=table.centre, distortion=distortion,
+            estimate_focal_length=grid.estimate_focal_length, estimate_k1=grid.estimate_k1,
+        )  # fmt: skip
+    except ValueError as error:
+        raise InvalidShot(f"camera.grid: {error}") from None
+
+
+def _from_lines(
+    table: CameraTable, lines: Lines, size: tuple[int, int], told: float | None, distortion: Distortion | None
+) -> CameraFit:
+    """Lines tell the focal length where two sets can; what EXIF says is used where they do not."""
+
+    def fit(focal_length: float | None) -> CameraFit:
+        return fit_vanishing_lines(
+            size, drawn, origin=lines.origin, length=known, focal_length=focal_length, centre=table.centre,
+            distortion=distortion, estimate_centre=lines.estimate_centre,
+        )  # fmt: skip
+
+    try:
+        x, y, z = (np.array(s, np.float64).reshape(-1, 2, 2) for s in (lines.x, lines.y, lines.z))
+        drawn, known = AxisLines(x, y, z, lines.level), lines.known_length()
+        # The terms of a distortion refer to a focal length, and lines along one axis tell none.
+        needed = distortion is not None or sum(len(s) > 1 for s in (x, y, z)) < 2
+        given = table.focal_length or (told if needed else None)
+        if given is not None or told is None:
+            return fit(given)
+        try:
+            return fit(None)
+        except ValueError:
+            found = fit(told)
+        warnings.warn(
+            f"camera.lines do not tell the focal length; the plate's EXIF does: {told:.0f} pixels", stacklevel=3
+        )
+        return found
+    except ValueError as error:
+        raise InvalidShot(f"camera.lines: {error}") from None
+
+
+def _from_pose(
+    table: CameraTable, pose: Pose, size: tuple[int, int], told: float | None, distortion: Distortion | None
+) -> Camera:
+    focal_length = table.focal_length or told
+    if focal_length is None:
+        raise InvalidShot("camera.focal_length: missing, and the plate's EXIF has none; give it in pixels")
+    try:
+        camera = Camera.looking_at(
+            np.array(pose.position), np.array(pose.look_at), width=size[0], height=size[1], focal_length=focal_length
+        )
+    except ValueError as error:
+        raise InvalidShot(f"camera.pose: {error}") from None
+    return _with(camera, "camera.distortion", centre=table.centre, distortion=distortion)

@@ -1,0 +1,113 @@
+"""The shot file's [[local]]: the real surfaces that the objects affect, and what is to be recovered of each."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from relume.project.placement import Placement, placed
+from relume.project.schema import Positive, Share, Table, Vector
+from relume.scene.materials.materials import Diffuse, Material
+from relume.scene.shapes.meshes import read_meshes
+from relume.scene.shapes.shapes import Mesh, Plane, Shape
+from relume.surface.gloss import Gloss, glossy
+from relume.surface.projection import box_mesh
+from relume.surface.reflectance import Even, Fit, Given, Varying, Wanted
+
+GREY = Diffuse((0.5, 0.5, 0.5))
+"""What a surface is made of until its reflectance is recovered."""
+
+
+class GlossTable(Table):
+    """A gloss that is known: its reflectance at normal incidence, 0.04 of most things that are not metals."""
+
+    strength: Annotated[float, Field(ge=0, le=1)] = 0.04
+    roughness: Annotated[float, Field(gt=0, le=1)]
+
+
+class LocalTable(Placement):
+    """A real surface that the objects affect.
+
+    shape : a horizontal plane of a size at a height, a box from one corner to the other, or a mesh; then placed as
+        objects are
+    reflectance : "recover" for every pixel of the plate, "recover even" for one colour, or a colour that is known
+    gloss : "recover" to find it from what plate and probe show of the same places; a known one; false where matte
+    mirror : it is a mirror of this reflectance
+    """
+
+    shape: Literal["plane", "box", "mesh"]
+    size: tuple[Positive, Positive] | None = None
+    height: float = 0.0
+    low: Vector | None = None
+    high: Vector | None = None
+    mesh: str | None = None
+    reflectance: Literal["recover", "recover even"] | tuple[Share, Share, Share] = "recover"
+    gloss: Literal[False, "recover"] | GlossTable = False
+    mirror: bool = False
+
+    @model_validator(mode="after")
+    def _what_the_shape_needs(self) -> LocalTable:
+        needs = {"plane": (), "box": ("low", "high"), "mesh": ("mesh",)}[self.shape]
+        if lacking := [name for name in needs if getattr(self, name) is None]:
+            raise ValueError(f"a {self.shape} needs {' and '.join(lacking)}")
+        if self.low is not None and self.high is not None and not np.all(np.less(self.low, self.high)):
+            raise ValueError(
+                f"the box goes from {list(self.low)} to {list(self.high)}; each of low lies below its high"
+            )
+        if self.shape == "plane" and self.size is None and self._is_placed:
+            raise ValueError("a plane that is scaled, rotated or moved needs a size = [x, z]")
+        if self.mirror and isinstance(self.reflectance, str):
+            raise ValueError("a mirror's reflectance is given, not recovered, like [0.9, 0.9, 0.9]")
+        if self.mirror and self.gloss:
+            raise ValueError("a mirror has no gloss beside; leave gloss out")
+        return self
+
+    def shapes(self, folder: Path) -> tuple[Shape, ...]:
+        """The surface with its own material, or grey where that is to be recovered; raises UnreadableFile."""
+        material = self._material()
+        if self.shape == "plane" and not self._is_placed:
+            return (Plane(material, self.size, self.height),)
+        if self.shape == "plane":
+            assert self.size is not None  # _what_the_shape_needs
+            return (placed(_rectangle(self.size, self.height, material), self),)
+        if self.shape == "box":
+            assert self.low is not None and self.high is not None  # _what_the_shape_needs
+            return (placed(box_mesh(self.low, self.high, material), self),)
+        assert self.mesh is not None
+        return tuple(replace(placed(m, self), material=material) for m in read_meshes(folder / self.mesh))
+
+    def wanted(self, seen_by_probe: bool) -> Wanted:
+        """What is to be recovered; without a probe that shows the surface its gloss comes from the plate alone."""
+        if not isinstance(self.reflectance, str):
+            return Wanted(Given())
+        gloss = Gloss(self.gloss.strength, self.gloss.roughness) if isinstance(self.gloss, GlossTable) else None
+        albedo = Varying() if self.reflectance == "recover" else Even()
+        return Wanted(albedo, Fit() if self.gloss == "recover" else gloss)
+
+    @property
+    def _is_placed(self) -> bool:
+        return (self.scale, self.rotate, self.translate) != (1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+    def files(self) -> tuple[str, ...]:
+        """The files that the table names."""
+        return () if self.mesh is None else (self.mesh,)
+
+    def _material(self) -> Diffuse | Material:
+        if isinstance(self.reflectance, str):
+            return GREY
+        if self.mirror:
+            return Material(self.reflectance, metallic=1.0, roughness=0.0, name="mirror")
+        if isinstance(self.gloss, GlossTable):
+            return glossy(self.reflectance, Gloss(self.gloss.strength, self.gloss.roughness))
+        return Diffuse(self.reflectance)
+
+
+def _rectangle(size: tuple[float, float], height: float, material: Diffuse | Material) -> Mesh:
+    """The plane as two triangles that face up."""
+    x, z = size[0] / 2, size[1] / 2
+    corners = np.array([[-x, height, z], [x, height, z], [x, height, -z], [-x, height, -z]], np.float32)
+    return Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), material, name="plane")

@@ -1,0 +1,71 @@
+"""The table of a shot file that says what an object is made of: a preset, the mesh's own material, and changes."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Annotated, Any
+
+from pydantic import Field, field_validator
+
+from relume.project.schema import Positive, Share, Table
+from relume.scene.materials.materials import Material, Ward
+from relume.scene.materials.presets import preset
+
+NotNegative = Annotated[float, Field(ge=0)]
+Light = tuple[NotNegative, NotNegative, NotNegative]
+ShareColour = tuple[Share, Share, Share]
+
+
+class MaterialTable(Table):
+    """What to change of a mesh's own material, or of the `preset` that takes its place."""
+
+    preset: str | None = None
+    base_color: ShareColour | None = None
+    metallic: Share | None = None
+    roughness: Share | None = None
+    transmission: Share | None = None
+    ior: Annotated[float, Field(ge=1)] | None = None
+    emission: Light | None = None
+    alpha: Share | None = None
+    clearcoat: Share | None = None
+    clearcoat_roughness: Share | None = None
+    sheen_color: ShareColour | None = None
+    sheen_roughness: Share | None = None
+    anisotropy: Share | None = None
+    anisotropy_rotation: float | None = None
+    specular: Share | None = None
+    specular_color: Light | None = None
+    thin: bool | None = None
+    attenuation_color: ShareColour | None = None
+    attenuation_distance: Positive | None = None
+    dispersion: NotNegative | None = None
+    scattering_distance: tuple[Positive, Positive, Positive] | None = None
+    scattering_albedo: ShareColour | None = None
+    scattering_anisotropy: Annotated[float, Field(gt=-1, lt=1)] | None = None
+    reflectance: ShareColour | None = None
+    alpha_x: Annotated[float, Field(ge=1e-3, le=1)] | None = None
+    alpha_y: Annotated[float, Field(ge=1e-3, le=1)] | None = None
+    diffuse: ShareColour | None = None
+
+    @field_validator("preset")
+    @classmethod
+    def _known(cls, value: str | None) -> str | None:
+        if value is not None:
+            preset(value)
+        return value
+
+    def applied(self, material: Any) -> Any:
+        """The material that a mesh gets: its own or the preset, with the changes.
+
+        material : the mesh's own; of other kinds than `Material` and `Ward` it stays as it is, unless a preset is given
+        Raises ValueError for changes that the material has no field for, or that contradict one another.
+        """
+        changes: dict[str, Any] = self.model_dump(exclude_none=True, exclude={"preset"})
+        own = preset(self.preset) if self.preset is not None else material
+        if not isinstance(own, Material | Ward):
+            return own
+        known = {field.name for field in fields(own)}
+        if foreign := sorted(set(changes) - known):
+            kind = "a Ward surface" if isinstance(own, Ward) else "a glTF material"
+            raise ValueError(f"{', '.join(foreign)}: {kind} has none; it has {', '.join(sorted(known - {'name'}))}")
+        return replace(own, **changes)

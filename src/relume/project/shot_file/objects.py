@@ -1,0 +1,82 @@
+"""The shot's objects: meshes read, scaled, turned, moved and given their materials."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from relume.errors import InvalidShot
+from relume.project.placement import placed
+from relume.project.shot_file.shot import Object, Shot
+from relume.scene.cameras.camera import Camera
+from relume.scene.gltf.animation import read_animation
+from relume.scene.motion.animation import posed
+from relume.scene.shapes.meshes import read_meshes
+from relume.scene.shapes.shapes import Mesh, Plane, Shape
+from relume.scene.shapes.watertight import bodied, inside
+
+HOVERING = 0.005
+"""Metres between all objects and the plane from which on they seem to hover."""
+SUNK = 0.05
+"""Of an object's height: deeper in the plane than the foot of anything that stands on it."""
+
+
+def placed_meshes(shot: Shot) -> tuple[Mesh, ...]:
+    """Every mesh of every object of the shot, in world coordinates."""
+    return tuple(
+        _overridden(placed(mesh, table), table)
+        for table in shot.objects
+        for mesh in _at_rest_or_moved(shot.folder / table.mesh, table.time)
+    )
+
+
+def _at_rest_or_moved(path: Path, time: float | None) -> tuple[Mesh, ...]:
+    """The file's meshes, where its own motion has them at a time in seconds."""
+    meshes = read_meshes(path)
+    motion = read_animation(path) if time is not None else None
+    if motion is None or time is None:
+        return meshes
+    try:
+        return posed(meshes, motion, time)
+    except ValueError as error:
+        raise InvalidShot(f"objects.mesh: {error}") from None
+
+
+def _overridden(mesh: Mesh, table: Object) -> Mesh:
+    """The mesh with the material that the shot gives it; what holds light inside is checked to be a body."""
+    try:
+        material = table.material.applied(mesh.material)
+    except ValueError as error:
+        raise InvalidShot(f"objects.material: {error}") from None
+    return bodied(replace(mesh, material=material))
+
+
+def require_outside(meshes: Sequence[Mesh], camera: Camera) -> None:
+    """Raises InvalidShot where the camera is inside an object, which would be all that it sees."""
+    for mesh in meshes:
+        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        if np.all(camera.position > low) and np.all(camera.position < high) and inside(mesh, camera.position):
+            raise InvalidShot(f"objects: the camera is inside {mesh.name!r}; move one of them, or is its scale wrong?")
+
+
+def doubts_about(meshes: Sequence[Mesh], camera: Camera, local: Sequence[Shape]) -> tuple[str, ...]:
+    """Where the objects stand strangely: under a surface, behind the camera, in it or over it; a line each."""
+    found = []
+    floor = min((shape.height for shape in local if isinstance(shape, Plane)), default=None)
+    lowest = min((float(mesh.vertices[:, 1].min()) for mesh in meshes), default=0.0)
+    if floor is not None and meshes and lowest > floor + HOVERING:
+        found.append(f"the objects hover {lowest - floor:.3g} m over the plane; translate them down to stand on it")
+    for mesh in meshes:
+        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        if floor is not None and high[1] < floor:
+            found.append(f"object {mesh.name!r} lies under the plane, {floor - high[1]:.3g} m below it; move it up")
+        elif floor is not None and low[1] < floor - SUNK * (high[1] - low[1]):
+            deep = floor - low[1]
+            found.append(f"object {mesh.name!r} reaches {deep:.3g} m into the plane; move it up to stand on it")
+        ahead = (mesh.vertices - camera.position) @ -camera.rotation[:, 2]
+        if ahead.max() <= 0:
+            found.append(f"object {mesh.name!r} is behind the camera; it can only be seen in mirrors and by its shadow")
+    return tuple(found)

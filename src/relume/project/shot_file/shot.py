@@ -1,0 +1,180 @@
+"""The shot file: one TOML that says which photographs, camera, light, surfaces and objects make a composite.
+
+Paths are relative to the file; lengths are metres, angles degrees. An unknown key is an error, never ignored.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from glob import glob
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from relume.errors import InvalidShot, UnreadableFile
+from relume.project.placement import Placement
+from relume.project.schema import Names, Positive, Table, Vector, checked, read_toml
+from relume.project.shot_file.camera_table import CameraTable
+from relume.project.shot_file.distant_table import DistantTable
+from relume.project.shot_file.local_table import LocalTable
+from relume.project.shot_file.match_table import MatchTable
+from relume.project.shot_file.material_table import MaterialTable
+from relume.project.shot_file.sequence_table import LightKey, ObjectKey, SequenceTable, require_rising
+
+Mirrored = Annotated[float, Field(gt=0, le=1)]
+
+
+class Plate(Table):
+    """The photograph that receives the objects: a bracket, a single photograph or one radiance map."""
+
+    photographs: Names = Field(min_length=1)
+    times: list[Positive] | None = None
+    denoise: bool = False
+
+
+class BallPhotographs(Table):
+    """A bracket of the mirrored ball and where its camera stood."""
+
+    photographs: Names = Field(min_length=1)
+    camera: Vector
+    times: list[Positive] | None = None
+    focal_length: Positive | None = None
+
+
+class Ball(Table):
+    """The mirrored ball; `reflectance` of its surface, 1 unless measured."""
+
+    centre: Vector
+    radius: Positive
+    reflectance: Mirrored | tuple[Mirrored, Mirrored, Mirrored] = 1.0
+
+
+class Light(Table):
+    """The light of the place: photographs of a mirrored ball, or a finished map.
+
+    distant : the shape of the distant scene, onto which the light is projected
+    probe : where a finished map was taken, metres; the ball's centre is known
+    heading : degrees about +Y by which a finished map is turned to stand in the scene's frame, counter-clockwise seen
+        from above
+    lamps : places of lamps that hang in the room, before its walls
+    turn, exposure : degrees about +Y and stops, to change what was measured
+    """
+
+    balls: list[BallPhotographs] | None = None
+    ball: Ball | None = None
+    map: str | None = None
+    size: Annotated[int, Field(ge=16, le=8192)] = 512
+    distant: DistantTable = DistantTable()
+    probe: Vector | None = None
+    heading: float = 0.0
+    lamps: list[Vector] = Field(default_factory=list)
+    turn: float = 0.0
+    exposure: float = 0.0
+    keyframes: tuple[LightKey, ...] = ()
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Light:
+        require_rising(self.keyframes)
+        if (self.balls is None) == (self.map is None):
+            raise ValueError("give one of balls and map")
+        if self.balls is not None and (self.ball is None or not self.balls):
+            raise ValueError("balls need ball = { centre, radius }")
+        if self.map is not None and self.ball is not None:
+            raise ValueError("ball goes with photographs of it; with a finished map give probe = [x, y, z]")
+        if self.map is None and self.probe is not None:
+            raise ValueError("probe is for a finished map; of a ball the centre is known: leave it out")
+        if self.map is None and self.heading:
+            raise ValueError("heading is for a finished map; photographs of a ball tell their own: leave it out")
+        if self.map is not None and self.probe is None and (self.distant.shape != "infinite" or self.lamps):
+            raise ValueError("a near distant scene needs probe = [x, y, z], the place the map was taken at, metres")
+        return self
+
+
+class Object(Placement):
+    """A mesh to insert.
+
+    stage : a light stage of the real thing that the mesh is of, in its frame: the thing's own pixels are shown
+    stage_cameras : whose pictures, where the stage has several; the first camera's unless given
+    """
+
+    mesh: str
+    stage: str | None = None
+    stage_cameras: list[str] | None = None
+    material: MaterialTable = MaterialTable()
+    time: float | None = None
+    keyframes: tuple[ObjectKey, ...] = ()
+
+    @model_validator(mode="after")
+    def _keys_rise(self) -> Object:
+        require_rising(self.keyframes)
+        if self.stage is None and self.stage_cameras is not None:
+            raise ValueError("stage_cameras are those of a stage; give stage too, or leave them out")
+        if self.stage is not None and self.time is not None:
+            raise ValueError("a thing from a light stage has the pose it was taken in; leave time out")
+        return self
+
+
+class RenderTable(Table):
+    """How long to render."""
+
+    samples: Annotated[int, Field(ge=2, le=1_000_000)] = 256
+    noise: Positive | None = None
+    depth: Annotated[int, Field(ge=1, le=1000)] = 12
+    seed: Annotated[int, Field(ge=0)] = 0
+    denoise: bool = False
+    preview: bool = True
+
+
+class DevelopTable(Table):
+    """How the composite becomes a picture: the plate's response, or the sRGB curve; exposure in stops on top."""
+
+    response: Literal["plate", "srgb"] = "plate"
+    exposure: float = 0.0
+
+
+class Shot(Table):
+    """A whole shot file; `folder` is where its relative paths start."""
+
+    plate: Plate
+    camera: CameraTable
+    light: Light
+    local: list[LocalTable] = Field(default_factory=lambda: [LocalTable(shape="plane")])
+    objects: list[Object] = Field(default_factory=list)
+    match: MatchTable = MatchTable()
+    render: RenderTable = RenderTable()
+    develop: DevelopTable = DevelopTable()
+    sequence: SequenceTable | None = None
+    folder: Path = Field(default=Path("."), exclude=True)
+
+    def named_files(self) -> list[str]:
+        """Every file that it names beside photographs: meshes, maps, mattes."""
+        light = [name for name in (self.light.map, self.light.distant.mesh, self.match.occluder) if name is not None]
+        return [*light, *(name for table in self.local for name in table.files()), *(o.mesh for o in self.objects)]
+
+    def files(self, patterns: Sequence[str]) -> list[Path]:
+        """The files that names and patterns stand for, in order; raises UnreadableFile where one is none."""
+        found: list[Path] = []
+        for pattern in patterns:
+            path = self.folder / pattern
+            named = [Path(name) for name in glob(str(path))] if any(c in pattern for c in "*?[") else [path]
+            matches = sorted(named, key=_natural)
+            if not matches:
+                raise UnreadableFile(f"{path}: no such photographs; check the pattern in the shot file")
+            found.extend(matches)
+        return found
+
+
+def _natural(path: Path) -> list[tuple[int, int | str]]:
+    """IMG_2 before IMG_10, as a person counts, so that a list of times goes to the right photographs."""
+    return [(0, int(part)) if part.isdigit() else (1, part) for part in re.split(r"(\d+)", str(path))]
+
+
+def read_shot(path: str | Path) -> Shot:
+    """Read a shot file; raises InvalidShot naming the key and what it should be."""
+    path = Path(path)
+    table = read_toml(path, "shot file", InvalidShot)
+    if "folder" in table:
+        raise InvalidShot(f"{path}: folder: unknown key; remove it")
+    return checked(Shot, table, path, "shot file", InvalidShot).model_copy(update={"folder": path.parent})

@@ -1,0 +1,158 @@
+"""Differential rendering by path tracing: what objects change of a picture, estimated as such (Debevec 1998, §6).
+
+Two pictures, with the objects and without, hold the same noise twice and differ by little. Here a path is one in both
+scenes until an added object parts it; what both share cancels before it is ever added up, so that nothing but the
+change has noise, and what nothing changes is 0 to the bit. From the real surfaces directions are drawn towards the
+objects, beside the light's and the surface's own, weighed by the balance heuristic (Veach & Guibas 1995).
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from relume.errors import UnsupportedScene
+from relume.renderers.change import Change, subtracted
+from relume.renderers.mitsuba.distant import require_inside
+from relume.renderers.mitsuba.path_tracer import MATTE_SAMPLES, PASSES, Mitsuba, _mitsuba
+from relume.renderers.mitsuba.scene import why_not
+from relume.renderers.progressive.accumulation import ALONE, Watch, accumulate, pass_seed
+from relume.renderers.progressive.convergence import ChangeError, Target
+from relume.renderers.progressive.fingerprint import fingerprint, render_key
+from relume.renderers.renderer import Progress
+from relume.scene.cameras.camera import Camera
+from relume.scene.cameras.shutter import Shutter
+from relume.scene.scene import Scene
+
+PASS_RAYS = 4_000_000
+"""Samples traced at once: about two seconds of two cores, so that a first Ctrl-C is answered in time."""
+
+FEW_RAYS = 500_000
+"""Samples of a pass below which starting it takes longer than tracing it."""
+FEWEST_PASSES = 8
+"""Of a small picture: their scatter tells a pixel's variance to half of itself."""
+Moments = Callable[[float], tuple[Scene, Camera]]
+"""The scene and the camera at a moment: a share of a frame's time."""
+
+
+@dataclass(frozen=True)
+class Differential:
+    """Path tracing of what objects change.
+
+    samples : rays a pixel, at most; 256 shows little noise on what the light reaches directly
+    noise : stop earlier, once the mean error to be expected where the objects change anything is below this share of
+        the picture; None traces all samples
+    depth : bounces before a path ends; 12 lets light into and out of glass before and behind glass
+    variant : Mitsuba's variant; chosen for this machine unless given. A scalar one renders two pictures with the same
+        random numbers and subtracts them
+    threads : all cores unless given; the pixels do not depend on it
+    """
+
+    samples: int = 256
+    noise: float | None = None
+    depth: int = 12
+    variant: str | None = None
+    threads: int | None = None
+
+    def __post_init__(self) -> None:
+        # The same limits, in the same words.
+        Mitsuba(self.samples, self.noise, self.depth, self.variant, self.threads)
+
+    def change(
+        self,
+        scene: Scene,
+        camera: Camera,
+        *,
+        seed: int = 0,
+        progress: Progress | None = None,
+        watch: Watch = ALONE,
+        plate: np.ndarray | None = None,
+        moments: Moments | None = None,
+        shutter: Shutter = Shutter(0.0, 0.0),
+    ) -> Change:
+        """What the scene's objects change of what the camera sees.
+
+        plate : (H, W, 3) what is seen without them, for `noise`; the change alone is looked at unless given
+        moments : the scene and the camera at each moment of the exposure, where something moves; `scene` and `camera`
+            are those in its middle
+        shutter : which moments
+
+        Raises UnsupportedScene naming what cannot be shaded, ValueError for objects outside the distant scene.
+        """
+        if (reason := why_not(scene)) is not None:
+            raise UnsupportedScene(reason)
+        require_inside(scene.distant, scene.probe, scene.objects)
+        if not scene.objects:
+            return _nothing(camera)
+        with _mitsuba(self.variant, self.threads) as mi:
+            if "_ad_" not in mi.variant():
+                plain = Mitsuba(self.samples, None, self.depth, self.variant, self.threads)
+                return subtracted(plain, scene, camera, seed=seed, progress=progress)
+            from relume.renderers.mitsuba.transport.estimator import Estimator
+
+            samples = _samples_a_pass(self.samples, camera)
+            passes = max(self.samples // samples, 2)
+            backdrop = np.zeros((camera.height, camera.width, 3)) if plate is None else plate
+            still = Estimator(scene, camera, self.depth)
+            times = shutter.times(passes, seed) if moments is not None else np.zeros(passes)
+            at = {pass_seed(seed, index): float(time) for index, time in enumerate(times)}
+
+            def trace(own: int) -> dict[str, np.ndarray]:
+                estimator = still if moments is None else Estimator(*moments(at[own]), self.depth)
+                return estimator.traced(samples, own)
+
+            sums = accumulate(
+                trace,
+                passes=passes,
+                seed=seed,
+                scattered=("objects", "difference"),
+                target=None if self.noise is None else Target(self.noise, ChangeError(backdrop)),
+                key=self._key(scene, camera, seed, plate, moments, times) if watch.checkpoint is not None else None,
+                watch=watch,
+                progress=progress,
+            )
+            goal = None if self.noise is None else Target(self.noise, ChangeError(backdrop))
+            if goal is not None and sums.passes == passes and not goal.reached(sums):
+                warnings.warn(
+                    f"the noise asked for, {self.noise:g}, was not reached with {self.samples} samples a pixel: it is "
+                    f"{goal.error(sums):.2g}; give more samples",
+                    stacklevel=2,
+                )
+            guides = still.guides(min(MATTE_SAMPLES, max(1, PASS_RAYS // (camera.width * camera.height))), seed)
+        seen = np.maximum(guides["seen"], 1e-12)
+        planes = {name: sums.mean(name) for name in ("objects", "difference", "matte")}
+        planes |= {f"{name}_variance": sums.variance(name) for name in ("objects", "difference")}
+        planes |= {"depth": guides["depth"] / seen, "normal": guides["normal"], "albedo": guides["albedo"]}
+        return Change(
+            **{name: plane.astype(np.float32) for name, plane in planes.items()},
+            samples=sums.passes * samples,
+            passes=sums.passes,
+        )
+
+    def _key(
+        self, scene: Scene, camera: Camera, seed: int, plate: np.ndarray | None, moments: Moments | None,
+        times: np.ndarray,
+    ) -> dict[str, str]:  # fmt: skip
+        """All that a pixel depends on: also every moment that is seen, and the plate where it says when to stop."""
+        key = dict(render_key(scene, camera, self, seed))
+        if moments is not None:
+            key["motion"] = fingerprint([[list(moments(float(time))) for time in sorted(set(times))]])
+        if self.noise is not None:
+            key["plate"] = fingerprint(plate)
+        return key
+
+
+def _samples_a_pass(samples: int, camera: Camera) -> int:
+    """Many enough that a pass is worth its start, few enough that there are PASSES where the rays are many."""
+    pixels = camera.width * camera.height
+    passes = PASSES if samples * pixels > PASSES * FEW_RAYS else FEWEST_PASSES
+    return max(1, min(samples // passes, PASS_RAYS // pixels))
+
+
+def _nothing(camera: Camera) -> Change:
+    flat = np.zeros((camera.height, camera.width), np.float32)
+    colour = np.zeros((camera.height, camera.width, 3), np.float32)
+    return Change(colour, colour, flat, flat, colour, colour, colour, colour)

@@ -1,0 +1,182 @@
+"""Materials in Mitsuba's words: surfaces, what they send out, and what fills the bodies behind them."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from relume.errors import UnsupportedScene
+from relume.renderers.mitsuba.layered import layered
+from relume.renderers.mitsuba.textures import rgb, texture_words
+from relume.renderers.mitsuba.ward import ward
+from relume.scene.materials.materials import Diffuse, Material, Ward
+
+SMOOTH = 0.03
+"""Below this roughness glass is smooth: α < 0.001, finer than any picture shows."""
+
+
+def bsdf(mi: Any, material: Diffuse | Material | Ward, *, media: bool = False) -> Any:
+    """The surface of a material as a BSDF or the dictionary of one.
+
+    media : whether the integrator follows light through what fills the body (`Material.medium`). Where it does not, a
+        body that scatters is a diffuse one of the same colour, and one that only absorbs is clear: both with a warning.
+    Warns of all else that is not rendered; raises UnsupportedScene for Ward's surface in a scalar variant.
+    """
+    if isinstance(material, Diffuse):
+        return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": texture_words(mi, material.reflectance)}}
+    if isinstance(material, Ward):
+        if not _is_jit(mi):
+            raise UnsupportedScene(
+                f"the scalar variant of Mitsuba cannot shade the Ward surface {material.name!r}; "
+                "install LLVM 16 or newer, or use a metal with anisotropy"
+            )
+        return {"type": "twosided", "bsdf": ward(mi, material)}
+    if lost := not_rendered(material, media=media, scalar=not _is_jit(mi)):
+        warnings.warn(f"not rendered of material {material.name!r}: {', '.join(lost)}", stacklevel=2)
+    medium = material.medium
+    if not media and medium is not None and any(medium.scattering):
+        material = replace(
+            material, base_color=medium.diffuse_reflectance(), transmission=0.0, scattering_distance=None
+        )
+    return _masked(mi, material, _surface(mi, material))
+
+
+def not_rendered(material: Material, *, media: bool, scalar: bool) -> tuple[str, ...]:
+    """What of a material Mitsuba's BSDFs here leave out or replace, each in a few words."""
+    lost = []
+    if material.dispersion > 0 and np.any(material.through):
+        lost.append("dispersion (render the three of relume.scene.materials.materials.dispersed for it)")
+    if np.any(material.through):
+        upper = {
+            "clearcoat": _some(material.clearcoat),
+            "sheen": _some(material.sheen_color),
+            "specular": np.any(np.asarray(material.specular) != 1) or np.any(np.asarray(material.specular_color) != 1),
+        }
+        lost += [f"{name} over what light goes through" for name, there in upper.items() if there]
+    if material.medium is not None and not media:
+        lost.append("subsurface scattering (drawn diffuse)" if material.scattering_distance else "volume attenuation")
+    if scalar:
+        layers = {
+            "clearcoat": _some(material.clearcoat),
+            "sheen": _some(material.sheen_color),
+            "specular": np.any(np.asarray(material.specular) != 1) or np.any(np.asarray(material.specular_color) != 1),
+            "anisotropy": material.anisotropy > 0,
+        }
+        lost += [f"{name} (the scalar variant has none)" for name, there in layers.items() if there]
+    return tuple(lost)
+
+
+def emission(mi: Any, material: Any) -> dict[str, Any] | None:
+    """The area emitter of a shape of this material; None where it sends out nothing, as all but `Material` do."""
+    if not isinstance(material, Material) or not material.emits:
+        return None
+    return {"type": "area", "radiance": texture_words(mi, material.emission)}
+
+
+def interior(material: Any) -> dict[str, Any] | None:
+    """Mitsuba's medium inside a shape of this material, for its volumetric integrators; None where it is clear."""
+    medium = material.medium if isinstance(material, Material) else None
+    if medium is None:
+        return None
+    # Mitsuba's colours end at 1; its scale does not.
+    densest = max(medium.extinction)
+    return {
+        "type": "homogeneous",
+        "sigma_t": rgb(np.asarray(medium.extinction) / densest),
+        "scale": densest,
+        "albedo": rgb(medium.albedo),
+        "phase": {"type": "hg", "g": float(medium.anisotropy)} if medium.anisotropy else {"type": "isotropic"},
+    }
+
+
+def _is_jit(mi: Any) -> bool:
+    return "_ad_" in mi.variant()
+
+
+def _some(value: Any) -> bool:
+    return bool(np.any(np.asarray(value) > 0))
+
+
+def _surface(mi: Any, material: Material) -> Any:
+    through = material.through
+    if not np.any(through):
+        return _opaque(mi, material)
+    clear = _bumped(mi, material, _clear(mi, material))
+    if np.all(through == 1):
+        return clear
+    return {
+        "type": "blendbsdf",
+        "weight": texture_words(mi, through),
+        "first": _opaque(mi, material),
+        "second": clear,
+    }
+
+
+def _bumped(mi: Any, material: Material, surface: Any) -> Any:
+    if material.normal is None:
+        return surface
+    # Mitsuba stores −1…1 as 0…1.
+    stored = 0.5 * (np.asarray(material.normal, np.float32) + 1)
+    return {"type": "normalmap", "normalmap": texture_words(mi, stored), "nested": surface}
+
+
+def _masked(mi: Any, material: Material, surface: Any) -> Any:
+    if np.all(np.asarray(material.alpha) == 1):
+        return surface
+    return {"type": "mask", "opacity": texture_words(mi, material.alpha), "nested": surface}
+
+
+def _opaque(mi: Any, material: Material) -> dict[str, Any]:
+    return {"type": "twosided", "bsdf": _bumped(mi, material, _opaque_side(mi, material))}
+
+
+def _opaque_side(mi: Any, material: Material) -> Any:
+    plain = np.ndim(material.metallic) == 0 and np.ndim(material.roughness) == 0
+    bare = not (_some(material.clearcoat) or _some(material.sheen_color) or material.anisotropy > 0)
+    if plain and bare and material.metallic == 1 and material.roughness == 0:
+        return {
+            "type": "conductor",
+            "material": "none",
+            "specular_reflectance": texture_words(mi, material.base_color),
+        }
+    if _is_jit(mi):
+        return layered(mi, material)
+    return {
+        "type": "principled",
+        "base_color": texture_words(mi, material.base_color),
+        "metallic": texture_words(mi, material.metallic),
+        "roughness": texture_words(mi, material.roughness),
+        "eta": max(material.ior, 1.0001),
+    }
+
+
+def _clear(mi: Any, material: Material) -> dict[str, Any]:
+    roughness = float(np.mean(np.asarray(material.roughness)))
+    base = np.asarray(material.base_color, np.float32)
+    ior = max(material.ior, 1.0001)
+    if material.thin:
+        return _thin(mi, base, roughness, ior)
+    dielectric: dict[str, Any] = {"type": "dielectric", "int_ior": ior, "ext_ior": 1.0}
+    if roughness > SMOOTH:
+        across = roughness**2
+        along = across + (1 - across) * material.anisotropy**2
+        dielectric |= {"type": "roughdielectric", "distribution": "ggx", "alpha_u": along, "alpha_v": across}
+    # Light crosses a closed body twice; the tint of both crossings together is the base colour.
+    return dielectric | {"specular_transmittance": texture_words(mi, np.sqrt(base))}
+
+
+def _thin(mi: Any, base: np.ndarray, roughness: float, ior: float) -> dict[str, Any]:
+    if roughness <= SMOOTH:
+        return {
+            "type": "thindielectric", "int_ior": ior, "ext_ior": 1.0, "specular_transmittance": texture_words(mi, base),
+        }  # fmt: skip
+    return {
+        "type": "principledthin",
+        "base_color": texture_words(mi, base),
+        "roughness": roughness,
+        "spec_trans": 1.0,
+        "eta": ior,
+    }

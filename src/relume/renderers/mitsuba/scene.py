@@ -1,0 +1,244 @@
+"""Our scene in Mitsuba's words: the adapter for light, shapes and materials.
+
+Mitsuba's `envmap` is half a turn away from our lat-long and its rows align corners where ours have pixel centres;
+`envmap_pixels` converts so that Mitsuba's bilinear look-up equals ours. Mitsuba never opens a file: it gets arrays.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from relume.errors import UnsupportedScene
+from relume.light.reflection.convolution import as_latlong
+from relume.renderers.mitsuba.distant import distant_shape, require_inside
+from relume.renderers.mitsuba.materials import bsdf, emission, interior
+from relume.scene.cameras.camera import Camera
+from relume.scene.distant import Infinite
+from relume.scene.lights import AmbientLight, Light, PointLight, SphereLight, SquareLaw
+from relume.scene.materials.materials import Colour, Diffuse, Material, Ward
+from relume.scene.materials.media import Medium
+from relume.scene.materials.reflective import Reflective
+from relume.scene.materials.whitted import WhittedMaterial
+from relume.scene.scene import Scene
+from relume.scene.shapes.patches import Patches
+from relume.scene.shapes.shapes import AnyMaterial, Mesh, Plane, Polygon, Shape, Sphere
+from relume.scene.shapes.tessellation import tessellated, triangulated
+from relume.sphere.environment_map import EnvironmentMap
+
+FAR = 1e5
+"""Metres: nothing farther is drawn, and a lens whose focus is farther is in focus there."""
+
+
+def scene_dictionary(mi: Any, scene: Scene, camera: Camera, *, media: bool = False) -> dict[str, Any]:
+    """The whole scene, lit, as seen by the camera.
+
+    media : fill bodies with what their materials are filled with, for an integrator that goes through it
+    """
+    if (reason := why_not(scene)) is not None:
+        raise UnsupportedScene(reason)
+    dictionary = surfaces_dictionary(mi, scene, camera, media=media)
+    require_inside(scene.distant, scene.probe, scene.objects)
+    # Of a black map no direction is likelier than another, and it adds nothing to other lights.
+    if np.any(scene.light.radiance) or not scene.lights:
+        near = not isinstance(scene.distant, Infinite)
+        dictionary["light"] = distant_shape(mi, scene) if near else _envmap(mi, scene.light)
+    for index, light in enumerate(scene.lights):
+        dictionary[f"light_{index:04d}"] = _light(light)
+    return dictionary
+
+
+def surfaces_dictionary(mi: Any, scene: Scene, camera: Camera, *, media: bool = False) -> dict[str, Any]:
+    """Its surfaces without any light: for depth, normals and albedo, which the distant scene has none of."""
+    dictionary: dict[str, Any] = {"type": "scene", "sensor": sensor(mi, camera)}
+    for index, shape in enumerate((*scene.local, *scene.objects)):
+        material = shape.material
+        inside = interior(material) if media else None
+        dictionary[f"shape_{index:04d}"] = _shape(mi, shape, _bsdf(mi, material, media), emission(mi, material), inside)
+    return dictionary
+
+
+def fills(material: AnyMaterial) -> Medium | None:
+    """What fills a body of this material; None where it is empty."""
+    return material.medium if isinstance(material, Material) else None
+
+
+def _envmap(mi: Any, light: EnvironmentMap) -> dict[str, Any]:
+    return {"type": "envmap", "bitmap": mi.Bitmap(envmap_pixels(light)), "scale": 1.0}
+
+
+def why_not(scene: Scene) -> str | None:
+    """What Mitsuba cannot render of a scene, in one line with the remedy; None where it can render all."""
+    for light in scene.lights:
+        if isinstance(light, AmbientLight):
+            return (
+                "Mitsuba has no ambient light, which nothing shadows; use rl.Whitted (--renderer whitted), or an even "
+                "light map, as light.colour makes it"
+            )
+        if isinstance(light, PointLight) and not isinstance(light.falloff, SquareLaw):
+            return (
+                "Mitsuba's points of light fall with the square of the distance, and one of the scene's does not; "
+                "use rl.Whitted (--renderer whitted), or the square law"
+            )
+    for shape in (*scene.local, *scene.objects):
+        if isinstance(shape.material, WhittedMaterial):
+            return (
+                f"Mitsuba cannot shade the whitted material {shape.material.name!r}; "
+                "use rl.Whitted (--renderer whitted), or a diffuse or pbr material"
+            )
+        if isinstance(shape.material, Reflective):
+            return (
+                f"Mitsuba cannot shade the reflection maps of {shape.material.name or 'a Reflective surface'!r}; "
+                "use rl.Prefiltered (--renderer mapped), or a diffuse or pbr material"
+            )
+    return None
+
+
+def matte_dictionary(mi: Any, scene: Scene, camera: Camera) -> dict[str, Any]:
+    """The paper's mask image (§5.2) as albedo: objects white, real surfaces black; its mean is the coverage."""
+    dictionary: dict[str, Any] = {"type": "scene", "sensor": sensor(mi, camera)}
+    for index, shape in enumerate((*scene.local, *scene.objects)):
+        white = index >= len(scene.local)
+        paint = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": float(white)}}
+        dictionary[f"shape_{index:04d}"] = _shape(mi, shape, paint)
+    return dictionary
+
+
+def sensor(mi: Any, camera: Camera) -> dict[str, Any]:
+    """Mitsuba's camera looks along +Z with +X to its left: ours, turned half a turn about +Y.
+
+    Raises UnsupportedScene for a distorting lens, and for an aperture whose axis does not meet the picture's middle.
+    """
+    if camera.distortion is not None:
+        raise UnsupportedScene(
+            "Mitsuba's cameras have no lens distortion; use rl.Differential (relume insert), or "
+            "relume.scene.cameras.undistortion.straightened"
+        )
+    across, down = 0.5 - np.array(camera.principal_point) / [camera.width, camera.height]
+    if camera.aperture > 0 and max(abs(across), abs(down)) > 1e-9:
+        raise UnsupportedScene(
+            "Mitsuba's thin lens stands before the picture's middle, and this one's principal point is elsewhere; "
+            "use rl.Differential (relume insert), or an aperture of 0"
+        )
+    pose = np.eye(4)
+    pose[:3, :3] = camera.rotation @ np.diag([-1.0, 1.0, -1.0])
+    pose[:3, 3] = camera.position
+    lens: dict[str, Any] = {
+        "type": "perspective",
+        "principal_point_offset_x": float(across),
+        "principal_point_offset_y": float(down),
+    }
+    if camera.aperture > 0:
+        lens = {"type": "thinlens", "aperture_radius": camera.aperture, "focus_distance": float(min(camera.focus, FAR))}
+    return lens | {
+        "fov": float(np.degrees(2 * np.arctan(camera.width / 2 / camera.focal_length))),
+        "fov_axis": "x",
+        "near_clip": 1e-3,
+        "far_clip": FAR,
+        "to_world": mi.ScalarTransform4f(pose),
+        # The box filter keeps every sample in its pixel, so that sums do not depend on the order of threads.
+        "film": {
+            "type": "hdrfilm",
+            "width": camera.width,
+            "height": camera.height,
+            "rfilter": {"type": "box"},
+            "pixel_format": "rgb",
+            "component_format": "float32",
+        },
+        "sampler": {"type": "independent"},
+    }
+
+
+def envmap_pixels(light: EnvironmentMap) -> np.ndarray:
+    """Pixels of Mitsuba's envmap (2·size + 1, 2·size, 3) that look up the same light as `light.lookup`.
+
+    Twice the rows: the odd ones stand at our pixel centres, the even ones half-way, at the means of their
+    neighbours, where bilinear interpolation would be anyway; the first and last are the poles.
+    """
+    latlong = as_latlong(light)
+    pixels = latlong.radiance.astype(np.float32)
+    half = pixels.shape[1] // 2
+    over_top, over_bottom = np.roll(pixels[:1], half, axis=1), np.roll(pixels[-1:], half, axis=1)
+    tall = np.concatenate([over_top, pixels, over_bottom])
+    rows = np.empty((2 * len(pixels) + 1, *pixels.shape[1:]), np.float32)
+    rows[1::2] = pixels
+    rows[0::2] = 0.5 * (tall[:-1] + tall[1:])
+    # Mitsuba's left edge looks along −Z, which is our middle.
+    return np.ascontiguousarray(np.roll(rows, half, axis=1))
+
+
+def _light(light: Light) -> dict[str, Any]:
+    """A light that `why_not` has nothing against."""
+    assert not isinstance(light, AmbientLight)
+    if isinstance(light, PointLight):
+        return {"type": "point", "position": list(light.position), "intensity": _rgb(light.intensity)}
+    if isinstance(light, SphereLight):
+        # A shape, but of the light: the planes of surfaces do not show it, and other light passes it.
+        glow = {"type": "area", "radiance": _rgb(light.radiance)}
+        parts = {"emitter": glow, "bsdf": {"type": "null"}}
+        return {"type": "sphere", "center": list(light.position), "radius": light.radius} | parts
+    # Mitsuba's direction is the light's way; ours points towards where it comes from.
+    way = [-float(part) for part in light.towards]
+    return {"type": "directional", "direction": way, "irradiance": _rgb(light.irradiance)}
+
+
+def _rgb(colour: Colour | np.ndarray) -> dict[str, Any]:
+    return {"type": "rgb", "value": [float(channel) for channel in colour]}
+
+
+def _shape(
+    mi: Any,
+    shape: Shape,
+    bsdf: dict[str, Any],
+    emitter: dict[str, Any] | None = None,
+    interior: dict[str, Any] | None = None,
+) -> Any:
+    parts = {"bsdf": bsdf, "emitter": emitter, "interior": interior}
+    parts = {name: words for name, words in parts.items() if words is not None}
+    if isinstance(shape, Plane):
+        x, z = shape.extent
+        pose = np.eye(4)
+        # Mitsuba's rectangle spans ±1 in x and y and faces +Z; ours lies down and faces up.
+        pose[:3, :3] = np.array([[x / 2, 0, 0], [0, 0, 1], [0, -z / 2, 0]])
+        pose[1, 3] = shape.height
+        return {"type": "rectangle", "to_world": mi.ScalarTransform4f(pose)} | parts
+    if isinstance(shape, Sphere):
+        # Mitsuba's own sphere has its texture's poles on the z axis; ours stand up.
+        upright = np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]])
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = shape.radius * upright, shape.centre
+        return {"type": "sphere", "to_world": mi.ScalarTransform4f(pose)} | parts
+    if isinstance(shape, Patches):
+        return _mesh(mi, tessellated(shape), parts)
+    return _mesh(mi, triangulated(shape) if isinstance(shape, Polygon) else shape, parts)
+
+
+def _mesh(mi: Any, mesh: Mesh, parts: dict[str, Any]) -> Any:
+    properties = mi.Properties()
+    for name, words in parts.items():
+        properties[name] = mi.load_dict(words)
+    built = mi.Mesh(
+        mesh.name,
+        len(mesh.vertices),
+        len(mesh.faces),
+        props=properties,
+        has_vertex_normals=mesh.normals is not None,
+        has_vertex_texcoords=mesh.uv is not None,
+    )
+    parameters = mi.traverse(built)
+    parameters["vertex_positions"] = np.ravel(mesh.vertices).astype(np.float32)
+    parameters["faces"] = np.ravel(mesh.faces).astype(np.uint32)
+    if mesh.normals is not None:
+        parameters["vertex_normals"] = np.ravel(mesh.normals).astype(np.float32)
+    if mesh.uv is not None:
+        # Mitsuba's images begin with the upper row at v = 0; ours have the lower left corner at (0, 0).
+        parameters["vertex_texcoords"] = np.ravel(mesh.uv * [1, -1] + [0, 1]).astype(np.float32)
+    parameters.update()
+    return built
+
+
+def _bsdf(mi: Any, material: AnyMaterial, media: bool) -> Any:
+    """Of a material that `why_not` has nothing against."""
+    assert isinstance(material, Diffuse | Material | Ward)
+    return bsdf(mi, material, media=media)

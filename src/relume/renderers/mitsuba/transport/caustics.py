@@ -1,0 +1,85 @@
+"""Light followed from the lamps through smooth glass and mirrors to where the camera sees it (caustics), in Dr.Jit.
+
+A path from the camera finds a small lamp behind glass by chance only, and then blindingly. Here such light is followed
+forwards, as what is to the side of Whitted's rays had to wait for (Arvo 1986): from the brighter part of the scene's
+light to the objects that send it on in one direction, and from the first surface that scatters it straight to the
+camera. `World.dimmed` takes the same light from the paths that begin at the camera.
+Imported only where something is rendered: it imports Mitsuba.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from relume.renderers.mitsuba.transport.aim import Spheres
+from relume.renderers.mitsuba.transport.lens import Lens
+from relume.renderers.mitsuba.transport.paths import World
+from relume.renderers.mitsuba.transport.random_numbers import two
+
+SEEN = 4
+"""Surfaces of one ray of light that the camera may see it on; light that has scattered more often is faint."""
+
+
+@dr.syntax
+def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) -> list[tuple[Any, Any, Any]]:
+    """Of each ray of light, for each surface that scatters it: where it is seen, its flux, whether on an object.
+
+    spheres : that bound the objects which send light on in one direction
+    lens : the camera
+    The flux is 0 where nothing is seen.
+    """
+    context = mi.BSDFContext(mi.TransportMode.Importance)
+    ray, flux, active = world.light.emitted(spheres, rng, active)
+    first = world.objects.ray_intersect_preliminary(ray, active=active)
+    met = world.nearest(ray, active)
+    active &= first.is_valid() & (met.t == first.t)
+    inside, bounces = mi.UInt32(0), mi.UInt32(0)
+    seen_so_far = mi.UInt32(0)
+    sent_on = mi.Bool(False)
+    points = [mi.Point2f(-1) for _ in range(SEEN)]
+    colours = [mi.Color3f(0) for _ in range(SEEN)]
+    added = [mi.Bool(False) for _ in range(SEEN)]
+    while active:
+        si = met.compute_surface_interaction(ray, mi.RayFlags.All, active)
+        bsdf = si.bsdf(ray)
+        on_object = world.is_object(met.shape)
+        # What has been sent on is seen where it is scattered.
+        smooth = active & sent_on & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+        at, factor, back = lens.seen_at(si, two(rng), smooth)
+        seen = smooth & (factor > 0)
+        value = bsdf.eval(context, si, si.to_local(back.d), seen)
+        seen &= dr.max(value) > 0
+        seen &= ~world.hidden(back, seen)
+        for index in range(SEEN):
+            here = seen & (seen_so_far == index)
+            points[index] = dr.select(here, at, points[index])
+            colours[index] = dr.select(here, flux * value * factor, colours[index])
+            added[index] = dr.select(here, on_object, added[index])
+        seen_so_far += dr.select(smooth, 1, 0)
+        sample, weight = bsdf.sample(context, si, rng.next_float32(), two(rng), active)
+        onward = si.to_world(sample.wo)
+        delta = mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta)
+        # A smooth object is the first to send light on; up to what scatters it, any smooth surface may.
+        scattered = seen_so_far > 0
+        active &= (delta & (on_object | sent_on)) | scattered
+        sent_on |= active & delta & on_object
+        flux = dr.select(active, flux * weight, flux)
+        brightness = dr.max(weight)
+        active &= (dr.max(flux) > 0) & (bounces < world.depth) & (seen_so_far < SEEN)
+        survives = rng.next_float32() < dr.minimum(brightness, 0.95)
+        risky = active & scattered
+        flux = dr.select(risky, flux / dr.clip(brightness, 1e-6, 0.95), flux)
+        active &= ~risky | survives
+        bounces += 1
+        if world.media is not None:
+            through = active & (dr.dot(si.n, onward) * dr.dot(si.n, -ray.d) < 0)
+            inside = dr.select(through, dr.select(dr.dot(si.n, onward) < 0, world.media.number(si.shape), 0), inside)
+        ray = dr.select(active, si.spawn_ray(onward), ray)
+        met = dr.select(active, world.nearest(ray, active), met)
+        active &= met.is_valid()
+        if world.media is not None:
+            flux = dr.select(active, flux * world.media.passed(inside, met.t), flux)
+    return list(zip(points, colours, added, strict=True))

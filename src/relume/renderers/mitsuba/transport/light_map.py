@@ -1,0 +1,193 @@
+"""The probe's map over its distant scene in Dr.Jit: looked up, sampled, and sent out.
+
+Mitsuba's own environment map is at infinity. This one is anywhere: a direction is drawn at the probe, followed to the
+distant scene, and what stands there is seen from any place, so that near walls and windows light each place as they do
+(Debevec 1998, Fig. 5). Imported only where something is rendered: it imports Mitsuba.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from relume.light.reflection.convolution import as_latlong
+from relume.renderers.mitsuba.transport.aim import Sample, Spheres, aimed, parallel
+from relume.scene.distant import Box, Dome, Enclosure, Infinite
+from relume.scene.scene import Scene
+from relume.sphere.mappings.mapping import LatLong
+
+UNIFORM_SHARE = 0.02
+"""Of the samples of the map, drawn evenly over all directions: what is next to black pixels is not forgotten."""
+FAR = 1e7
+"""Metres: how far away what is at infinity is taken to be."""
+
+
+class LightMap:
+    """The probe's map over its distant scene."""
+
+    def __init__(self, scene: Scene) -> None:
+        light = as_latlong(scene.light)
+        pixels = light.radiance.astype(np.float32)
+        rows, columns = pixels.shape[:2]
+        half = columns // 2
+        # A row more at each pole is the other side's, as in `EnvironmentMap.lookup`.
+        tall = np.concatenate([np.roll(pixels[:1], half, 1), pixels, np.roll(pixels[-1:], half, 1)])
+        self.rows, self.columns = rows, columns
+        colours = mi.TensorXf(np.ascontiguousarray(tall))
+        self.texture = mi.Texture2f(  # pyright: ignore[reportCallIssue]
+            colours, wrap_mode=dr.WrapMode.Repeat, use_accel=False
+        )
+        flux = _between(tall).mean(-1) * LatLong().solid_angles(rows)
+        self.tall, self.flux = tall, flux.sum()
+        chance = flux / max(flux.sum(), 1e-300)
+        self.chances = mi.DiscreteDistribution2D(chance.astype(np.float32))
+        density = chance / LatLong().solid_angles(rows)
+        self.density = mi.Float(np.ascontiguousarray(density, np.float32).ravel())
+        self.distant = scene.distant
+        self.probe = mi.Point3f(*map(float, scene.probe))
+        self.enclosure = _enclosure(scene.distant) if isinstance(scene.distant, Enclosure) else None
+
+    def prepare_emission(self, bright: float) -> float:
+        """The share of the map's flux that is brighter than `bright`, whose pixels are then drawn by `emit`."""
+        scale = np.maximum(1 - bright / np.maximum(self.tall.mean(-1), 1e-30), 0)
+        flux = _between(self.tall * scale[..., None]).mean(-1) * LatLong().solid_angles(self.rows)
+        if not flux.any():
+            return 0.0
+        self.bright, self.emissions = bright, mi.DiscreteDistribution2D((flux / flux.sum()).astype(np.float32))
+        self.emission = mi.Float(
+            np.ascontiguousarray(flux / flux.sum() / LatLong().solid_angles(self.rows), np.float32).ravel()
+        )
+        return float(flux.sum() / max(float(self.flux), 1e-300))
+
+    def emit(self, spheres: Spheres, which: Any, point: Any, aim: Any, active: Any) -> tuple[Any, Any, Any]:
+        """A ray from the bright part of the distant scene."""
+        pixel, _, within = self.emissions.sample(point, active)
+        top, bottom = dr.cos(pixel.y * (np.pi / self.rows)), dr.cos((pixel.y + 1) * (np.pi / self.rows))
+        up = dr.lerp(top, bottom, within.y)
+        sine, cosine = dr.sincos((pixel.x + within.x) / self.columns * (2 * np.pi) - np.pi)
+        flat = dr.safe_sqrt(1 - up**2)
+        outward = mi.Vector3f(flat * sine, up, -flat * cosine)
+        radiance = self.lookup(outward, active)
+        radiance *= dr.maximum(1 - self.bright / dr.maximum(dr.mean(radiance), 1e-30), 0)
+        density = dr.gather(
+            mi.Float, self.emission, mi.UInt32(mi.Int32(pixel.y) * self.columns + mi.Int32(pixel.x)), active
+        )
+        if isinstance(self.distant, Infinite):
+            return parallel(spheres, which, aim, outward, radiance / density)
+        reach, normal = self.reach(self.probe, outward, active)
+        place = self.probe + reach * outward
+        direction, chance = aimed(spheres, which, aim, place)
+        density *= dr.abs(dr.dot(normal, outward)) / dr.square(reach)
+        flux = radiance * dr.abs(dr.dot(normal, direction)) / (density * chance)
+        valid = chance > 0
+        if self.enclosure is not None:
+            # What a wall of the distant scene hides from an object does not light it.
+            begin = place + 1e-3 * reach * direction
+            first, _ = self.reach(begin, direction, active)
+            nearest = mi.Float(dr.inf)
+            for centre, radius in spheres:
+                nearest = dr.minimum(nearest, dr.maximum(dr.norm(centre - begin) - radius, 0))
+            valid &= first > nearest
+        return mi.Ray3f(place, direction), dr.select(valid, flux, 0), valid
+
+    def lookup(self, direction: Any, active: Any) -> Any:
+        u = dr.atan2(direction.x, -direction.z) * dr.inv_two_pi + 0.5
+        v = dr.acos(dr.clip(direction.y, -1, 1)) * dr.inv_pi
+        found = self.texture.eval(mi.Point2f(u, (v * self.rows + 1) / (self.rows + 2)), active)
+        return mi.Color3f(*found)
+
+    def chance(self, direction: Any, active: Any) -> Any:
+        """Density per steradian at the probe."""
+        u = dr.atan2(direction.x, -direction.z) * dr.inv_two_pi + 0.5
+        v = dr.acos(dr.clip(direction.y, -1, 1)) * dr.inv_pi
+        column = dr.clip(mi.Int32(u * self.columns), 0, self.columns - 1)
+        row = dr.clip(mi.Int32(v * self.rows), 0, self.rows - 1)
+        found = dr.gather(mi.Float, self.density, mi.UInt32(row * self.columns + column), active)
+        return (1 - UNIFORM_SHARE) * found + UNIFORM_SHARE / (4 * np.pi)
+
+    def sample(self, place: Any, point: Any, active: Any) -> Sample:
+        evenly = point.x < UNIFORM_SHARE
+        x = dr.select(evenly, point.x / UNIFORM_SHARE, (point.x - UNIFORM_SHARE) / (1 - UNIFORM_SHARE))
+        pixel, _, within = self.chances.sample(mi.Point2f(dr.minimum(x, 0.9999999), point.y), active)
+        # Even in solid angle within the pixel: in its azimuth and in the cosine over its row.
+        top, bottom = dr.cos(pixel.y * (np.pi / self.rows)), dr.cos((pixel.y + 1) * (np.pi / self.rows))
+        up = dr.select(evenly, 1 - 2 * point.y, dr.lerp(top, bottom, within.y))
+        turn = dr.select(evenly, x, (pixel.x + within.x) / self.columns) * (2 * np.pi) - np.pi
+        sine, cosine = dr.sincos(turn)
+        flat = dr.safe_sqrt(1 - up**2)
+        ray = mi.Vector3f(flat * sine, up, -flat * cosine)
+        radiance = self.lookup(ray, active)
+        density = self.chance(ray, active)
+        if isinstance(self.distant, Infinite):
+            return Sample(ray, mi.Float(FAR), radiance / density, density, mi.Bool(True))
+        reach, normal = self.reach(self.probe, ray, active)
+        way = self.probe + reach * ray - place
+        distance = dr.norm(way)
+        direction = way / distance
+        facing = dr.abs(dr.dot(normal, direction))
+        density = density * dr.abs(dr.dot(normal, ray)) / dr.square(reach) * dr.square(distance) / facing
+        valid = facing > 1e-6  # pyright: ignore[reportOperatorIssue]
+        if self.enclosure is not None:
+            # What a wall of the distant scene hides from this place is not seen from it.
+            first, _ = self.reach(place, direction, active)
+            valid &= first > distance * (1 - 1e-3)
+        return Sample(direction, distance, dr.select(valid, radiance / density, 0), density, valid)
+
+    def seen(self, place: Any, direction: Any, active: Any) -> tuple[Any, Any]:
+        """Radiance along a ray, and the density with which `sample` would have drawn it."""
+        if isinstance(self.distant, Infinite):
+            return self.lookup(direction, active), self.chance(direction, active)
+        distance, normal = self.reach(place, direction, active)
+        way = place + distance * direction - self.probe
+        reach = dr.norm(way)
+        ray = way / reach
+        density = self.chance(ray, active) * dr.abs(dr.dot(normal, ray)) / dr.square(reach)
+        density *= dr.square(distance) / dr.maximum(dr.abs(dr.dot(normal, direction)), 1e-6)
+        if self.enclosure is not None:
+            first, _ = self.reach(self.probe, ray, active)
+            density = dr.select(first > reach * (1 - 1e-3), density, 0)
+        return self.lookup(ray, active), density
+
+    def reach(self, place: Any, direction: Any, active: Any) -> tuple[Any, Any]:
+        """How far the distant scene is along a ray, and its normal there."""
+        if isinstance(self.distant, Box):
+            low, high = mi.Point3f(*map(float, self.distant.low)), mi.Point3f(*map(float, self.distant.high))
+            wall = dr.select(direction > 0, high, low)
+            ways = dr.select(dr.abs(direction) > 1e-9, (wall - place) / direction, FAR)
+            distance = dr.min(ways)
+            normal = mi.Vector3f(dr.select(ways.x == distance, 1, 0), 0, 0)
+            normal.y = dr.select((ways.y == distance) & (normal.x == 0), 1, 0)
+            normal.z = dr.select(normal.x + normal.y == 0, 1, 0)
+            return dr.maximum(distance, 1e-6), normal
+        if isinstance(self.distant, Dome):
+            away = place - mi.Point3f(*map(float, self.distant.centre))
+            along = dr.dot(away, direction)
+            distance = -along + dr.safe_sqrt(along**2 - dr.squared_norm(away) + self.distant.radius**2)
+            distance = dr.maximum(distance, 1e-6)
+            return distance, (away + distance * direction) / self.distant.radius
+        assert self.enclosure is not None
+        ray = mi.Ray3f(place, direction)
+        met = self.enclosure.ray_intersect_preliminary(ray, active=active)
+        surface = met.compute_surface_interaction(ray, mi.RayFlags.Minimal, active)
+        hit = met.is_valid() & active
+        # Through a hole the light is as from far away.
+        return dr.select(hit, dr.maximum(met.t, 1e-6), FAR), dr.select(hit, surface.n, direction)
+
+
+def _between(tall: np.ndarray) -> np.ndarray:
+    """The mean of the bilinear look-up over each pixel: it takes an eighth of each neighbour's side."""
+    wide = np.concatenate([tall[:, -1:], tall, tall[:, :1]], axis=1).astype(np.float64)
+    down = 0.125 * wide[:-2] + 0.75 * wide[1:-1] + 0.125 * wide[2:]
+    return 0.125 * down[:, :-2] + 0.75 * down[:, 1:-1] + 0.125 * down[:, 2:]
+
+
+def _enclosure(distant: Enclosure) -> Any:
+    mesh = mi.Mesh("distant", len(distant.vertices), len(distant.faces))
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = np.ravel(distant.vertices).astype(np.float32)
+    parameters["faces"] = np.ravel(distant.faces).astype(np.uint32)
+    parameters.update()
+    return mi.load_dict({"type": "scene", "mesh": mesh})

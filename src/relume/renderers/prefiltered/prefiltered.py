@@ -1,0 +1,301 @@
+"""The renderer `Prefiltered`: shading by look-up in reflection maps (Miller & Hoffman 1984, §3).
+
+What it cannot show, as the paper says: objects do not see themselves or each other, neither in mirrors nor as shadow,
+and all of a scene's light comes from infinity.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from relume._kernel import in_threads
+from relume.errors import UnsupportedScene
+from relume.light.reflection.brdf import Reflectance
+from relume.light.reflection.convolution import as_latlong
+from relume.light.reflection.glossy import AZIMUTHS, GlossyMap, glossy_map
+from relume.light.reflection.reflection_map import reflection_map
+from relume.renderers.prefiltered.filter_kernels import add_seen
+from relume.renderers.prefiltered.filters import Filter, Plain, Preintegrated, background
+from relume.renderers.prefiltered.footprints import Spans
+from relume.renderers.prefiltered.glossy_kernel import lookup_glossy
+from relume.renderers.prefiltered.materials import ShadedLayer, layers_of
+from relume.renderers.prefiltered.shading_samples import GBuffer, Samples
+from relume.renderers.prefiltered.shading_terms import Term, is_even, term
+from relume.renderers.raytrace.visibility import Seen, Stage
+from relume.renderers.renderer import Progress, Render
+from relume.scene.cameras.camera import Camera
+from relume.scene.distant import Infinite
+from relume.scene.materials.materials import Diffuse, Material, Ward
+from relume.scene.materials.reflective import Reflective
+from relume.scene.materials.whitted import WhittedMaterial
+from relume.scene.scene import Scene
+from relume.scene.shapes.patches import Patches
+from relume.scene.shapes.shapes import Polygon, Solid, Sphere
+from relume.sphere.bilinear_kernels import padded
+from relume.sphere.environment_map import EnvironmentMap
+
+LOOK_UPS = 8
+"""Look-ups in a glossy map along each side of a pixel, at most, where the normal turns within it."""
+
+
+@dataclass(frozen=True)
+class Prefiltered:
+    """Reflection maps: a few look-ups a pixel, however much the surroundings hold.
+
+    filter : how pixels read the maps (`prefiltered.filters`); pre-integrated sums keep small lights whole
+    background : show the light behind the objects, as the other renderers do; False leaves all black but the objects,
+        for matting over a plate
+    threads : all cores unless given; the pixels do not depend on it
+    """
+
+    filter: Filter = Preintegrated()
+    background: bool = True
+    threads: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.threads is not None and self.threads < 1:
+            raise ValueError(f"threads is {self.threads}; expected at least 1, or none for all cores")
+
+    def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
+        """Make the tables and render one picture; there is no noise, and `seed` changes nothing."""
+        return self.prepared(scene).render(camera, progress=progress)
+
+    def prepared(self, scene: Scene) -> Prepared:
+        """Everything that does not depend on the camera, for many pictures of one scene (§3, lines 1 to 3)."""
+        shapes = (*scene.local, *scene.objects)
+        materials = _mappable(scene)
+        if len(shapes) > 1 or not all(_is_convex(shape) for shape in scene.objects):
+            names = ", ".join(shape.name for shape in scene.objects[:4]) + ("…" if len(scene.objects) > 4 else "")
+            warnings.warn(
+                f"reflection maps show no shadows and no reflections of objects in themselves or each other ({names}); "
+                "light transport and ray tracing do (--renderer mitsuba, --renderer whitted)",
+                stacklevel=2,
+            )
+        shading = Shading.of(materials, scene.light, self.filter, self.threads)
+        return Prepared(self, scene, Stage.of(shapes), shading)
+
+
+@dataclass(frozen=True, eq=False)
+class Shading:
+    """The tables of several materials under one light.
+
+    layers : for each material its layers, each with its table as the filter reads it
+    first : (materials,) the index of the first material that is the same one
+    """
+
+    layers: tuple[tuple[tuple[ShadedLayer, Any], ...], ...]
+    first: np.ndarray
+    filter: Filter
+    threads: int | None = None
+
+    @staticmethod
+    def of(
+        materials: Sequence[Material | Diffuse | Reflective],
+        light: EnvironmentMap,
+        filter: Filter = Plain(),
+        threads: int | None = None,
+        *,
+        azimuths: int = AZIMUTHS,
+    ) -> Shading:
+        """Make the tables; materials with the same lobe share one.
+
+        azimuths : of three-dimensional maps (`glossy_map`); more where a bare sun stands low behind the object
+        """
+        tables: dict[object, Any] = {}
+
+        def table(layer: ShadedLayer) -> Any:
+            lobe = layer.layer.lobe
+            if lobe not in tables:
+                if isinstance(lobe, Reflectance):
+                    tables[lobe] = glossy_map(light, lobe, azimuths=azimuths)
+                else:
+                    tables[lobe] = filter.prepared(reflection_map(light, lobe).table)
+            return tables[lobe]
+
+        layers = tuple(tuple((layer, table(layer)) for layer in layers_of(material)) for material in materials)
+        # Objects of one material are shaded together.
+        first = np.array([[other is material for other in materials].index(True) for material in materials], np.int32)
+        return Shading(layers, first, filter, threads)
+
+    def shade(self, pixels: GBuffer) -> np.ndarray:
+        """Line 9 for every pixel of a G-buffer: radiance (H, W, 3) float32, 0 where it holds no surface.
+
+        Raises ValueError where a pixel names a material that is not there.
+        """
+        if pixels.surface.size and pixels.surface.max() >= len(self.layers):
+            raise ValueError(
+                f"the G-buffer names material {pixels.surface.max()} of {len(self.layers)}; they are numbered from 0"
+            )
+        named = np.unique(pixels.surface[pixels.surface >= 0])
+        if pixels.uv is None and any(layer.has_image for index in named for layer, _ in self.layers[index]):
+            raise ValueError(
+                "a material has an image, but the G-buffer has no uv; give its texture coordinates (H, W, 2)"
+            )
+        uv = np.zeros((pixels.surface.size, 2)) if pixels.uv is None else pixels.uv.reshape(-1, 2)
+        return self.light(pixels.samples(), uv).reshape(*pixels.surface.shape, 3)
+
+    def light(self, samples: Samples, uv: np.ndarray) -> np.ndarray:
+        """Radiance (P, 3) float32 of samples with texture coordinates (P, 2)."""
+        light = np.empty((len(samples.normal), 4), np.float32)
+        in_threads(lambda begin, end: light[begin:end].fill(0), len(light), self.threads)
+        spans = Spans(samples, self.threads)
+        material = samples.surface
+        if np.any(self.first != np.arange(len(self.first))):
+            # Of samples that see nothing, −1, the last entry tells that they belong to no material.
+            material = np.append(self.first, np.int32(-1))[samples.surface]
+        for index, layers in enumerate(self.layers):
+            chosen = np.flatnonzero(material == index).astype(np.int32)
+            if not chosen.size:
+                continue
+            for layer, table in layers:
+                part, lit = self._part(layer, uv, chosen, len(light))
+                if isinstance(table, GlossyMap):
+                    self._add_glossy(light, lit, samples, part, table)
+                else:
+                    self.filter.add(light, lit, spans, part, table)
+        return light[:, :3]
+
+    def _part(self, layer: ShadedLayer, uv: np.ndarray, chosen: np.ndarray, count: int) -> tuple[Term, np.ndarray]:
+        """A layer's term, and which of the chosen samples it gives light to."""
+        colour, rim = layer.colour(uv, chosen), layer.rim(uv, chosen)
+        part = term(layer.layer, *(_scattered(each, chosen, count) for each in (colour, rim)))
+        return part, chosen if is_even(part) else chosen[np.any(colour + rim, axis=1)]
+
+    def _add_glossy(self, light: np.ndarray, chosen: np.ndarray, samples: Samples, part: Any, table: GlossyMap) -> None:
+        most = 1 if isinstance(self.filter, Plain) else LOOK_UPS
+        tilts, tables = table.tilts.astype(np.float32), table.padded
+
+        def work(begin: int, end: int) -> None:
+            here = chosen[begin:end]
+            seen = np.zeros((len(here), 4), np.float32)
+            lookup_glossy(seen, here, samples, tables, tilts, most)
+            add_seen(light, here, seen, samples, part)
+
+        in_threads(work, len(chosen), self.threads, chunk=4096)
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A scene with its tables and its tree of bounding boxes: pictures from here on cost their pixels only."""
+
+    renderer: Prefiltered
+    scene: Scene
+    stage: Stage
+    shading: Shading
+
+    @cached_property
+    def background(self) -> np.ndarray:
+        """The light as kernels look it up."""
+        return padded(as_latlong(self.scene.light).radiance)
+
+    def render(
+        self,
+        camera: Camera,
+        *,
+        turn: np.ndarray | None = None,
+        about: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        progress: Progress | None = None,
+    ) -> Render:
+        """One picture (§3, lines 5 to 9).
+
+        turn : (3, 3) rotation of everything but the light and the camera; none unless given
+        about : the point that it leaves where it is, metres
+        """
+        seen = self.stage.seen(camera, np.eye(3) if turn is None else turn, np.asarray(about), self.renderer.threads)
+        light = self.shading.light(seen.samples, seen.uv)
+        if self.renderer.background:
+            missed = np.flatnonzero(seen.samples.surface < 0)
+            light[missed] = background(self.background, seen.rays[missed], self.renderer.threads)
+        else:
+            # What is not an object is the plate's: it would be there twice.
+            light[seen.samples.surface < len(self.scene.local)] = 0
+        if progress:
+            progress(1.0)
+        return self._render(seen, light, camera)
+
+    def _render(self, seen: Seen, light: np.ndarray, camera: Camera) -> Render:
+        hit = (seen.samples.surface >= 0) * seen.share
+        objects = (seen.samples.surface >= len(self.scene.local)) * seen.share
+        covered = _gathered(hit, seen, camera)
+        distance = _gathered(np.where(hit > 0, seen.distance, 0) * hit, seen, camera)
+        albedo = np.zeros_like(light)
+        for index, layers in enumerate(self.shading.layers):
+            here = np.flatnonzero(seen.samples.surface == index)
+            for layer, _ in layers if here.size else ():
+                albedo[here] += layer.colour(seen.uv, here) * np.reshape(layer.layer.weight(np.ones(1)), (1, -1))
+        radiance = _gathered(light * seen.share[:, None], seen, camera)
+        return Render(
+            radiance,
+            np.zeros_like(radiance),
+            np.minimum(_gathered(objects, seen, camera), 1),
+            (distance / np.maximum(covered, 1e-12)).astype(np.float32),
+            _gathered(seen.samples.normal * hit[:, None], seen, camera),
+            _gathered(albedo * hit[:, None], seen, camera),
+        )
+
+
+def _mappable(scene: Scene) -> list[Material | Diffuse | Reflective]:
+    """The materials of all shapes; raises UnsupportedScene for what no reflection map holds."""
+    if scene.lights:
+        raise UnsupportedScene(
+            "reflection maps hold light from infinity alone, and this scene has lights of its own; "
+            "use rl.Whitted (--renderer whitted)"
+        )
+    if not isinstance(scene.distant, Infinite):
+        raise UnsupportedScene(
+            "reflection maps hold light from infinity alone, and this scene's is on walls; use rl.Mitsuba "
+            "(--renderer mitsuba), or an Infinite distant scene"
+        )
+    materials = []
+    for shape in (*scene.local, *scene.objects):
+        if isinstance(shape.material, WhittedMaterial):
+            raise UnsupportedScene(
+                f"reflection maps cannot shade the whitted material {shape.material.name!r}; "
+                "use rl.Whitted (--renderer whitted), or a glossy or mirror material"
+            )
+        if isinstance(shape.material, Ward):
+            raise UnsupportedScene(
+                f"reflection maps cannot shade the Ward surface {shape.material.name!r}; "
+                "use rl.Mitsuba (--renderer mitsuba), or a glossy material with the lobe ward"
+            )
+        materials.append(shape.material)
+    return materials
+
+
+def _is_convex(shape: Solid) -> bool:
+    """Whether a solid fills its convex hull, or is flat; of patches nobody knows."""
+    if isinstance(shape, Sphere | Polygon):
+        return True
+    if isinstance(shape, Patches):
+        return False
+    a, b, c = np.moveaxis(np.asarray(shape.vertices, np.float64)[shape.faces], 1, 0)
+    try:
+        hull = ConvexHull(np.unique(shape.vertices, axis=0)).volume
+    except QhullError:
+        return True
+    return bool(abs(np.einsum("ij,ij->", a, np.cross(b, c)) / 6) > 0.999 * hull)
+
+
+def _gathered(values: np.ndarray, seen: Seen, camera: Camera) -> np.ndarray:
+    """Sums of samples' values over their pixels, (H, W) or (H, W, 3) float32."""
+    shape, count = (camera.height, camera.width), camera.height * camera.width
+    if values.ndim == 1:
+        return np.bincount(seen.pixel, values, count).reshape(shape).astype(np.float32)
+    planes = [np.bincount(seen.pixel, plane, count) for plane in values.T]
+    return np.stack(planes, axis=-1).reshape(*shape, 3).astype(np.float32)
+
+
+def _scattered(colours: np.ndarray, chosen: np.ndarray, count: int) -> np.ndarray:
+    """Colours of the chosen samples in their places among all; a single one stays single."""
+    if len(colours) == 1:
+        return colours
+    everywhere = np.zeros((count, 3), np.float32)
+    everywhere[chosen] = colours
+    return everywhere

@@ -1,0 +1,167 @@
+"""The loop over a render's passes: sums in a fixed order, a stop at the noise asked for, and a state kept on disk.
+
+A pass is a few samples of every pixel with a seed of its own. Whatever interrupts the loop, the sums are those of the
+passes 0, 1, 2 … in this order, so that a render that was resumed has the bits of one that never stopped.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Lock
+
+import numpy as np
+
+from relume.errors import Interrupted
+from relume.renderers.progressive.accumulators import Sums
+from relume.renderers.progressive.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint, write_checkpoint
+from relume.renderers.progressive.convergence import Target
+from relume.renderers.progressive.graceful_shutdown import Asked, Force, interruptible
+from relume.renderers.renderer import Progress
+
+Planes = Mapping[str, np.ndarray]
+Preview = Callable[[Sums], None]
+"""Told what there is after 1, 2, 4, 8 … passes."""
+SHARE = 0.02
+"""Share of the time that may go into writing states: the same two hundredths as of work that a crash may cost."""
+
+
+@dataclass(frozen=True)
+class Watch:
+    """What goes on around a long render; none of it changes a pixel.
+
+    checkpoint : the file that its state is kept in, so that it can be resumed; None keeps nothing
+    restart : begin anew whatever is kept there
+    seconds : how often the state is written, at least; more seldom where writing takes more than 2 % of the time. 30
+        loses half of the minute that a crash may cost
+    preview : shows what there is after 1, 2, 4, 8 … passes
+    force : how the process is ended in the middle of a pass that takes too long after Ctrl-C; None for all but programs
+        that own their process
+    """
+
+    checkpoint: Path | None = None
+    restart: bool = False
+    seconds: float = 30.0
+    preview: Preview | None = None
+    force: Force | None = None
+
+
+ALONE = Watch()
+"""Nothing is kept, shown or forced."""
+
+
+def pass_seed(seed: int, index: int) -> int:
+    """One seed a pass, a hash of both, far from those of neighbouring seeds; 0 to 2³² − 1."""
+    return int(np.random.SeedSequence([seed, index]).generate_state(1)[0])
+
+
+def accumulate(
+    trace: Callable[[int], Planes],
+    *,
+    passes: int,
+    seed: int = 0,
+    scattered: Collection[str] | None = None,
+    target: Target | None = None,
+    key: Mapping[str, str] | None = None,
+    watch: Watch = ALONE,
+    progress: Progress | None = None,
+) -> Sums:
+    """Trace passes and add them up.
+
+    trace : planes of one pass by name, from its seed; each (H, W) or (H, W, C), the same names and shapes every time
+    passes : at most
+    seed : of the render; pass i has `pass_seed(seed, i)`
+    scattered : planes whose squares are added too, for `Sums.variance`; all of them unless given
+    target : stops earlier, once the estimated error is small enough
+    key : what the pixels depend on, for the state kept on disk: a name and a hash or a short word each
+    watch : what goes on around it
+    progress : told the share of `passes` that is done
+
+    Raises Interrupted after the first Ctrl-C or SIGTERM, once the pass under way is done and the state kept;
+    CannotResume where the state kept is another render's; OutputNotWritten; what `trace` or `progress` raise, after
+    the state was kept.
+    """
+    if passes < 1:
+        raise ValueError(f"{passes} passes; expected 1 or more")
+    loop = _Loop(key or {}, watch)
+    sums, met = loop.begun()
+    tell = progress or (lambda share: None)
+    due = 1 << sums.passes.bit_length()
+    with interruptible(force=watch.force, save=loop.save) as asked:
+        try:
+            while sums.passes < passes and not (target is not None and met >= target.confirmations):
+                _leave_if(asked, loop, sums, passes)
+                sums = sums.plus(trace(pass_seed(seed, sums.passes)), scattered)
+                if target is not None and target.due(sums.passes):
+                    met = met + 1 if target.reached(sums) else 0
+                loop.done(sums, met)
+                tell(sums.passes / passes)
+                if watch.preview is not None and sums.passes >= due:
+                    due = 2 * sums.passes
+                    watch.preview(sums)
+        except (Interrupted, KeyboardInterrupt):  # kept already, or a second signal that allows no more time
+            raise
+        except BaseException:
+            loop.save()
+            raise
+        _leave_if(asked, loop, sums, passes)
+        # Kept until the caller has put the result away: see `forget`.
+        loop.save()
+    tell(1.0)
+    return sums
+
+
+def forget(watch: Watch) -> None:
+    """Remove the state of a render whose result is safe elsewhere."""
+    if watch.checkpoint is not None:
+        remove_checkpoint(watch.checkpoint)
+
+
+def _leave_if(asked: Asked, loop: _Loop, sums: Sums, passes: int) -> None:
+    if asked.signal is not None:
+        loop.save()
+        raise Interrupted(sums.passes, passes, asked.signal, loop.watch.checkpoint)
+
+
+class _Loop:
+    """The state that is kept: the sums of the passes that are done, never half a pass."""
+
+    def __init__(self, key: Mapping[str, str], watch: Watch) -> None:
+        self.key, self.watch = key, watch
+        self.current: tuple[Sums, int] = Sums(), 0
+        self.saved = 0
+        self.lock = Lock()
+        self.next = time.monotonic() + watch.seconds
+
+    def begun(self) -> tuple[Sums, int]:
+        """The sums to go on from, and how often in a row the target was met."""
+        path = self.watch.checkpoint
+        if path is None:
+            return self.current
+        kept = None if self.watch.restart else read_checkpoint(path, self.key)
+        if kept is None:
+            remove_checkpoint(path)
+            return self.current
+        self.current = Sums.from_planes(kept.planes, kept.passes), kept.state["met"]
+        self.saved = kept.passes
+        return self.current
+
+    def done(self, sums: Sums, met: int) -> None:
+        self.current = sums, met
+        if self.watch.checkpoint is not None and time.monotonic() >= self.next:
+            before = time.monotonic()
+            self.save()
+            after = time.monotonic()
+            self.next = after + max(self.watch.seconds, (after - before) / SHARE)
+
+    def save(self) -> None:
+        """Write the state, unless it is written already; two threads may ask for it."""
+        path = self.watch.checkpoint
+        with self.lock:
+            sums, met = self.current
+            if path is None or sums.passes == self.saved:
+                return
+            write_checkpoint(path, Checkpoint(self.key, sums.planes(), sums.passes, {"met": met}))
+            self.saved = sums.passes

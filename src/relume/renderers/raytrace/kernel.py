@@ -1,0 +1,213 @@
+"""One ray against a tree of shapes: the loop below `RayCaster`, and below every kernel that follows rays on its own.
+
+Triangles are tested so that rays find no crack between two that share an edge or a vertex (Woop, Benthin & Wald 2013,
+"Watertight ray/triangle intersection"), in double precision.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from relume._kernel import exact_inlined, exact_kernel, exact_small
+from relume.renderers.raytrace.patch_kernel import LEVELS, PIECE, meet_leaf
+from relume.renderers.raytrace.polygon_kernel import meet_polygon
+
+# A distance to a box's side is off by three roundings of 2⁻⁵³ and two such are compared: a box is left this much later.
+_LATER = 1 + 8 * 2.0**-53
+
+SPHERE, POLYGON, LEAF = 0, 1, 2
+"""Kinds of primitives that are no triangles."""
+
+TIE = 1e-6
+"""Hits on two shapes whose distances differ by less than this share are one place, and belong to the first shape: so
+surfaces that coincide show no speckle. It is what single precision leaves of a vertex."""
+
+
+class Geometry(NamedTuple):
+    """What a ray meets, as kernels take it: the tree's nodes, its primitives in the leaves' order, and planes.
+
+    boxes, children, root, depth : of the tree (`Tree`)
+    corners : (P, 9) float32, the triangles' vertices, metres
+    form : (P,) int32, −1 for a triangle; or else its kind, and where its measures begin, a multiple of 4
+    shape : (P + Q,) int32, each primitive's shape; planes are last
+    measures : (M,) float64, of a sphere its centre and radius, metres; of others what their kernels take
+    planes : (Q, 3) float64, height and half the lengths along x and z, metres
+    """
+
+    boxes: np.ndarray
+    children: np.ndarray
+    root: int
+    depth: int
+    corners: np.ndarray
+    form: np.ndarray
+    shape: np.ndarray
+    measures: np.ndarray
+    planes: np.ndarray
+
+
+@exact_kernel
+def scratch(geometry):
+    """What `meet` notes while it works: what is yet to be visited, where the ray enters it, and pieces of a patch that
+    are yet to be looked at. One for each thread."""
+    return np.empty(geometry.depth + 1, np.int64), np.empty(geometry.depth + 1), np.empty(LEVELS * PIECE)
+
+
+@exact_inlined
+def meet(
+    boxes, children, root, corners, form, shape, measures, planes,
+    origin, direction, beyond, limit, footprint, any_will_do, waiting, entry, pieces,
+):  # fmt: skip
+    """The nearest hit, or any, of one ray between two distances: its distance, the primitive's place in the leaves
+    (planes come after them; −1 for none), and the second and third weight of a triangle's vertices or a patch's u, v.
+
+    Compiled into the caller, and given what `Geometry` and `scratch` hold one by one, `borrowed` before the loop over
+    rays: references to the arrays would be counted for every ray otherwise, which takes half as long again. The caller
+    has to be an exact kernel.
+
+    origin, direction : triples, metres; the direction of any length, which then is the distances' unit
+    footprint : radians, the width of the cone that the ray stands for
+    """
+    # Beyond `reach` there is nothing to be found: a little after the best hit, for the sake of shapes that coincide.
+    best, reach = limit, limit
+    nearest, second, third = -1, 0.0, 0.0
+    for k in range(len(planes)):
+        # Parallel rays are at ±∞ or NaN, and neither is in between.
+        t = (planes[k, 0] - origin[1]) / direction[1]
+        if beyond < t < reach and _before(t, best, shape, len(form) + k, nearest):
+            x, z = origin[0] + t * direction[0], origin[2] + t * direction[2]
+            if abs(x) <= planes[k, 1] and abs(z) <= planes[k, 2]:
+                best, reach, nearest = t, t * (1 + TIE), len(form) + k
+
+    # A direction of 0 makes a distance ±∞, or NaN in the very plane of a side, which `_cross_box` leaves out.
+    dx, dy, dz = direction
+    inverse = (1 / dx, 1 / dy, 1 / dz, _LATER / dx, _LATER / dy, _LATER / dz)
+    near = (0 if inverse[0] > 0 else 1, 2 if inverse[1] > 0 else 3, 4 if inverse[2] > 0 else 5)
+    axes, eye, shear = _shear_along(origin, direction)
+    reference, top = root, 0
+    while not (any_will_do and nearest >= 0):
+        if reference >= 0:
+            enter, leave = _cross_box(boxes, reference, 0, near, origin, inverse, beyond, reach)
+            other_enter, other_leave = _cross_box(boxes, reference, 6, near, origin, inverse, beyond, reach)
+            one, other = children[reference, 0], children[reference, 1]
+            if enter <= leave:
+                reference = one
+                if other_enter <= other_leave:
+                    if other_enter < enter:
+                        reference, other, other_enter = other, one, enter
+                    waiting[top], entry[top] = other, other_enter
+                    top += 1
+                continue
+            if other_enter <= other_leave:
+                reference = other
+                continue
+        else:
+            first = ~reference >> 3
+            for k in range(first, first + (~reference & 7)):
+                if form[k] < 0:
+                    t, v, w = _meet_triangle(corners, k, axes, eye, shear)
+                elif form[k] & 3 == SPHERE:
+                    t, v, w = _meet_sphere(measures, form[k] - SPHERE, origin, direction, beyond), 0.0, 0.0
+                elif form[k] & 3 == POLYGON:
+                    t, v, w = meet_polygon(measures, form[k] - POLYGON, axes, eye, shear, origin, direction), 0.0, 0.0
+                else:
+                    t, v, w = meet_leaf(measures, form[k] - LEAF, origin, direction, beyond, reach, footprint, pieces)
+                if beyond < t < reach and _before(t, best, shape, k, nearest):
+                    best, reach, nearest, second, third = t, t * (1 + TIE), k, v, w
+        while top > 0 and entry[top - 1] >= reach:
+            top -= 1
+        if top == 0:
+            break
+        top -= 1
+        reference = waiting[top]
+    return best, nearest, second, third
+
+
+@exact_small
+def _before(t, best, shape, candidate, nearest):
+    """Whether a hit at t comes before the best so far; of two at one place the first shape's does."""
+    if nearest < 0 or shape[candidate] == shape[nearest]:
+        return t < best
+    return t < best * (1 - TIE if shape[candidate] > shape[nearest] else 1 + TIE)
+
+
+@exact_small
+def _cross_box(boxes, node, first, near, origin, inverse, enter, leave):
+    """Where in [enter, leave] a ray enters the box whose sides begin at `first`, and where it leaves it at the latest.
+
+    near : the side of each axis that the ray comes to first
+    inverse : of the direction, and of the same a little shorter
+    """
+    x, y, z = first + near[0], first + near[1], first + near[2]
+    t = (boxes[node, x] - origin[0]) * inverse[0]
+    enter = t if t > enter else enter
+    t = (boxes[node, y] - origin[1]) * inverse[1]
+    enter = t if t > enter else enter
+    t = (boxes[node, z] - origin[2]) * inverse[2]
+    enter = t if t > enter else enter
+    t = (boxes[node, x ^ 1] - origin[0]) * inverse[3]
+    leave = t if t < leave else leave
+    t = (boxes[node, y ^ 1] - origin[1]) * inverse[4]
+    leave = t if t < leave else leave
+    t = (boxes[node, z ^ 1] - origin[2]) * inverse[5]
+    leave = t if t < leave else leave
+    return enter, leave
+
+
+@exact_small
+def _shear_along(origin, direction):
+    """The axes in an order that ends with the ray's longest; the origin in that order; the shear that turns the ray
+    along the last axis, and its length along that axis of one."""
+    dx, dy, dz = abs(direction[0]), abs(direction[1]), abs(direction[2])
+    z = 2
+    if dx > dy and dx > dz:
+        z = 0
+    elif dy > dz:
+        z = 1
+    x, y = (z + 1) % 3, (z + 2) % 3
+    shear = (direction[x] / direction[z], direction[y] / direction[z], 1 / direction[z])
+    return (x, y, z), (origin[x], origin[y], origin[z]), shear
+
+
+@exact_small
+def _meet_triangle(corners, i, axes, eye, shear):
+    """The distance of a triangle's plane along the ray and its second and third weight; ∞ outside the triangle.
+
+    eye : the ray's origin in the order of `axes`
+    shear : what moves x and y as z grows by one, and the ray's length along z of one
+    """
+    x, y, z = axes
+    az, bz, cz = corners[i, z] - eye[2], corners[i, z + 3] - eye[2], corners[i, z + 6] - eye[2]
+    ax, ay = corners[i, x] - eye[0] - shear[0] * az, corners[i, y] - eye[1] - shear[1] * az
+    bx, by = corners[i, x + 3] - eye[0] - shear[0] * bz, corners[i, y + 3] - eye[1] - shear[1] * bz
+    cx, cy = corners[i, x + 6] - eye[0] - shear[0] * cz, corners[i, y + 6] - eye[1] - shear[1] * cz
+    # A neighbour computes the same two products for the edge they share, in the other order.
+    u, v, w = cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax
+    if (u < 0 or v < 0 or w < 0) and (u > 0 or v > 0 or w > 0):
+        return np.inf, 0.0, 0.0
+    # All three are 0 for a triangle seen edge-on; the distance is then NaN, which is before and after nothing.
+    share = 1 / (u + v + w)
+    return (u * az + v * bz + w * cz) * shear[2] * share, v * share, w * share
+
+
+@exact_kernel
+def _meet_sphere(measures, i, origin, direction, beyond):
+    """The first distance after `beyond` at which the ray passes through the sphere's surface; ∞ if there is none."""
+    dx, dy, dz = direction
+    x, y, z = origin[0] - measures[i], origin[1] - measures[i + 1], origin[2] - measures[i + 2]
+    squared = dx * dx + dy * dy + dz * dz
+    closest = -(x * dx + y * dy + z * dz) / squared
+    # From the point nearest to the centre, for the usual discriminant loses a small sphere's digits far away
+    # (Haines et al. 2019, "Precision improvements for ray/sphere intersection").
+    px, py, pz = x + closest * dx, y + closest * dy, z + closest * dz
+    half_chord_squared = (measures[i + 3] ** 2 - (px * px + py * py + pz * pz)) / squared
+    if half_chord_squared < 0:
+        return np.inf
+    far = closest + np.copysign(np.sqrt(half_chord_squared), closest)
+    outside = x * x + y * y + z * z - measures[i + 3] ** 2
+    near = outside / (squared * far) if far != 0 else 0.0
+    first, last = min(near, far), max(near, far)
+    if first > beyond:
+        return first
+    return last if last > beyond else np.inf

@@ -1,0 +1,41 @@
+"""What of a glTF material the older renderers have no place for, so that nothing is left out in silence."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+
+from relume.scene.materials.materials import Material
+
+
+def warn_of_unshown(material: Material, whose: str) -> None:
+    """Warn of what of a material is not shown where only its base, its gloss and its transmission are.
+
+    whose : the renderer, to begin the sentence
+    """
+    if found := unshown(material):
+        warnings.warn(
+            f"{whose} not show {', '.join(found)} of {material.name or 'a material'!r}; "
+            "use rl.Mitsuba (--renderer mitsuba)",
+            stacklevel=3,
+        )
+
+
+def unshown(material: Material) -> tuple[str, ...]:
+    """The names of what is set of a material beyond base colour, metallic, roughness, transmission and ior."""
+    clear = bool(np.any(material.through))
+    there = {
+        "its normal map": material.normal is not None,
+        "emission": material.emits,
+        "alpha": bool(np.any(np.asarray(material.alpha) < 1)),
+        "clearcoat": bool(np.any(np.asarray(material.clearcoat) > 0)),
+        "sheen": bool(np.any(np.asarray(material.sheen_color) > 0)),
+        "anisotropy": material.anisotropy > 0,
+        "specular": bool(np.any(np.asarray(material.specular) != 1))
+        or bool(np.any(np.asarray(material.specular_color) != 1)),
+        "thinness": material.thin and clear,
+        "what fills the body": material.medium is not None,
+        "dispersion": material.dispersion > 0 and clear,
+    }
+    return tuple(name for name, is_there in there.items() if is_there)

@@ -1,0 +1,65 @@
+"""The lights of a scene as the tables that Whitted's kernel reads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from relume.light.constellations.constellation import constellation
+from relume.scene.lights import AmbientLight, Attenuation, DistantLight, Light, Linear, SphereLight, SquareLaw
+from relume.scene.scene import Scene
+
+NONE, LINEAR, SQUARE, DISTANT = 0, 1, 2, 3
+"""How a light falls with distance; distant light has none."""
+
+
+class LightTable(NamedTuple):
+    """L lights one behind the other, and ambient light.
+
+    place : (L, 3) position, or the unit direction towards a distant light
+    strength : (L, 3) irradiance at a metre, or of distant light, divided by π: eq. 1's light
+    falloff, reach : (L,) one of the four; metres
+    shines : (L,) whether its highlight is seen; a constellation's light is seen by the rays that reach the map
+    ambient : (3,) radiance
+    """
+
+    place: np.ndarray
+    strength: np.ndarray
+    falloff: np.ndarray
+    reach: np.ndarray
+    shines: np.ndarray
+    ambient: np.ndarray
+
+
+def light_table(scene: Scene, count: int) -> LightTable:
+    """The scene's own lights, then `count` lights at most that stand for its illumination map (`constellation`)."""
+    own = [_row(light) for light in scene.lights if not isinstance(light, AmbientLight)]
+    shines = [1.0] * len(own)
+    if count and np.any(scene.light.radiance):
+        stars = constellation(scene.light, count)
+        own += [(*d, *(e / np.pi), DISTANT, 0.0) for d, e in zip(stars.directions, stars.irradiance, strict=True)]
+        shines += [0.0] * len(stars.directions)
+    table = np.array(own, np.float64).reshape(-1, 8)
+    ambient = sum((np.array(light.radiance) for light in scene.lights if isinstance(light, AmbientLight)), np.zeros(3))
+    return LightTable(
+        table[:, :3].copy(), table[:, 3:6].copy(), table[:, 6].astype(np.int64), table[:, 7].copy(),
+        np.array(shines, np.float64), np.asarray(ambient, np.float64),
+    )  # fmt: skip
+
+
+def attenuation_code(attenuation: Attenuation) -> tuple[int, float]:
+    """The number of a law of distance and its reach."""
+    if isinstance(attenuation, Linear):
+        return LINEAR, attenuation.reach
+    return (SQUARE if isinstance(attenuation, SquareLaw) else NONE), 0.0
+
+
+def _row(light: Light) -> Sequence[float]:
+    if isinstance(light, DistantLight):
+        towards = np.array(light.towards, np.float64)
+        return (*(towards / np.linalg.norm(towards)), *(np.array(light.irradiance) / np.pi), DISTANT, 0.0)
+    # Spheres of light are refused before.
+    assert not isinstance(light, AmbientLight | SphereLight)
+    return (*light.position, *(np.array(light.intensity) / np.pi), *attenuation_code(light.falloff))

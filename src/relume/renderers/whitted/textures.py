@@ -1,0 +1,75 @@
+"""Pictures on surfaces and normals that are turned as if the surface had bumps, one point at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from relume._kernel import exact_kernel, exact_small, inlined, kernel
+from relume.renderers.whitted.optics import along, dot, unit
+
+
+@kernel
+def wrinkled(normal, point, waves, first, last, height):
+    """The normal of a surface that waves through space displace (`Wrinkles`)."""
+    x, y, z = 0.0, 0.0, 0.0
+    for k in range(first, last):
+        turns = (
+            point[0] * waves[k, 0] + point[1] * waves[k, 1] + point[2] * waves[k, 2] + waves[k, 3]
+        ) * (0.5 / np.pi)  # fmt: skip
+        slope = _cosine(turns - np.floor(turns + 0.5))
+        x, y, z = x + slope * waves[k, 0], y + slope * waves[k, 1], z + slope * waves[k, 2]
+    gradient = (x * height, y * height, z * height)
+    flat = along(gradient, normal, -dot(gradient, normal))
+    return unit(along(normal, flat, -1.0))
+
+
+@inlined
+def _cosine(turns):
+    """cos 2πt for t from −½ to ½, to 1e-9: its series about ¼, without a branch, so that waves are summed in fours."""
+    t = 0.25 - abs(turns)
+    s = t * t
+    series = -15.094642576822984 + s * 3.8199525848482821
+    series = 42.058693944897655 + s * series
+    series = -76.705859753061386 + s * series
+    series = 81.605249276075054 + s * series
+    series = -41.341702240399755 + s * series
+    return t * (6.2831853071795865 + s * series)
+
+
+@exact_small
+def bumped(normal, along_u, along_v, dp_du, dp_dv):
+    """Blinn 1978, eq. 4 (`BumpMap`): N′ = N + (B_u N×P_v − B_v N×P_u) / |P_u × P_v|."""
+    area = _cross(dp_du, dp_dv)
+    length = np.sqrt(dot(area, area))
+    if not length > 0:
+        return normal
+    scale = (-1.0 if dot(area, normal) < 0 else 1.0) / length
+    return unit(along(along(normal, _cross(normal, dp_dv), along_u * scale), _cross(normal, dp_du), -along_v * scale))
+
+
+@exact_small
+def _cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@exact_kernel
+def picture_at(pixels, begin, rows, columns, which, uv):
+    """Three channels of a picture repeated over the texture coordinates, bilinear; (0, 0) is the lower left corner."""
+    height, width = rows[which], columns[which]
+    x = (uv[0] - np.floor(uv[0])) * width - 0.5
+    y = (1 - (uv[1] - np.floor(uv[1]))) * height - 0.5
+    left, upper = np.floor(x), np.floor(y)
+    right, down = x - left, y - upper
+    column, row = np.int64(left) % width, np.int64(upper) % height
+    next_column, next_row = (column + 1) % width, (row + 1) % height
+    a, b = begin[which] + row * width, begin[which] + next_row * width
+    first, second = (1 - right) * (1 - down), right * (1 - down)
+    third, fourth = (1 - right) * down, right * down
+    return (
+        pixels[a + column, 0] * first + pixels[a + next_column, 0] * second
+        + pixels[b + column, 0] * third + pixels[b + next_column, 0] * fourth,
+        pixels[a + column, 1] * first + pixels[a + next_column, 1] * second
+        + pixels[b + column, 1] * third + pixels[b + next_column, 1] * fourth,
+        pixels[a + column, 2] * first + pixels[a + next_column, 2] * second
+        + pixels[b + column, 2] * third + pixels[b + next_column, 2] * fourth,
+    )  # fmt: skip

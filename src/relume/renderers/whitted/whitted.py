@@ -1,0 +1,316 @@
+"""The renderer `Whitted`: the recursive ray tracer of 1980, whole, on kernels of today.
+
+What it shows: shadows, true reflection and refraction, seen again in each other. What it does not, as the paper says:
+light that diffuse surfaces send to each other, and light that glass or mirrors gather on them (caustics).
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeGuard
+
+import numpy as np
+
+from relume._kernel import in_threads
+from relume.errors import UnsupportedScene
+from relume.light.reflection.convolution import as_latlong
+from relume.renderers.raytrace.raycast import RayCaster
+from relume.renderers.raytrace.surface import Surfaces
+from relume.renderers.renderer import Progress, Render
+from relume.renderers.whitted.antialiasing import Antialiasing, Small, Traced, Tracer, sampled
+from relume.renderers.whitted.kernel import CHANNELS, MOST_RAYS, trace
+from relume.renderers.whitted.lights import attenuation_code, light_table
+from relume.renderers.whitted.materials import MaterialTables
+from relume.renderers.whitted.record import Record, Settings, empty_record
+from relume.scene.cameras.camera import Camera
+from relume.scene.distant import Infinite
+from relume.scene.lights import Attenuation, SphereLight, Unattenuated
+from relume.scene.scene import Scene
+from relume.scene.shapes.bounds import bounding_sphere
+from relume.scene.shapes.shapes import Mesh, Shape, Sphere
+from relume.sphere.bilinear_kernels import padded
+
+BAND = 1 << 14
+"""Pixels that a thread works on at once: what it knows of their samples stays in the processor's cache."""
+FINEST = 1 / 64
+"""Patches are subdivided to this share of a pixel."""
+SMALL = 1.0
+"""Pixels: a sphere of a smaller radius may slip between the corners, which are √2 apart."""
+DARK = 0.1
+"""Differences below this share of the picture's typical radiance are seen less and less."""
+
+
+@dataclass(frozen=True)
+class Whitted:
+    """Recursive ray tracing with eq. 2 at every node.
+
+    depth : nodes from a tree's root to its farthest leaf, at most; 8 lets light through two glasses, one behind the
+        other, with what they reflect of each other
+    contribution : branches that carry less than this share of the pixel are cut off; the step of an 8-bit picture is
+        four times as much
+    attenuation : between a tree's nodes; none unless given, for radiance does not fall along a ray. The paper's is
+        `Linear`
+    antialiasing : None for one ray through the middle of each pixel
+    constellation : distant lights that stand for the illumination map where surfaces are diffuse; 0 lets it be seen
+        in mirrors and behind all things, but light nothing
+    rays : perturbed rays at a glossy or frosted surface that is seen directly; one at others
+    clear_shadows : light goes straight through transparent shapes, dimmed by k_t; False gives them full shadows
+    background : show the light behind the objects, where nothing is; it is seen in and through them all the same
+    threads : all cores unless given; the pixels do not depend on it
+    """
+
+    depth: int = 8
+    contribution: float = 1 / 1024
+    attenuation: Attenuation = Unattenuated()
+    antialiasing: Antialiasing | None = Antialiasing()
+    constellation: int = 64
+    rays: int = 16
+    clear_shadows: bool = True
+    background: bool = True
+    threads: int | None = None
+
+    def __post_init__(self) -> None:
+        for name, least, most in (("depth", 1, 1000), ("constellation", 0, 65536), ("rays", 1, 65536)):
+            value = getattr(self, name)
+            if not isinstance(value, int) or not least <= value <= most:
+                raise ValueError(f"{name} is {value}; expected a whole number from {least} to {most}")
+        if not 0 <= self.contribution < 1:
+            raise ValueError(f"contribution is {self.contribution}; expected a share of the pixel from 0 to 1")
+        if self.threads is not None and self.threads < 1:
+            raise ValueError(f"threads is {self.threads}; expected at least 1, or none for all cores")
+
+    def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
+        """Render one picture; `seed` turns the perturbations of glossy and frosted surfaces."""
+        return self.prepared(scene).render(camera, seed=seed, progress=progress)
+
+    def prepared(self, scene: Scene) -> PreparedWhitted:
+        """Everything that does not depend on the camera, for many pictures of one scene.
+
+        Raises UnsupportedScene for a distant scene that is not at infinity, and for spheres of light.
+        """
+        if (reason := why_not(scene)) is not None:
+            raise UnsupportedScene(reason)
+        return PreparedWhitted(self, scene)
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedWhitted:
+    """A scene as kernels read it; its parts are made when they are first needed."""
+
+    method: Whitted
+    scene: Scene
+
+    @cached_property
+    def caster(self) -> RayCaster:
+        """The one tree over all objects."""
+        for solid in self.scene.objects:
+            if isinstance(solid, Mesh) and (flat := _flat(solid)):
+                warnings.warn(
+                    f"{flat} of the {len(solid.faces)} triangles of {solid.name!r} have no area and are left out; "
+                    "mend the mesh if it should have them",
+                    stacklevel=2,
+                )
+        return RayCaster.of((*self.scene.local, *self.scene.objects))
+
+    @cached_property
+    def tables(self) -> tuple:
+        """What `trace` takes between the view and the settings."""
+        shapes = (*self.scene.local, *self.scene.objects)
+        materials = [shape.material for shape in shapes]
+        different = list({id(material): material for material in materials}.values())
+        which = np.array([[m is d for d in different].index(True) for m in materials], np.int64)
+        made = MaterialTables.of(different)
+        lights = light_table(self.scene, self.method.constellation)
+        if not len(lights.place) and not np.any(lights.ambient) and not np.any(self.scene.light.radiance):
+            raise UnsupportedScene("nothing shines in this scene: it has no lights and its light map is black; add one")
+        sky = as_latlong(self.scene.light).radiance if np.any(self.scene.light.radiance) else np.zeros((0, 0, 3))
+        entries = padded(sky).reshape(-1) if sky.size else np.zeros(0, np.float32)
+        surfaces = (*Surfaces.of(shapes).tables, self.caster.primitive, which)
+        return (
+            self.caster.geometry, surfaces, made.coefficients, made.pictures, made.bumps, lights, (entries, len(sky))
+        )  # fmt: skip
+
+    def render(
+        self,
+        camera: Camera,
+        *,
+        seed: int = 0,
+        progress: Progress | None = None,
+        region: tuple[int, int, int, int] | None = None,
+    ) -> Render:
+        """One picture, or only the part of it from `region`'s left and top to its right and bottom, in pixels."""
+        if not isinstance(seed, int) or not 0 <= seed < 2**63:
+            raise ValueError(f"seed is {seed}; expected a whole number from 0, below 2⁶³")
+        left, top, right, bottom = region or (0, 0, camera.width, camera.height)
+        if not (0 <= left < right <= camera.width and 0 <= top < bottom <= camera.height):
+            raise ValueError(
+                f"region {left},{top},{right},{bottom} of a picture of {camera.width}×{camera.height} pixels; "
+                "expected left < right and top < bottom within it"
+            )
+        self._look_from(camera, seed)
+        reference, small = self._typical(camera, seed), self._small(camera)
+        done: list[int] = []
+        longest: list[int] = []
+
+        def work(begin: int, end: int) -> tuple[np.ndarray, np.ndarray]:
+            def noting(points: np.ndarray) -> Traced:
+                told = self.traced(camera, points, seed)
+                longest.append(int(told[2].max(initial=0)))
+                return told
+
+            band = self._band(noting, (left, top + begin, right, top + end), small, reference)
+            done.append(end - begin)
+            if progress:
+                progress(sum(done) / (bottom - top))
+            return band
+
+        bands = in_threads(work, bottom - top, self.method.threads, chunk=max(BAND // (right - left), 1))
+        means, rays = (np.concatenate(part) for part in zip(*bands, strict=True))
+        if max(longest) >= MOST_RAYS:
+            warnings.warn(
+                f"a tree grew to {max(longest)} rays and was cut; lower the depth or raise the contribution",
+                stacklevel=2,
+            )
+        hit = np.maximum(means[..., 4:5], 1e-30)
+        # Perturbed normals leave noise, and nobody has measured it.
+        variance = np.full((*rays.shape, 3), np.nan if np.any(self.tables[2].roughness) else 0.0, np.float32)
+        return Render(
+            radiance=means[..., :3].copy(),
+            variance=variance,
+            matte=means[..., 3].copy(),
+            depth=(means[..., 5] / hit[..., 0]).astype(np.float32),
+            normal=means[..., 6:9] / hit,
+            albedo=means[..., 9:12] / hit,
+            samples=max(round(float(rays.mean())), 1),
+            rays=rays,
+        )
+
+    def _band(
+        self, trace: Tracer, region: tuple[int, int, int, int], small: Small, reference: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        if self.method.antialiasing is not None:
+            return sampled(trace, region, self.method.antialiasing, small, reference)
+        left, top, right, bottom = region
+        x, y = np.meshgrid(np.arange(left, right) + 0.5, np.arange(top, bottom) + 0.5)
+        values, _, counts = trace(np.column_stack([x.ravel(), y.ravel()]))
+        return values.reshape(*x.shape, CHANNELS), counts.reshape(x.shape)
+
+    def traced(self, camera: Camera, points: np.ndarray, seed: int = 0) -> Traced:
+        """The trees of samples at pixel coordinates (N, 2), on this thread."""
+        told = _room_for(len(points))
+        settings = self.settings(camera, seed)
+        trace(points, view_of(camera), *self.tables, settings, 0, len(points), told, empty_record())
+        return told
+
+    def recorded(self, camera: Camera, points: np.ndarray, seed: int, room: int) -> Record:
+        """The first `room` nodes of the trees of samples at pixel coordinates (N, 2), one behind the other."""
+        told = _room_for(len(points))
+        record = empty_record(room)
+        trace(points, view_of(camera), *self.tables, self.settings(camera, seed), 0, len(points), told, record)
+        return record
+
+    def settings(self, camera: Camera, seed: int) -> Settings:
+        """The method's numbers as the kernel takes them."""
+        m = self.method
+        law, reach = attenuation_code(m.attenuation)
+        coefficients = self.tables[2]
+        clear = m.clear_shadows and bool(np.any(coefficients.transmission))
+        return Settings(
+            m.depth, m.contribution, law, reach, m.rays, clear, m.background, len(self.scene.local),
+            FINEST / camera.focal_length, seed,
+        )  # fmt: skip
+
+    def _typical(self, camera: Camera, seed: int) -> float:
+        """A share of the whole picture's typical radiance, so that a region is the same as when all is rendered."""
+        if self.method.antialiasing is None:
+            return 0.0
+        x, y = np.meshgrid((np.arange(32) + 0.5) / 32 * camera.width, (np.arange(24) + 0.5) / 24 * camera.height)
+        brightest = self.traced(camera, np.column_stack([x.ravel(), y.ravel()]), seed)[0][:, :3].max(axis=1)
+        lit = brightest[brightest > 0]
+        return DARK * float(np.median(lit)) if lit.size else 0.0
+
+    def _small(self, camera: Camera) -> Small:
+        """The objects whose bounding spheres are smaller than the distance of samples (§3)."""
+        bounds = [bounding_sphere(solid) for solid in self.scene.objects]
+        centres = np.array([centre for centre, _ in bounds]).reshape(-1, 3)
+        seen = camera.project(centres)
+        distance = np.linalg.norm(centres - camera.position, axis=1)
+        radius = np.array([radius for _, radius in bounds]) / np.maximum(distance, 1e-30) * camera.focal_length
+        small = (radius < SMALL) & np.all(np.isfinite(seen), axis=1)
+        return Small(seen[small], radius[small])
+
+    def _look_from(self, camera: Camera, seed: int) -> None:
+        """Warn of an eye inside glass: what it sees is bent by a surface that the picture does not show."""
+        shapes = (*self.scene.local, *self.scene.objects)
+        coefficients, which = self.tables[2], self.tables[1][10]
+        transparent = np.any(coefficients.transmission > 0, axis=1)[which]
+        # A hollow in glass is a shape whose inside is the thinner.
+        glass = transparent & (coefficients.ior > 1)[which]
+        if not np.any(glass):
+            return
+        balls = [(shape.radius, index) for index, shape in enumerate(shapes) if _holds(shape, camera.position)]
+        innermost = [index for _, index in sorted(balls) if transparent[index]][:1]
+        around = [i for i in innermost if glass[i]] if innermost else self._met_from_within(camera, seed, glass)
+        for index in around[:1]:
+            warnings.warn(
+                f"the camera stands inside {getattr(shapes[index], 'name', 'the plane')!r}, which is transparent: the "
+                "picture shows what is seen from in there; move the camera out unless that is meant",
+                stacklevel=3,
+            )
+
+    def _met_from_within(self, camera: Camera, seed: int, glass: np.ndarray) -> list[int]:
+        """The glass whose inside is met first in most of six directions, none of which is straight up or down."""
+        met: list[int] = []
+        for axis in np.concatenate([np.eye(3) + 0.1, -np.eye(3) - 0.1]):
+            ahead = Camera.looking_at(camera.position, camera.position + axis, width=1, height=1, focal_length=1.0)
+            record = self.recorded(ahead, np.array([[0.5, 0.5]]), seed, 1)
+            shape = int(record.shape[0])
+            met.append(shape if shape >= 0 and record.inside[0] and glass[shape] else -1)
+        return [shape for shape in set(met) - {-1} if met.count(shape) >= 4]
+
+
+def why_not(scene: Scene) -> str | None:
+    """What of a scene's light Whitted's method cannot show, in one line with the remedy; None where it shows all."""
+    if not isinstance(scene.distant, Infinite):
+        return (
+            "Whitted's method sees its light map at infinity, and this scene's is on walls; use rl.Mitsuba "
+            "(--renderer mitsuba), or an Infinite distant scene"
+        )
+    if any(isinstance(light, SphereLight) for light in scene.lights):
+        return (
+            "Whitted's lights have no size, and one of the scene's is a sphere; use rl.Mitsuba (--renderer mitsuba), "
+            "or a PointLight of intensity π·radius² times its radiance"
+        )
+    return None
+
+
+def view_of(camera: Camera) -> np.ndarray:
+    """The camera as sixteen numbers: eye, rotation in rows, focal length, principal point.
+
+    Raises UnsupportedScene for a lens that distorts or has an aperture.
+    """
+    if camera.distortion is not None or camera.aperture > 0:
+        what = "distorts" if camera.distortion is not None else "has an aperture"
+        raise UnsupportedScene(
+            f"Whitted's camera is a pinhole, and this one's lens {what}; use rl.Differential (relume insert), or a "
+            "camera without"
+        )
+    point = camera.principal_point
+    return np.array([*camera.position, *np.ravel(camera.rotation), camera.focal_length, *point, 0.0], np.float64)
+
+
+def _holds(shape: Shape, point: np.ndarray) -> TypeGuard[Sphere]:
+    """Whether the shape is a sphere with this point in it."""
+    return isinstance(shape, Sphere) and bool(np.linalg.norm(point - np.asarray(shape.centre)) < shape.radius)
+
+
+def _flat(mesh: Mesh) -> int:
+    """How many triangles have no area."""
+    a, b, c = (mesh.vertices[mesh.faces[:, i]].astype(np.float64) for i in range(3))
+    return int(np.sum(~np.any(np.cross(b - a, c - a), axis=1)))
+
+
+def _room_for(count: int) -> Traced:
+    return np.empty((count, CHANNELS), np.float32), np.empty(count, np.int64), np.empty(count, np.int32)

@@ -1,0 +1,62 @@
+"""The rim at which a mirrored ball was taken, drawn on its photographs: what `relume probe --picture` shows."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+
+import numpy as np
+
+from relume.image.colour import luminance
+from relume.probe.ball.silhouette import Cone
+from relume.probe.ball.unwrapping import BallView
+from relume.virtual_camera.film.film import Film, develop
+
+MARGIN = 0.25
+"""Radii shown beside the ball: enough to see what is behind it go on."""
+MIDDLE_GREY = 0.18
+_RIM, _RIVAL = "#00e0ff", "#ffb000"
+
+
+def rim_plot(views: Sequence[BallView], names: Sequence[str]) -> bytes:
+    """Each view's ball with its rim, and the curves that might be the rim instead, as bytes of PNG.
+
+    The pictures are developed so that the median of the ball is middle grey.
+    """
+    from matplotlib.figure import Figure
+
+    across = min(len(views), 3)
+    down = -(-len(views) // across)
+    figure = Figure(figsize=(7.0 * across, 7.5 * down), dpi=100, layout="constrained")
+    panels = figure.subplots(down, across, squeeze=False).ravel()
+    for axis in panels:
+        axis.set_axis_off()
+    for axis, view, name in zip(panels, views, names, strict=False):
+        _draw(axis, view, name)
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", metadata={"Software": None})
+    return stream.getvalue()
+
+
+def _draw(axis, view: BallView, name: str) -> None:
+    width, height = view.picture.size
+    (x, y), radius = view.outline.centre, view.outline.radius
+    reach = (1 + MARGIN) * radius
+    left, right = max(int(x - reach), 0), min(int(np.ceil(x + reach)), width)
+    top, bottom = max(int(y - reach), 0), min(int(np.ceil(y + reach)), height)
+    light = view.picture.radiance[top:bottom, left:right]
+    down, across = np.ogrid[top + 0.5 : bottom, left + 0.5 : right]
+    inside = luminance(light)[np.hypot(across - x, down - y) < radius]
+    middle = float(np.median(inside)) if inside.size else 0.0
+    film = Film(MIDDLE_GREY / middle) if middle > 0 else Film()
+    axis.imshow(develop(light, film).pixels, extent=(left, right, bottom, top), interpolation="nearest")
+    turns = np.linspace(0, 2 * np.pi, 361)
+    for rival_x, rival_y, rival in view.outline.rivals[:2]:
+        axis.plot(rival_x + rival * np.cos(turns), rival_y + rival * np.sin(turns), "--", color=_RIVAL, lw=0.9)
+    rim, _ = Cone(view.axis, view.distance).silhouette((width, height), view.focal_length)
+    rim = np.concatenate([rim, rim[:1]])
+    axis.plot(rim[:, 0], rim[:, 1], color=_RIM, lw=0.9)
+    axis.set_xlim(left, right)
+    axis.set_ylim(bottom, top)
+    told = f"{name}\nx {x:.1f}, y {y:.1f}, radius {radius:.1f}"
+    axis.set_title(told + ("; dashed: seen about as well" if view.outline.rivals else ""), fontsize=9)

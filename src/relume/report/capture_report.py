@@ -1,0 +1,263 @@
+"""The report of a measurement: what was photographed, what came of it, and what should be doubted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from relume.capture.clipping_report import Extent
+from relume.capture.measurement import Measured, Measurement, MergeSettings
+from relume.capture.response.calibration import Calibration
+from relume.image import files
+from relume.report import capture_plots, plots
+from relume.report.page import figure, heading, note, page, paragraph, side_by_side, table, triple
+
+GRID = (6, 8)
+"""Arrows down and across."""
+
+
+def write_capture_report(
+    measurements: Sequence[Measurement], path: Path, *, treatment: MergeSettings = MergeSettings(), profile: str = ""
+) -> None:
+    """Write one page: doubts, exposures, radiance, false colour, response, noise, alignment, ghosts, what was clipped.
+
+    measurements : one for each camera
+    treatment : what they were made with; it tells what was switched off and what of the lens was not undone
+    profile : the name of the one that was given
+    Raises OutputNotWritten.
+    """
+    parts = ["<h1>relume merge</h1>"]
+    for measurement in measurements:
+        parts += [note(line) for line in measurement.objections()]
+        parts += [note(line) for line in measurement.warnings]
+        for measured in measurement.measured:
+            parts += _bracket(measured, _summary(measured, measurement, treatment, profile))
+        if measurement.calibration is not None:
+            parts += [heading("The camera's response"), _response(measurement.calibration)]
+        rows = [(step, f"{seconds:.2f} s") for step, seconds in measurement.seconds.items()]
+        parts += [heading("Timings"), table(rows)]
+    files.write_text(path, page("relume merge", parts))
+
+
+def _bracket(measured: Measured, summary: str) -> list[str]:
+    picture = measured.picture
+    parts = [
+        heading(_title(measured)),
+        summary,
+        *(note(doubt.line) for doubt in measured.doubts if not doubt.degraded),
+        _pictures(measured),
+        figure(
+            capture_plots.false_colour(picture),
+            f"Luminance in false colour: {measured.extent.orders:.1f} orders of magnitude between the darkest "
+            "thousandth and the brightest ten-thousandth.",
+        ),
+        heading("Exposures"),
+        _exposures(measured),
+        heading("What no photograph measured"),
+        _clipped(measured),
+    ]
+    if picture.variance is not None:
+        parts += [
+            heading("How sure it is"),
+            figure(
+                capture_plots.relative_error(picture),
+                "Standard error of the radiance. White: measured by no photograph.",
+            ),
+        ]
+    return parts + _alignment(measured) + _ghosts(measured)
+
+
+def _title(measured: Measured) -> str:
+    names = [Path(frame.name).name for frame in measured.frames]
+    return names[0] if len(names) == 1 else f"{names[0]} … {names[-1]}"
+
+
+def _summary(measured: Measured, measurement: Measurement, treatment: MergeSettings, profile: str) -> str:
+    """What it is and what was done, and of which nothing was measured."""
+    found, (width, height) = measured.extent, measured.picture.size
+    scale, balance = measured.scale, measured.balance
+    rows = [
+        ("camera", measurement.camera or "unknown"),
+        ("photographs", f"{len(measured.frames)} of {width} × {height} pixels"),
+        ("unit", in_words(measured.picture.unit)),
+        ("scale", "none; radiance is relative" if scale is None else str(scale)),
+        ("balance", "the camera's own" if balance is None else f"channels multiplied by {triple(balance.gains)}"),
+        ("response", _origin(measurement, profile)),
+        ("switched off", ", ".join(_switched_off(measured, measurement, treatment)) or "nothing"),
+        ("left in, for not measured", ", ".join(_unmeasured(treatment)) or "nothing"),
+        (
+            "measured by no photograph",
+            f"saturated {percent(found.saturated, found.pixels)}, black {percent(found.black, found.pixels)}, "
+            f"outside {percent(found.outside, found.pixels)}",
+        ),
+    ]
+    return table(rows)
+
+
+def _origin(measurement: Measurement, profile: str) -> str:
+    if measurement.response is None:
+        return "none needed: camera raws are linear" + (f"; sensor given by {profile}" if profile else "")
+    if measurement.calibration is None:
+        return f"given by {profile}" if profile else "given"
+    return f"recovered from {counted(len(measurement.measured), 'bracket')}"
+
+
+def _switched_off(measured: Measured, measurement: Measurement, treatment: MergeSettings) -> list[str]:
+    if measurement.response is None:
+        return ["alignment and deghosting: camera raws are merged as they lie"]
+    off = [] if treatment.aligned else ["alignment"]
+    return off if treatment.consistency is not None else [*off, "deghosting"]
+
+
+def _unmeasured(treatment: MergeSettings) -> list[str]:
+    """What the lens does that nothing told of."""
+    known = {"vignetting": bool(treatment.vignetting), "glare": treatment.glare is not None}
+    return [name for name, is_known in known.items() if not is_known]
+
+
+def _pictures(measured: Measured) -> str:
+    light = measured.picture.radiance
+    seen = light[light > 0]
+    whites = np.percentile(seen, (75, 98, 99.95)) if seen.size else np.ones(3)
+    words = ("dark places", "as a photograph", "lights")
+    return side_by_side(
+        [
+            figure(plots.exposed(light, float(w)), f"{word}: {w:.3g} {in_words(measured.picture.unit)} is white")
+            for w, word in zip(whites, words, strict=True)
+        ]
+    )
+
+
+def _exposures(measured: Measured) -> str:
+    found = {name: f"{stops:+.3f} ± {error:.3f}" for name, (stops, error) in measured.corrections.items()}
+    motions, shares = {}, {}
+    if measured.aligned is not None:
+        for photograph, motion in zip(measured.aligned.bracket.photographs, measured.aligned.motions, strict=True):
+            motions[photograph.name] = f"{motion.dx:+.2f}, {motion.dy:+.2f} px, {np.degrees(motion.angle):+.3f}°"
+    if measured.deghosted is not None:
+        names = [p.name for p in measured.deghosted.bracket.photographs]
+        shares = {name: f"{100 * s:.2g} %" for name, s in zip(names, measured.deghosted.shares, strict=True)}
+    rows = [
+        (
+            Path(frame.name).name,
+            seconds_in_words(frame.seconds),
+            f"f/{frame.f_number:g}" if frame.f_number else "–",
+            f"{frame.iso:g}" if frame.iso else "–",
+            f"{frame.stops:+.2f}",
+            frame.source,
+            found.get(frame.name, "–"),
+            motions.get(frame.name, "–"),
+            shares.get(frame.name, "–"),
+        )
+        for frame in measured.frames
+    ]
+    head = ("photograph", "time used", "aperture", "ISO", "stops", "told by", "corrected by", "moved by", "ghosts")
+    return table(rows, head=head)
+
+
+def seconds_in_words(seconds: float) -> str:
+    """1/60 s, 0.4 s, 15 s: as photographers say it."""
+    if seconds < 0.3:
+        return f"1/{1 / seconds:.4g} s"
+    return f"{seconds:.4g} s"
+
+
+def in_words(unit: str) -> str:
+    """The unit of a radiance map behind a number."""
+    return "relative units" if unit == "relative" else unit
+
+
+def counted(number: int, what: str) -> str:
+    """1 photograph, 2 photographs."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
+def percent(part: int, whole: int) -> str:
+    """A share of pixels; few are never told as none."""
+    share = 100 * part / whole
+    return f"{share:.2g} %" if part == 0 or share >= 0.01 else "below 0.01 %"
+
+
+def _clipped(measured: Measured) -> str:
+    found = measured.extent
+    if found.saturated == found.black == found.outside == 0:
+        return paragraph("Nothing: every pixel was measured by at least one photograph.")
+    rows = clipped_facts(found, measured.picture.unit)
+    return figure(
+        capture_plots.clipped_marks(measured.picture),
+        f"Red: saturated in every photograph, a lower bound ({percent(found.saturated, found.pixels)}). Blue: black in "
+        f"every one, an upper bound ({percent(found.black, found.pixels)}). Green: outside "
+        f"({percent(found.outside, found.pixels)}).",
+    ) + table(rows)
+
+
+def clipped_facts(found: Extent, unit: str) -> list[tuple[str, str]]:
+    """What an `Extent` tells, a line each; nothing is added to the bounds."""
+    rows, unit = [], in_words(unit)
+    if found.saturated:
+        rows.append(("saturated in every photograph", f"{found.saturated} of {counted(found.pixels, 'pixel')}"))
+        if found.solid_angle is not None and found.irradiance is not None:
+            rows.append(("their solid angle", f"{found.solid_angle:.3g} sr"))
+            rows.append(("irradiance they bring at least", f"{triple(found.irradiance)} {unit}·sr"))
+        else:
+            rows.append(("their solid angle", "not known without a focal length in pixels, --focal-length"))
+        rows.append(("their luminance reaches at least", f"{found.brightest:.4g} {unit}"))
+        rows.append(("their share of all light in the picture", f"at least {100 * found.share:.2g} %"))
+    if found.black:
+        rows.append(("black in every photograph", counted(found.black, "pixel")))
+    if found.outside:
+        rows.append(("outside every photograph", counted(found.outside, "pixel")))
+    return rows
+
+
+def _response(calibration: Calibration) -> str:
+    residual = ", ".join(f"{r:.3f}" for r in calibration.residual)
+    words = f"Curves over the observations they were recovered from. Misfit of ln exposure {residual}"
+    if calibration.noise is not None:
+        noise = calibration.noise
+        words += f"; shot noise {triple(noise.shot)}, read noise {triple(noise.read)} of the exposure at white"
+    return figure(plots.response_plot(calibration), words + " (red, green, blue).")
+
+
+def _alignment(measured: Measured) -> list[str]:
+    aligned = measured.aligned
+    if aligned is None or len(aligned.motions) == 1:
+        return []
+    if not aligned.moved:
+        return [heading("Alignment"), paragraph("All photographs lay on one another; none was moved.")]
+    height, width = measured.picture.radiance.shape[:2]
+    y, x = np.meshgrid(*((np.arange(n) + 0.5) / n for n in GRID), indexing="ij")
+    places = np.stack([(x - 0.5) * width, (y - 0.5) * height], axis=-1)
+    fields = [
+        (Path(photograph.name).name, motion.apply(places) - places)
+        for photograph, motion in zip(aligned.bracket.photographs, aligned.motions, strict=True)
+        if motion != type(motion)()
+    ]
+    reference = Path(aligned.bracket.photographs[aligned.reference].name).name
+    return [
+        heading("Alignment"),
+        figure(
+            capture_plots.arrows(measured.picture.radiance, fields),
+            f"From where a point is in {reference} to where each photograph shows it.",
+        ),
+    ]
+
+
+def _ghosts(measured: Measured) -> list[str]:
+    found = measured.deghosted
+    if found is None:
+        return []
+    if not found.ghosts.any():
+        return [heading("Ghosts"), paragraph("Nothing moved; nothing was left out.")]
+    marks = [(found.ghosts, capture_plots.GHOST)]
+    share = 100 * float(found.ghosts.mean())
+    return [
+        heading("Ghosts"),
+        figure(
+            capture_plots.marked(measured.picture.radiance, marks),
+            f"Where something moved, {share:.2g} % of the picture: there the radiance is that of the photographs which "
+            "agree, not of all.",
+        ),
+    ]

@@ -1,0 +1,135 @@
+"""The report of `relume insert`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from relume.image import files
+from relume.project.insertion.outcome import Inserted
+from relume.report import plots
+from relume.report.page import figure, heading, note, page, paragraph, side_by_side, slide, table, triple
+from relume.sphere.directions import UP
+
+
+def write_report(result: Inserted, path: Path) -> None:
+    """Write the page: before and after, response curves, light, matte, signed difference, energy audit, timings."""
+    files.write_text(path, _page(result))
+
+
+def _page(result: Inserted) -> str:
+    after, before = plots.encoded(result.picture.pixels), plots.encoded(result.before.pixels)
+    parts = [
+        "<h1>relume insert</h1>",
+        *(note(each) for each in result.notes),
+        slide(before, after, "Before, to the left of the handle; after, to the right."),
+        heading("What the objects changed"),
+        _difference(result),
+        heading("The real surfaces"),
+        _surfaces(result),
+        heading("The light"),
+        _light(result),
+        heading("The camera's response"),
+        *(_response(camera, result) for camera in result.calibrations),
+        heading("Energy audit"),
+        _audit(result),
+        heading("Timings"),
+        table([(stage, f"{seconds:.2f} s" + (" (kept from before)" if stage in result.kept else ""))
+               for stage, seconds in result.seconds.items()]),
+    ]  # fmt: skip
+    return page("relume insert", parts)
+
+
+def _difference(result: Inserted) -> str:
+    change = result.change
+    scale = float(np.percentile(np.abs(change.difference), 99.5))
+    return side_by_side(
+        [
+            figure(
+                plots.signed(change.difference, scale),
+                "With − without, about grey: dark is light taken, bright is light added.",
+            ),
+            figure(plots.grey(change.matte), "Matte: the share of each pixel that the objects cover."),
+        ]
+    )
+
+
+def _surfaces(result: Inserted) -> str:
+    found = result.recovered
+    if found is None:
+        return paragraph("None: the objects throw no shadow and no light on anything.")
+    white = float(np.percentile(result.plate.radiance, 99))
+    shown = [
+        figure(plots.exposed(found.albedo, 1.0), "Diffuse reflectance, recovered from the plate: the light taken out."),
+        figure(plots.exposed(found.without, white), "The model without objects; it should look like the plate."),
+    ]
+    rows: list[tuple[str, str]] = []
+    for index, surface in enumerate(found.surfaces):
+        name = f"surface {index + 1}"
+        if surface.reflectance is not None and surface.spread is not None:
+            rows.append((f"{name}: reflectance", f"{triple(surface.reflectance)}, varies by {triple(surface.spread)}"))
+        if surface.gloss is not None:
+            errors = surface.fitted
+            f0, roughness = f"{surface.gloss.f0:.3f}", f"{surface.gloss.roughness:.3f}"
+            if errors is not None:
+                f0, roughness = f"{f0} ± {errors.f0_error:.3f}", f"{roughness} ± {errors.roughness_error:.3f}"
+                views = "probe and plate" if errors.views == 2 else "the plate alone"
+                rows.append((f"{name}: gloss found from", f"{errors.points} places, {views}"))
+            rows.append((f"{name}: gloss", f"F₀ {f0}, roughness {roughness}"))
+    return side_by_side(shown) + table(rows)
+
+
+def _light(result: Inserted) -> str:
+    light = result.probe.light.radiance
+    white = float(np.percentile(light, 95))
+    shown = [
+        figure(plots.exposed(light, white * 2.0**stops), f"{-stops:+g} stops" if stops else "as it is")
+        for stops in (0.0, 3.5, 7.0)
+    ]
+    turned = ", ".join(f"{np.degrees(c):.2f}°" for c in result.probe.corrections[1:])
+    words = (
+        f"Lat-long: −Z in the middle, +X to its right. Registration turned the other views by {turned}."
+        if turned
+        else "Lat-long: −Z in the middle, +X to its right."
+    )
+    return side_by_side(shown) + paragraph(words)
+
+
+def _response(camera: str, result: Inserted) -> str:
+    calibration = result.calibrations[camera]
+    residual = ", ".join(f"{r:.3f}" for r in calibration.residual)
+    response = calibration.response
+    noise = ", ".join(f"{n:.2f}" for n in response.deviation[:, response.levels // 2])
+    caption = (
+        f"{camera or 'The camera'}: curves over the observations they were recovered from. Misfit of ln exposure "
+        f"{residual}; noise of a middle pixel value {noise} (red, green, blue)."
+    )
+    return figure(plots.response_plot(calibration), caption)
+
+
+def _audit(result: Inserted) -> str:
+    probe, plate = result.probe, result.plate
+    rows = [
+        ("unit", plate.unit),
+        ("total of the light, ∫ L dω", triple(probe.light.total())),
+        ("irradiance from above", triple(probe.light.irradiance(UP))),
+        ("brightest direction", triple(probe.light.radiance.max((0, 1)))),
+        ("light saturated in every photograph", f"{probe.clipped_solid_angle:.3g} sr"),
+        ("light seen by no view", f"{_unseen(result):.3g} sr"),
+    ]
+    if plate.clipped is not None:
+        rows.append(("plate pixels clipped in every photograph", str(int((plate.clipped > 0).sum()))))
+    place = ", ".join(f"{v:.3f}" for v in result.camera.position)
+    rows.append(("camera", f"at {place} metres; {result.fit.agreement}"))
+    sharpness = result.match.sharpness
+    rows.append(("sharpness of the plate", "not matched" if sharpness is None else f"σ {sharpness.sigma:.2f} pixels"))
+    change = result.change.difference[result.change.matte == 0]
+    rows.append(("light taken from the surroundings", triple(-np.minimum(change, 0).sum(0))))
+    rows.append(("light added to them", triple(np.maximum(change, 0).sum(0))))
+    return table(rows)
+
+
+def _unseen(result: Inserted) -> float:
+    light = result.probe.light
+    return float(((result.probe.confidence < 0.05) * light.mapping.solid_angles(light.size)).sum())

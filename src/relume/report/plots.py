@@ -1,0 +1,83 @@
+"""The report's drawings, as bytes of PNG: response curves over their data, and pictures of radiance."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+
+from relume.capture.response.calibration import Calibration
+from relume.image.files.photographs import png
+from relume.virtual_camera.film.film import Film, develop
+
+CHANNELS = (("red", "#c0392b"), ("green", "#27803f"), ("blue", "#2c5fb3"))
+WIDEST = 1024
+"""Pictures in the report are made at most this wide, so that the page stays a few megabytes."""
+
+
+def response_plot(calibration: Calibration) -> bytes:
+    """The curves over the observations, channel by channel with twice their standard error, and all together.
+
+    After Debevec & Malik 1997, Fig. 7.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11, 3.2), dpi=110, layout="constrained")
+    axes = figure.subplots(1, 4, sharex=True, sharey=True)
+    values = np.arange(calibration.response.levels)
+    curves = calibration.response.log_exposure
+    errors = np.zeros_like(curves) if calibration.error is None else np.nan_to_num(calibration.error)
+    for axis, (name, colour), curve, error, samples in zip(
+        axes, CHANNELS, curves, errors, calibration.samples, strict=False
+    ):
+        axis.fill_betweenx(values, curve - 2 * error, curve + 2 * error, color=colour, alpha=0.25, lw=0)
+        kept = samples[:: max(1, len(samples) // 2000)]
+        axis.plot(kept[:, 0], kept[:, 1], "o", ms=2.5, mfc="none", mec="#999999", mew=0.4, alpha=0.6)
+        for each in (axis, axes[3]):
+            each.plot(curve, values, color=colour, lw=1.5)
+        axis.set_title(name, fontsize=9)
+    axes[3].set_title("red, green, blue", fontsize=9)
+    middle = calibration.response.log_exposure[:, 4:-1]
+    # Where a film's fog makes the curve level it goes on for ever; what was observed ends sooner.
+    darkest = min(float(np.percentile(samples[:, 0], 0.5)) for samples in calibration.samples if len(samples))
+    axes[0].set_xlim(max(float(middle.min()), darkest) - 0.3, float(middle.max()) + 0.5)
+    axes[0].set_ylim(0, calibration.response.levels - 1)
+    axes[0].set_ylabel("pixel value Z")
+    for axis in axes:
+        axis.set_xlabel("ln exposure X", fontsize=8)
+        axis.grid(alpha=0.25)
+        axis.tick_params(labelsize=7)
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", metadata={"Software": None})
+    return stream.getvalue()
+
+
+def exposed(radiance: np.ndarray, white: float) -> bytes:
+    """Radiance shown on the sRGB curve with `white` just white."""
+    return encoded(develop(_smaller(radiance), Film(1 / max(white, 1e-30))).pixels)
+
+
+def signed(difference: np.ndarray, scale: float) -> bytes:
+    """A signed difference about middle grey, as the paper's Fig. 8f: darker is light taken, brighter light added."""
+    values = 0.5 + 0.5 * _smaller(difference) / max(scale, 1e-30)
+    return encoded(np.rint(255 * np.clip(values, 0, 1)).astype(np.uint8))
+
+
+def grey(image: np.ndarray) -> bytes:
+    """Values from 0 to 1 as grey (a matte)."""
+    values = np.rint(255 * np.clip(_smaller(image[..., None]), 0, 1)).astype(np.uint8)
+    return encoded(np.repeat(values, 3, axis=2))
+
+
+def encoded(pixels: np.ndarray) -> bytes:
+    """A PNG of 8-bit pixels."""
+    return png.encode(np.ascontiguousarray(_smaller(pixels)), b"")
+
+
+def _smaller(image: np.ndarray) -> np.ndarray:
+    step = -(-image.shape[1] // WIDEST)
+    if step == 1:
+        return image
+    height, width = image.shape[0] // step * step, image.shape[1] // step * step
+    blocks = image[:height, :width].reshape(height // step, step, width // step, step, image.shape[2])
+    return blocks.mean((1, 3)).astype(image.dtype)

@@ -1,0 +1,182 @@
+"""The ray tree of a pixel, drawn as the paper draws it (Whitted 1980): the rays in the scene, and the tree."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from relume.renderers.whitted.ray_tree import NAMES, RayTree
+from relume.renderers.whitted.record import EYE, REFLECTED, REFRACTED, SHADOW
+from relume.scene.scene import Scene
+from relume.scene.shapes.patches import Patches
+from relume.scene.shapes.shapes import Plane, Shape, Sphere
+from relume.virtual_camera.film.film import Film, develop
+
+COLOURS = {EYE: "#222222", REFLECTED: "#2c5fb3", REFRACTED: "#27803f", SHADOW: "#c98a00"}
+LABELS = {EYE: "from the eye", REFLECTED: "S, reflected", REFRACTED: "T, refracted", SHADOW: "L, towards a light"}
+MOST = 32
+"""Nodes that are drawn; the weakest are left out."""
+WIDE = 8
+"""Leaves of a tree that is drawn beside the scene, at most."""
+POINTS = 4000
+"""Of a mesh's outline."""
+
+
+def tree_plot(tree: RayTree, scene: Scene, film: Film, title: str = "", *, format: str = "png") -> bytes:
+    """The rays seen from the side that shows most of them (Fig. 2), and the tree with the intensity at each node
+    (Fig. 3); a file of this format, "png" or "svg"."""
+    from matplotlib.figure import Figure
+
+    kept = _kept(tree)
+    position = _laid_out(tree, kept)
+    wide = max(x for x, _ in position.values()) + 1
+    across = max(6, 1.2 * wide)
+    # A wide tree goes below the scene, a narrow one beside it.
+    size = (across, 10) if wide > WIDE else (6 + across, 6)
+    figure = Figure(figsize=size, dpi=110, layout="constrained")
+    place, diagram = figure.subplots(2, 1) if wide > WIDE else figure.subplots(1, 2, width_ratios=[6, across])
+    _draw_rays(place, tree, kept, (*scene.local, *scene.objects))
+    _draw_tree(diagram, tree, position, (*scene.local, *scene.objects), film)
+    left_out = len(tree.kind) - len(kept)
+    figure.suptitle(title + (f"; the {left_out} weakest of {len(tree.kind)} rays left out" if left_out else ""))
+    stream = io.BytesIO()
+    figure.savefig(stream, format=format, metadata={"Software": None} if format == "png" else {"Date": None})
+    return stream.getvalue()
+
+
+def _kept(tree: RayTree) -> np.ndarray:
+    """The nodes that send the pixel most, with all that lies between them and the eye, in the tree's order."""
+    # A node is as strong as all that comes through it, so a parent is never weaker than its child.
+    through = tree.weight.max(axis=1) * tree.intensity.max(axis=1)
+    through[tree.kind == SHADOW] = tree.sent[tree.kind == SHADOW].max(axis=1)
+    through[0] = np.inf
+    strongest = np.argsort(-through, kind="stable")[:MOST]
+    kept = set()
+    for node in strongest:
+        while node >= 0 and node not in kept:
+            kept.add(int(node))
+            node = tree.parent[node]
+    return np.array(sorted(kept))
+
+
+def _draw_rays(axis: Any, tree: RayTree, kept: np.ndarray, shapes: Sequence[Shape]) -> None:
+    """Fig. 2: everything projected along the direction in which the rays spread least, +Y kept upwards."""
+    from matplotlib.patches import FancyArrowPatch
+
+    # The window is about the places where light is reflected or refracted, whatever lies far beyond.
+    ahead = tree.end[0] - tree.start[0]
+    alone = np.stack([tree.start[0], tree.start[0] + ahead / max(float(np.linalg.norm(ahead)), 1e-30)])
+    points = tree.start[kept][1:] if len(kept) > 1 else alone
+    level = points[:, [0, 2]] - points[:, [0, 2]].mean(axis=0)
+    across = np.linalg.svd(level, full_matrices=False)[2][0] if np.any(level) else np.array([1.0, 0.0])
+    right = np.array([across[0], 0.0, across[1]])
+    right *= np.sign(right[np.argmax(np.abs(right))])
+    basis = np.stack([right, [0.0, 1.0, 0.0]])
+    flat = points @ basis.T
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    far = float(np.linalg.norm(ahead)) if tree.shape[0] >= 0 else 1.0
+    margin = max(0.35 * float((high - low).max()), 0.1 * far)
+    for index in sorted({int(s) for s in tree.shape[kept] if s >= 0}):
+        _draw_shape(axis, shapes[index], basis, low[0] - margin, high[0] + margin)
+    for node in kept:
+        start, end = tree.start[node] @ basis.T, tree.end[node] @ basis.T
+        if tree.shape[node] < 0:
+            # What leaves the scene, or goes to a far light, is drawn a short way.
+            end = start + (end - start) * (0.7 * margin / max(float(np.linalg.norm(end - start)), 0.7 * margin))
+        colour = COLOURS[int(tree.kind[node])]
+        ends = {"posA": tuple(start), "posB": tuple(end), "shrinkA": 0, "shrinkB": 0}
+        axis.add_patch(FancyArrowPatch(**ends, arrowstyle="->", mutation_scale=9, color=colour, lw=1.1))
+    for kind, label in LABELS.items():
+        axis.plot([], [], color=COLOURS[kind], label=label)
+    axis.legend(fontsize=8, loc="best")
+    axis.set_xlim(low[0] - margin, high[0] + margin)
+    axis.set_ylim(low[1] - margin, high[1] + margin)
+    axis.set_aspect("equal")
+    axis.set_title("rays in the scene, from the side (metres)", fontsize=10)
+    axis.tick_params(labelsize=7)
+
+
+def _draw_shape(axis: Any, shape: Shape, basis: np.ndarray, left: float, right: float) -> None:
+    from matplotlib.patches import Circle
+    from scipy.spatial import ConvexHull, QhullError
+
+    if isinstance(shape, Sphere):
+        centre = np.asarray(shape.centre) @ basis.T
+        axis.add_patch(Circle(tuple(centre), shape.radius, fc="#dddddd", ec="#777777", alpha=0.6))
+    elif isinstance(shape, Plane):
+        half = float(np.abs(basis[0, [0, 2]]) @ shape.extent) / 2
+        axis.plot([max(left, -half), min(right, half)], [shape.height] * 2, color="#777777", lw=2)
+    else:
+        points = shape.control.reshape(-1, 3) if isinstance(shape, Patches) else shape.vertices
+        flat = points[:: max(1, len(points) // POINTS)] @ basis.T
+        try:
+            outline = flat[ConvexHull(flat).vertices]
+        except QhullError:
+            axis.plot(flat[:, 0], flat[:, 1], color="#777777", lw=2)
+            return
+        axis.fill(outline[:, 0], outline[:, 1], fc="#dddddd", ec="#777777", alpha=0.4)
+
+
+def _draw_tree(
+    axis: Any, tree: RayTree, position: dict[int, tuple[float, float]], shapes: Sequence[Shape], film: Film
+) -> None:
+    """Fig. 3: each node below its parent, painted as its intensity would be developed."""
+    for node, (x, y) in position.items():
+        parent = int(tree.parent[node])
+        if parent in position:
+            axis.plot([position[parent][0], x], [position[parent][1], y], color=COLOURS[int(tree.kind[node])], lw=1.1)
+    wide = max(x for x, _ in position.values()) + 1
+    for node, (x, y) in position.items():
+        pixel = develop(tree.intensity[node].reshape(1, 1, 3), film).pixels[0, 0] / 255
+        dark = pixel @ [0.2126, 0.7152, 0.0722] < 0.5
+        axis.text(
+            x, y, _caption(tree, node, shapes), ha="center", va="center", fontsize=6.5,
+            color="white" if dark else "black",
+            bbox={"boxstyle": "round,pad=0.25", "fc": tuple(pixel), "ec": COLOURS[int(tree.kind[node])]},
+        )  # fmt: skip
+    axis.set_xlim(-0.7, wide - 0.3)
+    axis.set_ylim(min(y for _, y in position.values()) - 0.5, 0.5)
+    axis.set_axis_off()
+    axis.set_title("the tree, with the intensity at each node", fontsize=10)
+
+
+def _caption(tree: RayTree, node: int, shapes: Sequence[Shape]) -> str:
+    kind, shape = int(tree.kind[node]), int(tree.shape[node])
+    red, green, blue = tree.intensity[node]
+    value = f"{red:.3g}" if red == green == blue else f"{red:.2g}, {green:.2g}, {blue:.2g}"
+    if kind == SHADOW:
+        through = f": {getattr(shapes[shape], 'name', 'plane')}" if shape >= 0 else ""
+        return f"L{int(tree.light[node]) + 1}{through}\n{value}"
+    where = "sky" if shape < 0 else getattr(shapes[shape], "name", "plane")
+    return f"{NAMES[kind]}: {where}\n{value}"
+
+
+def _laid_out(tree: RayTree, kept: np.ndarray) -> dict[int, tuple[float, float]]:
+    """Where each node stands: leaves one beside the other, parents above the middle of their children."""
+    within = set(kept.tolist())
+    children: dict[int, list[int]] = {int(node): [] for node in kept}
+    level = {int(kept[0]): 0}
+    for node in kept[1:]:
+        children[int(tree.parent[node])].append(int(node))
+        level[int(node)] = level[int(tree.parent[node])] + 1
+    across: dict[int, float] = {}
+    leaves = 0
+    for node in _leaves_first(int(kept[0]), children):
+        if children[node]:
+            across[node] = (across[children[node][0]] + across[children[node][-1]]) / 2
+        else:
+            across[node], leaves = float(leaves), leaves + 1
+    return {node: (across[node], -float(level[node])) for node in across if node in within}
+
+
+def _leaves_first(root: int, children: dict[int, list[int]]) -> list[int]:
+    """All nodes, each after its children, from left to right."""
+    order, waiting = [], [root]
+    while waiting:
+        node = waiting.pop()
+        order.append(node)
+        waiting += children[node]
+    return order[::-1]

@@ -1,0 +1,12 @@
+from .cameras.distortion import Distortion as Distortion
+from .cameras.vanishing_lines import fit_vanishing_lines as fit_vanishing_lines
+from .distant import Box as Box
+from .distant import Dome as Dome
+from .lights import AmbientLight as AmbientLight
+from .materials.materials import Ward as Ward
+from .materials.reflective import Reflective as Reflective
+from .materials.whitted import Checks as Checks
+from .materials.whitted import WhittedMaterial as WhittedMaterial
+from .shapes.patches import Patches as Patches
+from .shapes.patches import read_patches as read_patches
+from .shapes.shapes import Polygon as Polygon

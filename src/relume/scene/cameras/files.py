@@ -1,0 +1,59 @@
+"""Cameras that other programs wrote: glTF, USD, Blender by way of a script, fSpy."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from relume.errors import UnreadableFile
+from relume.scene.cameras.blender import read_blender_camera
+from relume.scene.cameras.camera import Camera
+from relume.scene.cameras.fspy import read_fspy
+from relume.scene.cameras.pose import UpAxis
+from relume.scene.cameras.usd import read_usd_camera
+from relume.scene.gltf.camera import read_gltf_camera
+
+KINDS = ".glb, .gltf, .usda, .usd, .fspy or .json"
+
+
+def read_camera(
+    path: str | Path,
+    width: int,
+    height: int,
+    *,
+    name: str | None = None,
+    up: UpAxis | None = None,
+    unit: float | None = None,
+) -> Camera:
+    """Read a camera from a file of another program, by its suffix, for a picture of width × height pixels.
+
+    .glb, .gltf : a perspective camera of glTF; .usda, .usd : of USD's text form; .fspy : an fSpy project;
+    .json : fSpy's exported parameters, or what `blender_camera_script` writes in Blender
+    name : of the camera, where a file of several kinds can hold more than one (glTF, USD)
+    up : the axis of the file's frame that points up, "y" or "z"; what the format or the file says unless given
+    unit : metres to a unit of the file; what the format or the file says unless given
+    Raises UnreadableFile for a file that cannot be used.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix in (".glb", ".gltf"):
+        return read_gltf_camera(path, width, height, name=name, up=up, unit=unit)
+    if suffix in (".usda", ".usd", ".usdc", ".usdz"):
+        return read_usd_camera(path, width, height, name=name, up=up, unit=unit)
+    if suffix not in (".fspy", ".json"):
+        kind = f"of kind {suffix}" if suffix else "without a suffix"
+        raise UnreadableFile(f"{path}: no camera is read from files {kind}; use {KINDS}")
+    if name is not None:
+        raise UnreadableFile(f"{path}: holds one camera only; leave the name {name!r} out")
+    if suffix == ".json" and not _is_fspy(path):
+        return read_blender_camera(path, width, height, up=up, unit=unit)
+    return read_fspy(path, width, height, up=up, unit=unit)
+
+
+def _is_fspy(path: Path) -> bool:
+    """Whether a JSON file has what fSpy exports; the readers tell what is wrong with one that has not."""
+    try:
+        told = json.loads(path.read_bytes())
+    except (OSError, RecursionError, ValueError):
+        return False
+    return isinstance(told, dict) and ("cameraTransform" in told or "cameraParameters" in told)

@@ -1,0 +1,183 @@
+"""Reading meshes: glTF with its physically based materials, OBJ with its .mtl, PLY and STL as shapes of one grey."""
+
+from __future__ import annotations
+
+import io
+import json
+import logging
+import struct
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from relume.errors import UnreadableFile
+from relume.scene.gltf.materials import READ, GltfMaterial, read_materials
+from relume.scene.materials.materials import Material
+from relume.scene.materials.mtl import read_mtl_materials
+from relume.scene.materials.texture_mirroring import with_mirrored_apart
+from relume.scene.shapes.shapes import Mesh
+
+GREY = Material((0.5, 0.5, 0.5), roughness=1.0, name="grey")
+"""What a mesh without a material is made of."""
+
+
+def read_meshes(path: str | Path) -> tuple[Mesh, ...]:
+    """Read every mesh of a file, placed by the file's own transforms, metres, +Y up.
+
+    Materials of glTF and of OBJ's .mtl come with their images. What of a file is not rendered is said in one warning.
+    Raises UnreadableFile when the file is missing, damaged, of an unknown kind or holds no triangles, or when a
+    picture of its materials is missing.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise UnreadableFile(f"{path}: no such mesh file; check the path")
+    try:
+        scene, materials, lost = _loaded(path)
+    except UnreadableFile:
+        raise
+    except Exception as error:  # trimesh raises whatever its parsers do
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise UnreadableFile(f"{path}: not a readable mesh ({reason}); export it again as .glb") from None
+    meshes: list[Mesh] = []
+    for node in sorted(scene.graph.nodes_geometry):
+        world_from_mesh, name = scene.graph[node]
+        geometry = scene.geometry[name]
+        if len(getattr(geometry, "faces", ())):
+            _check_extent(path, str(node), np.asarray(geometry.vertices), np.asarray(world_from_mesh)[:3])
+            mesh, unplaced = _mesh(geometry, np.asarray(world_from_mesh), materials, str(node))
+            if unplaced and isinstance(mesh.material, Material):
+                lost.setdefault(f'of material "{mesh.material.name}"', []).extend(unplaced)
+            meshes.extend(with_mirrored_apart(mesh))
+    if not meshes:
+        raise UnreadableFile(f"{path}: holds no triangles; export the object's mesh")
+    if lost:
+        said = "; ".join(f"{part}: {', '.join(dict.fromkeys(words))}" for part, words in lost.items())
+        warnings.warn(f"{path}: not rendered {said}", stacklevel=2)
+    return tuple(meshes)
+
+
+Lost = dict[str, list[str]]
+"""What is not rendered, by the part of the file that it belongs to."""
+
+
+def _loaded(path: Path) -> tuple[Any, dict[str, GltfMaterial | Material], Lost]:
+    """The file as a trimesh scene, its materials by the names that trimesh knows them by, and what is lost of it."""
+    import trimesh
+    from trimesh.resolvers import FilePathResolver
+
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL)
+    kind, data = path.suffix.lower().lstrip("."), path.read_bytes()
+    if kind not in ("glb", "gltf", "obj", "ply", "stl"):
+        raise ValueError(f"files of kind .{kind} are not read; use .glb, .gltf, .obj, .ply or .stl")
+    materials: dict[str, GltfMaterial | Material] = {}
+    lost: Lost = {}
+    if kind in ("glb", "gltf"):
+        header, binary, rest = _parts(data, kind)
+        _check_readable(header)
+        read = read_materials(path, header, binary)
+        materials = {str(index): material for index, material in enumerate(read)}
+        lost = {f'of material "{each.numbers.name}"': list(each.lost) for each in read if each.lost}
+        if parts := _unread_primitives(header):
+            lost["of its meshes"] = parts
+        data = _bare(header, read, kind, rest)
+        _check_readable(header)
+    elif kind == "obj":
+        found, missing = read_mtl_materials(path, data)
+        materials = {**found}
+        if missing:
+            lost["of its materials, whose files are missing"] = list(missing)
+    resolver = FilePathResolver(str(path))
+    scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=resolver)
+    return scene, materials, lost
+
+
+def _parts(data: bytes, kind: str) -> tuple[dict[str, Any], bytes, bytes]:
+    """A glTF file's header, its own buffer, and everything after the header as stored."""
+    if kind == "gltf":
+        return json.loads(data), b"", b""
+    if data[:4] != b"glTF" or len(data) < 20:
+        raise ValueError("no glTF header")
+    length = struct.unpack_from("<I", data, 12)[0]
+    rest = data[20 + length :]
+    return json.loads(data[20 : 20 + length]), rest[8:], rest
+
+
+def _bare(header: dict[str, Any], materials: tuple[GltfMaterial, ...], kind: str, rest: bytes) -> bytes:
+    """The file without pictures, each material named by its index, each mesh with the coordinates it uses.
+
+    trimesh keeps names of materials but not their extensions, and only the first set of texture coordinates.
+    """
+    for primitive in (p for mesh in header.get("meshes", []) for p in mesh["primitives"]):
+        attributes = primitive["attributes"]
+        used = materials[primitive["material"]].coordinates if "material" in primitive else 0
+        if used and f"TEXCOORD_{used}" in attributes:
+            attributes["TEXCOORD_0"] = attributes[f"TEXCOORD_{used}"]
+        elif used:
+            attributes.pop("TEXCOORD_0", None)
+        # trimesh would make colours the whole of the looks.
+        attributes.pop("COLOR_0", None)
+    for key in ("materials", "textures", "images", "samplers"):
+        header.pop(key, None)
+    if materials:
+        header["materials"] = [{"name": str(index)} for index in range(len(materials))]
+    text = json.dumps(header).encode()
+    if kind == "gltf":
+        return text
+    text += b" " * (-len(text) % 4)
+    return struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text) + len(rest), len(text), b"JSON") + text + rest
+
+
+def _check_readable(header: dict[str, Any]) -> None:
+    """Raises ValueError for what trimesh would read as zeros or as whole numbers, without a word."""
+    if lacking := sorted(set(header.get("extensionsRequired", [])) - READ):
+        raise ValueError(f"it requires {', '.join(lacking)}, which is not read: leave it out")
+    accessors = header.get("accessors", [])
+    for primitive in (p for mesh in header.get("meshes", []) for p in mesh["primitives"]):
+        for name in {"POSITION", "NORMAL", "TEXCOORD_0"} & set(primitive["attributes"]):
+            if accessors[primitive["attributes"][name]].get("normalized"):
+                raise ValueError(f"its {name} is quantised, which is not read: store 32-bit floats")
+
+
+def _check_extent(path: Path, name: str, vertices: np.ndarray, placement: np.ndarray) -> None:
+    finite = np.all(np.isfinite(vertices)) and np.all(np.isfinite(placement))
+    if not finite or not np.ptp(vertices, axis=0).any() or np.linalg.det(placement[:, :3]) == 0:
+        raise UnreadableFile(f"{path}: mesh {name!r} has no extent, or not a finite one; check it and export it again")
+
+
+def _mesh(
+    geometry: Any, world_from_mesh: np.ndarray, materials: dict[str, GltfMaterial | Material], name: str
+) -> tuple[Mesh, tuple[str, ...]]:
+    """The mesh in the world, and what of its material does not lie on it."""
+    turn = world_from_mesh[:3, :3]
+    vertices = np.asarray(geometry.vertices) @ turn.T + world_from_mesh[:3, 3]
+    faces = np.asarray(geometry.faces)
+    if np.linalg.det(turn) < 0:
+        faces = faces[:, ::-1]
+    normals = None
+    if "vertex_normals" in geometry._cache.cache:
+        normals = np.asarray(geometry.vertex_normals) @ np.linalg.inv(turn)
+        normals = (normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)).astype(np.float32)
+    material: Material = GREY
+    uv, lost = None, ()
+    visual = geometry.visual
+    if visual.kind == "texture":
+        found = materials.get(str(getattr(getattr(visual, "material", None), "name", "")), GREY)
+        uv = None if visual.uv is None else np.asarray(visual.uv, np.float64)
+        if isinstance(found, GltfMaterial):
+            # glTF's texture coordinates go downwards; ours and trimesh's upwards.
+            material, down, lost = found.on(None if uv is None else uv * [1, -1] + [0, 1])
+            uv = None if down is None else down * [1, -1] + [0, 1]
+        else:
+            material = found
+    uv = None if uv is None else uv.astype(np.float32)
+    return Mesh(vertices.astype(np.float32), faces.astype(np.int32), material, normals, uv, name), lost
+
+
+def _unread_primitives(header: dict[str, Any]) -> list[str]:
+    primitives = [p for mesh in header.get("meshes", []) for p in mesh["primitives"]]
+    attributes = {name for primitive in primitives for name in primitive["attributes"]}
+    lost = {name for name in attributes if name.startswith(("COLOR_", "JOINTS_"))}
+    lost |= {"morph targets" for primitive in primitives if primitive.get("targets")}
+    return sorted(lost)

@@ -1,0 +1,129 @@
+"""Shapes with their materials, in world coordinates (metres, +Y up)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from relume.scene.materials.materials import Diffuse, Material, Ward
+from relume.scene.materials.reflective import Reflective
+from relume.scene.materials.whitted import WhittedMaterial
+from relume.scene.shapes.patches import Patches
+
+AnyMaterial = Material | Diffuse | Ward | Reflective | WhittedMaterial
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles.
+
+    vertices : (N, 3) float32, metres, world
+    faces : (M, 3) int32, counter-clockwise from outside
+    material : what it is made of
+    normals : (N, 3) float32 unit vectors for smooth shading, or None for flat faces
+    uv : (N, 2) float32 texture coordinates, (0, 0) the lower left corner, or None
+    name : for messages
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    material: AnyMaterial
+    normals: np.ndarray | None = None
+    uv: np.ndarray | None = None
+    name: str = "mesh"
+
+    def __post_init__(self) -> None:
+        if self.vertices.ndim != 2 or self.vertices.shape[1] != 3 or not len(self.vertices):
+            raise ValueError(f"vertices of {self.name!r} are {self.vertices.shape}; expected (N, 3)")
+        if self.faces.ndim != 2 or self.faces.shape[1] != 3 or not len(self.faces):
+            raise ValueError(f"faces of {self.name!r} are {self.faces.shape}; expected (M, 3)")
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The horizontal plane y = `height`, whole or a rectangle of it.
+
+    material : what it is made of
+    size : (along x, along z) in metres, centred on the y axis; None for one so large that its edge is the horizon
+    height : y, metres
+    """
+
+    material: Diffuse | Material | WhittedMaterial
+    size: tuple[float, float] | None = None
+    height: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.height):
+            raise ValueError(f"height of the plane is {self.height}; expected metres")
+        if self.size is not None and not all(0 < s < np.inf for s in self.size):
+            raise ValueError(f"size of the plane is {self.size}; expected two positive lengths in metres")
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """The lengths along x and z that a renderer should make it, metres; a kilometre passes for the horizon."""
+        return self.size if self.size is not None else (1000.0, 1000.0)
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A sphere, exactly.
+
+    centre : metres, world
+    radius : metres
+    material : what it is made of
+    name : for messages
+
+    Texture coordinates are a lat-long map's: (0, 0) the lower left corner, the middle towards −Z, the top row at +Y.
+    """
+
+    centre: tuple[float, float, float]
+    radius: float
+    material: AnyMaterial
+    name: str = "sphere"
+
+    def __post_init__(self) -> None:
+        if len(self.centre) != 3 or not np.all(np.isfinite(self.centre)):
+            raise ValueError(f"centre of {self.name!r} is {self.centre}; expected three lengths in metres")
+        if not 0 < self.radius < np.inf:
+            raise ValueError(f"radius of {self.name!r} is {self.radius}; expected a positive length in metres")
+
+
+@dataclass(frozen=True, eq=False)
+class Polygon:
+    """A flat polygon, which need not be convex.
+
+    vertices : (N, 3) float64, metres, world; counter-clockwise as seen from outside, in one plane
+    material : what it is made of
+    name : for messages
+
+    Texture coordinates go from 0 to 1 over the rectangle around it whose u runs along its first edge.
+    """
+
+    vertices: np.ndarray
+    material: AnyMaterial
+    name: str = "polygon"
+
+    def __post_init__(self) -> None:
+        if self.vertices.ndim != 2 or self.vertices.shape[1] != 3 or len(self.vertices) < 3:
+            raise ValueError(f"{self.name!r} has {len(self.vertices)} vertices; expected three or more, of x, y and z")
+        if not np.all(np.isfinite(self.vertices)):
+            raise ValueError(f"some vertices of {self.name!r} are not finite; expected metres")
+        size = np.ptp(self.vertices, axis=0).max()
+        area = np.linalg.norm(self.area_vector)
+        if not area > 1e-12 * size**2:
+            raise ValueError(f"{self.name!r} has no area; its vertices lie on a line or cross over")
+        off = np.abs((self.vertices - self.vertices.mean(axis=0)) @ (self.area_vector / area)).max()
+        if off > 1e-6 * size:
+            raise ValueError(f"vertices of {self.name!r} are up to {off:g} m out of one plane; split it into triangles")
+
+    @property
+    def area_vector(self) -> np.ndarray:
+        """(3,), its area times its outward normal (Newell's method)."""
+        around = self.vertices - self.vertices[0]
+        return 0.5 * np.cross(around, np.roll(around, -1, axis=0)).sum(axis=0)
+
+
+Shape = Mesh | Plane | Sphere | Polygon | Patches
+Solid = Mesh | Sphere | Polygon | Patches
+"""What an object may be; a plane is a real surface of the local scene."""

@@ -1,0 +1,98 @@
+"""Patches and polygons as triangles, for renderers that know nothing else."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from relume.scene.shapes.patches import Patches
+from relume.scene.shapes.polygon_triangulation import triangles_of
+from relume.scene.shapes.shapes import Mesh, Polygon
+
+CELLS = 32
+"""Along each side of a patch: a quarter of a circle is followed to 0.0003 of its radius."""
+NUDGE = 1e-5
+"""How far into a patch, in u and v, the normal is taken where the patch has none: at a side that is a single point."""
+NOTHING = 1e-12
+"""Areas to u and v below this share of the patch's size squared are what rounding leaves of none."""
+
+
+def tessellated(patches: Patches, cells: int = CELLS) -> Mesh:
+    """The patches as a mesh of cells² squares each, with the exact normals and each patch's own (u, v).
+
+    At a corner or a side where the patch has no normal, the mesh has the one beside it. Triangles without area are
+    left out. Raises ValueError for less than one cell.
+    """
+    if cells < 1:
+        raise ValueError(f"{cells} cells along a patch; expected 1 or more")
+    along = np.linspace(0, 1, cells + 1)
+    inward = along + NUDGE * np.sign(0.5 - along)
+    points, normals = _points(patches.control, along), _normals(patches.control, along)
+    beside = _normals(patches.control, inward)
+    normals = np.where(np.any(normals, axis=-1, keepdims=True), normals, beside)
+    # What is a line has no normal anywhere, and no triangle.
+    normals = np.where(np.any(normals, axis=-1, keepdims=True), normals, [0.0, 1.0, 0.0])
+    uv = np.stack(np.meshgrid(along, along, indexing="ij"), axis=-1)
+    vertices = points.reshape(-1, 3).astype(np.float32)
+    faces = _squares(cells, len(patches.control))
+    a, b, c = np.moveaxis(vertices[faces].astype(np.float64), 1, 0)
+    faces = faces[np.any(np.cross(b - a, c - a), axis=-1)]
+    every_uv = np.broadcast_to(uv, (len(patches.control), *uv.shape)).reshape(-1, 2).astype(np.float32)
+    return Mesh(vertices, faces, patches.material, normals.reshape(-1, 3).astype(np.float32), every_uv, patches.name)
+
+
+def triangulated(polygon: Polygon) -> Mesh:
+    """The polygon as a flat mesh with its texture coordinates; raises ValueError where it crosses itself."""
+    normal = polygon.area_vector / np.linalg.norm(polygon.area_vector)
+    edges = np.roll(polygon.vertices, -1, axis=0) - polygon.vertices
+    lengths = np.linalg.norm(edges, axis=-1)
+    first = edges[np.argmax(lengths > 1e-12 * lengths.max())]  # a vertex may be told twice
+    along = first - (first @ normal) * normal
+    along /= np.linalg.norm(along)
+    flat = polygon.vertices @ np.stack([along, np.cross(normal, along)], axis=1)
+    try:
+        faces = triangles_of(flat)
+    except ValueError as error:
+        raise ValueError(f"{polygon.name!r}: {error}") from None
+    uv = (flat - flat.min(axis=0)) / np.ptp(flat, axis=0)
+    vertices = polygon.vertices.astype(np.float32)
+    return Mesh(vertices, faces, polygon.material, None, uv.astype(np.float32), polygon.name)
+
+
+def _points(control: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """(P, n, n, 3), metres, at all pairs of u and v."""
+    weights = _weights(along)
+    return np.einsum("ui,vj,pijk->puvk", weights, weights, control)
+
+
+def _normals(control: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """Unit normals (P, n, n, 3) at all pairs of u and v; 0 where the patch has none."""
+    weights, slopes = _weights(along), _slopes(along)
+    # From a corner of its own, so that a patch far from the origin is as exact.
+    near = control - control[:, :1, :1]
+    across = np.cross(
+        np.einsum("ui,vj,pijk->puvk", slopes, weights, near), np.einsum("ui,vj,pijk->puvk", weights, slopes, near)
+    )
+    length = np.linalg.norm(across, axis=-1, keepdims=True)
+    size = np.ptp(near, axis=(1, 2)).max(axis=-1)[:, None, None, None]
+    return np.where(length > NOTHING * size**2, across / np.maximum(length, 1e-300), 0)
+
+
+def _weights(t: np.ndarray) -> np.ndarray:
+    """Bernstein's cubic polynomials at (n,) parameters, (n, 4)."""
+    s = 1 - t
+    return np.stack([s**3, 3 * s * s * t, 3 * s * t * t, t**3], axis=-1)
+
+
+def _slopes(t: np.ndarray) -> np.ndarray:
+    """Their derivatives, (n, 4)."""
+    s = 1 - t
+    return np.stack([-3 * s * s, 3 * s * (s - 2 * t), 3 * t * (2 * s - t), 3 * t * t], axis=-1)
+
+
+def _squares(cells: int, count: int) -> np.ndarray:
+    """Two triangles a cell of `count` grids of vertices, in rows of constant u: (2·cells²·count, 3) int32."""
+    lower = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).reshape(-1)
+    a, b, c, d = lower, lower + cells + 1, lower + cells + 2, lower + 1
+    one = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    shift = np.arange(count)[:, None, None] * (cells + 1) ** 2
+    return (one + shift).reshape(-1, 3).astype(np.int32)

@@ -1,0 +1,162 @@
+"""An illumination map: radiance as a function of direction, in one of the mappings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from relume.image.bilinear import bilinear
+from relume.image.radiance import RadianceMap
+from relume.sphere.directions import required_rotation
+from relume.sphere.mappings.mapping import LatLong, Mapping, mapping_named, pixel_directions
+
+
+@dataclass(frozen=True, eq=False)
+class EnvironmentMap:
+    """Light from every direction, measured at one point.
+
+    radiance : (rows, columns, 3) float32, in `unit`; directions point from the centre towards the light
+    mapping : how directions are laid out, `LatLong()` unless said otherwise
+    unit : "cd/m²" when calibrated, else "relative"
+    clipped : (rows, columns) uint8, what no photograph could measure, in the codes of `RadianceMap`: where it is
+        SATURATED radiance is a lower bound, where it is OUTSIDE no view saw and radiance is filled in; None where
+        nothing is known of that
+    attributes : what else the map's file told (text), as where its sun was recovered from; conversions carry them
+    """
+
+    radiance: np.ndarray
+    mapping: Mapping = LatLong()
+    unit: str = "relative"
+    clipped: np.ndarray | None = None
+    attributes: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        shape = self.radiance.shape
+        if self.radiance.ndim < 2 or self.radiance.size == 0:
+            raise ValueError(f"radiance has shape {shape}; a map has at least one row, and three channels")
+        expected = (*self.mapping.shape(shape[0]), 3)
+        if shape != expected:
+            raise ValueError(
+                f"radiance has shape {shape}; {_article(self.mapping.name)} map of {shape[0]} rows has {expected}"
+            )
+        if self.clipped is not None and self.clipped.shape != shape[:2]:
+            raise ValueError(f"clipped has shape {self.clipped.shape}; expected the radiance's {shape[:2]}")
+        if not np.all(np.isfinite(self.radiance)) or self.radiance.min() < 0:
+            raise ValueError("radiance holds negative or non-finite values; light must be finite and not below 0")
+
+    @property
+    def size(self) -> int:
+        """The number of rows."""
+        return self.radiance.shape[0]
+
+    def lookup(self, directions: np.ndarray) -> np.ndarray:
+        """Radiance (…, 3) from unit directions (…, 3), bilinear; 0 where the map does not show them.
+
+        Over a lat-long's seam and poles it is continuous; at the rims of discs and cube faces the outermost pixel goes
+        on.
+        """
+        points = self.mapping.image_points(directions)
+        rows, columns = self.radiance.shape[:2]
+        if isinstance(self.mapping, LatLong):
+            return bilinear(_wrapped(self.radiance), points[..., 0] * columns + 1, points[..., 1] * rows + 1)
+        outside = np.isnan(points[..., 0])
+        points = np.where(outside[..., None], 0.5, points)
+        # Each face or disc has a cell of its own: what lies in the next one is no neighbour.
+        grid = np.array(getattr(self.mapping, "grid", (1, 1)))[::-1]
+        cell = np.minimum(np.floor(points * grid), grid - 1)
+        half = 0.5 / np.array([columns, rows])
+        x, y = np.moveaxis(np.clip(points, cell / grid + half, (cell + 1) / grid - half) * [columns, rows], -1, 0)
+        lit = (self.mapping.solid_angles(self.size) > 0)[..., None].astype(np.float32)
+        found = bilinear(self.radiance * lit, x, y) / np.maximum(bilinear(lit, x, y), 1e-6)
+        return np.where(outside[..., None], 0.0, found)
+
+    def total(self) -> np.ndarray:
+        """∫ L dω over the whole sphere, (3,): the sum of radiance × solid angle."""
+        return np.einsum("hwc,hw->c", self.radiance.astype(np.float64), self.mapping.solid_angles(self.size))
+
+    def irradiance(self, normals: np.ndarray) -> np.ndarray:
+        """E = ∫ L max(0, ω·n) dω on surfaces of unit normals (…, 3): (…, 3), π·L under constant light."""
+        directions = pixel_directions(self.mapping, self.size).reshape(-1, 3)
+        flux = self.radiance.reshape(-1, 3) * self.mapping.solid_angles(self.size).reshape(-1, 1)
+        flat = np.atleast_2d(np.asarray(normals, np.float64).reshape(-1, 3))
+        result = np.stack([np.maximum(directions @ n, 0) @ flux for n in flat])
+        return result.reshape(np.shape(normals))
+
+    def remapped(self, mapping: Mapping, size: int | None = None, rotation: np.ndarray | None = None) -> EnvironmentMap:
+        """The same light in another mapping or size (rows; as fine as now unless given), energy kept.
+
+        rotation : turned by it as well, in one step, which blurs less than two
+        """
+        from relume.sphere.mappings.matching_size import matching_size
+        from relume.sphere.resampling.resampling import resampled
+
+        turn = np.eye(3) if rotation is None else required_rotation(rotation)
+        rows = matching_size(self, mapping) if size is None else size
+        return replace(resampled(self, mapping, rows, turn), attributes=self.attributes)
+
+    def rotated(self, rotation: np.ndarray) -> EnvironmentMap:
+        """The light turned by an active rotation: what came from ω comes from `rotation` @ ω; energy kept."""
+        return self.remapped(self.mapping, self.size, rotation)
+
+
+def as_environment(picture: RadianceMap, mapping: Mapping | None = None) -> EnvironmentMap:
+    """Read a radiance map as light: by the mapping told, else the one its file remembers, else by its shape.
+
+    2:1 is lat-long, 6:1 a strip of cube faces; 4:3 and 3:4 are crosses where the cells beside the faces are empty.
+
+    A map that `relume convert --for` laid out for another program is turned back into our frame.
+
+    Raises ValueError when nothing tells: a square map may be an angular map, a mirrored ball or more.
+    """
+    if mapping is None:
+        told = picture.attributes.get("mapping")
+        mapping = mapping_named(told) if told else _mapping_of_shape(picture)
+    kept = {key: text for key, text in picture.attributes.items() if key not in _LAYOUT}
+    light = EnvironmentMap(picture.radiance, mapping, picture.unit, picture.clipped, kept)
+    if "mirror" in picture.attributes:
+        from relume.sphere.mip_cube import mirrored_strip
+
+        light = mirrored_strip(light, picture.attributes["mirror"])
+    if "orientation" in picture.attributes:
+        from relume.sphere.orientation import orientation_named, restored
+
+        return restored(light, orientation_named(picture.attributes["orientation"]))
+    return light
+
+
+_LAYOUT = ("mapping", "envmap", "orientation", "mirror", "face", "view")
+"""Attributes that tell where a file's pixels look."""
+
+
+def as_radiance_map(light: EnvironmentMap) -> RadianceMap:
+    """The light as a picture that remembers its mapping, ready to be written to a file."""
+    attributes = {**light.attributes, "mapping": light.mapping.name}
+    return RadianceMap(light.radiance.astype(np.float32), None, light.clipped, light.unit, attributes)
+
+
+def _mapping_of_shape(picture: RadianceMap) -> Mapping:
+    width, height = picture.size
+    shapes = {(2, 1): "latlong", (6, 1): "strip", (4, 3): "cross", (3, 4): "cross-vertical"}
+    for (across, down), name in shapes.items():
+        if width * down != height * across:
+            continue
+        mapping = mapping_named(name)
+        beside = picture.radiance[mapping.solid_angles(height) == 0]
+        # A photograph may be 4:3 too, but it does not leave the same cells empty.
+        if beside.size == 0 or np.all(beside == beside[0]):
+            return mapping
+    raise ValueError(
+        f"a map of {width}×{height} pixels does not tell its mapping; a lat-long map is twice as wide as high"
+    )
+
+
+def _article(name: str) -> str:
+    return f"an {name}" if name[0] in "aeiou" else f"a {name}"
+
+
+def _wrapped(radiance: np.ndarray) -> np.ndarray:
+    """A lat-long map with one more pixel on every side: round the seam, and over the poles to the other side."""
+    half = radiance.shape[1] // 2
+    tall = np.concatenate([np.roll(radiance[:1], half, 1), radiance, np.roll(radiance[-1:], half, 1)])
+    return np.concatenate([tall[:, -1:], tall, tall[:, :1]], axis=1)

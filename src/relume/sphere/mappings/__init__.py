@@ -1,0 +1,5 @@
+"""Mappings between directions and points of an environment map's image: `relume.mappings`."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

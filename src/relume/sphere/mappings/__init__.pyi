@@ -1,0 +1,10 @@
+from .cubes import CubeCross as CubeCross
+from .cubes import Strip as Strip
+from .cubes import VerticalCubeCross as VerticalCubeCross
+from .discs import Angular as Angular
+from .discs import Fisheye as Fisheye
+from .discs import Hemispheres as Hemispheres
+from .discs import MirrorBall as MirrorBall
+from .mapping import LatLong as LatLong
+from .squares import EqualArea as EqualArea
+from .squares import Octahedral as Octahedral

@@ -1,0 +1,116 @@
+"""Mappings between directions and points of an image: what every one tells, lat-long, and the names files remember.
+
+Image points (…, 2) are (u, v) in [0, 1]², u to the right and v down; the centre of pixel (column i, row j) of an image
+of W × H pixels is ((i + ½)/W, (j + ½)/H). `size` is always the number of rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+
+class Mapping(Protocol):
+    """How the sphere of directions is laid out in an image."""
+
+    @property
+    def name(self) -> str:
+        """What a file remembers: `mapping_named` finds the mapping by it."""
+        ...
+
+    def shape(self, size: int) -> tuple[int, int]:
+        """Rows and columns of an image of `size` rows; raises ValueError where no image has so many."""
+        ...
+
+    def image_points(self, directions: np.ndarray) -> np.ndarray:
+        """Where unit directions (…, 3) fall in the image: (…, 2); NaN where the image does not show them."""
+        ...
+
+    def directions(self, points: np.ndarray) -> np.ndarray:
+        """The unit directions (…, 3) of image points (…, 2); NaN where the image shows none."""
+        ...
+
+    def shown(self, points: np.ndarray) -> np.ndarray:
+        """The points (…, 2) themselves, drawn to the nearest rim where they lie beside the image's discs."""
+        ...
+
+    def solid_angles(self, size: int) -> np.ndarray:
+        """Steradians of every pixel, of `shape(size)`; they sum to 4π, or to what the image shows of the sphere."""
+        ...
+
+
+@dataclass(frozen=True)
+class LatLong:
+    """Latitude–longitude: row 0 is +Y, the centre is −Z and +X lies to its right, as seen from inside."""
+
+    name = "latlong"
+
+    def shape(self, size: int) -> tuple[int, int]:
+        refuse_size(size, self.name)
+        return size, 2 * size
+
+    def image_points(self, directions: np.ndarray) -> np.ndarray:
+        x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
+        u = 0.5 + np.arctan2(x, -z) / (2 * np.pi)
+        return np.stack([u % 1.0, np.arctan2(np.hypot(x, z), y) / np.pi], axis=-1)
+
+    def directions(self, points: np.ndarray) -> np.ndarray:
+        longitude, polar = 2 * np.pi * (points[..., 0] - 0.5), np.pi * points[..., 1]
+        ring = np.sin(polar)
+        return np.stack([ring * np.sin(longitude), np.cos(polar), -ring * np.cos(longitude)], axis=-1)
+
+    def shown(self, points: np.ndarray) -> np.ndarray:
+        return points
+
+    def solid_angles(self, size: int) -> np.ndarray:
+        rows, columns = self.shape(size)
+        cosines = np.cos(np.pi * np.arange(rows + 1) / rows)
+        rings = (cosines[:-1] - cosines[1:]) * 2 * np.pi / columns
+        return np.broadcast_to(rings[:, None], (rows, columns))
+
+
+def pixel_points(mapping: Mapping, size: int, subdivision: int = 1) -> np.ndarray:
+    """Image points of pixel centres, or of subdivision² cells in each pixel: (rows·s, columns·s, 2)."""
+    rows, columns = (subdivision * count for count in mapping.shape(size))
+    v, u = (np.arange(rows) + 0.5) / rows, (np.arange(columns) + 0.5) / columns
+    return np.stack(np.broadcast_arrays(u[None, :], v[:, None]), axis=-1)
+
+
+def pixel_directions(mapping: Mapping, size: int) -> np.ndarray:
+    """The unit directions of the middles of all pixels, (rows, columns, 3), finite everywhere.
+
+    Where a rim cuts a pixel it is the nearest direction shown; where the image shows none, and the pixel's solid
+    angle is 0, it is straight ahead.
+    """
+    directions = mapping.directions(mapping.shown(pixel_points(mapping, size)))
+    return np.where(np.isnan(directions), (0.0, 0.0, -1.0), directions)
+
+
+def refuse_size(size: int, name: str, factor: int = 1) -> None:
+    """Raise ValueError where a `name` map cannot have `size` rows: they are a multiple of `factor`, and not 0."""
+    if size < factor or size % factor:
+        several = f"a multiple of {factor}" if factor > 1 else "1 or more"
+        raise ValueError(f"a {name} map of {size} rows; expected {several}, like {256 * factor}")
+
+
+def mapping_named(text: str) -> Mapping:
+    """The mapping a file remembers by `text`: "latlong", "cross", "fisheye:equisolid:180", …
+
+    Raises ValueError that names all there are.
+    """
+    from relume.sphere.mappings.cubes import CubeCross, Strip, VerticalCubeCross
+    from relume.sphere.mappings.discs import Angular, Fisheye, Hemispheres, MirrorBall
+    from relume.sphere.mappings.squares import EqualArea, Octahedral
+
+    plain: tuple[Mapping, ...] = (
+        LatLong(), Angular(), MirrorBall(), CubeCross(), VerticalCubeCross(), Strip(), Octahedral(), EqualArea(),
+        Hemispheres(),
+    )  # fmt: skip
+    known = {mapping.name: mapping for mapping in plain}
+    if text in known:
+        return known[text]
+    if text.partition(":")[0] == "fisheye":
+        return Fisheye.named(text)
+    raise ValueError(f'there is no mapping "{text}"; there are {", ".join(known)} and fisheye')

@@ -1,0 +1,348 @@
+"""Kernels that gather light by target pixels.
+
+Each does one step for many cells: small kernels compile quickly, and a projection is compiled once for all uses.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from relume._kernel import inlined, kernel
+from relume.sphere.mappings.kernels import FINE, RIM, neighbour, solid_angle, spread
+from relume.sphere.mappings.layouts import EQUIDISTANT, EQUISOLID, LAT_LONG, ORTHOGRAPHIC
+
+RUN = 16
+"""Pixels along a row that share their number of cells."""
+SHARED = 4
+"""Lines that share it."""
+_HALF, _ONE = np.float32(0.5), np.float32(1)
+
+
+@kernel
+def sums(planes, light, begin, end, peaks):
+    """Σ radiance × solid angle of lines begin…end and Σ solid angle, (4,); fills `peaks` (lines, 3), their maxima."""
+    kind, rows, columns, stride, origins = planes.kind, planes.rows, planes.columns, planes.stride, planes.origins
+    total = np.zeros(4)
+    for line in range(begin, end):
+        plane, row = line // rows, line % rows
+        start = origins[plane] + row * stride
+        one, two, three, shown = 0.0, 0.0, 0.0, 0.0
+        p, q, r = np.float32(0), np.float32(0), np.float32(0)
+        if kind == LAT_LONG:
+            for i in range(start, start + columns):
+                a, b, c = light[i, 0], light[i, 1], light[i, 2]
+                one, two, three = one + a, two + b, three + c
+                p, q, r = max(p, a), max(q, b), max(r, c)
+            angle = solid_angle(kind, planes.across, planes.down, rows, columns, row, row)
+            one, two, three, shown = one * angle, two * angle, three * angle, angle * columns
+        else:
+            for column in range(columns):
+                i = start + column
+                angle = solid_angle(kind, planes.across, planes.down, rows, columns, row, column)
+                if angle > 0:
+                    shown += angle
+                    a, b, c = light[i, 0], light[i, 1], light[i, 2]
+                    one, two, three = one + a * angle, two + b * angle, three + c * angle
+                    p, q, r = max(p, a), max(q, b), max(r, c)
+        total[0], total[1], total[2] = total[0] + one, total[1] + two, total[2] + three
+        total[3] += shown
+        peaks[line, 0], peaks[line, 1], peaks[line, 2] = p, q, r
+    return total
+
+
+@kernel
+def round_caps(light, rows, columns, caps, begin, end):
+    """Rows of a lat-long near its poles, averaged along themselves over what is a pixel's height there.
+
+    caps : (2·K·columns, 3) of the first and last K rows; begin…end of 2·K
+    """
+    deep = caps.shape[0] // columns // 2
+    band = np.empty(3 * columns, np.float32)
+    for line in range(begin, end):
+        row = line if line < deep else rows - 2 * deep + line
+        width = 1 / np.sin(np.pi * (row + 0.5) / rows)
+        reach = int(np.ceil(width / 2 - 0.5))
+        share = width / 2 - reach + 0.5
+        start, out, length = row * columns, line * columns, columns + 2 * reach
+        for channel in range(3):
+            for i in range(reach):
+                band[i] = light[start + columns - reach + i, channel]
+                band[reach + columns + i] = light[start + i, channel]
+            for i in range(columns):
+                band[reach + i] = light[start + i, channel]
+            running = 0.0
+            for i in range(1, 2 * reach):
+                running += band[i]
+            for i in range(length - 2 * reach):
+                first, last = np.float64(band[i]), np.float64(band[i + 2 * reach])
+                caps[out + i, channel] = (running + share * (first + last)) / width
+                running += last - band[i + 1]
+
+
+@inlined
+def _mixed(entries, upper, lower, across, down):
+    """One channel, bilinear between four neighbours, in a form that gives back constants to the bit."""
+    a, b = entries[upper], entries[upper + np.uint64(3)]
+    c, d = entries[lower], entries[lower + np.uint64(3)]
+    above, below = a + across * (b - a), c + across * (d - c)
+    return above + down * (below - above)
+
+
+@kernel
+def divisions(planes, step, begin, wide, high, counts):
+    """Columns and rows of cells, about `step` radians apart, in each run of a line's pixels, and cells a line.
+
+    begin : the first line
+    wide, high : (lines, runs), filled
+    counts : (lines,), filled
+    """
+    kind, rows, columns = planes.kind, planes.rows, planes.columns
+    counts[:] = 0
+    for line in range(len(wide)):
+        row = (begin + line) % rows
+        if line % SHARED and row % SHARED:
+            # A few lines share what one has: at a distance of so few pixels it is nearly the same.
+            wide[line], high[line], counts[line] = wide[line - 1], high[line - 1], counts[line - 1]
+            continue
+        middle = 2 * (row + 0.5) / rows - 1
+        for run in range(wide.shape[1]):
+            first, last = run * RUN, min(run * RUN + RUN, columns)
+            # The spread is greatest at one end of a run, or nearly.
+            near, near_down = spread(kind, planes.across, planes.down, rows, 2 * (first + 0.5) / columns - 1, middle)
+            far, far_down = spread(kind, planes.across, planes.down, rows, 2 * (last - 0.5) / columns - 1, middle)
+            wide[line, run] = max(1, int(np.ceil(max(near, far) * 2 / (columns * step) - 1e-3)))
+            high[line, run] = max(1, int(np.ceil(max(near_down, far_down) * 2 / (rows * step) - 1e-3)))
+            counts[line] += wide[line, run] * high[line, run] * (last - first)
+
+
+@kernel
+def cells(planes, line, wide, high, begin, xs, ys, owner, parts, count):
+    """Appends a line's cells to `count` (1,) earlier ones; those that a disc does not show are left out.
+
+    begin : the first line whose pixels own cells; line begin owns with 0…columns
+    parts : of how many cells a pixel would be, each owner's
+    """
+    kind, rows, columns = planes.kind, planes.rows, planes.columns
+    disc = kind == EQUIDISTANT or kind == EQUISOLID or kind == ORTHOGRAPHIC
+    row, place, first_owner = line % rows, count[0], (line - begin) * columns
+    middle = 2 * (row + 0.5) / rows - 1
+    for column in range(columns):
+        if disc:
+            # A pixel whose nearest corner lies beyond the rim shows nothing.
+            left = max(abs(column + 0.5 - columns * 0.5) - 0.5, 0.0)
+            above = max(abs(row + 0.5 - rows * 0.5) - 0.5, 0.0)
+            if left * left + above * above >= rows * rows * 0.25:
+                continue
+        parts[first_owner + column] = wide[column // RUN] * high[column // RUN]
+        before, across_many, down_many = place, wide[column // RUN], high[column // RUN]
+        for j in range(down_many):
+            down = 2 * (row + (j + 0.5) / down_many) / rows - 1
+            for i in range(across_many):
+                across = 2 * (column + (i + 0.5) / across_many) / columns - 1
+                if not disc or across * across + down * down <= 1:
+                    xs[place], ys[place], owner[place] = across, down, first_owner + column
+                    place += 1
+        if place == before:
+            # None of its cells is on the disc: the nearest point of the rim stands for the sliver that is.
+            across = 2 * (column + 0.5) / columns - 1
+            shrunk = (1 - 1e-6) / np.sqrt(across * across + middle * middle)
+            xs[place], ys[place], owner[place] = across * shrunk, middle * shrunk, first_owner + column
+            place += 1
+    count[0] = place
+
+
+@kernel
+def locate(source, deep, plane, xs, ys, place):
+    """Turns points into places between pixels: `place` is where the upper left of the four begins, `xs` and `ys` how
+    far to the right and below it the point lies.
+
+    deep : rows of a lat-long that `round_caps` averaged near each pole
+    place : −1 where the source shows nothing; −2 − n near a plane's edge, rim or seam, where n counts the pixels of
+        planes that are one wider all round; from the number of the source's values on, a place in its caps
+    """
+    kind, rows, columns, stride, origins = source.kind, source.rows, source.columns, source.stride, source.origins
+    disc = kind == EQUIDISTANT or kind == EQUISOLID or kind == ORTHOGRAPHIC
+    safe = np.float32((1 - 3.0 / rows) * abs(1 - 3.0 / rows)) if disc else np.float32(4)
+    half_columns, half_rows = np.float32(columns / 2), np.float32(rows / 2)
+    behind = 3 * rows * columns
+    gap = 3 * (rows - 2 * deep) * columns
+    for i in range(len(xs)):
+        x, y = (xs[i] + _ONE) * half_columns - _HALF, (ys[i] + _ONE) * half_rows - _HALF
+        near = xs[i] * xs[i] + ys[i] * ys[i] <= safe
+        across, down = np.floor(x), np.floor(y)
+        xs[i], ys[i] = x - across, y - down
+        column, row = np.int64(across), np.int64(down)
+        near = near and column >= 0 and column + 1 < columns and row >= 0 and row + 1 < rows
+        near = near and row + 1 != deep and row + 1 != rows - deep
+        index = 3 * (row * stride + column)
+        if deep > 0:
+            index = index + behind if row < deep else index
+            index = index + behind - gap if row >= rows - deep else index
+        beyond = -2 - ((row + 1) * (columns + 2) + column + 1)
+        place[i] = index if near else beyond
+    if len(origins) > 1 or not source.whole:
+        for i in range(len(xs)):
+            if plane[i] < 0:
+                place[i] = -1
+            elif place[i] >= 0:
+                place[i] += 3 * origins[plane[i]]
+
+
+@kernel
+def settle(source, plane, place, xs, ys, owner, weight, light, caps, values, inside, every):
+    """Looks cells up in a source; their weighted means and the sums of their weights go to the pixels that own them.
+
+    owner : of one pixel's cells, one behind the other
+    light : (3·N,) float32, the source's pixels
+    caps : see `round_caps`, flat; empty where the source is no lat-long
+    values : (K, 3) float32, the mean of what the source shows
+    inside, every : (K,) float32, the weights of the cells that the source shows, and of all
+    """
+    kind, across, down, rows, columns = source.kind, source.across, source.down, source.rows, source.columns
+    stride, origins, frames, whole = source.stride, source.origins, source.frames, source.whole
+    deep = len(caps) // columns // 6
+    low, high = deep * columns, (rows - deep) * columns
+    channels = len(light)
+    step = np.uint64(3 * stride)
+    one_on, two_on = np.uint64(1), np.uint64(2)
+    corners = np.empty(12, np.float32)
+    own, shown, total = -1, np.float32(0), np.float32(0)
+    first_one, first_two, first_three = np.float32(0), np.float32(0), np.float32(0)
+    more_one, more_two, more_three = np.float32(0), np.float32(0), np.float32(0)
+    for i in range(len(xs) + 1):
+        if i == len(xs) or owner[i] != own:
+            if own >= 0:
+                scale = _ONE / max(shown, np.float32(1e-30))
+                values[own, 0] = max(first_one + more_one * scale, np.float32(0))
+                values[own, 1] = max(first_two + more_two * scale, np.float32(0))
+                values[own, 2] = max(first_three + more_three * scale, np.float32(0))
+                inside[own], every[own] = shown, total
+            if i == len(xs):
+                break
+            own, shown, total = owner[i], np.float32(0), np.float32(0)
+            first_one, first_two, first_three = np.float32(0), np.float32(0), np.float32(0)
+            more_one, more_two, more_three = np.float32(0), np.float32(0), np.float32(0)
+        share = weight[i]
+        total += share
+        where = place[i]
+        if where == -1:
+            continue
+        right, below = xs[i], ys[i]
+        if 0 <= where < channels:
+            begin = np.uint64(where)
+            one = _mixed(light, begin, begin + step, right, below)
+            two = _mixed(light, begin + one_on, begin + step + one_on, right, below)
+            three = _mixed(light, begin + two_on, begin + step + two_on, right, below)
+        elif where >= channels:
+            begin = np.uint64(where - channels)
+            one = _mixed(caps, begin, begin + step, right, below)
+            two = _mixed(caps, begin + one_on, begin + step + one_on, right, below)
+            three = _mixed(caps, begin + two_on, begin + step + two_on, right, below)
+        else:
+            row, column = (-2 - where) // (columns + 2) - 1, (-2 - where) % (columns + 2) - 1
+            for k in range(4):
+                index = neighbour(
+                    kind,
+                    across,
+                    down,
+                    rows,
+                    columns,
+                    stride,
+                    origins,
+                    frames,
+                    whole,
+                    plane[i],
+                    row + k // 2,
+                    column + k % 2,
+                )
+                for channel in range(3):
+                    if deep > 0 and index < low:
+                        corners[3 * k + channel] = caps[3 * index + channel]
+                    elif deep > 0 and index >= high:
+                        corners[3 * k + channel] = caps[3 * (index - high + low) + channel]
+                    else:
+                        corners[3 * k + channel] = light[3 * index + channel]
+            one = _mixed(corners, np.uint64(0), np.uint64(6), right, below)
+            two = _mixed(corners, np.uint64(1), np.uint64(7), right, below)
+            three = _mixed(corners, np.uint64(2), np.uint64(8), right, below)
+        if shown == 0:
+            first_one, first_two, first_three = one, two, three
+        shown += share
+        more_one += share * (one - first_one)
+        more_two += share * (two - first_two)
+        more_three += share * (three - first_three)
+
+
+@kernel
+def finish(planes, begin, end, values, inside, every, parts, least, saturated, radiance, covered, marks):
+    """Writes lines begin…end from what was found for their pixels; returns their total, (3,).
+
+    radiance : (M, 3) float32, the image's pixels
+    covered : (M,) float32, the share of each that the source shows; empty where that is 1
+    marks : (M,) uint8; empty where nothing is known
+    """
+    kind, rows, columns, stride, origins = planes.kind, planes.rows, planes.columns, planes.stride, planes.origins
+    disc = kind == EQUIDISTANT or kind == EQUISOLID or kind == ORTHOGRAPHIC
+    total = np.zeros(3)
+    for line in range(begin, end):
+        row = line % rows
+        start = origins[line // rows] + row * stride
+        ring = solid_angle(kind, planes.across, planes.down, rows, columns, row, row) if kind == LAT_LONG else 0.0
+        above, most = (2 * (row + 0.5) / rows - 1) ** 2, (1 - 2 * RIM / rows) * abs(1 - 2 * RIM / rows)
+        one, two, three = 0.0, 0.0, 0.0
+        for column in range(columns):
+            index, own = start + column, (line - begin) * columns + column
+            if every[own] == 0:
+                continue
+            a, b, c = values[own, 0], values[own, 1], values[own, 2]
+            if len(covered) > 0:
+                share = inside[own] / every[own]
+                a, b, c = a * share, b * share, c * share
+                covered[index] = share
+            radiance[index, 0], radiance[index, 1], radiance[index, 2] = a, b, c
+            if len(marks) > 0:
+                marks[index] = 1 if saturated[own] else least[own]
+            angle = ring
+            if kind != LAT_LONG:
+                # Of fine images the densities at the cells are good enough, but not where a rim cuts pixels.
+                if columns >= FINE and not (disc and above + (2 * (column + 0.5) / columns - 1) ** 2 > most):
+                    angle = every[own] / parts[own] * (4.0 / (rows * columns))
+                else:
+                    angle = solid_angle(kind, planes.across, planes.down, rows, columns, row, column)
+            one, two, three = one + a * angle, two + b * angle, three + c * angle
+        total[0], total[1], total[2] = total[0] + one, total[1] + two, total[2] + three
+    return total
+
+
+@kernel
+def mark(source, plane, xs, ys, owner, codes, least, saturated):
+    """What the pixels under cells are marked with: any that is SATURATED, else the least of the nearest ones."""
+    for i in range(len(xs)):
+        p, own = plane[i], owner[i]
+        if p < 0:
+            least[own] = min(least[own], 3)
+            continue
+        x, y = (xs[i] + _ONE) * source.columns * _HALF - _HALF, (ys[i] + _ONE) * source.rows * _HALF - _HALF
+        column, row = int(np.floor(x)), int(np.floor(y))
+        right, below = x - column, y - row
+        nearest = (2 if below > 0.5 else 0) + (1 if right > 0.5 else 0)
+        for k in range(4):
+            index = neighbour(
+                source.kind, source.across, source.down, source.rows, source.columns, source.stride, source.origins,
+                source.frames, source.whole, p, row + k // 2, column + k % 2,
+            )  # fmt: skip
+            share = (right if k % 2 else 1 - right) * (below if k // 2 else 1 - below)
+            if codes[index] == 1 and share > 1e-3:
+                saturated[own] = 1
+            if k == nearest:
+                least[own] = min(least[own], codes[index])
+
+
+@kernel
+def scaled(radiance, scale, begin, end):
+    """Multiplies channels in place."""
+    one, two, three = scale[0], scale[1], scale[2]
+    for i in range(begin, end):
+        radiance[i, 0] *= one
+        radiance[i, 1] *= two
+        radiance[i, 2] *= three

@@ -1,0 +1,68 @@
+"""Which pixels of the plate say something about a real surface, and what the others are taken to be."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from relume.image.bilinear import bilinear
+
+EDGE = 2
+"""Pixels along the outline of a surface that are not trusted: a camera's pose is known to about one, and a pixel of the
+outline shows what is behind as well."""
+
+
+def trustworthy(shown: np.ndarray, clipped: np.ndarray | None) -> np.ndarray:
+    """(H, W) bool: pixels well inside of a surface that were measured.
+
+    shown : (H, W) bool, where the plate shows the surface
+    clipped : the plate's marks, 0 where it was measured
+    """
+    from scipy.ndimage import binary_erosion
+
+    # Beyond the frame the surface goes on.
+    inside = binary_erosion(shown, np.ones((3, 3), bool), EDGE, border_value=1)
+    return inside if clipped is None else inside & (clipped == 0)
+
+
+def filled_in(values: np.ndarray, known: np.ndarray, parts: np.ndarray) -> np.ndarray:
+    """An image (H, W, C) whose unknown pixels continue the known ones: first those of the same part, then any.
+
+    Each takes the mean of the known pixels in the smallest square round it that holds any (Gortler et al. 1996, §4.4).
+    """
+    result, done = values.copy(), known.copy()
+    for part in np.unique(parts[parts >= 0]):
+        inside = parts == part
+        if (known & inside).any() and not known[inside].all():
+            spread = _spread(values, known & inside)
+            result[inside & ~known] = spread[inside & ~known]
+            done |= inside
+    if done.any() and not done.all():
+        result[~done] = _spread(result, done)[~done]
+    return result
+
+
+def _spread(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Means over ever larger squares where the smaller ones hold nothing known, laid out smoothly again."""
+    weight = known.astype(np.float32)[..., None]
+    levels = [(np.where(known[..., None], values, 0).astype(np.float32), weight)]
+    while max(levels[-1][0].shape[:2]) > 1:
+        levels.append(_halved(*levels[-1]))
+    result = levels[-1][0]
+    for mean, weight in reversed(levels[:-1]):
+        result = weight * mean + (1 - weight) * _doubled(result, mean.shape[:2])
+    return result
+
+
+def _halved(mean: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The weighted mean over squares of four pixels; a square that knows one of its four knows its mean."""
+    odd = [(0, side % 2) for side in mean.shape[:2]]
+    total, share = (np.pad(part, [*odd, (0, 0)]) for part in (mean * weight, weight))
+    total, share = (
+        part.reshape(part.shape[0] // 2, 2, part.shape[1] // 2, 2, -1).sum((1, 3)) for part in (total, share)
+    )
+    return total / np.maximum(share, 1e-6), np.minimum(share, 1)
+
+
+def _doubled(image: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    x, y = (np.arange(shape[1]) + 0.5) / 2, (np.arange(shape[0]) + 0.5) / 2
+    return bilinear(image, *np.broadcast_arrays(x[None, :], y[:, None])).astype(np.float32)

@@ -1,0 +1,398 @@
+"""Recovering the reflectance of the real surfaces from the photograph and the light (Debevec 1998, §7): un-lighting.
+
+The diffuse part varies over a surface. It lives in the photograph's own pixels, as one image for all surfaces: what
+the photograph shows, less the gloss, over the light that arrives there. That light includes what the surfaces send one
+another, so rendering and dividing are repeated until it stops changing (§7, steps 2–5).
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from relume.image.radiance import RadianceMap
+from relume.renderers.mitsuba.irradiance_denoise import smoothed
+from relume.renderers.mitsuba.path_tracer import Mitsuba
+from relume.renderers.raytrace.raycast import RayCaster
+from relume.renderers.renderer import Render, Renderer
+from relume.scene.cameras.camera import Camera
+from relume.scene.materials.materials import Colour, Diffuse, Material
+from relume.scene.scene import Scene
+from relume.scene.shapes.shapes import Plane, Shape
+from relume.surface.clean_pixels import filled_in, trustworthy
+from relume.surface.gloss import FittedGloss, Gloss, ViewOfProbe, fit_gloss, glossy
+from relume.surface.projection import Projected, projected
+
+STEADY = 0.005
+"""Share by which the arriving light may still change when the iteration ends (issue: "until it stops changing")."""
+ITERATIONS = 8
+"""At most: each takes the albedo's share (at most 0.9 of a closed white box) off the error, here half or less."""
+COARSE = 192
+"""Pixels across of the renders where nothing shadows a lone plane and its gloss is wide: what arrives varies slowly."""
+WIDE = 0.2
+"""Roughness from which on a gloss is wide: its lobe spans 2 α = 5°, some ten pixels of such a render."""
+FEW = 0.05
+"""Share of a surface below which albedos outside of 0 … 1 are noted and not warned of: things that really stand on a
+table, and their reflections in it, are in its pixels (2.9 % of the table of examples/room), and the median stays."""
+HARDLY = 1e-4
+"""Of a surface's pixels: so few albedos out of range are not worth a word."""
+FEWEST_PIXELS = 100
+"""Of a surface, to say anything about it."""
+
+
+@dataclass(frozen=True)
+class Even:
+    """One diffuse reflectance for the whole surface: the median of what its pixels say."""
+
+
+@dataclass(frozen=True)
+class Varying:
+    """A diffuse reflectance for every pixel of the photograph, so that the model looks as the photograph does."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """The surface's own material, as it is."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The gloss is to be found from what the probe and the photograph show of the same places."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is to be recovered of a surface.
+
+    albedo : Varying unless said otherwise: it is right for patterned and for even surfaces
+    gloss : None for a matte surface; a known Gloss; or Fit
+    """
+
+    albedo: Even | Varying | Given = Varying()
+    gloss: Gloss | Fit | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class RecoveredSurface:
+    """A real surface and what was found about it.
+
+    reflectance : diffuse, per channel: the median over its pixels, within 0 to 1; None where it was given
+    measured : the same before it was held within 0 to 1; above 1 says that the light is too weak for the plate
+    spread : per channel, half the distance between the 16th and 84th percentile over the pixels
+    pixels : how many of the plate's pixels were used
+    gloss : its gloss, None for a matte or a given surface
+    fitted : how the gloss was found, with its errors; None where it was given
+    shapes : the surface for the scene: what the plate shows of it with the plate's albedo, and the rest with the median
+    """
+
+    reflectance: Colour | None
+    measured: Colour | None
+    spread: Colour | None
+    pixels: int
+    gloss: Gloss | None
+    fitted: FittedGloss | None
+    shapes: tuple[Shape, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class RecoveredLocal:
+    """The local scene, un-lit.
+
+    surfaces : one for each real surface, in the order given
+    albedo : (H, W, 3) float32 diffuse reflectance in the plate's pixels, 0 to 1
+    without : (H, W, 3) float32, the model's picture without objects, nearly free of noise, in the plate's unit
+    irradiance : (H, W, 3) float32, π times the diffuse radiance of an albedo of 1; of a matte surface, what arrives
+    iterations : how often the light was rendered
+    change : by how much it changed at last, as a share
+    notes : a line each
+    """
+
+    surfaces: tuple[RecoveredSurface, ...]
+    albedo: np.ndarray
+    without: np.ndarray
+    irradiance: np.ndarray
+    iterations: int
+    change: float
+    notes: tuple[str, ...]
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """All surfaces, for `Scene.local`."""
+        return tuple(shape for surface in self.surfaces for shape in surface.shapes)
+
+
+class _Work:
+    """Renders of the model, at the plate's size or, where nothing in them is sharp, smaller."""
+
+    def __init__(self, renderer: Renderer, camera: Camera, scene: Scene, seed: int, fine: bool) -> None:
+        wide = camera.width if fine else min(camera.width, COARSE)
+        self.camera = camera.resized(wide, max(1, round(camera.height * wide / camera.width)))
+        self.renderer, self.scene, self.seed, self.full = renderer, scene, seed, camera
+        self.parts = _parts(scene, self.camera)
+
+    def render(self, local: Sequence[Shape]) -> Render:
+        return self.renderer.render(self.scene.with_local(local), self.camera, seed=self.seed)
+
+    def enlarged(self, picture: np.ndarray, inside: np.ndarray) -> np.ndarray:
+        """A smooth picture (h, w, 3) at the plate's size; what is not `inside` (h, w) does not bleed in."""
+        if self.camera.width == self.full.width:
+            return picture
+        from relume.image.bilinear import bilinear
+
+        whole = filled_in(picture, inside, np.zeros(inside.shape, int))
+        x = (np.arange(self.full.width) + 0.5) * self.camera.width / self.full.width
+        y = (np.arange(self.full.height) + 0.5) * self.camera.height / self.full.height
+        return bilinear(whole, *np.broadcast_arrays(x[None, :], y[:, None])).astype(np.float32)
+
+
+def recover(
+    plate: RadianceMap,
+    camera: Camera,
+    scene: Scene,
+    wanted: Sequence[Wanted],
+    *,
+    probe: ViewOfProbe | None = None,
+    renderer: Renderer = Mitsuba(samples=64, depth=6),
+    seed: int = 0,
+    progress: Callable[[float], None] = lambda share: None,
+) -> RecoveredLocal:
+    """Find the reflectance of the scene's real surfaces, so that the model without objects looks like the plate.
+
+    plate : of the camera's size, in the unit of the scene's light
+    scene : its light, distant scene, lights and local surfaces; objects are left out
+    wanted : one for each local surface
+    probe : how well the light's map shows the surfaces themselves, for `Fit`; None for a map that does not show them
+    renderer : 64 rays a pixel are enough, because the light is smoothed; six bounces between real surfaces leave less
+        than 0.5 % of the light out for albedos up to 0.4
+    Albedos above 1 and below 0 are told with their place: in the notes where they are few, else by a warning.
+    Raises ValueError where a surface is hardly seen or not lit.
+    """
+    if len(wanted) != len(scene.local):
+        raise ValueError(f"{len(wanted)} choices for {len(scene.local)} local surfaces; give one for each")
+    if plate.size != (camera.width, camera.height):
+        raise ValueError(f"a plate of {plate.size} for a camera of {camera.width}×{camera.height}; give one size")
+    scene, notes = scene.without_objects(), []
+    parts = _parts(scene, camera)
+    pieces = [
+        Projected(None, None) if isinstance(wish.albedo, Given)
+        else projected(shape, camera, [other for other in scene.local if other is not shape])
+        for shape, wish in zip(scene.local, wanted, strict=True)
+    ]  # fmt: skip
+    looks = _Looks(scene.local, wanted, pieces)
+    usable = [_usable(plate, parts, index) for index in range(len(wanted))]
+    for index, wish in enumerate(wanted):
+        if not isinstance(wish.albedo, Given) and usable[index].sum() < FEWEST_PIXELS:
+            raise ValueError(
+                f"the camera sees {usable[index].sum()} measured pixels of {_called(scene.local, index)}; "
+                "give its reflectance instead"
+            )
+    fits: list[FittedGloss | None] = [None] * len(wanted)
+    glosses: list[Gloss | None] = [None if isinstance(wish.gloss, Fit) else wish.gloss for wish in wanted]
+    for index, wish in enumerate(wanted):
+        if isinstance(wish.gloss, Fit) and not isinstance(wish.albedo, Given):
+            found = fit_gloss(plate, camera, scene, index, usable[index], probe, seed=seed)
+            fits[index], glosses[index] = found, found.gloss
+            notes += [f"{_called(scene.local, index)}: {note}" for note in found.notes]
+    progress(0.2)
+
+    grey = np.full((*plate.radiance.shape[:2], 3), 0.5, np.float32)
+    black = [(0.0, 0.0, 0.0)] * len(wanted)
+    no_gloss = all(gloss is None for gloss in glosses) and not any(isinstance(w.albedo, Given) for w in wanted)
+    even = [(0.5, 0.5, 0.5)] * len(wanted)
+    fine = not _alone(scene.local) or any(gloss is not None and gloss.roughness < WIDE for gloss in glosses)
+    work = _Work(renderer, camera, scene, seed, fine)
+    wished = [i for i, wish in enumerate(wanted) if not isinstance(wish.albedo, Given)]
+    recovered, inside = np.isin(parts, wished), np.isin(work.parts, wished)
+    first = work.render(looks.shapes(grey, even, glosses))
+    # What is left when nothing is diffuse: the gloss, and all that is not to be recovered.
+    dark = np.zeros_like(first.radiance)
+    if not no_gloss:
+        dark = work.render(looks.shapes(0 * grey, black, glosses)).radiance
+    sheen = work.enlarged(smoothed(dark, first.normal, work.parts), inside)
+
+    def arriving(radiance: np.ndarray, shown: np.ndarray | float) -> np.ndarray:
+        """π · diffuse radiance / albedo, smoothed, where surfaces are to be recovered; 0 elsewhere."""
+        light = np.where(inside[..., None], np.pi * (radiance - dark) / np.maximum(shown, 0.01), 0)
+        light = work.enlarged(smoothed(light, first.normal, work.parts), inside)
+        return np.where(recovered[..., None], light, 0).astype(np.float32)
+
+    light = arriving(first.radiance, 0.5)
+    progress(0.5)
+    iterations, change, albedo, colours = 1, 0.0, grey, even
+    while True:
+        for index in range(len(wanted)):
+            _require_lit(scene.local, wanted, index, light, usable[index])
+        raw = np.pi * (plate.radiance - sheen) / np.maximum(light, 1e-30)
+        albedo, colours = _albedo(raw, light, parts, usable, wanted)
+        if _alone(scene.local) or iterations >= ITERATIONS:
+            break
+        picture = work.render(looks.shapes(albedo, colours, glosses))
+        shown = np.stack([_as_rendered(albedo[..., channel]) for channel in range(3)], axis=-1)
+        shown = _with_even(shown, parts, wanted, colours)
+        again = arriving(picture.radiance, shown)
+        iterations += 1
+        moved = np.abs(again - light)[recovered].mean(0) / np.maximum(light[recovered].mean(0), 1e-30)
+        change, light = float(moved.max()), again
+        progress(min(0.5 + 0.1 * iterations, 0.95))
+        if change < STEADY:
+            raw = np.pi * (plate.radiance - sheen) / np.maximum(light, 1e-30)
+            albedo, colours = _albedo(raw, light, parts, usable, wanted)
+            break
+    if iterations >= ITERATIONS and change >= STEADY:
+        notes.append(f"the light between the surfaces still changed by {change:.1%} after {iterations} rounds")
+    notes += _doubts(scene.local, wanted, raw, usable)
+    shown = _with_even(albedo, parts, wanted, colours)
+    elsewhere = work.enlarged(first.radiance, ~inside)
+    without = np.where(recovered[..., None], sheen + shown * light / np.pi, elsewhere).astype(np.float32)
+    surfaces = []
+    for index, wish in enumerate(wanted):
+        if isinstance(wish.albedo, Given):
+            surfaces.append(RecoveredSurface(None, None, None, 0, None, None, (scene.local[index],)))
+            continue
+        lit = usable[index] & _lit(light, usable[index])
+        low, middle, high = np.percentile(raw[lit].astype(np.float64), [16, 50, 84], axis=0)
+        surfaces.append(
+            RecoveredSurface(
+                colours[index], _triple(middle), _triple((high - low) / 2), int(lit.sum()), glosses[index],
+                fits[index], looks.of(index, albedo, colours[index], glosses[index]),
+            )
+        )  # fmt: skip
+    progress(1.0)
+    return RecoveredLocal(
+        tuple(surfaces), albedo, without, light.astype(np.float32), iterations, change, tuple(notes)
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Looks:
+    """The local scene's shapes for albedos and glosses."""
+
+    local: tuple[Shape, ...]
+    wanted: Sequence[Wanted]
+    pieces: list[Projected]
+
+    def of(self, index: int, albedo: np.ndarray, mean: Colour, gloss: Gloss | None) -> tuple[Shape, ...]:
+        if isinstance(self.wanted[index].albedo, Given):
+            return (self.local[index],)
+        piece = self.pieces[index]
+        image = mean if isinstance(self.wanted[index].albedo, Even) else albedo
+        return tuple(
+            replace(mesh, material=_material(value, gloss))
+            for mesh, value in ((piece.seen, image), (piece.unseen, mean))
+            if mesh is not None
+        )
+
+    def shapes(self, albedo: np.ndarray, means: Sequence[Colour], glosses: Sequence[Gloss | None]) -> list[Shape]:
+        return [shape for i in range(len(self.local)) for shape in self.of(i, albedo, means[i], glosses[i])]
+
+
+def _material(reflectance: Colour | np.ndarray, gloss: Gloss | None) -> Diffuse | Material:
+    return Diffuse(reflectance) if gloss is None else glossy(reflectance, gloss)
+
+
+def _parts(scene: Scene, camera: Camera) -> np.ndarray:
+    """(H, W) int: which local surface the middle of each pixel shows; −1 for none."""
+    rays = camera.rays()
+    hits = RayCaster.of(scene.local).nearest(np.array(camera.position, np.float64), rays.reshape(-1, 3))
+    return hits.shape.reshape(rays.shape[:2])
+
+
+def _usable(plate: RadianceMap, parts: np.ndarray, index: int) -> np.ndarray:
+    return trustworthy(parts == index, plate.clipped)
+
+
+def _alone(local: Sequence[Shape]) -> bool:
+    """Whether the surfaces cannot light one another: a single plane, which sees none of itself."""
+    return len(local) == 1 and isinstance(local[0], Plane)
+
+
+def _as_rendered(channel: np.ndarray) -> np.ndarray:
+    """A texture of the picture's own pixels as the picture shows it: bilinear, then averaged over each pixel."""
+    from scipy.ndimage import convolve1d
+
+    # ∫ of the tent (1 − |x|) over a pixel: ¾ in the middle and ⅛ at each side.
+    kernel = np.array([0.125, 0.75, 0.125])
+    return convolve1d(convolve1d(channel, kernel, axis=0, mode="nearest"), kernel, axis=1, mode="nearest")
+
+
+def _lit(light: np.ndarray, usable: np.ndarray) -> np.ndarray:
+    """Where enough light arrives to divide by: a fiftieth of the surface's median in every channel."""
+    middle = np.median(light[usable], axis=0)
+    return np.all(light > 0.02 * middle, axis=-1)
+
+
+def _require_lit(
+    local: Sequence[Shape], wanted: Sequence[Wanted], index: int, light: np.ndarray, usable: np.ndarray
+) -> None:
+    if isinstance(wanted[index].albedo, Given):
+        return
+    if not np.all(np.median(light[usable], axis=0) > 0):
+        raise ValueError(
+            f"no light arrives at {_called(local, index)} in the model, so its reflectance cannot be recovered; "
+            "check that the light's map is turned the right way up, or give the reflectance"
+        )
+
+
+def _albedo(
+    raw: np.ndarray, light: np.ndarray, parts: np.ndarray, usable: list[np.ndarray], wanted: Sequence[Wanted]
+) -> tuple[np.ndarray, list[Colour]]:
+    """The image of albedos, complete, and each surface's median."""
+    known, colours = np.zeros(parts.shape, bool), []
+    for index, wish in enumerate(wanted):
+        if isinstance(wish.albedo, Given):
+            colours.append((0.0, 0.0, 0.0))
+            continue
+        lit = usable[index] & _lit(light, usable[index])
+        known |= lit
+        colours.append(_triple(np.clip(np.median(raw[lit].astype(np.float64), axis=0), 0, 1)))
+    return filled_in(np.clip(raw, 0, 1).astype(np.float32), known, parts), colours
+
+
+def _with_even(
+    albedo: np.ndarray, parts: np.ndarray, wanted: Sequence[Wanted], colours: Sequence[Colour]
+) -> np.ndarray:
+    result = albedo
+    for index, wish in enumerate(wanted):
+        if isinstance(wish.albedo, Even):
+            result = np.where((parts == index)[..., None], np.array(colours[index], np.float32), result)
+    return result
+
+
+def _doubts(local: Sequence[Shape], wanted: Sequence[Wanted], raw: np.ndarray, usable: list[np.ndarray]) -> list[str]:
+    """Warn of albedos that cannot be where they are many; notes of them where they are few."""
+    notes = []
+    for index, wish in enumerate(wanted):
+        if isinstance(wish.albedo, Given):
+            continue
+        above = usable[index] & np.any(raw > 1, axis=-1)
+        below = usable[index] & np.any(raw < 0, axis=-1)
+        for where, told, why in (
+            (above, f"comes out above 1, up to {raw[above].max(initial=1):.2f}", "is the light underestimated there "
+             "(a lamp clipped in the probe, another unit), or does the plate show something that shines?"),
+            (below, "comes out below 0", "is the gloss too strong there, or does the plate show another thing or its "
+             "reflection?"),
+        ):  # fmt: skip
+            # A pixel or two of thousands are noise.
+            if where.sum() <= HARDLY * usable[index].sum():
+                continue
+            rows, columns = np.nonzero(where)
+            box = f"x {columns.min()}–{columns.max()}, y {rows.min()}–{rows.max()}"
+            share = where.sum() / usable[index].sum()
+            place = f"{where.sum()} pixels ({share:.1%} of it) within {box}"
+            line = f"the albedo of {_called(local, index)} {told}, in {place}, and is held to 0 … 1: {why}"
+            if share < FEW:
+                notes.append(line)
+            else:
+                warnings.warn(line, stacklevel=3)
+    return notes
+
+
+def _called(local: Sequence[Shape], index: int) -> str:
+    return f"local surface {index + 1} ({getattr(local[index], 'name', 'plane')!r})"
+
+
+def _triple(values: np.ndarray) -> Colour:
+    return float(values[0]), float(values[1]), float(values[2])

@@ -1,0 +1,151 @@
+"""Places of a real surface that the photograph and the light probe both show, and what each sees there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from relume.image.bilinear import bilinear
+from relume.image.radiance import RadianceMap
+from relume.light.reflection.convolution import as_latlong
+from relume.renderers.raytrace.raycast import RayCaster
+from relume.scene.cameras.camera import Camera
+from relume.scene.scene import Scene
+from relume.sphere.mappings.mapping import LatLong, pixel_points
+from relume.surface.projection import triangles_of_shape
+
+ROWS = 96
+"""Of the lat-long grid of places: cells of 1.9°."""
+FINER = 4
+"""Rays a cell along each side, so that both views are averaged over the same piece of the surface."""
+SURE = 0.3
+"""Confidence from which on the probe's map is sharp enough to be compared."""
+CELL = 12
+"""Grid steps (22°) along each side of a group of places whose errors may go together."""
+BLUR = 1.5
+"""Pixels of the probe's map that its outline of the surface blurs over: a half of the pixel and one of the look-up."""
+MOST = 900
+"""Places of a photograph without a probe."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shared:
+    """Places on a surface.
+
+    points, normals : (N, 3), metres and unit vectors, world
+    plate, probe : (N, 3) radiance that the photograph and the probe show there; the plate's twice without a probe
+    cells : (N,) int, groups of neighbouring places
+    """
+
+    points: np.ndarray
+    normals: np.ndarray
+    plate: np.ndarray
+    probe: np.ndarray
+    cells: np.ndarray
+
+
+def common_points(
+    plate: RadianceMap,
+    camera: Camera,
+    scene: Scene,
+    index: int,
+    usable: np.ndarray,
+    confidence: np.ndarray,
+    clear: float,
+) -> Shared:
+    """Places of local surface `index` that the probe sees surely and the plate shows at usable pixels.
+
+    No place is taken where the map's pixels mix the surface with what is beside it: at grazing angles its outline is
+    near, and a tenth of the bright floor behind a table looks like gloss.
+    clear : metres round the foot of the probe that are left out
+    """
+    fine = LatLong().directions(pixel_points(LatLong(), ROWS * FINER))
+    caster = RayCaster.of(scene.local)
+    probe = np.array(scene.probe, np.float64)
+    hits = caster.nearest(probe, fine.reshape(-1, 3))
+    distance = hits.distance.reshape(fine.shape[:2])
+    on_it = _well_inside((hits.shape == index).reshape(distance.shape), as_latlong(scene.light).size)
+    points = probe + np.where(on_it, distance, 1.0)[..., None] * fine
+    on_it &= np.linalg.norm((points - probe)[..., [0, 2]], axis=-1) > clear
+    sure = _at(confidence[..., None].astype(np.float64), LatLong().image_points(fine))[..., 0]
+    on_it &= sure > SURE
+    at = camera.project(points)
+    on_it &= _shown(camera, caster, points, at, usable, index)
+    seen = _cells(on_it).all((1, 3))
+    if not seen.any():
+        empty = np.zeros((0, 3))
+        return Shared(empty, empty, empty, empty, np.zeros(0, int))
+    from_plate = _at(plate.radiance, np.nan_to_num(at) / [camera.width, camera.height])
+    from_probe = scene.light.lookup(fine)
+    mean = [np.asarray(_cells(each).mean((1, 3)))[seen] for each in (points, from_plate, from_probe)]
+    row, column = np.nonzero(seen)
+    cells = np.unique((row // CELL) * ROWS + column // CELL, return_inverse=True)[1]
+    normals = _normals(scene, index, probe, mean[0])
+    return Shared(mean[0], normals, mean[1], mean[2], cells)
+
+
+def plate_points(plate: RadianceMap, camera: Camera, scene: Scene, index: int, usable: np.ndarray) -> Shared:
+    """Places of local surface `index` spread over the usable pixels of the plate."""
+    step = max(1, int(np.sqrt(usable.sum() / MOST)))
+    row, column = np.nonzero(usable)
+    chosen = (row % step == 0) & (column % step == 0)
+    row, column = row[chosen], column[chosen]
+    rays = camera.rays_through(np.stack([column + 0.5, row + 0.5], axis=-1))
+    eye = np.array(camera.position, np.float64)
+    hits = RayCaster.of(scene.local).nearest(eye, rays)
+    on_it = hits.shape == index
+    points = eye + hits.distance[on_it, None] * rays[on_it]
+    seen = plate.radiance[row[on_it], column[on_it]].astype(np.float64)
+    side = max(1, max(usable.shape) // 8)
+    cells = np.unique((row[on_it] // side) * 64 + column[on_it] // side, return_inverse=True)[1]
+    return Shared(points, _normals(scene, index, eye, points), seen, seen, cells)
+
+
+def _well_inside(shown: np.ndarray, rows: int) -> np.ndarray:
+    """(h, w) bool: what of a surface in a lat-long grid lies off its outline in a map of so many rows."""
+    from scipy.ndimage import minimum_filter
+
+    reach = int(np.ceil(BLUR * len(shown) / rows))
+    wrapped = np.pad(np.pad(shown, ((reach, reach), (0, 0)), mode="edge"), ((0, 0), (reach, reach)), mode="wrap")
+    return minimum_filter(wrapped, 2 * reach + 1)[reach:-reach, reach:-reach]
+
+
+def _normals(scene: Scene, index: int, eye: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Unit normals on the side of the eye."""
+    mesh = triangles_of_shape(scene.local[index])
+    way = points - eye
+    distance = np.linalg.norm(way, axis=-1, keepdims=True)
+    hits = RayCaster.of([mesh]).nearest(eye, way / distance)
+    a, b, c = np.moveaxis(np.asarray(mesh.vertices, np.float64)[mesh.faces[hits.primitive]], 1, 0)
+    normal = np.cross(b - a, c - a)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    return normal * np.where((normal * way).sum(-1, keepdims=True) > 0, -1, 1)
+
+
+def _shown(
+    camera: Camera, caster: RayCaster, points: np.ndarray, at: np.ndarray, usable: np.ndarray, index: int
+) -> np.ndarray:
+    """Whether the plate shows the very points, at usable pixels."""
+    with np.errstate(invalid="ignore"):
+        inside = np.all((at >= 0) & (at < [camera.width, camera.height]), axis=-1)
+    pixel = np.where(inside[..., None], np.nan_to_num(at), 0).astype(int)
+    result = inside & usable[pixel[..., 1], pixel[..., 0]]
+    eye = np.array(camera.position, np.float64)
+    way = points[result] - eye
+    distance = np.linalg.norm(way, axis=-1)
+    hits = caster.nearest(eye, way / distance[:, None])
+    result[result] = (hits.shape == index) & (np.abs(hits.distance - distance) < 1e-3 * distance)
+    return result
+
+
+def _cells(fine: np.ndarray) -> np.ndarray:
+    return fine.reshape(ROWS, FINER, 2 * ROWS, FINER, *fine.shape[2:])
+
+
+def _at(image: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Bilinear values at (…, 2) shares of an image's width and height."""
+    rows, columns = image.shape[:2]
+    x = np.clip(points[..., 0] * columns, 0.5, columns - 0.5)
+    y = np.clip(points[..., 1] * rows, 0.5, rows - 0.5)
+    return np.asarray(bilinear(image, x, y), np.float64)

@@ -1,0 +1,5 @@
+"""Radiance → photograph, in the order in which light meets a camera."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -1,0 +1,3 @@
+from . import film as film
+from . import lens as lens
+from . import tone as tone

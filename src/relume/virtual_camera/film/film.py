@@ -1,0 +1,228 @@
+"""Developing: from scene-linear radiance to the pixel values a camera would have written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from relume.capture.scale.absolute import Scale, scale_from_exposure
+from relume.image.colour import decode_srgb, encode_srgb, luminance
+from relume.image.photograph import Exposure, Photograph
+from relume.image.radiance import OUTSIDE, RadianceMap
+from relume.image.response import Response
+from relume.sphere.environment_map import EnvironmentMap
+from relume.virtual_camera.steps import Adaptation
+from relume.virtual_camera.view import View
+
+if TYPE_CHECKING:
+    from relume.virtual_camera.film.grain import Grain
+
+SATURATED = 1 + 2.0**-20
+"""The display value of what a response saturates: rounding, by a matrix between primaries too, leaves it above 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """What stands between radiance and pixel values.
+
+    exposure : sensor exposure per unit of radiance (`Exposure.factor` of a photograph to be matched)
+    response : a camera's recovered response; None for the sRGB curve, on which exposure 1 is white
+    grain : that is added to the pixel values, 0 to 255, as a `Tone`; None for none. `develop` and `developed_values`
+        give the values without
+    """
+
+    exposure: float = 1.0
+    response: Response | None = None
+    grain: Grain | None = None
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.exposure) and self.exposure > 0):
+            raise ValueError(f"exposure is {self.exposure}; expected a positive number")
+
+    @staticmethod
+    def of(
+        exposure: Exposure,
+        response: Response | None = None,
+        *,
+        scale: Scale | None = None,
+        grain: Grain | None = None,
+    ) -> Film:
+        """The film in a camera at that shutter, aperture and ISO.
+
+        response : of the camera; None for one that writes sRGB as its ISO number promises (ISO 12232, standard output:
+            10 / S lx·s make 118 of 255), for pictures in cd/m². Needs f-number and ISO
+        scale : cd/m² per relative unit of that response, for pictures in cd/m²; None for relative ones on the
+            response's own scale
+
+        Raises NotABracket where f-number or ISO are needed and unknown, and ValueError for a scale without a response.
+        """
+        if response is None:
+            if scale is not None:
+                raise ValueError("a scale belongs to a camera's response; give that too, or neither")
+            return Film(exposure.factor / scale_from_exposure(srgb_response(), exposure).luminance, grain=grain)
+        if scale is None:
+            return Film(exposure.factor, response, grain)
+        # Where the scale tells the channels apart, that is part of the response.
+        own = np.log(scale.factor) - np.log(scale.luminance)
+        balanced = Response(response.log_exposure + own[:, None], response.noise)
+        return Film(exposure.factor / scale.luminance, balanced if np.any(own) else response, grain)
+
+    def brighter(self, stops: float) -> Film:
+        """The same film exposed longer by `stops` factors of two."""
+        return replace(self, exposure=self.exposure * 2.0**stops)
+
+    def adapted(self, radiance: np.ndarray, view: View) -> Adaptation:
+        """Nothing: the exposure is the film's own."""
+        return Adaptation(np.zeros(0))
+
+    def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
+        """Linear values (H, W, 3) float32, from 0, that sRGB encodes as this film's pixel values / 255.
+
+        Without a response what is brighter than white stays so: the display clips and counts it, and one with room
+        above white shows it. A camera's response ends at 1: what is beyond it is SATURATED, a millionth above, which
+        no screen shows brighter but which counts as beyond white. Grain is drawn with the view's seed. Warns where
+        most of the picture is beyond what the response reaches.
+        """
+        from relume.virtual_camera.film.exposure_range import tell_reach
+        from relume.virtual_camera.tone.overflow import without_overflow
+
+        least, most = np.full(3, decode_srgb(np.array(0.5 / 255))), np.ones(3)
+        if self.response is not None:
+            least, most = np.exp(self.response.log_exposure[:, [0, -1]]).T
+        radiance = without_overflow(radiance, self.exposure)
+        tell_reach(radiance, lambda light: light * self.exposure, least, most)
+        if self.response is None:
+            shown = radiance * np.float32(self.exposure)
+        else:
+            from relume.virtual_camera.film.float_table import mapped, tabulated
+
+            tables = np.stack([tabulated(_channel(self.response, c)) for c in range(3)])
+            shown = mapped(radiance, self.exposure, tables)
+        if self.grain is not None:
+            _grained(shown, self.grain, view.grain_seed)
+        return shown
+
+
+def metered(light: EnvironmentMap) -> Film:
+    """The film of a photographer with an incident light meter in that light, one stop under.
+
+    The mean radiance, which a grey card would show at its own grey, becomes ½: reflected lights keep room above it.
+    """
+    mean = float(luminance(light.total())) / (4 * np.pi)
+    return Film(0.5 / mean) if mean > 0 else Film()
+
+
+def develop(radiance: np.ndarray, film: Film) -> Photograph:
+    """Take a virtual photograph (H, W, 3) uint8 of radiance (H, W, 3) (Debevec & Malik 1997, §2.7, eq. 1).
+
+    Exposure beyond the film's range saturates at 0 and 255, as it does in a camera.
+    """
+    return Photograph(np.rint(developed_values(radiance, film)).astype(np.uint8), "developed picture")
+
+
+def developed_values(radiance: np.ndarray, film: Film) -> np.ndarray:
+    """The pixel values (H, W, 3) float64, 0 to 255, that `develop` rounds."""
+    exposed = np.asarray(radiance, np.float64) * film.exposure
+    if film.response is None:
+        return 255 * encode_srgb(np.clip(exposed, 0, 1))
+    return np.clip(film.response.pixel_values(exposed) * (255 / (film.response.levels - 1)), 0, 255)
+
+
+def virtual_photograph(
+    picture: RadianceMap,
+    response: Response,
+    exposure: Exposure,
+    *,
+    scale: Scale | None = None,
+    noise: np.random.Generator | None = None,
+    name: str = "virtual photograph",
+) -> Photograph:
+    """Photograph a radiance map with any camera at any exposure (Debevec & Malik 1997, §2.7, eq. 1).
+
+    response : the camera's; 256 values make 8-bit pixels, 65536 make 16-bit ones. It may be another than the one the
+        map was merged with; then the zeros of both must have been set alike, or both have a scale
+    exposure : shutter, aperture and ISO, which the photograph carries
+    scale : cd/m² per relative unit of that response, for maps in cd/m²
+    noise : draws the camera's noise, by the response's deviation at each pixel value; None for none. The same seed
+        gives the same pixels. What saturates does so without noise, being far above the largest value or clipped
+    name : of the photograph
+
+    Pixels outside the map are 0 and outside the photograph. Raises ValueError for a response of other levels, and for
+    a map in cd/m² without a scale (or the other way round).
+    """
+    if response.levels not in _DEPTHS:
+        raise ValueError(f"the response has {response.levels} values; photographs have 256 or 65536")
+    if (picture.unit == "cd/m²") != (scale is not None):
+        raise ValueError(
+            f"the map's unit is {picture.unit} and scale is {scale}; give the response's scale with a map in cd/m², "
+            "and none with a relative one"
+        )
+    light = picture.radiance.astype(np.float64)
+    values = response.pixel_values(light * (exposure.factor / np.array(1.0 if scale is None else scale.factor)))
+    if noise is not None:
+        values = _noisy(values, response, noise)
+    outside = None if picture.clipped is None else picture.clipped == OUTSIDE
+    pixels = np.rint(np.clip(values, 0, response.levels - 1)).astype(_DEPTHS[response.levels])
+    if outside is not None and outside.any():
+        pixels[outside] = 0
+    return Photograph(pixels, name, exposure, outside=outside if outside is not None and outside.any() else None)
+
+
+def _noisy(values: np.ndarray, response: Response, generator: np.random.Generator) -> np.ndarray:
+    """The values with the noise that makes up the response's deviation once they are rounded."""
+    steps = np.arange(response.levels, dtype=np.float64)
+    # Rounding adds the variance of an even spread over one value.
+    sigma = np.sqrt(np.maximum(response.deviation**2 - 1 / 12, 0))
+    spread = np.stack([np.interp(values[..., c], steps, sigma[c]) for c in range(3)], axis=-1)
+    spread[values >= response.levels - 1] = 0.0
+    return values + spread * generator.standard_normal(values.shape)
+
+
+def srgb_response(levels: int = 256) -> Response:
+    """The sRGB curve as a response (IEC 61966-2-1), exposure 1 white, its only noise that of rounding.
+
+    The value 0 has no exposure of its own: it stands a quarter of the way to 1.
+    """
+    share = np.arange(levels) / (levels - 1)
+    share[0] = 0.25 * share[1]
+    return Response(np.tile(np.log(decode_srgb(share)), (3, 1)), np.full(3, np.sqrt(1 / 12)))
+
+
+def _channel(response: Response, channel: int) -> Callable[[np.ndarray], np.ndarray]:
+    """Linear display value by exposure, of one channel."""
+    curve, values = response.log_exposure[channel], np.arange(response.levels) / (response.levels - 1)
+
+    def shown(exposed: np.ndarray) -> np.ndarray:
+        reading = np.log(exposed)
+        return np.where(reading > curve[-1], SATURATED, decode_srgb(np.interp(reading, curve, values)))
+
+    return shown
+
+
+def _grained(shown: np.ndarray, grain: Grain, seed: int) -> None:
+    """Add grain in pixel values to own linear values (H, W, 3), in place."""
+    from relume.virtual_camera.film.float_table import tabulated
+    from relume.virtual_camera.film.grain_kernels import add_to_values
+
+    def value(light: np.ndarray) -> np.ndarray:
+        return 255 * encode_srgb(light)
+
+    measured = zip(grain.values, grain.deviation, strict=True)
+    tables = (
+        tabulated(value),
+        np.stack([tabulated(lambda light, known=known: np.interp(value(light), *known)) for known in measured]),
+        tabulated(lambda values: decode_srgb(values / 255)),
+    )
+
+    def add(top: int, left: int, noise: np.ndarray) -> None:
+        # What saturates does so without noise, being far above the largest value or clipped.
+        part = shown[top : top + noise.shape[1], left : left + noise.shape[2]]
+        add_to_values(part, noise, *tables)
+
+    grain.noise(seed).each_square(shown.shape[0], shown.shape[1], add)
+
+
+_DEPTHS = {256: np.uint8, 65536: np.uint16}

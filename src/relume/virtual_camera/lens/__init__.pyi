@@ -1,0 +1,16 @@
+from .blades import Blades as Blades
+from .defocus_blur import Defocus as Defocus
+from .geometry import LensGeometry as LensGeometry
+from .glare.camera import CameraGlare as CameraGlare
+from .glare.eye import EyeGlare as EyeGlare
+from .glare.measured import MeasuredGlare as MeasuredGlare
+from .lateral_chromatic_aberration import LateralColour as LateralColour
+from .lateral_chromatic_aberration import RadialScale as RadialScale
+from .motion.path import HomographyPath as HomographyPath
+from .motion.path import TurningCamera as TurningCamera
+from .motion.straight import StraightMotion as StraightMotion
+from .motion.vectors import MotionVectors as MotionVectors
+from .soft_focus import SoftFocus as SoftFocus
+from .vignetting import CosineFourth as CosineFourth
+from .vignetting import MeasuredVignetting as MeasuredVignetting
+from .vignetting import PolynomialVignetting as PolynomialVignetting

@@ -1,0 +1,111 @@
+"""Depth of field: a lens of a given aperture, focused at a distance, over a picture whose depths are known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from relume.virtual_camera.lens.blades import Blades
+from relume.virtual_camera.lens.depth_of_field import disc_of_confusion
+from relume.virtual_camera.view import View
+
+TILE = 256
+"""Pixels along each side of what is spread at once: its sums stay in the processor's cache."""
+BAND = 64
+"""Rows whose discs are computed at once."""
+
+
+@dataclass(frozen=True)
+class Defocus:
+    """A thin lens's discs of confusion, by depth (Potmesil & Chakravarty 1981).
+
+    aperture : diameter of the entrance pupil, metres; `aperture_of(f_number, mm)` and `aperture_from(photograph)`
+    focus : distance that is sharp, metres; infinity too
+    blades : of the iris; a round opening if not given
+
+    Every pixel is spread over its own disc, within a sixteenth of a pixel of its radius, and all discs are added front
+    to back, so that nothing sharp is smeared over what is behind it, while what is blurred before it covers it softly.
+    Behind near things the background goes on as beside them: a picture does not tell what they hide. A plane at one
+    depth keeps its light, lamps and all; near an edge some is covered and some uncovered, as by a lens, so the sum may
+    change. At the border the picture goes on as its mirror image, so no dark frame appears.
+
+    Pixels that an edge crosses are spread with its near side; mirrors and glass are spread by the depth of their
+    surface, not of what is seen in them.
+    """
+
+    aperture: float
+    focus: float
+    blades: Blades = Blades()
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.aperture) and self.aperture > 0):
+            raise ValueError(f"the aperture is {self.aperture}; expected its diameter in metres, above 0")
+        if not self.focus > 0:
+            raise ValueError(f"the focus is {self.focus}; expected metres above 0, or infinity")
+
+    def radius(self, depth: np.ndarray, focal_length: float) -> np.ndarray:
+        """The radius of each point's disc, pixels, float32: below 0 before the focus, where the opening is inverted.
+
+        depth : metres; infinity is a value like any other
+        focal_length : pixels
+        """
+        disc = disc_of_confusion(depth, self.aperture, self.focus, focal_length) / 2
+        return np.where(depth < self.focus, -disc, disc).astype(np.float32)
+
+    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+        """Radiance (H, W, 3) float32 with what is out of focus blurred.
+
+        Raises ValueError without a depth map, and for discs that are wider than the picture.
+        """
+        # Numba is imported only where a kernel is used.
+        from relume._kernel import in_threads
+        from relume.virtual_camera.lens.defocus_kernels import _defocus
+        from relume.virtual_camera.lens.disc_table import disc_table, size_of
+        from relume.virtual_camera.lens.disocclusion import hidden_background, unmixed
+
+        height, width = radiance.shape[:2]
+        radius = unmixed(self._radii(view, (height, width)))
+        size = np.empty((height, width), np.int16)
+        for top in range(0, height, BAND):
+            size[top : top + BAND] = size_of(radius[top : top + BAND])
+        behind, opening = hidden_background(radiance, radius)
+        del radius
+        table = disc_table(self.blades, int(size.min()), int(size.max()))
+        edge = max(TILE, 4 * table.widest)
+        across = -(-width // edge)
+        out = np.empty_like(radiance)
+
+        def work(begin: int, _: int) -> None:
+            top, left = begin // across * edge, begin % across * edge
+            place = (top, min(top + edge, height), left, min(left + edge, width))
+            _defocus(
+                radiance, size, behind, opening, table.deepest, table.lowest, table.first, table.down, table.right,
+                table.change, table.reach, table.widest, *place, out,
+            )  # fmt: skip
+
+        in_threads(work, across * -(-height // edge), chunk=1)
+        return out
+
+    def _radii(self, view: View, shape: tuple[int, int]) -> np.ndarray:
+        if view.depth is None:
+            raise ValueError("defocus: a depth map of the picture is needed; give one, or blur it all by a soft focus")
+        if view.depth.shape != shape:
+            raise ValueError(
+                f"the depth map is {view.depth.shape[1]}×{view.depth.shape[0]} pixels and the picture "
+                f"{shape[1]}×{shape[0]}; render or resize it to the picture's size"
+            )
+        radius = np.empty(shape, np.float32)
+        for top in range(0, shape[0], BAND):
+            radius[top : top + BAND] = self.radius(view.depth[top : top + BAND], view.focal_length)
+        widest = float(np.abs(radius).max())
+        if 2 * widest > max(shape):
+            y, x = np.unravel_index(np.argmax(np.abs(radius)), shape)
+            endless = np.isinf(view.depth[y, x])
+            away = "infinitely far away" if endless else f"{view.depth[y, x]:g} m away"
+            nearer = "" if endless else ", or focus nearer to it"
+            raise ValueError(
+                f"the disc of confusion at x {x}, y {y}, {away}, is {2 * widest:.0f} pixels wide, wider than the "
+                f"picture; stop the aperture of {self.aperture:g} m down, use a shorter lens{nearer}"
+            )
+        return radius

@@ -1,0 +1,185 @@
+"""The glare that an eye sees about lights (Spencer, Shirley, Zimmerman & Greenberg 1995).
+
+Bloom is scattered by cornea, lens and retina; the ciliary corona and the lenticular halo are diffracted by particles
+and fibres of the lens. Each holds its share of the light over the hemisphere; what falls outside the frame is lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from relume.virtual_camera.lens.glare.angular import pattern_at
+from relume.virtual_camera.lens.glare.ciliary_corona import corona
+from relume.virtual_camera.lens.glare.convolution import spread_out
+from relume.virtual_camera.lens.glare.point_spread import (
+    LEVELS,
+    SAMPLES,
+    PolarSpread,
+    balanced,
+    pixel_means,
+    table_distances,
+    within_pixel,
+)
+from relume.virtual_camera.lens.glare.retina import (
+    CORE,
+    HALO_DEGREES,
+    WAVELENGTHS,
+    halo_of_channels,
+    norms_of_scatter,
+    steep_scatter,
+    unscattered,
+    wide_scatter,
+)
+from relume.virtual_camera.lens.glare.wavelengths import channel_shares
+from relume.virtual_camera.tone.vision import pupil_diameter
+from relume.virtual_camera.view import View, seen_luminance
+
+PHOTOPIC, MESOPIC, SCOTOPIC = (0.384, 0.478, 0.138, 0.0), (0.368, 0.478, 0.138, 0.016), (0.282, 0.478, 0.207, 0.033)
+"""Shares of f₀, f₁, f₂ and f₃ (Spencer et al. 1995)."""
+ADAPTATIONS = (0.01, 0.173, 3.0)
+"""cd/m² up to which vision is scotopic, in the middle of which it is mesopic, and from which it is photopic."""
+HALO_PUPIL = (3.0, 4.0)
+"""mm: a narrower pupil hides the outer fibres of the lens, which alone draw the halo; a wider shows all."""
+INTEGRATED = 12
+"""Pixels round a light in which point spreads are integrated over each pixel."""
+ANGLES = 4096
+"""Of the pattern over half a turn; a needle's width spans two at least."""
+
+
+@dataclass(frozen=True)
+class EyeGlare:
+    """What an eye scatters.
+
+    adaptation : cd/m² that the eye is used to; None for what it settled on over a sequence, or the picture's log mean,
+        to 1 %
+    pupil : its diameter, mm; None for what goes with the adaptation (Moon & Spencer 1944)
+    sharp : whether f₀, a blur of a minute of arc, is left to the eye that will look at the picture; the light it
+        holds stays where it is then
+    mirrored : whether the world goes on beside the picture as its mirror image; else it is black there, and near
+        edges half of the wide glare is missing
+
+    The point spread is that of the picture's middle everywhere.
+    """
+
+    adaptation: float | None = None
+    pupil: float | None = None
+    sharp: bool = True
+    mirrored: bool = False
+
+    def __post_init__(self) -> None:
+        for name, unit in (("adaptation", "cd/m²"), ("pupil", "mm")):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise ValueError(f"{name} is {value}; expected {unit} above 0, or None")
+
+    @property
+    def absolute(self) -> bool:
+        """Whether luminances have to be in cd/m²: where the adaptation is not told."""
+        return self.adaptation is None
+
+    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+        """Radiance (H, W, 3) float32 as it arrives on the retina, in its unit."""
+        adaptation = self.adaptation or _rounded(view.settled or seen_luminance(radiance, view))
+        reach = float(np.hypot(*radiance.shape[:2]))
+        spread = _last_point_spread(self, adaptation, view.focal_length, view.seed, reach)
+        return spread_out(radiance, spread, mirrored=self.mirrored)
+
+    def shares(self, adaptation: float) -> np.ndarray:
+        """(4,) of the light in f₀…f₃ at an adaptation in cd/m², interpolated in its logarithm."""
+        rows = np.array([SCOTOPIC, MESOPIC, PHOTOPIC])
+        shares = np.array([np.interp(np.log(adaptation), np.log(ADAPTATIONS), column) for column in rows.T])
+        pupil = self.pupil or pupil_diameter(adaptation)
+        halo = shares[3] * float(np.interp(pupil, HALO_PUPIL, (0, 1)))
+        return np.array([shares[0] + shares[3] - halo, shares[1], shares[2], halo])
+
+    def point_spread(self, adaptation: float, view: View, reach: float) -> PolarSpread:
+        """The point spread at an adaptation in cd/m², for pixels up to `reach` away."""
+        shares = self.shares(adaptation)
+        focal, reach = view.focal_length, max(reach, INTEGRATED * 2.0)
+        amounts = channel_shares(WAVELENGTHS)
+        distances, levels = table_distances(reach, SAMPLES), table_distances(reach, LEVELS)
+        degrees = np.degrees(np.arctan(levels / focal))
+        needles = corona(degrees, levels, ANGLES, WAVELENGTHS, amounts, view.seed)
+        wide = CORE * np.pi / 180 * focal > 2
+        blurred, blur_near = not self.sharp and wide, not self.sharp and not wide
+
+        norms, halo = norms_of_scatter(), shares[3] * halo_of_channels(amounts)
+
+        def scattered(distance: np.ndarray) -> np.ndarray:
+            angle, area = _on_retina(distance, focal)
+            return area * (shares[1] * norms[1] * steep_scatter(angle) + shares[2] * norms[2] * wide_scatter(angle))
+
+        def other(distance: np.ndarray, channel: int) -> np.ndarray:
+            angle, area = _on_retina(distance, focal)
+            light = np.interp(angle, HALO_DEGREES, halo[channel])
+            return area * (light + (shares[0] * norms[0] * unscattered(angle) if blurred else 0))
+
+        kept, radial, near = np.empty(3), np.empty((3, SAMPLES), np.float32), []
+        for channel in range(3):
+
+            def density(distance: np.ndarray, channel: int = channel) -> np.ndarray:
+                return scattered(distance) + other(distance, channel)
+
+            # Needles are of f₁ and f₂ alone.
+            part = scattered(levels) / density(levels)
+            needles[channel] = 1 + part[:, None].astype(np.float32) * (needles[channel] - 1)
+            radial[channel] = pixel_means(density, distances)
+            kept[channel] = within_pixel(density) + (0 if blurred else shares[0])
+            near.append(_integrated(density, needles[channel], reach))
+        patch = np.stack(near)
+        if blur_near:
+            blur = shares[0] * _blur(CORE * np.pi / 180 * focal)
+            kept += blur[INTEGRATED, INTEGRATED] - shares[0]
+            patch += blur
+        patch[:, INTEGRATED, INTEGRATED] = 0
+        spread = PolarSpread(kept, radial, needles, patch.astype(np.float32), reach)
+
+        def within(radius: float) -> np.ndarray:
+            # A bounded density holds nothing below a billionth of the radius.
+            distance = radius * np.geomspace(1e-9, 1, 20001)
+            log = np.log(distance)
+            common = np.trapezoid(2 * np.pi * distance**2 * scattered(distance), log)
+            own = [np.trapezoid(2 * np.pi * distance**2 * other(distance, c), log) for c in range(3)]
+            return common + np.array(own) + (0 if blurred else shares[0])
+
+        return balanced(spread, within)
+
+
+def _rounded(adaptation: float) -> float:
+    """A measured adaptation to 1 %, of which no share changes by more than 3e-4: frames of one light have one."""
+    return float(np.exp(np.rint(100 * np.log(adaptation)) / 100))
+
+
+@lru_cache(maxsize=1)
+def _last_point_spread(glare: EyeGlare, adaptation: float, focal_length: float, seed: int, reach: float) -> PolarSpread:
+    """Kept for the next frame of a sequence: 10 MB that take a third of a frame's time to make."""
+    return glare.point_spread(adaptation, View(focal_length, seed=seed), reach)
+
+
+def _on_retina(distance: np.ndarray, focal: float) -> tuple[np.ndarray, np.ndarray]:
+    """Degrees from the point, and steradians of a pixel there: cos³ θ / f², of a plane that touches the sphere."""
+    angle = np.arctan(distance / focal)
+    return np.degrees(angle), np.cos(angle) ** 3 / focal**2
+
+
+def _integrated(density: Callable[[np.ndarray], np.ndarray], pattern: np.ndarray, reach: float) -> np.ndarray:
+    """(2 INTEGRATED + 1, 2 INTEGRATED + 1) light of the pixels about the point, by Gauss and Legendre's nodes."""
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    places = (np.arange(-INTEGRATED, INTEGRATED + 1)[:, None] + nodes / 2).ravel()
+    x, y = np.meshgrid(places, places)
+    light = density(np.hypot(x, y)) * pattern_at(pattern, reach, x, y)
+    size = 2 * INTEGRATED + 1
+    return np.einsum("iajb,a,b->ij", light.reshape(size, 8, size, 8), weights / 2, weights / 2)
+
+
+def _blur(core: float) -> np.ndarray:
+    """(2 INTEGRATED + 1, 2 INTEGRATED + 1) shares of exp(−(r / core)²) in the pixels about its middle."""
+    from scipy.special import erf
+
+    edges = erf((np.arange(-INTEGRATED, INTEGRATED + 2) - 0.5) / core) / 2
+    across = np.diff(edges)
+    return across[:, None] * across

@@ -1,0 +1,124 @@
+"""Point spreads that are the same when turned by half a turn, told in polar coordinates about the point.
+
+All glare here falls as a power of the distance and is drawn out along rays; both are smooth in the fourth root of the
+distance, which is therefore the tables' coordinate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from relume.virtual_camera.lens.glare.convolution import NEAR, Canvas, Transfer, symmetric_transfer
+
+SAMPLES = 8192
+"""Of the radial table: interpolated linearly, a fall by the cube of the distance is off by 1e-5."""
+BALANCED = 150
+"""Pixels within which light is counted; rays are wider than pixels' pitch beyond."""
+LEVELS = 192
+"""Of the pattern: its rays change over a tenth of their length and more."""
+
+
+@dataclass(frozen=True, eq=False)
+class PolarSpread:
+    """Light per pixel that leaves a point, by distance and angle.
+
+    kept : (3,) shares of the light that stay in the point's own pixel
+    radial : (3, SAMPLES) float32, mean light of a pixel at equal steps of the fourth root of its distance, from 0
+    pattern : (3, LEVELS, angles) float32, light over that mean at equal steps of the same root, from 0, and of the
+        angle, over half a turn
+    near : (3, 2n + 1, 2n + 1) float32, light of the pixels round the point; 0 in the middle
+    reach : pixels, the distance at which the tables end
+    """
+
+    kept: np.ndarray
+    radial: np.ndarray
+    pattern: np.ndarray
+    near: np.ndarray
+    reach: float
+
+    def nearby(self) -> np.ndarray:
+        """(2 NEAR + 1, 2 NEAR + 1, 3) light of the pixels round the point; 0 in the middle."""
+        square = self.drawn(NEAR, NEAR).astype(np.float64)
+        square[NEAR, NEAR] = 0
+        return square
+
+    def transfer(self, channel: int, canvas: Canvas) -> Transfer | None:
+        """The transform of what goes farther than that; None where the picture ends sooner."""
+        if max(canvas.height, canvas.width) <= NEAR + 1:
+            return None
+        return symmetric_transfer(lambda begin, end: self.rows(channel, begin, end, canvas, hole=NEAR), canvas)
+
+    def rows(self, channel: int, begin: int, end: int, canvas: Canvas, *, hole: int = -1) -> np.ndarray:
+        """Rows begin…end below the point, (n, padded columns) float32: 0, 1, …, −2, −1 pixels right of it.
+
+        hole : pixels from the point to all sides that are left at 0
+        """
+        from relume.virtual_camera.lens.glare.polar_kernel import draw_rows
+
+        rows = np.empty((end - begin, canvas.columns), np.float32)
+        root = self.reach**0.25
+        step, level_step = (np.float32((count - 1) / root) for count in (SAMPLES, self.pattern.shape[1]))
+        parts = (self.radial[channel], level_step, self.pattern[channel], self.near[channel])
+        draw_rows(begin, canvas.width, hole, step, *parts, rows)
+        return rows
+
+    def drawn(self, half_height: int, half_width: int) -> np.ndarray:
+        """The spread as a picture (2 half_height + 1, 2 half_width + 1, 3) float32, `kept` in its middle."""
+        canvas = Canvas(half_height + 1, half_width + 1)
+        planes = []
+        for channel in range(3):
+            rows = self.rows(channel, 0, half_height + 1, canvas)
+            below = np.concatenate([rows[:, canvas.columns - half_width :], rows[:, : half_width + 1]], axis=1)
+            below[0, half_width] = self.kept[channel]
+            planes.append(np.concatenate([below[:0:-1, ::-1], below]))
+        return np.stack(planes, axis=-1)
+
+
+def balanced(spread: PolarSpread, expected: Callable[[float], np.ndarray]) -> PolarSpread:
+    """The spread with so much kept that all light is there: rays that fall between pixels' middles are made up for.
+
+    expected : gives the (3,) light that belongs within a radius in pixels
+    """
+    radius = int(min(BALANCED, spread.reach - 1))
+    size = 2 * radius + 1
+    fine = (np.arange(size * 8) + 0.5) / 8 - radius - 0.5
+    covered = (np.hypot(fine, fine[:, None]) < radius).reshape(size, 8, size, 8).mean((1, 3))
+    held = np.einsum("ij,ijc->c", covered, spread.drawn(radius, radius).astype(np.float64))
+    return replace(spread, kept=spread.kept + expected(radius) - held)
+
+
+def table_distances(reach: float, count: int) -> np.ndarray:
+    """(count,) distances in pixels of a table's entries."""
+    return (np.linspace(0, reach**0.25, count)) ** 4
+
+
+def pixel_means(density: Callable[[np.ndarray], np.ndarray], distances: np.ndarray) -> np.ndarray:
+    """What pixels at distances (N,) receive of a smooth radial density, light per square pixel.
+
+    The mean over a square of side 1 is p + ∇²p / 24 up to fourth derivatives, with ∇²p = p″ + p′ / r.
+    Within two pixels, where that does not hold, it is the density itself; `near` stands for it there.
+    """
+    value = density(distances)
+    safe = np.maximum(distances, 2.0)
+    step = 0.02 * safe
+    before, middle, after = density(safe - step), density(safe), density(safe + step)
+    bend = (after - 2 * middle + before) / step**2 + (after - before) / (2 * step * safe)
+    return np.where(distances > 2, value + bend / 24, value)
+
+
+def within_pixel(density: Callable[[np.ndarray], np.ndarray], side: float = 1.0) -> float:
+    """The integral of a radial density over the square about its middle, by polar coordinates.
+
+    An eighth of the square: 8 ∫₀^{π/4} ∫₀^{side / (2 cos φ)} p(r) r dr dφ, the inner one in the logarithm of r.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(16)
+    edge = side / 2 / np.cos(np.pi / 8 * (nodes + 1))
+    # Below a billionth of the edge a bounded density holds nothing.
+    grid = np.linspace(np.log(1e-9), 0, 4097)
+    radii = edge[:, None] * np.exp(grid)
+    along = density(radii) * radii**2
+    inner = np.trapezoid(along, grid, axis=1)
+    return float(8 * np.pi / 8 * np.sum(weights * inner))

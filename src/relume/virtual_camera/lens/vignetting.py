@@ -1,0 +1,125 @@
+"""Less light towards the corners: the natural falloff of any lens, and those measured of one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from relume.capture.lens.vignetting import Vignetting
+from relume.virtual_camera.view import View
+
+BAND = 64
+"""Rows that are scaled at once."""
+
+
+@dataclass(frozen=True)
+class CosineFourth:
+    """The natural falloff cos⁴α of the light at an angle α to the axis, whose lens does not bend lines (ISO 517).
+
+    The angle follows from the view's focal length; the axis meets the picture's middle.
+    """
+
+    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+        """Radiance (H, W, 3) float32 times cos⁴α."""
+        return _scaled(radiance, _cosine_fourth(radiance, view))
+
+    def undone(self, radiance: np.ndarray, view: View) -> np.ndarray:
+        """Radiance (H, W, 3) float32 over cos⁴α, which is above 0 everywhere."""
+        return _scaled(radiance, _cosine_fourth(radiance, view), undo=True)
+
+
+@dataclass(frozen=True)
+class PolynomialVignetting:
+    """Relative illuminance 1 + a₁r² + a₂r⁴ + a₃r⁶ + …, as lens databases have it.
+
+    coefficients : a₁, a₂, …; r is the distance from `centre`, 1 at half the picture's diagonal. Where a database's r
+        is 1 elsewhere, say at q half diagonals, its coefficients are divided by q², q⁴, …
+    centre : as a fraction of width and height, from the top left
+    """
+
+    coefficients: tuple[float, ...]
+    centre: tuple[float, float] = (0.5, 0.5)
+
+    def __post_init__(self) -> None:
+        self._measured()
+
+    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+        """Radiance (H, W, 3) float32 times the polynomial; raises ValueError where that is not above 0."""
+        return self._measured().applied(radiance, view)
+
+    def undone(self, radiance: np.ndarray, view: View) -> np.ndarray:
+        """Radiance (H, W, 3) float32 over the polynomial; raises ValueError where that is not above 0."""
+        return self._measured().undone(radiance, view)
+
+    def _measured(self) -> MeasuredVignetting:
+        return MeasuredVignetting(Vignetting(self.coefficients, self.centre))
+
+
+@dataclass(frozen=True)
+class MeasuredVignetting:
+    """What `recover_vignetting` found of a lens, or its profile tells.
+
+    vignetting : it holds at the aperture it was measured at
+    """
+
+    vignetting: Vignetting
+
+    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+        """Radiance (H, W, 3) float32 times the falloff; raises ValueError where that is not above 0."""
+        return _scaled(radiance, self._falloff(radiance))
+
+    def undone(self, radiance: np.ndarray, view: View) -> np.ndarray:
+        """Radiance (H, W, 3) float32 over the falloff; raises ValueError where that is not above 0."""
+        return _scaled(radiance, self._falloff(radiance), undo=True)
+
+    def _falloff(self, radiance: np.ndarray) -> Callable[[int, int], np.ndarray]:
+        height, width = radiance.shape[:2]
+        x0, y0 = self.vignetting.centre[0] * width, self.vignetting.centre[1] * height
+
+        def falloff(top: int, bottom: int) -> np.ndarray:
+            square = _squared_distance(width, top, bottom, x0, y0) * (4 / (width**2 + height**2))
+            share = np.zeros_like(square)
+            for coefficient in reversed(self.vignetting.coefficients):
+                share = (share + coefficient) * square
+            share += 1
+            if share.min() <= 0:
+                raise ValueError(
+                    f"the vignetting leaves {share.min():.3g} of the light in row {top + int(share.min(1).argmin())}; "
+                    "a lens leaves some everywhere: check the coefficients, whose r is 1 at half the diagonal"
+                )
+            return share
+
+        return falloff
+
+
+def _cosine_fourth(radiance: np.ndarray, view: View) -> Callable[[int, int], np.ndarray]:
+    height, width = radiance.shape[:2]
+
+    def falloff(top: int, bottom: int) -> np.ndarray:
+        # cos²α = f² / (f² + distance²)
+        square = _squared_distance(width, top, bottom, width / 2, height / 2)
+        return (1 + square / view.focal_length**2) ** -2
+
+    return falloff
+
+
+def _squared_distance(width: int, top: int, bottom: int, x: float, y: float) -> np.ndarray:
+    """Of the pixels of rows top…bottom from a point, (rows, W) float64, pixels²."""
+    return (np.arange(width) + 0.5 - x) ** 2 + ((np.arange(top, bottom) + 0.5 - y) ** 2)[:, None]
+
+
+def _scaled(radiance: np.ndarray, falloff: Callable[[int, int], np.ndarray], *, undo: bool = False) -> np.ndarray:
+    """The picture times, or over, a falloff of rows, some rows at a time."""
+    from relume._kernel import in_threads
+
+    out = np.empty_like(radiance)
+
+    def work(top: int, bottom: int) -> None:
+        share = falloff(top, bottom)
+        gain = (1 / share if undo else share).astype(np.float32)
+        np.multiply(radiance[top:bottom], gain[..., None], out=out[top:bottom])
+
+    in_threads(work, radiance.shape[0], chunk=BAND)
+    return out

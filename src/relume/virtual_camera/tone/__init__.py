@@ -1,0 +1,5 @@
+"""Tone mapping and display: what makes radiance of any range fit for a screen: `relume.tone`."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

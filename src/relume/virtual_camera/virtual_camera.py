@@ -1,0 +1,210 @@
+"""The virtual camera: everything between a scene's radiance and a picture, in the order in which light meets it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from relume.image.photograph import Photograph
+from relume.image.radiance import RadianceMap
+from relume.virtual_camera.steps import Adaptation, Optics, Tone
+from relume.virtual_camera.tone.display.clipping import Clipping
+from relume.virtual_camera.tone.display.displays import Display, DisplayP3, Srgb
+from relume.virtual_camera.tone.display.encoding import encoded
+from relume.virtual_camera.tone.display.writing import profile_of, write_display
+from relume.virtual_camera.tone.metered import Linear, Metered
+from relume.virtual_camera.validation import sound
+from relume.virtual_camera.view import FIELD_OF_VIEW, View, seen_luminance, view_of
+
+IN_ORDER = ("motion", "defocus", "soft_focus", "glare", "geometry", "vignetting")
+"""Where light meets what: the world moves before the lens, the lens draws it out of focus, scatters and bends it, and
+the sensor's corners get less of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class VirtualCamera:
+    """A lens, and what the light behind it falls on: a film, a sensor, or an eye.
+
+    motion : while the shutter is open, as `StraightMotion`, `TurningCamera`, `MotionVectors`
+    defocus : by depth, as `Defocus`
+    soft_focus : of the whole picture, as `SoftFocus`, or the sharpness of a plate
+    glare : scattered and diffracted light, as `EyeGlare`, `CameraGlare`, `MeasuredGlare`
+    geometry : distortion and lateral colour, as `LensGeometry`
+    vignetting : as `CosineFourth`, `PolynomialVignetting`, `MeasuredVignetting`
+    tone : what makes the light a picture: a camera's `Film`, a `Darkroom`, or a model of the eye as
+        `HistogramAdjustment`; plain exposure unless given, because it changes nothing else
+    stops : by which the light is brighter than the tone settled for; negative darkens
+    display : what the picture is encoded for
+
+    All is done in linear light up to the tone, whatever order it is written in: what saturates does so last.
+    """
+
+    motion: Optics | None = None
+    defocus: Optics | None = None
+    soft_focus: Optics | None = None
+    glare: Optics | None = None
+    geometry: Optics | None = None
+    vignetting: Optics | None = None
+    tone: Tone = Metered()
+    stops: float = 0.0
+    display: Display = Srgb()
+
+    def __post_init__(self) -> None:
+        if not abs(self.stops) <= 100:
+            raise ValueError(f"stops is {self.stops}; expected −100 to 100")
+
+    @property
+    def optics(self) -> tuple[Optics, ...]:
+        """What the light passes, in order."""
+        parts = (getattr(self, name) for name in IN_ORDER)
+        return tuple(part for part in parts if part is not None)
+
+    @property
+    def is_absolute(self) -> bool:
+        """Whether any step asks for luminances in cd/m², as models of the eye do."""
+        return any(getattr(step, "absolute", False) for step in (*self.optics, self.tone))
+
+    def image(self, radiance: np.ndarray, view: View) -> np.ndarray:
+        """Radiance (H, W, 3) as the lens draws it on the sensor, in its unit; the input itself without optics."""
+        for part in self.optics:
+            radiance = part.applied(radiance, view)
+        return radiance
+
+    def view(
+        self,
+        picture: RadianceMap,
+        *,
+        field_of_view: float = FIELD_OF_VIEW,
+        luminance_scale: float | None = None,
+        depth: np.ndarray | None = None,
+        motion: np.ndarray | None = None,
+        seed: int = 0,
+    ) -> View:
+        """The view of a picture for this camera: `view_of`, which warns where a relative map has to be absolute."""
+        return view_of(
+            picture,
+            field_of_view=field_of_view,
+            luminance_scale=luminance_scale,
+            depth=depth,
+            motion=motion,
+            seed=seed,
+            absolute=self.is_absolute,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Developed:
+    """A picture before it is encoded: `gain` × `values` are linear display values, Rec. 709, 1 the display's white.
+
+    values : (H, W, 3) float32, not clipped; of plain exposure the radiance itself, so that it is not copied
+    gain : factor on them
+    display : what they were made for
+    adaptation : what the tone had settled on
+    """
+
+    values: np.ndarray
+    gain: float
+    display: Display
+    adaptation: Adaptation
+
+    @property
+    def displayed(self) -> np.ndarray:
+        """The linear display values (H, W, 3) float32."""
+        return self.values if self.gain == 1 else self.values * np.float32(self.gain)
+
+    def photograph(self, name: str = "developed picture") -> Photograph:
+        """The picture in memory, with its profile; what is beyond white or black saturates.
+
+        Raises ValueError for PQ, HLG and gain maps, which only a file can hold: use `written`.
+        """
+        if not isinstance(self.display, Srgb | DisplayP3):
+            raise ValueError(f"a picture for {type(self.display).__name__} is a file's: write it, or develop for Srgb")
+        pixels = encoded(self.values, self.display, gain=self.gain)
+        return Photograph(
+            pixels, name, profile=profile_of(self.display) if isinstance(self.display, DisplayP3) else None
+        )
+
+    def written(self, path: str | os.PathLike[str]) -> Clipping:
+        """Write the picture for its display, and tell how much of it is white or black; raises as `write_display`."""
+        return write_display(path, self.values, self.display, gain=self.gain)
+
+
+def developed(
+    picture: RadianceMap, camera: VirtualCamera, view: View | None = None, *, adaptation: Adaptation | None = None
+) -> Developed:
+    """Take a radiance map through a virtual camera, up to where it is encoded for a display or a file.
+
+    view : the picture's lens, depth, motion and seed; `camera.view(picture)` unless given
+    adaptation : what the tone has settled on; what it settles on before this picture unless given
+    Raises ValueError for radiance that is not finite or black everywhere.
+    """
+    picture = sound(picture)
+    view = camera.view(picture) if view is None else view
+    image = camera.image(picture.radiance, view)
+    return _toned(image, camera, view, camera.tone.adapted(image, view) if adaptation is None else adaptation)
+
+
+def _toned(image: np.ndarray, camera: VirtualCamera, view: View, settled: Adaptation) -> Developed:
+    """What the tone makes of the light behind the lens."""
+    tone, stops = camera.tone, 2.0**camera.stops
+    if isinstance(tone, Linear):
+        return Developed(image, tone.gain(settled, view) * stops, camera.display, settled)
+    brighter = image if stops == 1 else image * np.float32(stops)
+    return Developed(tone.displayed(brighter, view, settled), 1.0, camera.display, settled)
+
+
+def photograph(picture: RadianceMap, camera: VirtualCamera = VirtualCamera(), view: View | None = None) -> Photograph:
+    """Photograph a radiance map by a virtual camera, in one call (Debevec & Malik 1997, §2.7).
+
+    view : the picture's lens, depth, motion and seed; `camera.view(picture)` unless given
+    Values beyond the display's white saturate, as in a camera. Raises ValueError as `developed`, and for the displays
+    that only a file can hold: write `developed(picture, camera)` for them.
+    """
+    return developed(picture, camera, view).photograph()
+
+
+def developed_frames(
+    pictures: Iterable[RadianceMap],
+    camera: VirtualCamera,
+    views: Iterable[View] | None = None,
+    *,
+    frames_per_second: float = 24.0,
+    settling: float = 0.4,
+) -> Iterator[Developed]:
+    """Develop frame after frame, with an adaptation that follows the light as steadily as an eye's: nothing flickers.
+
+    views : of the frames; the first frame's own for all unless given, so that a relative map's supposed luminance does
+        not change from frame to frame. Every frame draws other grain
+    settling : seconds after which the adaptation has gone 63 % of its way to a new light. 0.4 is slower than the cones
+        (0.08 s, `ferwerda.INTO_LIGHT`), so that lamps that flash do not pump the picture, and fast enough to follow a
+        camera that goes through a door; 0 settles on each frame alone
+    A black frame keeps the adaptation of those before it. Raises ValueError for a rate that is not above 0, a negative
+    settling or too few views, and as `developed`.
+    """
+    if not frames_per_second > 0 or not settling >= 0:
+        raise ValueError(
+            f"frames_per_second {frames_per_second} and settling {settling}; expected above 0, and 0 or more"
+        )
+    share = 1.0 if settling == 0 else 1 - float(np.exp(-1 / (frames_per_second * settling)))
+    each = None if views is None else iter(views)
+    view, settled, eye = None, None, None
+    for index, frame in enumerate(pictures):
+        name = f"frame {index + 1}"
+        frame = sound(frame, name=name, lit=False)
+        if each is not None and (view := next(each, None)) is None:
+            raise ValueError(f"{name} has no view; give one for each picture, or none at all")
+        if view is None:
+            view = camera.view(frame)
+        lit = bool(frame.radiance.any())
+        if lit:
+            seen = np.log(seen_luminance(frame.radiance, view))
+            eye = seen if eye is None else (1 - share) * eye + share * seen
+        now = replace(view, frame=view.frame + index, settled=None if eye is None else float(np.exp(eye)))
+        image = camera.image(frame.radiance, now)
+        own = camera.tone.adapted(image, now)
+        if lit:
+            settled = own if settled is None else settled.mixed(own, share)
+        yield _toned(image, camera, now, own if settled is None else settled)

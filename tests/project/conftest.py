@@ -1,0 +1,48 @@
+"""The example room, inserted once with the fake renderer: everything but light transport is real.
+
+The table's reflectance is given: the fake lights no surface, so nothing can be recovered by it.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from relume.project.insertion.insert import insert
+from relume.project.insertion.outcome import Inserted
+from relume.project.shot_file.shot import read_shot
+from relume.renderers.renderer import Constant
+
+ROOM = Path(__file__).parents[2] / "examples" / "room"
+
+
+def copy_of_room(folder: Path) -> Path:
+    """The shot file of a copy of the room: not denoised, as the fake has no noise, its table's reflectance given."""
+    shutil.copytree(ROOM, folder)
+    shot = folder / "shot.toml"
+    plate, render = shot.read_text().split("[render]")
+    # A small light, and nothing of the plate's look measured: each job would take seconds for either.
+    plate = plate.replace("[light]", "[match]\ngrain = false\nsharpness = 0.4\n\n[light]\nsize = 128")
+    plate = plate.replace('reflectance = "recover"\ngloss = "recover"', "reflectance = [0.4, 0.3, 0.2]")
+    assert 'recover"' not in plate
+    shot.write_text(plate + "[render]" + render.replace("denoise = true", "denoise = false"))
+    return shot
+
+
+@pytest.fixture(scope="session")
+def room(tmp_path_factory: pytest.TempPathFactory) -> tuple[Inserted, Path]:
+    """The outcome and its folder."""
+    folder = tmp_path_factory.mktemp("room")
+    out = folder / "out"
+    return insert(read_shot(copy_of_room(folder / "room")), out, renderer=Constant((3.0, 2.0, 1.0))), out
+
+
+@pytest.fixture
+def copied_room(room: tuple[Inserted, Path], tmp_path: Path) -> tuple[Path, Path]:
+    """A shot file that may be changed, and an output folder that already holds the kept stages."""
+    shot = copy_of_room(tmp_path / "room")
+    out = tmp_path / "out"
+    shutil.copytree(room[1], out)
+    return shot, out

@@ -1,0 +1,189 @@
+"""The main job with the fake renderer: outputs, kept stages, and what adding nothing does."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from relume.errors import InvalidShot, NotABracket, OutputNotWritten, UnreadableFile
+from relume.image.files import read_layers, read_photograph, read_radiance
+from relume.project.insertion.insert import insert
+from relume.project.insertion.outcome import Inserted
+from relume.project.shot_file.shot import Object, read_shot
+from relume.renderers.renderer import Constant
+
+Room = tuple[Inserted, Path]
+FAKE = Constant((3.0, 2.0, 1.0))
+
+
+def test_the_job_writes_every_output_whole_and_no_temporary_file(room: Room) -> None:
+    _, out = room
+    names = sorted(p.name for p in out.iterdir())
+    assert names == [
+        "composite.exr",
+        "composite.png",
+        "layers.exr",
+        "light.exr",
+        "report.html",
+        "response.json",
+        "stages",
+    ]
+    assert sorted(p.name for p in (out / "stages").iterdir()) == [
+        "light.npz", "match.npz", "plate.npz", "reflectance.npz", "render.npz", "response.npz",
+    ]  # fmt: skip
+
+
+def test_pixels_that_no_object_covers_or_changes_are_the_plate_to_the_bit(room: Room) -> None:
+    result, out = room
+    composite = read_radiance(out / "composite.exr").radiance
+    matte = result.change.matte
+    untouched = matte == 0
+    assert untouched.mean() > 0.8
+    assert np.array_equal(composite[untouched], result.plate.radiance[untouched])
+    # As sharp as the plate, the fake's square has a soft edge; within it is itself, at the edge it covers its share.
+    assert 0.05 < (matte == 1).mean() < 0.12 and ((matte > 0) & (matte < 1)).any()
+    assert np.allclose(composite[matte == 1], [3.0, 2.0, 1.0])
+    blended = matte[..., None] * np.array([3.0, 2.0, 1.0]) + (1 - matte[..., None]) * result.plate.radiance
+    assert np.allclose(composite, blended, rtol=1e-5)
+
+
+def test_a_shot_without_objects_gives_the_plate_back_exactly(copied_room: tuple[Path, Path]) -> None:
+    path, out = copied_room
+    shot = read_shot(path).model_copy(update={"objects": []})
+    result = insert(shot, out, renderer=FAKE)
+    assert np.array_equal(result.composite, result.plate.radiance)
+    assert np.array_equal(read_photograph(out / "composite.png").pixels, result.before.pixels)
+
+
+def test_the_developed_plate_looks_like_the_photograph_it_came_from(room: Room) -> None:
+    result, _ = room
+    room_folder = Path(__file__).parents[2] / "examples" / "room"
+    photographs = [read_photograph(p).pixels.astype(int) for p in sorted((room_folder / "plate").glob("*.jpg"))]
+    differences = [float(np.median(np.abs(p - result.before.pixels))) for p in photographs]
+    assert min(differences) <= 1
+
+
+def test_layers_hold_what_the_design_names(room: Room) -> None:
+    layers = read_layers(room[1] / "layers.exr")
+    assert list(layers) == [
+        "with", "without", "objects", "difference", "matte", "depth", "normal", "albedo", "variance", "reflectance",
+    ]  # fmt: skip
+    # The model with the objects is the one without them, changed as the plate is.
+    kept = (1 - layers["matte"][..., None]) * layers["without"]
+    assert np.allclose(layers["with"], kept + layers["difference"] + layers["objects"], rtol=1e-6)
+    assert np.allclose(layers["without"], [3.0, 2.0, 1.0]) and not layers["difference"].any()
+    assert np.allclose(layers["objects"], layers["matte"][..., None] * [3.0, 2.0, 1.0])
+
+
+def test_a_second_run_redoes_nothing_and_writes_the_same_bytes(copied_room: tuple[Path, Path]) -> None:
+    path, out = copied_room
+    before = {n: (out / n).read_bytes() for n in ("composite.exr", "composite.png", "light.exr", "layers.exr")}
+    result = insert(read_shot(path), out, renderer=FAKE)
+    assert set(result.kept) == {"response", "plate", "light", "reflectance", "render", "match"}
+    assert all((out / n).read_bytes() == data for n, data in before.items())
+
+
+def test_only_what_changed_is_redone(copied_room: tuple[Path, Path]) -> None:
+    path, out = copied_room
+    shot = read_shot(path)
+    moved = shot.model_copy(update={"objects": [Object(mesh="objects/cube_gold.glb", translate=(0.0, 0.0, 0.1))]})
+    assert set(insert(moved, out, renderer=FAKE).kept) == {"response", "plate", "light", "reflectance", "match"}
+    noisier = shot.model_copy(update={"plate": shot.plate.model_copy(update={"denoise": False})})
+    assert set(insert(noisier, out, renderer=FAKE).kept) == {"response", "light"}
+
+
+def test_a_damaged_kept_stage_is_made_again(copied_room: tuple[Path, Path]) -> None:
+    path, out = copied_room
+    kept = out / "stages" / "render.npz"
+    kept.write_bytes(kept.read_bytes()[:1000])
+    assert "render" not in insert(read_shot(path), out, renderer=FAKE).kept
+
+
+def test_the_camera_and_light_of_the_room_are_where_they_were_measured(room: Room) -> None:
+    result, _ = room
+    # The window lies towards −X and the bulb up, to the right and behind the grid: both seen in the photographs.
+    light = result.probe.light
+    window, bulb = light.lookup(np.array([[-0.95, 0.25, -0.1], [0.45, 0.7, -0.55]]))
+    dark = light.lookup(np.array([0.0, 0.2, 1.0]))
+    assert window.sum() > 5 * dark.sum()
+    brightest = np.unravel_index(np.argmax(light.radiance.sum(-1)), light.radiance.shape[:2])
+    assert light.radiance.shape == (128, 256, 3)
+    x, y, z = light.mapping.directions(np.array([(brightest[1] + 0.5) / 256, (brightest[0] + 0.5) / 128]))
+    assert x > 0.3 and y > 0.5 and z < -0.2 and bulb.sum() > 0
+    assert result.camera.position == pytest.approx([0.25, 0.55, 1.15], abs=0.003)
+
+
+def test_the_report_is_one_page_that_needs_nothing_else(room: Room) -> None:
+    page = (room[1] / "report.html").read_text()
+    sources = re.findall(r'src="([^"]*)"', page)
+    # Two photographs, two planes of change, two of surfaces, three exposures of light, one curve.
+    assert len(sources) == 10 and all(s.startswith("data:image/png;base64,") for s in sources)
+    # Among megabytes of base64 any four letters come up by chance.
+    words = re.sub(r"base64,[^\"]*", "", page)
+    assert "http" not in words and "Energy audit" in page and "Virtual curve_a" in page
+
+
+def test_a_photograph_that_is_missing_stops_the_job_before_anything_is_written(
+    copied_room: tuple[Path, Path], tmp_path: Path
+) -> None:
+    path, _ = copied_room
+    for photograph in (path.parent / "plate").glob("*.jpg"):
+        photograph.unlink()
+    with pytest.raises(UnreadableFile, match=r"plate/\*\.jpg: no such photographs"):
+        insert(read_shot(path), tmp_path / "new", renderer=FAKE)
+    assert not (tmp_path / "new").exists()
+
+
+def test_an_output_folder_that_is_a_file_is_refused_before_any_work(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputNotWritten, match="is not a folder"):
+        insert(read_shot(Path(__file__).parents[2] / "examples/room/shot.toml"), tmp_path / "file" / "out")
+
+
+def test_a_grid_of_another_size_than_the_plate_is_refused(copied_room: tuple[Path, Path]) -> None:
+    path, out = copied_room
+    shot = read_shot(path)
+    grid = shot.camera.grid
+    assert grid is not None
+    other = grid.model_copy(update={"photograph": "ball_0/IMG_0001.jpg"})
+    with pytest.raises(InvalidShot, match=r"640×640.*768×512"):
+        insert(shot.model_copy(update={"camera": shot.camera.model_copy(update={"grid": other})}), out, renderer=FAKE)
+
+
+def test_a_single_photograph_is_a_plate_when_the_balls_tell_its_camera(copied_room: tuple[Path, Path]) -> None:
+    path, out = copied_room
+    shot = read_shot(path)
+    single = shot.plate.model_copy(update={"photographs": ["plate/IMG_0003.jpg"], "denoise": False})
+    # The photographs of one ball tell it, and a second would have to be found too.
+    assert shot.light.balls is not None
+    light = shot.light.model_copy(update={"balls": shot.light.balls[:1], "size": 64})
+    result = insert(shot.model_copy(update={"plate": single, "light": light}), out, renderer=FAKE)
+    reference = read_radiance(out / "composite.exr").radiance[result.change.matte == 0]
+    assert np.isfinite(reference).all()
+
+
+def test_a_radiance_map_is_a_plate_and_a_map_is_light(room: Room, copied_room: tuple[Path, Path]) -> None:
+    path, out = copied_room
+    shot = read_shot(path)
+    plate = shot.plate.model_copy(update={"photographs": [str(room[1] / "composite.exr")], "denoise": False})
+    light = type(shot.light)(map=str(room[1] / "light.exr"))
+    result = insert(shot.model_copy(update={"plate": plate, "light": light, "objects": []}), out, renderer=FAKE)
+    assert np.array_equal(result.composite, read_radiance(room[1] / "composite.exr").radiance)
+    assert result.calibrations == {}
+    with pytest.raises(InvalidShot, match=r"plate\.denoise"):
+        noisy = plate.model_copy(update={"denoise": True})
+        insert(shot.model_copy(update={"plate": noisy, "light": light}), out, renderer=FAKE)
+
+
+def test_ball_photographs_without_exposure_ask_for_times(copied_room: tuple[Path, Path]) -> None:
+    path, out = copied_room
+    from relume.image.files import write
+
+    for photograph in sorted((path.parent / "ball_0").glob("*.jpg")):
+        write(photograph, replace(read_photograph(photograph), exposure=None))
+    with pytest.raises(NotABracket, match=r"IMG_0001\.jpg.*--times"):
+        insert(read_shot(path), out, renderer=FAKE)

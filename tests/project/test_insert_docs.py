@@ -1,0 +1,59 @@
+"""What docs/insert.md and docs/shot-file.md say is what the shot file takes."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel
+
+from relume.project.shot_file.camera_table import CameraTable
+from relume.project.shot_file.local_table import LocalTable
+from relume.project.shot_file.match_table import MatchTable
+from relume.project.shot_file.material_table import MaterialTable
+from relume.project.shot_file.sequence_table import SequenceTable
+from relume.project.shot_file.shot import DevelopTable, Light, Object, Plate, RenderTable, Shot
+from relume.scene.materials.presets import PRESETS
+
+REPOSITORY = Path(__file__).parents[2]
+PAGE = (REPOSITORY / "docs" / "insert.md").read_text(encoding="utf-8")
+KEYS = (REPOSITORY / "docs" / "shot-file.md").read_text(encoding="utf-8")
+SHOTS = [tomllib.loads(text) for text in re.findall(r"```toml\n(.*?)```", PAGE, re.S)]
+ROOM = tomllib.loads((REPOSITORY / "examples" / "room" / "shot.toml").read_text(encoding="utf-8"))
+
+
+def test_the_page_shows_the_room_as_it_is() -> None:
+    assert SHOTS[0] == {name: table for name, table in ROOM.items() if name != "develop"}
+
+
+@pytest.mark.parametrize("part", SHOTS[1:], ids=lambda part: "+".join(part))
+def test_every_example_of_the_page_is_taken(part: dict[str, object]) -> None:
+    shot = Shot.model_validate(ROOM | part)
+    assert set(part) <= shot.model_fields_set
+
+
+def test_the_page_names_every_preset_and_no_other() -> None:
+    table = re.search(r"\| presets \|.*?\n\n", PAGE, re.S)
+    assert table is not None
+    assert set(re.findall(r"`(\w+)`", table[0])) == set(PRESETS)
+
+
+@pytest.mark.parametrize(
+    ("heading", "table"),
+    [
+        ("[plate]", Plate), ("[camera]", CameraTable), ("[light]", Light), ("[[local]]", LocalTable),
+        ("[[objects]]", Object), ("[match]", MatchTable), ("[render]", RenderTable), ("[develop]", DevelopTable),
+        ("[sequence]", SequenceTable),
+    ],
+)  # fmt: skip
+def test_every_key_has_its_row(heading: str, table: type[BaseModel]) -> None:
+    section = re.search(rf"\| `{re.escape(heading)}` \|.*?\n\n", KEYS, re.S)
+    assert section is not None
+    rows = "\n".join(line.split("|")[1] for line in section[0].splitlines() if line.startswith("|"))
+    assert set(re.findall(r"`(\w+)`", rows)) == set(table.model_fields)
+
+
+def test_every_field_of_a_material_is_named() -> None:
+    assert {name for name in MaterialTable.model_fields if f"`{name}`" not in KEYS} == set()

@@ -1,0 +1,41 @@
+"""The public fake renders a flat picture and says so."""
+
+import numpy as np
+import pytest
+
+from relume.renderers.renderer import Constant, render
+from relume.scene.cameras.camera import Camera
+from relume.scene.materials.materials import Diffuse
+from relume.scene.scene import Scene
+from relume.sphere.environment_map import EnvironmentMap
+from solids import sphere
+
+CAMERA = Camera(9, 6, 10.0, np.zeros(3), np.eye(3))
+EMPTY = Scene(EnvironmentMap(np.ones((2, 4, 3), np.float32)))
+FULL = EMPTY.adding(sphere(Diffuse((0.5, 0.5, 0.5)), fine=0))
+
+
+def test_every_pixel_has_the_radiance_asked_for():
+    picture = render(EMPTY, CAMERA, Constant((1.0, 2.0, 3.0)))
+    assert picture.radiance.shape == (6, 9, 3)
+    assert picture.radiance.dtype == np.float32
+    assert np.all(picture.radiance == np.array([1, 2, 3], np.float32))
+    assert not picture.variance.any()
+
+
+def test_its_matte_covers_the_middle_ninth_when_objects_are_there():
+    matte = render(FULL, CAMERA, Constant()).matte
+    assert matte.sum() == 6
+    assert np.all(matte[2:4, 3:6] == 1)
+    assert not render(EMPTY, CAMERA, Constant()).matte.any()
+
+
+def test_it_tells_that_it_is_done():
+    told = []
+    render(EMPTY, CAMERA, Constant(), progress=told.append)
+    assert told == [1.0]
+
+
+@pytest.mark.parametrize("plane", ["radiance", "variance", "normal", "albedo"])
+def test_its_planes_have_the_shapes_of_a_render(plane):
+    assert getattr(render(FULL, CAMERA, Constant()), plane).shape == (6, 9, 3)

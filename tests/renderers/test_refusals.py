@@ -1,0 +1,78 @@
+"""What reflection maps and Whitted's method cannot show is refused, or told, in one line."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lights
+from relume.errors import UnsupportedScene
+from relume.renderers.prefiltered.materials import layers_of
+from relume.renderers.prefiltered.prefiltered import Prefiltered
+from relume.renderers.unsupported_features import unshown
+from relume.renderers.whitted.materials import as_whitted
+from relume.renderers.whitted.whitted import Whitted, view_of
+from relume.scene.cameras.camera import Camera
+from relume.scene.cameras.distortion import Distortion
+from relume.scene.distant import Dome
+from relume.scene.lights import SphereLight
+from relume.scene.materials.materials import Diffuse, Material, Ward
+from relume.scene.scene import Scene
+from relume.scene.shapes.shapes import Sphere
+
+CAMERA = Camera(6, 6, 40.0, np.array([0, 0, 6.0]), np.eye(3))
+SCENE = Scene(lights.constant(4, 1.0), objects=(Sphere((0.0, 0.0, 0.0), 1.0, Diffuse((0.5, 0.5, 0.5))),))
+LAMP = SphereLight((0.0, 3.0, 0.0), 0.1, (1.0, 1.0, 1.0))
+BRASS = Sphere((0.0, 0.0, 0.0), 1.0, Ward((0.3, 0.3, 0.3), 0.1, 0.2, name="brass"))
+BENT, WIDE = replace(CAMERA, distortion=Distortion(0.01)), replace(CAMERA, aperture=0.1, focus=3.0)
+
+
+@pytest.mark.parametrize(
+    ("renderer", "scene", "camera", "line"),
+    [
+        (Whitted(), replace(SCENE, distant=Dome(9.0)), CAMERA, "light map at infinity"),
+        (Whitted(), replace(SCENE, lights=(LAMP,)), CAMERA, "one of the scene's is a sphere"),
+        (Whitted(), replace(SCENE, objects=(BRASS,)), CAMERA, "cannot shade the Ward surface 'brass'"),
+        (Whitted(), SCENE, BENT, "lens distorts"),
+        (Whitted(), SCENE, WIDE, "lens has an aperture"),
+        (Prefiltered(), replace(SCENE, distant=Dome(9.0)), CAMERA, "this scene's is on walls"),
+        (Prefiltered(), replace(SCENE, lights=(LAMP,)), CAMERA, "lights of its own"),
+        (Prefiltered(), replace(SCENE, objects=(BRASS,)), CAMERA, "cannot shade the Ward surface 'brass'"),
+        (Prefiltered(), SCENE, WIDE, "lens has an aperture"),
+    ],
+)
+def test_what_cannot_be_shown_is_refused_in_one_line(renderer, scene, camera, line):
+    with pytest.raises(UnsupportedScene, match=line) as caught:
+        renderer.render(scene, camera)
+    assert "; use " in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_whitted_looks_through_the_principal_point():
+    assert view_of(replace(CAMERA, centre=(2.0, 5.0)))[13:15].tolist() == [2.0, 5.0]
+    assert view_of(CAMERA)[13:15].tolist() == [3.0, 3.0]
+
+
+FULL = Material(clearcoat=0.5, emission=(1.0, 0.0, 0.0), alpha=0.5, sheen_color=(0.1, 0.1, 0.1), name="cloth")
+
+
+def test_what_of_a_material_is_not_shown_is_told():
+    assert unshown(FULL) == ("emission", "alpha", "clearcoat", "sheen")
+    glass = Material(transmission=1.0, dispersion=1.0, thin=True, attenuation_color=(0.5, 0.5, 0.5))
+    assert unshown(glass) == ("thinness", "dispersion")
+    assert unshown(Material((0.2, 0.2, 0.2), 0.5, 0.3, 0.5, 1.4)) == ()
+    with pytest.warns(UserWarning, match="Whitted's model does not show emission, alpha, clearcoat, sheen of 'cloth'"):
+        as_whitted(FULL)
+    with pytest.warns(UserWarning, match="reflection maps do not show emission, alpha, clearcoat, sheen of 'cloth'"):
+        layers_of(FULL)
+
+
+def test_an_image_of_transmission_lets_light_through_where_it_says():
+    clear = np.array([[0.0, 1.0]], np.float32)
+    layers = layers_of(Material(transmission=clear, roughness=0.0))
+    assert all(layer.has_image for layer in layers)
+    uv = np.array([[0.25, 0.5], [0.75, 0.5]])
+    below, through = (layer.colour(uv, np.arange(2)) for layer in layers[:2])
+    np.testing.assert_allclose(below[:, 0], [1, 0])
+    np.testing.assert_allclose(through[:, 0], [0, 1])
