@@ -1,6 +1,7 @@
 """The specular cube that game engines look up by roughness: a mirror at level 0, the roughest surface at the last.
 
-The usual approximation of real-time shading, N = V = R (Karis 2013), one GGX lobe a level; `reflection.glossy` holds what it leaves out.
+The usual approximation of real-time shading, N = V = R (Karis 2013), one GGX lobe a level; `reflection.glossy`
+holds what it leaves out.
 """
 
 from __future__ import annotations

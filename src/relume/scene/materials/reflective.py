@@ -33,7 +33,7 @@ class Towards(Enum):
 class Layer:
     """One term of line 9 (§3): (weight(E·N) · colour + grazing(E·N)) · table[direction].
 
-    lobe : what the illumination map is convolved with; a BRDF (`light.reflection.brdf`) takes the three-dimensional map,
+    lobe : what the illumination map is convolved with; a BRDF takes the three-dimensional map,
         which is looked up by N and E whatever `towards` says
     towards : which direction the table is looked up by
     weight : W_d or W_s
