@@ -21,7 +21,7 @@ from .composite.differential import differential as differential
 from .errors import RelumeError as RelumeError
 from .errors import UnreadableFile as UnreadableFile
 from .image import files as files
-from .image.files import Reading as Reading
+from .image.files import ReadOptions as ReadOptions
 from .image.files import read as read
 from .image.files import read_photograph as read_photograph
 from .image.files import read_radiance as read_radiance

@@ -17,7 +17,7 @@ from relume.cli.reading_options import ReadingOptions
 from relume.image.files import write
 from relume.image.files.description import describe
 from relume.image.files.ktx2 import write_cube
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.image.photograph import Exposure, Photograph, Settings
 from relume.image.radiance import RadianceMap
 from relume.sphere.mappings.discs import Angular
@@ -249,11 +249,13 @@ def test_a_file_cut_short_is_salvaged_when_asked(tmp_path: Path, capsys: pytest.
 
 
 def test_options_become_the_reading_they_name() -> None:
-    assert ReadingOptions().reading() == Reading()
-    assert ReadingOptions(largest=1).reading() == Reading(pixels=10**6)
+    assert ReadingOptions().reading() == ReadOptions()
+    assert ReadingOptions(largest=1).reading() == ReadOptions(pixels=10**6)
     raised = ReadingOptions(largest=1000).reading()
     assert raised.pixels == raised.side == 10**9 and raised.decoded >= 12 * 10**9
-    assert ReadingOptions(salvage=True, mantissa_middle=True).reading() == Reading(salvage=True, mantissa_middle=True)
+    assert ReadingOptions(salvage=True, mantissa_middle=True).reading() == ReadOptions(
+        salvage=True, mantissa_middle=True
+    )
     assert ReadingOptions(float_size="640×480").reading().float_size == (640, 480)
     for wrong in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(ValueError, match="--largest"):

@@ -9,12 +9,12 @@ import warnings
 from pathlib import Path
 
 from relume.errors import UnreadableFile
-from relume.image.files import Reading, read
+from relume.image.files import ReadOptions, read
 
 
 def salvaged(path: str) -> object:
     """The image in a file that may end early."""
-    return read(path, Reading(salvage=True))
+    return read(path, ReadOptions(salvage=True))
 
 
 # Trials: what a reader must not do, so that the runner is seen to notice.

@@ -14,12 +14,12 @@ from relume.image.files import write
 from relume.image.files.description import describe
 from relume.image.files.encodings import LogLuv, OpenEXR
 from relume.image.files.ktx2 import write_cube
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
 
 
-def told(path: Path, reading: Reading = Reading()) -> dict:
+def told(path: Path, reading: ReadOptions = ReadOptions()) -> dict:
     """The description, after it went through JSON without NaN."""
     return json.loads(json.dumps(describe(path, reading), allow_nan=False))
 
@@ -150,12 +150,12 @@ def test_what_was_lost_of_a_file_cut_short_is_told_where_it_is_salvaged(tmp_path
     with pytest.raises(UnreadableFile):
         describe(tmp_path / "a.hdr")
     with pytest.warns(UserWarning, match="of 50"):
-        facts = told(tmp_path / "a.hdr", Reading(salvage=True))
+        facts = told(tmp_path / "a.hdr", ReadOptions(salvage=True))
     assert facts["clipped"]["outside"] % 20 == 0 and 400 < facts["clipped"]["outside"] < 600
 
 
 def test_limits_hold_for_a_description_too(tmp_path: Path):
     write(tmp_path / "a.pfm", RadianceMap(np.ones((20, 20, 3), np.float32)))
     with pytest.raises(UnreadableFile, match="399 pixels"):
-        describe(tmp_path / "a.pfm", Reading(pixels=399))
-    assert told(tmp_path / "a.pfm", Reading(pixels=400))["size"] == [20, 20]
+        describe(tmp_path / "a.pfm", ReadOptions(pixels=399))
+    assert told(tmp_path / "a.pfm", ReadOptions(pixels=400))["size"] == [20, 20]

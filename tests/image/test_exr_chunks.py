@@ -7,12 +7,12 @@ import pytest
 
 from exr_files import scan_lines
 from relume.errors import FormatError, UnreadableFile
-from relume.image.files import Reading, read_layers, read_radiance, write
+from relume.image.files import ReadOptions, read_layers, read_radiance, write
 from relume.image.files.exr.header import COMPRESSIONS as KNOWN
 from relume.image.files.exr.header import read_headers
 from relume.image.radiance import OUTSIDE, RadianceMap
 
-SALVAGE = Reading(salvage=True)
+SALVAGE = ReadOptions(salvage=True)
 COMPRESSIONS = ["NO", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "B44A", "DWAA", "HTJ2K32", "ZSTD"]
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from exr_files import FLOAT, HALF, attribute, header, scan_lines, window
 from relume.errors import FormatError, UnreadableFile
-from relume.image.files import Reading, read_layers, read_radiance
+from relume.image.files import ReadOptions, read_layers, read_radiance
 from relume.image.files.exr.header import COMPRESSIONS, read_headers
 from relume.image.files.exr.maps import subtype
 
@@ -106,7 +106,7 @@ def test_a_name_with_line_breaks_does_not_break_the_line(tmp_path):
 def test_a_claim_beyond_the_limits_is_refused(tmp_path, size, compression, limits, complaint):
     path = saved(tmp_path / "a.exr", header(size[0], size[1], GREY, compression=compression))
     with pytest.raises(UnreadableFile, match=complaint):
-        read_radiance(path, Reading(**limits))
+        read_radiance(path, ReadOptions(**limits))
 
 
 def test_more_channels_or_parts_than_allowed_are_refused(tmp_path):
@@ -116,7 +116,7 @@ def test_more_channels_or_parts_than_allowed_are_refused(tmp_path):
     part = header(4, 4, GREY, attribute("type", "string", b"scanlineimage"))[8:]
     parts = b"\x76\x2f\x31\x01\x02\x10\0\0" + part * 3 + b"\0"
     with pytest.raises(UnreadableFile, match="more than 2 parts"):
-        read_radiance(saved(tmp_path / "b.exr", parts), Reading(parts=2))
+        read_radiance(saved(tmp_path / "b.exr", parts), ReadOptions(parts=2))
 
 
 def test_an_even_picture_may_pack_beyond_the_ratio_in_piz_but_not_in_rle(tmp_path):
@@ -199,9 +199,9 @@ def test_a_frame_counts_with_the_pixels(tmp_path):
     path = saved(tmp_path / "a.exr", data)
     needed = 16 * 8 * 4 + 4 * 8 * 12
     with pytest.warns(UserWarning, match="32 of its 160 pixels lie outside its data window"):
-        assert read_radiance(path, Reading(decoded=needed)).size == (20, 8)
+        assert read_radiance(path, ReadOptions(decoded=needed)).size == (20, 8)
     with pytest.raises(UnreadableFile, match=f"claims {needed} bytes of pixels"):
-        read_radiance(path, Reading(decoded=needed - 1))
+        read_radiance(path, ReadOptions(decoded=needed - 1))
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from relume.errors import FormatError, OutputNotWritten, UnreadableFile
 from relume.image.files import read_radiance as read
 from relume.image.files import write
 from relume.image.files.encodings import FloatTIFF
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.image.files.tiff import float_tiff
 from relume.image.files.tiff.directories import read_folders
 from relume.image.files.tiff.samples import predicted
@@ -412,7 +412,7 @@ def test_a_file_that_ends_early_is_refused_or_read_as_far_as_it_goes(tmp_path):
     with pytest.raises(FormatError, match="after 10 of 40 rows"):
         read(path)
     with pytest.warns(UserWarning, match="ends early; 30 of 40 rows are missing"):
-        image = read(path, Reading(salvage=True))
+        image = read(path, ReadOptions(salvage=True))
     np.testing.assert_array_equal(image.radiance[:10], pixels[:10])
     assert not image.radiance[10:].any()
     assert image.clipped is not None
@@ -485,7 +485,7 @@ def test_mutants_are_read_or_refused_in_one_line(tmp_path, numbered, capfd):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
-                read(path, Reading(salvage=index % 2 == 0))
+                read(path, ReadOptions(salvage=index % 2 == 0))
             except UnreadableFile as error:
                 refused += 1
                 assert "\n" not in str(error) and str(error).startswith(str(path))

@@ -24,7 +24,7 @@ from relume.image.files.gain_map.metadata import GainMapMetadata
 from relume.image.files.metadata import exif
 from relume.image.files.photographs import jpeg_segments
 from relume.image.files.photographs.jpeg_segments import APP1, APP2, segment
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.image.radiance import RadianceMap
 
 
@@ -241,7 +241,7 @@ def test_light_above_the_exponent_s_steps_is_read_alike_by_others(tmp_path: Path
     path = tmp_path / "a.jpg"
     written(path, RadianceMap(pixels), GainMap(exposure=0.0))
     with open(path, "rb") as file:
-        layout = gain_map_layout.located(path, file, Reading())
+        layout = gain_map_layout.located(path, file, ReadOptions())
     assert layout is not None
     assert layout.metadata.gamma[0] < 1
     theirs = openimageio_s(path)

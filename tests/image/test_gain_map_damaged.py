@@ -16,7 +16,7 @@ from relume.image.files.gain_map import encoding as gain_map_encoding
 from relume.image.files.gain_map import gain_map
 from relume.image.files.gain_map import layout as gain_map_layout
 from relume.image.files.photographs import jpeg_segments, photographs
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.image.radiance import RadianceMap
 
 
@@ -31,7 +31,7 @@ def map_at(data: bytes) -> int:
     return data.index(b"\xff\xd8\xff", 2)
 
 
-def refused(path: Path, data: bytes, reading: Reading = Reading()) -> str:
+def refused(path: Path, data: bytes, reading: ReadOptions = ReadOptions()) -> str:
     """The one line that refuses it."""
     path.write_bytes(data)
     with pytest.raises(UnreadableFile) as caught:
@@ -114,7 +114,7 @@ def test_an_absurd_size_is_refused_before_memory(tmp_path: Path, whole: bytes, w
         tracemalloc.stop()
         assert f"its {which} claims" in line or "its header claims" in line
         assert peak < 2**22
-    line = refused(tmp_path / "a.jpg", whole, Reading(pixels=1000))
+    line = refused(tmp_path / "a.jpg", whole, ReadOptions(pixels=1000))
     assert "its base picture claims 64 x 48 pixels; relume reads" in line
 
 
@@ -125,7 +125,7 @@ def test_a_size_that_is_not_that_of_the_data_is_refused(tmp_path: Path, whole: b
 def packets(data: bytes, map_packet: bytes) -> bytes:
     """The file with another packet in the gain map, and without its ISO block."""
     second = map_at(data)
-    header = jpeg_segments.header_at("a.jpg", io.BytesIO(data), second, Reading())
+    header = jpeg_segments.header_at("a.jpg", io.BytesIO(data), second, ReadOptions())
     body = jpeg_segments.without_metadata(data[second:], header)
     told = [jpeg_segments.segment(jpeg_segments.APP1, jpeg_segments.XMP + map_packet)]
     return data[:second] + jpeg_segments.with_segments(body, told)
@@ -189,7 +189,7 @@ def test_too_many_segments_are_refused(tmp_path: Path, whole: bytes) -> None:
     many = whole[:2] + b"\xff\xfe\x00\x02" * 5000 + whole[2:]
     assert "expected at most 16777216 bytes in 4096 segments" in refused(tmp_path / "a.jpg", many)
     full = jpeg_segments.segment(jpeg_segments.APP1, bytes(65000)) * 3
-    line = refused(tmp_path / "a.jpg", whole[:2] + full + whole[2:], Reading(metadata=2**17))
+    line = refused(tmp_path / "a.jpg", whole[:2] + full + whole[2:], ReadOptions(metadata=2**17))
     assert "expected at most 131072 bytes" in line
 
 
@@ -239,5 +239,5 @@ def test_mutants_raise_nothing_else(tmp_path: Path, whole: bytes) -> None:
 
 def test_errors_tell_where() -> None:
     with pytest.raises(FormatError) as caught:
-        jpeg_segments.header_at("a.jpg", io.BytesIO(b"\xff\xd8\xff\xe1\x00"), 0, Reading())
+        jpeg_segments.header_at("a.jpg", io.BytesIO(b"\xff\xd8\xff\xe1\x00"), 0, ReadOptions())
     assert (caught.value.where, caught.value.format) == ("byte 2", "JPEG")

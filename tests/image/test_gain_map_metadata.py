@@ -8,7 +8,7 @@ from relume.image.files.gain_map import hdrgm_xmp as gain_map_xmp
 from relume.image.files.gain_map import metadata as gain_map_metadata
 from relume.image.files.gain_map.metadata import GainMapMetadata
 from relume.image.files.metadata import xmp
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 
 # Of a file that libultrahdr 2.0.2 wrote: one channel, 0 to 5.6224 stops, no offsets, in the base's primaries.
 FOREIGN = bytes.fromhex(
@@ -32,7 +32,7 @@ MAXIMUM = "<hdrgm:GainMapMax>1.25</hdrgm:GainMapMax>"
 
 
 def from_xmp(packet: bytes) -> GainMapMetadata:
-    return gain_map_xmp.metadata_in(xmp.properties(packet, Reading()))
+    return gain_map_xmp.metadata_in(xmp.properties(packet, ReadOptions()))
 
 
 def test_a_block_of_libultrahdr_is_read() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from relume.errors import FormatError, UnreadableFile
-from relume.image.files import Reading, write
+from relume.image.files import ReadOptions, write
 from relume.image.files import read_radiance as read
 from relume.image.files.encodings import LogLuv
 from relume.image.files.logluv import codes as logluv_codes
@@ -202,7 +202,7 @@ def test_tiles_are_read(tmp_path, bits):
     # Cut short, only what lay in the last tiles is missing.
     (tmp_path / "cut.tif").write_bytes(moved_tags(tiled, cut=len(tiles[-1]) - 3))
     with pytest.warns(UserWarning, match="of its 40 rows are missing"):
-        salvaged = read(tmp_path / "cut.tif", Reading(salvage=True))
+        salvaged = read(tmp_path / "cut.tif", ReadOptions(salvage=True))
     assert salvaged.clipped is not None
     assert np.all(salvaged.clipped[:32] == 0)
     assert np.all(salvaged.clipped[:, :32] == 0)
@@ -410,7 +410,7 @@ def test_a_file_cut_short_is_refused_or_salvaged(tmp_path, bits):
     with pytest.raises(FormatError, match=f"row 0, block 0 at byte .*: expected {length} bytes or more, found the end"):
         read(cut)
     with pytest.warns(UserWarning, match=r"\d+ of its 20 rows are missing, and marked so"):
-        image = read(cut, Reading(salvage=True))
+        image = read(cut, ReadOptions(salvage=True))
     expected = read(whole).radiance
     assert image.clipped is not None
     missing = np.all(image.clipped == 3, axis=1)
@@ -450,7 +450,7 @@ def test_damage_anywhere_is_an_error_of_one_line_or_a_picture(tmp_path):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 try:
-                    read(tmp_path / "a.tif", Reading(salvage=bool(generator.integers(0, 2))))
+                    read(tmp_path / "a.tif", ReadOptions(salvage=bool(generator.integers(0, 2))))
                 except UnreadableFile as error:
                     errors += 1
                     assert "\n" not in str(error)

@@ -14,7 +14,7 @@ import relume.image.files as files
 from relume.errors import FormatError, OutputNotWritten, UnreadableFile
 from relume.image.files import pfm
 from relume.image.files.encodings import PFM
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.image.radiance import OUTSIDE, RadianceMap
 
 # Two pixels wide, two rows: the bottom row comes first.
@@ -243,7 +243,7 @@ def test_a_file_that_ends_early_is_refused_or_read_as_far_as_it_goes(tmp_path, c
         files.read_radiance(path)
     assert refused.value.where == f"byte {path.stat().st_size}"
     with pytest.warns(UserWarning, match="the top 2 of 4 rows are missing"):
-        found = files.read_radiance(path, Reading(salvage=True))
+        found = files.read_radiance(path, ReadOptions(salvage=True))
     np.testing.assert_array_equal(found.radiance[2:], np.broadcast_to(pixels[1::-1], (2, 2, 3)))
     assert not found.radiance[:2].any()
     assert found.clipped is not None
@@ -253,7 +253,7 @@ def test_a_file_that_ends_early_is_refused_or_read_as_far_as_it_goes(tmp_path, c
 def test_a_file_without_one_whole_row_cannot_be_salvaged(tmp_path):
     path = saved(tmp_path, b"PF\n2 2\n-1.0\n", packed("<")[:23])
     with pytest.raises(FormatError, match="0 of 2 rows"):
-        files.read_radiance(path, Reading(salvage=True))
+        files.read_radiance(path, ReadOptions(salvage=True))
 
 
 @pytest.mark.parametrize(
@@ -305,7 +305,7 @@ def test_a_header_that_claims_too_much_is_refused_before_anything_is_allocated(t
     monkeypatch.setattr(np, "empty", lambda *_: pytest.fail("allocated"))
     for salvage in (False, True):
         with pytest.raises(UnreadableFile, match=message):
-            files.read_radiance(path, Reading(salvage=salvage))
+            files.read_radiance(path, ReadOptions(salvage=salvage))
 
 
 def test_other_programs_read_what_is_written(tmp_path, numbered):

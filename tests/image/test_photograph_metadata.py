@@ -14,7 +14,7 @@ import pytest
 from PIL import Image, ImageCms
 
 from relume.errors import UnreadableFile
-from relume.image.files import Reading, read_facts, read_photograph, read_radiance, write
+from relume.image.files import ReadOptions, read_facts, read_photograph, read_radiance, write
 from relume.image.photograph import Exposure, Photograph, Settings
 from relume.image.radiance import RadianceMap
 
@@ -164,7 +164,7 @@ def test_a_file_that_ends_early_keeps_its_profile(tmp_path, suffix):
     Image.fromarray(noisy).save(path, icc_profile=profile(), **options)
     path.write_bytes(path.read_bytes()[: int(path.stat().st_size * 0.7)])
     with pytest.warns(UserWarning, match="ends early"):
-        assert read_photograph(path, Reading(salvage=True)).profile == profile()
+        assert read_photograph(path, ReadOptions(salvage=True)).profile == profile()
 
 
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16])
@@ -216,8 +216,8 @@ def test_a_limit_of_channels_is_heeded(tmp_path, suffix, mode):
     path = tmp_path / f"a{suffix}"
     Image.new(mode, (8, 8), "white").save(path)
     with pytest.raises(UnreadableFile, match=rf"claims {len(mode)} channels; relume reads 2"):
-        read_photograph(path, Reading(channels=2))
-    assert read_photograph(path, Reading(channels=4)).size == (8, 8)
+        read_photograph(path, ReadOptions(channels=2))
+    assert read_photograph(path, ReadOptions(channels=4)).size == (8, 8)
 
 
 @pytest.mark.parametrize("suffix", [".exr", ".tif", ".hdr", ".jpg"])

@@ -14,7 +14,7 @@ from PIL import Image
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files import read_photograph
 from relume.image.files.photographs import png, png_pixels
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 
 KINDS = [(c, b) for c, depths in {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}.items()
          for b in depths]  # fmt: skip
@@ -165,7 +165,7 @@ def test_a_png_cut_anywhere_in_its_pixels_gives_the_rows_that_are_there_and_no_o
     for length in range(70, len(data) - 12, 7):
         (tmp_path / "a.png").write_bytes(data[:length])
         try:
-            photograph = read_photograph(tmp_path / "a.png", Reading(salvage=True))
+            photograph = read_photograph(tmp_path / "a.png", ReadOptions(salvage=True))
         except UnreadableFile as error:
             assert "ends before its first rows are whole" in str(error)
             continue

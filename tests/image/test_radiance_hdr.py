@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from relume.errors import FormatError, OutputNotWritten, UnreadableFile
-from relume.image.files import Reading, read, read_radiance, write
+from relume.image.files import ReadOptions, read, read_radiance, write
 from relume.image.files.encodings import RadianceHDR
 from relume.image.files.hdr.radiance_hdr import encode, subtype
 from relume.image.files.hdr.scanlines import DARKEST, encoded
@@ -41,7 +41,7 @@ def test_a_pixel_is_mantissa_times_two_to_the_exponent_minus_136(tmp_path, rgbe,
 
 def test_mantissas_are_read_as_the_middle_of_their_step_on_request(tmp_path):
     path = picture(tmp_path / "a.hdr", [128, 64, 0, 136, 0, 0, 0, 0], "-Y 1 +X 2")
-    middle = read_radiance(path, Reading(mantissa_middle=True)).radiance
+    middle = read_radiance(path, ReadOptions(mantissa_middle=True)).radiance
     assert middle.tolist() == [[[128.5, 64.5, 0.5], [0, 0, 0]]]
 
 
@@ -295,7 +295,7 @@ def test_a_truncated_picture_is_salvaged_as_far_as_it_goes(tmp_path):
     with pytest.raises(FormatError, match=r"scan line 3 of 4, byte 100: expected 8 pixels, found the end of"):
         read(path)
     with pytest.warns(UserWarning, match="a.hdr: ends early; 2 of 4 scan lines are missing: they are 0 and marked"):
-        image = read_radiance(path, Reading(salvage=True))
+        image = read_radiance(path, ReadOptions(salvage=True))
     assert image.clipped is not None
     assert image.clipped.tolist() == [[OUTSIDE, OUTSIDE, 0, 0]] * 8
     assert image.radiance[..., 1].tolist() == [[0, 0, y, y] for y in range(7, -1, -1)]
@@ -304,7 +304,7 @@ def test_a_truncated_picture_is_salvaged_as_far_as_it_goes(tmp_path):
 def test_nothing_is_salvaged_from_less_than_a_line_or_from_damage(tmp_path):
     for pixels in (EIGHT_IN_NEW_RUNS[:9], [*EIGHT_IN_NEW_RUNS, 2, 2, 0, 8, 0]):
         with pytest.raises(FormatError):
-            read(picture(tmp_path / "a.hdr", pixels, "-Y 2 +X 8"), Reading(salvage=True))
+            read(picture(tmp_path / "a.hdr", pixels, "-Y 2 +X 8"), ReadOptions(salvage=True))
 
 
 @pytest.mark.parametrize(
@@ -334,7 +334,7 @@ def test_a_header_that_cannot_be_right_is_refused(tmp_path, header, resolution, 
 def test_a_header_that_does_not_end_is_read_no_further_than_the_limit(tmp_path):
     (tmp_path / "a.hdr").write_bytes(b"#?RADIANCE\n" + b"a b\n" * 50000)
     with pytest.raises(FormatError, match="expected an empty line and one that tells the size, found none in 100000 "):
-        read(tmp_path / "a.hdr", Reading(metadata=100_000))
+        read(tmp_path / "a.hdr", ReadOptions(metadata=100_000))
 
 
 def test_converted_line_ends_are_recognised(tmp_path):

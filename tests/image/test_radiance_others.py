@@ -11,7 +11,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from relume.image.files import Reading, read_radiance, write
+from relume.image.files import ReadOptions, read_radiance, write
 from relume.image.files.encodings import RadianceHDR
 from relume.image.radiance import RadianceMap
 
@@ -69,7 +69,7 @@ def test_what_others_write_is_read_within_a_step_and_without_bias_by_the_middle(
     noise = scene[:20]
     writer(tmp_path / "a.hdr", noise)
     plain, middle = (
-        (read_radiance(tmp_path / "a.hdr", Reading(mantissa_middle=choice)).radiance - noise)
+        (read_radiance(tmp_path / "a.hdr", ReadOptions(mantissa_middle=choice)).radiance - noise)
         / noise.max(axis=-1, keepdims=True)
         for choice in (False, True)
     )

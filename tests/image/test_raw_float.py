@@ -14,7 +14,7 @@ import relume.image.files as files
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files import raw_float
 from relume.image.files.encodings import RawFloat
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.image.radiance import OUTSIDE, RadianceMap
 
 BITS = [0, 1 << 31, 1, 0x807FFFFF, 0x7F7FFFFF, 0xFF7FFFFF, 0x7F800000, 0xFF800000, 0x7FC00000, 0x7F800001, 0xFFC12345]
@@ -61,7 +61,7 @@ def test_written_bytes_are_literally_these(tmp_path):
 @pytest.mark.parametrize("big_endian", [False, True])
 def test_every_bit_comes_back(tmp_path, name, big_endian):
     files.write(tmp_path / name, RadianceMap(ODD), RawFloat(big_endian))
-    reading = Reading(float_order="big" if big_endian else "little")
+    reading = ReadOptions(float_order="big" if big_endian else "little")
     assert bits(files.read_radiance(tmp_path / name, reading).radiance) == bits(ODD)
 
 
@@ -77,25 +77,25 @@ def test_a_map_of_many_rows_keeps_their_order(tmp_path):
     for name in ("tall.float", "tall.float.gz"):
         with pytest.warns(UserWarning, match=r"--float-size 2x600"):
             files.write(tmp_path / name, RadianceMap(radiance))
-        found = files.read_radiance(tmp_path / name, Reading(float_size=(2, 600)))
+        found = files.read_radiance(tmp_path / name, ReadOptions(float_size=(2, 600)))
         np.testing.assert_array_equal(found.radiance, radiance)
 
 
 def test_the_size_may_be_given(tmp_path, numbered):
     path = saved(tmp_path, numbered.astype("<f4").tobytes())
-    np.testing.assert_array_equal(files.read_radiance(path, Reading(float_size=(7, 5))).radiance, numbered)
-    assert raw_float.subtype(path, Reading(float_size=(7, 5))) == "little-endian, colour"
+    np.testing.assert_array_equal(files.read_radiance(path, ReadOptions(float_size=(7, 5))).radiance, numbered)
+    assert raw_float.subtype(path, ReadOptions(float_size=(7, 5))) == "little-endian, colour"
 
 
 def test_a_given_size_that_does_not_fit_is_refused(tmp_path, numbered):
     path = saved(tmp_path, numbered.astype("<f4").tobytes())
     with pytest.raises(FormatError, match=r"expected 432 bytes of three channels, or 144 of one, for 6 x 6.*found 420"):
-        files.read_radiance(path, Reading(float_size=(6, 6)))
+        files.read_radiance(path, ReadOptions(float_size=(6, 6)))
     for salvage in (False, True):
         with pytest.raises(FormatError, match="found 420"):
-            files.read_radiance(path, Reading(float_size=(5, 5), salvage=salvage))
+            files.read_radiance(path, ReadOptions(float_size=(5, 5), salvage=salvage))
     with pytest.raises(ValueError, match=r"float_size is \(0, 5\)"):
-        files.read_radiance(path, Reading(float_size=(0, 5)))
+        files.read_radiance(path, ReadOptions(float_size=(0, 5)))
 
 
 def test_without_a_size_an_oblong_is_refused_and_its_pixels_told(tmp_path, numbered):
@@ -117,9 +117,9 @@ def test_a_length_that_two_shapes_have_is_asked_for(tmp_path):
     path = saved(tmp_path, values.tobytes())
     with pytest.raises(UnreadableFile, match="12 pixels of three channels, or 36 of one"):
         files.read_radiance(path)
-    grey = files.read_radiance(path, Reading(float_size=(6, 6))).radiance
+    grey = files.read_radiance(path, ReadOptions(float_size=(6, 6))).radiance
     np.testing.assert_array_equal(grey[..., 1].ravel(), values)
-    colour = files.read_radiance(path, Reading(float_size=(4, 3))).radiance
+    colour = files.read_radiance(path, ReadOptions(float_size=(4, 3))).radiance
     np.testing.assert_array_equal(colour.ravel(), values)
 
 
@@ -145,7 +145,7 @@ def test_values_that_make_sense_in_both_orders_are_asked_for(tmp_path):
         match=r"both byte orders \(100% as little-endian and 100% as big-endian\); give --float-order little or big",
     ):
         files.read_radiance(path)
-    found = files.read_radiance(path, Reading(float_order="big")).radiance
+    found = files.read_radiance(path, ReadOptions(float_order="big")).radiance
     assert found[0, 0, 0] == struct.unpack(">f", both[:4])[0]
 
 
@@ -160,7 +160,7 @@ def test_a_gzip_file_without_its_ending_is_told(tmp_path, square):
     data = gzip.compress(square.astype("<f4").tobytes())
     data += bytes.fromhex("ff") * (-len(data) % 4)
     path = saved(tmp_path, data[: len(data) // 4 * 4])
-    reading = Reading(float_size=(1, len(path.read_bytes()) // 4))
+    reading = ReadOptions(float_size=(1, len(path.read_bytes()) // 4))
     with pytest.raises(UnreadableFile, match=r"neither byte order .*\(\.gz is for gzipped ones\)"):
         files.read_radiance(path, reading)
 
@@ -173,7 +173,7 @@ def test_the_order_is_told_by_one_lit_pixel_in_a_black_picture(tmp_path):
         path = saved(tmp_path, radiance.astype(f"{order}f4").tobytes())
         with pytest.warns(UserWarning, match=f"{name}-endian by a guess: of its values, 3 different ones, 100% make"):
             np.testing.assert_array_equal(files.read_radiance(path).radiance, radiance)
-        np.testing.assert_array_equal(files.read_radiance(path, Reading(float_order=name)).radiance, radiance)
+        np.testing.assert_array_equal(files.read_radiance(path, ReadOptions(float_order=name)).radiance, radiance)
 
 
 def test_a_picture_that_was_written_here_and_is_taken_for_the_other_order_is_told(tmp_path):
@@ -237,9 +237,9 @@ def test_a_file_that_ends_early_is_refused_or_read_as_far_as_it_goes(tmp_path, n
     with pytest.raises(UnreadableFile):
         files.read_radiance(path)
     with pytest.raises(FormatError):
-        files.read_radiance(path, Reading(float_size=(70, 90)))
+        files.read_radiance(path, ReadOptions(float_size=(70, 90)))
     with pytest.warns(UserWarning, match=r"the last \d+ of 90 rows are missing") as told:
-        found = files.read_radiance(path, Reading(float_size=(70, 90), salvage=True))
+        found = files.read_radiance(path, ReadOptions(float_size=(70, 90), salvage=True))
     there = 90 - int(str(told[0].message).split(" of 90")[0].split()[-1])
     assert 30 < there < 60
     np.testing.assert_array_equal(found.radiance[:there], radiance[:there])
@@ -304,5 +304,5 @@ def test_damaged_gzip_is_told_in_one_line(tmp_path, square, damage, message):
     path.write_bytes(damage(bytes(packed(square.astype("<f4").tobytes()))))
     for salvage in (False, True):
         with pytest.raises(FormatError, match=message) as refused:
-            files.read_radiance(path, Reading(salvage=salvage))
+            files.read_radiance(path, ReadOptions(salvage=salvage))
         assert "\n" not in str(refused.value)

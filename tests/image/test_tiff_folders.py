@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from relume.errors import FormatError, OutputNotWritten
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.image.files.tiff.directories import folder_at, folders_in, read_folders
 from relume.image.files.tiff.writing import write_tiff
 
@@ -29,7 +29,7 @@ def folder(order, big, entries, following=0):
     return struct.pack(order + letters[0], len(entries)) + body + struct.pack(order + letters[4], following)
 
 
-def read(data, reading=Reading()):
+def read(data, reading=ReadOptions()):
     return folders_in("a.tif", io.BytesIO(data), reading)
 
 
@@ -89,7 +89,7 @@ def test_pages_follow_one_another_and_never_in_a_circle(order, big):
     with pytest.raises(FormatError, match=rf"the folder at byte {start + length}.*found one that was read already"):
         read(file(following))
     with pytest.raises(FormatError, match="more than 2"):
-        read(file([start + length, start + 2 * length, 0]), Reading(parts=2))
+        read(file([start + length, start + 2 * length, 0]), ReadOptions(parts=2))
 
 
 GOOD = header("<", False, 8) + folder("<", False, [(256, SHORT, 1, b"\1"), (270, ASCII, 9, struct.pack("<I", 8))])
@@ -134,10 +134,10 @@ def test_metadata_beyond_the_limit_is_refused_in_all_and_a_private_tag_left_out(
     data = header("<", False, 1008) + shared + folder("<", False, entries)
     assert len(read(data)[0].values) == 20
     with pytest.raises(FormatError, match="tag 1010"):
-        read(data, Reading(metadata=10_500))
+        read(data, ReadOptions(metadata=10_500))
     private = header("<", False, 1008) + shared + folder("<", False, [(37724, ASCII, 1000, struct.pack("<I", 8))])
-    assert read(private, Reading(metadata=999))[0].values == {}
-    assert len(read(private, Reading(metadata=1000))[0].values[37724]) == 1000
+    assert read(private, ReadOptions(metadata=999))[0].values == {}
+    assert len(read(private, ReadOptions(metadata=1000))[0].values[37724]) == 1000
 
 
 def test_numbers_in_a_tag_are_counted_before_they_are_made():

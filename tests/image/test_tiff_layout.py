@@ -3,7 +3,7 @@
 import pytest
 
 from relume.errors import FormatError
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.image.files.tiff.directories import Folder
 from relume.image.files.tiff.layout import layout_of, pages_of
 
@@ -12,7 +12,7 @@ TAGS = {256: (10,), 257: (12,), 258: (8, 8, 8), 262: (2,), 277: (3,), 278: (4,),
 
 
 def layout(tags=(), size=1000):
-    return layout_of("a.tif", Folder("<", {**TAGS, **dict(tags)}), size, Reading())
+    return layout_of("a.tif", Folder("<", {**TAGS, **dict(tags)}), size, ReadOptions())
 
 
 @pytest.mark.parametrize(("size", "rows"), [(368, 12), (367, 11), (338, 11), (337, 10), (248, 8), (100, 3), (8, 0)])

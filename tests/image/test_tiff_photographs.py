@@ -16,7 +16,7 @@ from PIL import Image
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files import read_photograph, write
 from relume.image.files.photographs import facts, photographs, png
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.image.files.tiff.directories import read_folders
 from relume.image.files.tiff.writing import write_tiff
 from relume.image.photograph import Exposure, Photograph, Settings
@@ -247,10 +247,10 @@ def test_limits_are_those_that_are_given(tmp_path, noisy):
     for name in ("a.png", "a.jpg", "a.tif"):
         path = saved(tmp_path / name, noisy.astype(np.uint8))
         with pytest.raises(UnreadableFile, match="50 x 60"):
-            photographs.read(path, Reading(side=59))
+            photographs.read(path, ReadOptions(side=59))
         with pytest.raises(UnreadableFile, match="claims 9000 bytes"):
-            photographs.read(path, Reading(decoded=8999))
-        photographs.read(path, Reading(side=60, pixels=3000, decoded=9000))
+            photographs.read(path, ReadOptions(decoded=8999))
+        photographs.read(path, ReadOptions(side=60, pixels=3000, decoded=9000))
 
 
 @pytest.mark.parametrize(
@@ -278,9 +278,9 @@ def test_headers_that_break_their_format_are_refused_by_place(tmp_path, name, da
 
 def test_facts_keep_the_limits_and_are_of_photographs_alone(tmp_path, noisy):
     path = saved(tmp_path / "a.tif", noisy.astype(np.uint8))
-    assert facts.read(path, Reading(side=60)).size == (50, 60)
+    assert facts.read(path, ReadOptions(side=60)).size == (50, 60)
     with pytest.raises(UnreadableFile, match="50 x 60"):
-        facts.read(path, Reading(side=59))
+        facts.read(path, ReadOptions(side=59))
     Image.new("F", (3, 2)).save(tmp_path / "b.tif")
     with pytest.raises(UnreadableFile, match=r"b\.tif: a radiance map"):
         facts.read(tmp_path / "b.tif")
@@ -288,7 +288,7 @@ def test_facts_keep_the_limits_and_are_of_photographs_alone(tmp_path, noisy):
 
 # Salvage
 
-SALVAGE = Reading(salvage=True)
+SALVAGE = ReadOptions(salvage=True)
 
 
 def cut(path, share):
@@ -407,7 +407,7 @@ def test_mutants_are_read_or_refused_in_one_line(tmp_path, noisy, capfd):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 try:
-                    read_photograph(tmp_path / name, Reading(salvage=index % 2 == 0))
+                    read_photograph(tmp_path / name, ReadOptions(salvage=index % 2 == 0))
                 except UnreadableFile as error:
                     refused += 1
                     assert "\n" not in str(error) and str(error).startswith(str(tmp_path))

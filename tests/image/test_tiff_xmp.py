@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from relume.image.files.metadata import xmp
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 
 STRANGE = {
     "mapping": "latlong",
@@ -88,7 +88,7 @@ def test_properties_are_read_as_attributes_elements_and_lists():
 )
 def test_hostile_packets_are_refused_with_the_reason(packed, said):
     with pytest.raises(ValueError, match=said) as raised:
-        xmp.attributes(packed, Reading(metadata=1000 if len(packed) == 2000 else 2**24))
+        xmp.attributes(packed, ReadOptions(metadata=1000 if len(packed) == 2000 else 2**24))
     assert "\n" not in str(raised.value)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Group, Parameter
 
 if TYPE_CHECKING:
-    from relume.image.files import Encoding, Reading
+    from relume.image.files import Encoding, ReadOptions
     from relume.image.photograph import Photograph
     from relume.image.radiance import RadianceMap
 
@@ -96,7 +96,7 @@ def change_format(
     path: Path,
     out: Path,
     form: FormatOptions,
-    reading: Reading,
+    reading: ReadOptions,
     *,
     stops: float = 0.0,
     clamp: bool = False,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from relume.cli.light_input import read_light, read_picture
 from relume.errors import UnreadableFile
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 
 if TYPE_CHECKING:
     from relume.sphere.environment_map import EnvironmentMap
@@ -31,7 +31,7 @@ def read_input(
     hot: list[str],
     clamp: bool,
     mirror: str | None,
-    reading: Reading,
+    reading: ReadOptions,
 ) -> EnvironmentMap:
     """The light that the files hold."""
     told = None if from_ is None else read_mapping(from_, "--from")
@@ -81,7 +81,9 @@ def _painted(path: Path, gamma: str, exposure: float, hot: list[str], mapping: M
     return paint(painting, read_gamma(gamma, str(path)), 2.0**exposure, spots, mapping=mapping or LatLong())
 
 
-def read_faces(paths: list[Path], clamp: bool, mirror: str | None, reading: Reading = Reading()) -> EnvironmentMap:
+def read_faces(
+    paths: list[Path], clamp: bool, mirror: str | None, reading: ReadOptions = ReadOptions()
+) -> EnvironmentMap:
     """Six files as one strip; `mirror` where they do not remember for which engine they are."""
     import numpy as np
 

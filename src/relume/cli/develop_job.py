@@ -28,7 +28,7 @@ from relume.virtual_camera.virtual_camera import IN_ORDER, developed, developed_
 if TYPE_CHECKING:
     from relume.capture.response.camera_profile import CameraProfile
     from relume.cli.develop_view import ViewOptions
-    from relume.image.files.read_options import Reading
+    from relume.image.files.read_options import ReadOptions
     from relume.image.photograph import Photograph
     from relume.image.radiance import RadianceMap
     from relume.project.presets.preset import Preset
@@ -111,7 +111,7 @@ def picture(
     scene: ViewOptions,
     source: Source,
     extras: Extras,
-    reading: Reading,
+    reading: ReadOptions,
     repair: bool,
     dry_run: bool,
     advance: Advance,
@@ -186,7 +186,7 @@ def frames(
     scene: ViewOptions,
     source: Source,
     rate: Rate,
-    reading: Reading,
+    reading: ReadOptions,
     repair: bool,
     dry_run: bool,
     advance: Advance,
@@ -256,7 +256,7 @@ def undo(
     preset: Preset,
     scene: ViewOptions,
     source: Source,
-    reading: Reading,
+    reading: ReadOptions,
     dry_run: bool,
 ) -> dict[str, object]:
     """Take a photograph's camera out of it again; facts to tell."""
@@ -313,7 +313,7 @@ def _film_of(photograph: Photograph, source: Source) -> tuple[Film, str, Optics 
     return Film.of(exposure, response, scale=scale), "cd/m²", falloff, facts
 
 
-def _read(path: Path, reading: Reading, repair: bool, *, lit: bool = True) -> RadianceMap:
+def _read(path: Path, reading: ReadOptions, repair: bool, *, lit: bool = True) -> RadianceMap:
     return sound(files.read_radiance(path, reading), repair=repair, name=path.name, lit=lit)
 
 

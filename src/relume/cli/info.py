@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from relume.cli.console import Manner, refuse, speaking, tell, version
 from relume.cli.reading_options import ReadingOptions
 from relume.errors import RelumeError
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 
 
 def info(
@@ -106,7 +106,7 @@ def _direction(facts: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, 
     }
 
 
-def _draw(paths: list[Path], out: Path, from_: str | None, reading: Reading) -> None:
+def _draw(paths: list[Path], out: Path, from_: str | None, reading: ReadOptions) -> None:
     from relume.cli.arguments import require_suffix
     from relume.cli.light_input import read_light
     from relume.image import files

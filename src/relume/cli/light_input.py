@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from relume.errors import UnreadableFile
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 
 if TYPE_CHECKING:
     from relume.image.radiance import RadianceMap
@@ -24,7 +24,7 @@ Clamp = Annotated[
 
 
 def read_light(
-    path: Path, mapping: Mapping | None = None, *, clamp: bool = False, reading: Reading = Reading()
+    path: Path, mapping: Mapping | None = None, *, clamp: bool = False, reading: ReadOptions = ReadOptions()
 ) -> EnvironmentMap:
     """The light in a file.
 
@@ -50,7 +50,7 @@ def read_light(
 
 
 def read_picture(
-    path: Path, mapping: Mapping | None = None, *, clamp: bool = False, reading: Reading = Reading()
+    path: Path, mapping: Mapping | None = None, *, clamp: bool = False, reading: ReadOptions = ReadOptions()
 ) -> RadianceMap:
     """The radiance map in a file, with nothing in it that is no light; arguments and errors as `read_light`."""
     from relume.image import files

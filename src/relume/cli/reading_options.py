@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 if TYPE_CHECKING:
-    from relume.image.files.read_options import Reading
+    from relume.image.files.read_options import ReadOptions
 
 _MEGAPIXEL = 1e6
 _BYTES = 32  # a pixel being read: its floats, those of the file, and a mask or two
@@ -45,17 +45,17 @@ class ReadingOptions:
         Parameter(help="Byte order of a raw .float file; the one that makes sense unless given."),
     ] = None
 
-    def reading(self) -> Reading:
+    def reading(self) -> ReadOptions:
         """The same for `relume.image.files.read`; raises ValueError naming the option."""
-        from relume.image.files.read_options import Reading
+        from relume.image.files.read_options import ReadOptions
 
-        limits = Reading()
+        limits = ReadOptions()
         pixels = limits.pixels
         if self.largest is not None:
             if not (math.isfinite(self.largest) and self.largest * _MEGAPIXEL >= 1):
                 raise ValueError(f"--largest is {self.largest:g} megapixels; give a number like 500")
             pixels = int(self.largest * _MEGAPIXEL)
-        return Reading(
+        return ReadOptions(
             # Who raises the area means long strips too; memory is still held against what the machine has free.
             side=limits.side if pixels <= limits.pixels else pixels,
             pixels=pixels,

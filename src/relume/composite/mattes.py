@@ -62,9 +62,9 @@ def _painted(path: str | Path, kind: str) -> np.ndarray:
     if kind == "PNG":
         from relume.image.files.photographs import png, png_pixels
         from relume.image.files.photographs.header import form_of
-        from relume.image.files.read_options import Reading
+        from relume.image.files.read_options import ReadOptions
 
-        form_of(path, kind, Reading())  # judges the header before anything it claims is allocated
+        form_of(path, kind, ReadOptions())  # judges the header before anything it claims is allocated
         chunks = png.chunks(path)
         png.refuse_cut(path, chunks)
         pixels = png_pixels.decoded(path, png.header(path), chunks)

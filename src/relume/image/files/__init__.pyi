@@ -21,5 +21,5 @@ from .formats import subtype as subtype
 from .formats import write as write
 from .formats import write_layers as write_layers
 from .photographs.facts import Facts as Facts
-from .read_options import Reading as Reading
+from .read_options import ReadOptions as ReadOptions
 from .signatures import kind_of as kind_of

@@ -16,14 +16,14 @@ import rawpy
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files.exr.parts import gathered_messages
 from relume.image.files.metadata import exif
-from relume.image.files.read_options import Reading, refuse_absurd_amount, refuse_absurd_size
+from relume.image.files.read_options import ReadOptions, refuse_absurd_amount, refuse_absurd_size
 from relume.image.files.signatures import one_line
 from relume.image.photograph import Exposure, Settings
 from relume.image.primaries import REC709
 from relume.image.raw import RawPhotograph, is_bayer
 
 
-def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> RawPhotograph:
+def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RawPhotograph:
     """The sensor's values in a camera raw file with a Bayer pattern; raises UnreadableFile for any other."""
     tags = tags_of(path)
     try:
@@ -38,7 +38,7 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> RawPhoto
 
 
 def _photograph(
-    path: str | os.PathLike[str], raw: rawpy.RawPy, tags: dict[int, object] | None, reading: Reading
+    path: str | os.PathLike[str], raw: rawpy.RawPy, tags: dict[int, object] | None, reading: ReadOptions
 ) -> RawPhotograph:
     sizes = raw.sizes
     refuse_absurd_size(path, sizes.raw_width, sizes.raw_height, reading)

@@ -10,7 +10,7 @@ import numpy as np
 
 from relume.image import files
 from relume.image.code_values import code_percentiles, code_values
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.image.files.signatures import MAPS, kind_of
 from relume.image.photograph import Exposure, Photograph, Settings
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
@@ -23,7 +23,7 @@ _NUMBERS_OF_KTX2 = {97: "half", 109: "float"}  # Vulkan's names for R16G16B16A16
 _ROWS = 64
 
 
-def describe(path: str | os.PathLike[str], reading: Reading = Reading()) -> dict[str, object]:
+def describe(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> dict[str, object]:
     """What a file holds, in plain values that JSON can hold; None where there is nothing to tell.
 
     Of every file: file, format, subtype (as told by the header), size [width, height], megapixels and kind.
@@ -52,7 +52,7 @@ def describe(path: str | os.PathLike[str], reading: Reading = Reading()) -> dict
     return _of_photograph(path, kind, files.read_photograph(path, reading), reading)
 
 
-def _of_map(path: str | os.PathLike[str], kind: str, image: RadianceMap, reading: Reading) -> dict[str, object]:
+def _of_map(path: str | os.PathLike[str], kind: str, image: RadianceMap, reading: ReadOptions) -> dict[str, object]:
     parts = _parts(path, reading) if kind == "EXR" else []
     told = statistics(image)
     marks = None
@@ -77,7 +77,9 @@ def _of_map(path: str | os.PathLike[str], kind: str, image: RadianceMap, reading
     }
 
 
-def _of_photograph(path: str | os.PathLike[str], kind: str, image: Photograph, reading: Reading) -> dict[str, object]:
+def _of_photograph(
+    path: str | os.PathLike[str], kind: str, image: Photograph, reading: ReadOptions
+) -> dict[str, object]:
     from relume.image.files.photographs import photographs
 
     told = code_values(image)
@@ -138,7 +140,7 @@ def _of_raw(path: str | os.PathLike[str], image: RawPhotograph) -> dict[str, obj
     }
 
 
-def _of_cube(path: str | os.PathLike[str], reading: Reading) -> dict[str, object]:
+def _of_cube(path: str | os.PathLike[str], reading: ReadOptions) -> dict[str, object]:
     from relume.image.files import ktx2
 
     levels = ktx2.read_cube(path, reading)
@@ -210,7 +212,7 @@ def _letters(image: RawPhotograph) -> str:
     return "".join("RGB"[channel] for channel in image.pattern.ravel())
 
 
-def _parts(path: str | os.PathLike[str], reading: Reading) -> list[dict[str, object]]:
+def _parts(path: str | os.PathLike[str], reading: ReadOptions) -> list[dict[str, object]]:
     """The parts of an EXR by its headers: their names, channels, the numbers these are stored in, their windows."""
     from relume.image.files.exr.header import read_headers
 

@@ -22,7 +22,7 @@ from relume.errors import UnreadableFile
 from relume.image.files import encodings
 from relume.image.files.encodings import Encoding, suffix_of
 from relume.image.files.photographs.facts import Facts
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.image.files.signatures import MAPS, kind_of
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
@@ -50,7 +50,7 @@ _WRITERS = {
 }
 
 
-def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Photograph | RadianceMap:
+def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> Photograph | RadianceMap:
     """The photograph or radiance map in a file; of a JPEG with a gain map the photograph, and a warning that says so.
 
     reading : limits, and how what a file leaves open is understood
@@ -66,7 +66,7 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Photogra
     return image
 
 
-def read_photograph(path: str | os.PathLike[str], reading: Reading = Reading()) -> Photograph:
+def read_photograph(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> Photograph:
     """The photograph in a file; raises UnreadableFile where the file holds a radiance map."""
     kind = kind_of(path)
     if kind in MAPS:
@@ -76,7 +76,7 @@ def read_photograph(path: str | os.PathLike[str], reading: Reading = Reading()) 
     return image
 
 
-def read_radiance(path: str | os.PathLike[str], reading: Reading = Reading()) -> RadianceMap:
+def read_radiance(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RadianceMap:
     """The radiance map in a file, also that of a JPEG with a gain map; raises UnreadableFile for a photograph."""
     kind = kind_of(path)
     if _has_gain_map(path, kind):
@@ -104,7 +104,7 @@ def _has_gain_map(path: str | os.PathLike[str], kind: str) -> bool:
     return gain_map.is_present(path)
 
 
-def _read(path: str | os.PathLike[str], kind: str, reading: Reading) -> Photograph | RadianceMap:
+def _read(path: str | os.PathLike[str], kind: str, reading: ReadOptions) -> Photograph | RadianceMap:
     if kind == "RAW":
         raise UnreadableFile(f"{path}: a camera raw file, not a photograph yet; give raw files to `relume merge`")
     if kind == "KTX2":
@@ -112,21 +112,21 @@ def _read(path: str | os.PathLike[str], kind: str, reading: Reading) -> Photogra
     return _decoded(path, _READERS[kind], reading)
 
 
-def _decoded(path: str | os.PathLike[str], module: str, reading: Reading) -> Any:
+def _decoded(path: str | os.PathLike[str], module: str, reading: ReadOptions) -> Any:
     try:
         return import_module(f"relume.image.files.{module}").read(path, reading)
     except MemoryError:
         raise UnreadableFile(f"{path}: larger than the memory there is; scale it down first") from None
 
 
-def read_facts(path: str | os.PathLike[str], reading: Reading = Reading()) -> Facts:
+def read_facts(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> Facts:
     """What the header of a photograph tells, without its pixels; raises UnreadableFile for what is no photograph."""
     from relume.image.files.photographs import facts
 
     return facts.read(path, reading)
 
 
-def read_raw(path: str | os.PathLike[str], reading: Reading = Reading()) -> RawPhotograph:
+def read_raw(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RawPhotograph:
     """What the sensor read, from a camera raw file (DNG, NEF, CR2, CR3, ARW, …); see `RawPhotograph`.
 
     Raises UnreadableFile for another kind of file, a damaged one, and a sensor without a Bayer pattern.
@@ -212,7 +212,7 @@ def write_layers(
     exr.write_layers(path, layers, unit=unit, attributes=attributes)
 
 
-def read_layers(path: str | os.PathLike[str], reading: Reading = Reading()) -> dict[str, np.ndarray]:
+def read_layers(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> dict[str, np.ndarray]:
     """The parts of an EXR by name, (H, W, 3) or (H, W) float32; raises UnreadableFile."""
     if (kind := kind_of(path)) != "EXR":
         raise UnreadableFile(f"{path}: a {kind} file where layers are needed; give an EXR")
@@ -221,14 +221,14 @@ def read_layers(path: str | os.PathLike[str], reading: Reading = Reading()) -> d
     return exr.read_layers(path, reading)
 
 
-def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
+def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
     """The variety of a file's format in a few words, from its header: "half, PIZ, tiled"; raises UnreadableFile."""
     kind = kind_of(path)
     module = "gain_map.gain_map" if _has_gain_map(path, kind) else _READERS.get(kind)
     return "" if module is None else import_module(f"relume.image.files.{module}").subtype(path, reading)
 
 
-def describe(path: str | os.PathLike[str], reading: Reading = Reading()) -> dict[str, object]:
+def describe(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> dict[str, object]:
     """What a file holds, in plain values that JSON can hold: see `relume.image.files.description.describe`."""
     from relume.image.files import description
 

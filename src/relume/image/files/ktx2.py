@@ -18,7 +18,7 @@ import numpy as np
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files.atomic import replacing
 from relume.image.files.hdr import radiance_hdr
-from relume.image.files.read_options import Reading, refuse_absurd_size
+from relume.image.files.read_options import ReadOptions, refuse_absurd_size
 from relume.image.files.signatures import one_line
 from relume.image.radiance import RadianceMap
 
@@ -68,7 +68,7 @@ def write_cube(path: str | os.PathLike[str], levels: Sequence[np.ndarray]) -> st
     return _FORMATS[vk_format]
 
 
-def read_cube(path: str | os.PathLike[str], reading: Reading = Reading()) -> list[np.ndarray]:
+def read_cube(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> list[np.ndarray]:
     """The levels of a KTX 2.0 cube of half or float R, G, B, A, largest first: (6, S, S, 3) float32 each.
 
     Warns when alpha is left out that is not 1. Raises UnreadableFile, in one line, for anything else and for damage.

@@ -23,7 +23,7 @@ from relume.errors import FormatError, UnreadableFile
 from relume.image.files.atomic import replacing
 from relume.image.files.encodings import PFM
 from relume.image.files.metadata.attributes import warn_of_losses
-from relume.image.files.read_options import OR_SALVAGE, Reading, refuse_absurd_amount, refuse_absurd_size
+from relume.image.files.read_options import OR_SALVAGE, ReadOptions, refuse_absurd_amount, refuse_absurd_size
 from relume.image.radiance import OUTSIDE, RadianceMap
 
 _HEADER = 2**14  # bytes in which a header ends; with comments, which Debevec's has not, but some readers take
@@ -53,7 +53,7 @@ class _Header:
         return 4 * self.channels * self.width
 
 
-def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> RadianceMap:
+def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RadianceMap:
     """The radiance map in a portable float map, bit for bit where its scale is 1 or −1; grey in three equal channels.
 
     Comments between the words of the header are kept as "comments". Warns of another scale, which the samples are
@@ -101,7 +101,7 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Radiance
     return RadianceMap(radiance, clipped=clipped, attributes=attributes)
 
 
-def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
+def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
     """Byte order, channels and the scale where it is not 1, as in "little-endian, colour"."""
     with open(path, "rb") as file:
         header = _header(path, file)

@@ -22,7 +22,7 @@ from relume.errors import FormatError, UnreadableFile
 from relume.image.files.atomic import replacing
 from relume.image.files.encodings import RawFloat
 from relume.image.files.metadata.attributes import warn_of_losses
-from relume.image.files.read_options import OR_SALVAGE, Reading, refuse_absurd_amount, refuse_absurd_size
+from relume.image.files.read_options import OR_SALVAGE, ReadOptions, refuse_absurd_amount, refuse_absurd_size
 from relume.image.radiance import OUTSIDE, RadianceMap
 
 _GZIP = b"\x1f\x8b\x08"  # RFC 1952, which knows no other method than 8
@@ -39,7 +39,7 @@ _MOST = 0.9  # of the values that are not 0
 _CLEAR, _UNCLEAR, _MANY = 0.99, 0.5, 16
 
 
-def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> RadianceMap:
+def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RadianceMap:
     """The radiance map in a raw float file, bit for bit; grey in three equal channels.
 
     reading : `float_size` and `float_order` where they are known. Without a size the picture must be square: of three
@@ -77,7 +77,7 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Radiance
     return RadianceMap(radiance, clipped=clipped)
 
 
-def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
+def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
     """Byte order, channels, packing and how the size is known, as in "big-endian, colour, gzip, taken for square"."""
     with open(path, "rb") as file:
         _, there = _lengths(path, file)
@@ -139,7 +139,7 @@ def _lengths(path: str | os.PathLike[str], file: BinaryIO) -> tuple[int, int]:
     return stored, there
 
 
-def _shape(path: str | os.PathLike[str], there: int, reading: Reading) -> tuple[int, int, int]:
+def _shape(path: str | os.PathLike[str], there: int, reading: ReadOptions) -> tuple[int, int, int]:
     """Width, height and channels of `there` bytes.
 
     No length is that of a square of three channels and also of one, as 3 is no square. But a square of one channel

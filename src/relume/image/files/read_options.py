@@ -18,7 +18,7 @@ _SMALL = 2**26  # bytes decoded; below, no ratio is absurd
 
 
 @dataclass(frozen=True)
-class Reading:
+class ReadOptions:
     """What is accepted of a file, and how it is understood; every default is right for pictures of photographs.
 
     side, pixels : of a picture, at most
@@ -57,7 +57,12 @@ class Reading:
 
 
 def refuse_absurd_size(
-    path: str | os.PathLike[str], width: int, height: int, reading: Reading = Reading(), *, where: str = "its header"
+    path: str | os.PathLike[str],
+    width: int,
+    height: int,
+    reading: ReadOptions = ReadOptions(),
+    *,
+    where: str = "its header",
 ) -> None:
     """Raise UnreadableFile when `where` claims no pixels, or more than `reading` allows."""
     if width < 1 or height < 1:
@@ -70,7 +75,7 @@ def refuse_absurd_size(
 
 
 def refuse_absurd_amount(
-    path: str | os.PathLike[str], decoded: int, stored: int, reading: Reading = Reading(), *, flat: bool = False
+    path: str | os.PathLike[str], decoded: int, stored: int, reading: ReadOptions = ReadOptions(), *, flat: bool = False
 ) -> None:
     """Raise UnreadableFile when decoding takes more memory than `reading` and the machine allow, or too little file.
 

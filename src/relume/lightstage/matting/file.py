@@ -14,7 +14,7 @@ import numpy as np
 from relume.errors import UnreadableFile
 from relume.image import files
 from relume.image.files.exr.header import read_headers
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.lightstage.matting.environment_matte import EnvironmentMatte
 
 _ATTRIBUTE = "environment_matte"
@@ -34,7 +34,7 @@ def write_matte(path: str | os.PathLike[str], matte: EnvironmentMatte) -> None:
 def read_matte(path: str | os.PathLike[str]) -> EnvironmentMatte:
     """The matte that `write_matte` wrote, bit for bit; raises UnreadableFile for any other file."""
     layers = files.read_layers(path)
-    texts = read_headers(path, Reading()).parts[0].texts
+    texts = read_headers(path, ReadOptions()).parts[0].texts
     told = next((text for name, text in texts.items() if name.endswith(_ATTRIBUTE)), None)
     try:
         across, down = (int(count) for count in (told or "").split())

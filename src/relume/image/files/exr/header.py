@@ -1,6 +1,6 @@
 """The header of an EXR file, judged byte by byte before anything is allocated or the library sees the file.
 
-Every count is held against the size of the file or the limits of `Reading`, and every refusal names the byte offset and
+Every count is held against the size of the file or the limits of `ReadOptions`, and every refusal names the byte offset and
 the attribute it is about (OpenEXR 3.4, "OpenEXR File Layout").
 """
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import BinaryIO
 
 from relume.errors import FormatError, UnreadableFile
-from relume.image.files.read_options import Reading, refuse_absurd_amount, refuse_absurd_size
+from relume.image.files.read_options import ReadOptions, refuse_absurd_amount, refuse_absurd_size
 
 _TILED, _NOT_PICTURES, _MANY_PARTS = 0x200, 0x800, 0x1000  # bits of the version field
 _KNOWN_FLAGS = 0x1E00  # those, and 0x400 for names beyond 31 letters
@@ -137,7 +137,7 @@ class Headers:
     many: bool
 
 
-def read_headers(path: str | os.PathLike[str], reading: Reading = Reading()) -> Headers:
+def read_headers(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> Headers:
     """The headers of an EXR file; raises FormatError where they are damaged, UnreadableFile beyond `reading`."""
     try:
         with open(path, "rb") as file:
@@ -148,7 +148,7 @@ def read_headers(path: str | os.PathLike[str], reading: Reading = Reading()) -> 
         ) from None
 
 
-def refuse_beyond(path: str | os.PathLike[str], headers: Headers, reading: Reading) -> None:
+def refuse_beyond(path: str | os.PathLike[str], headers: Headers, reading: ReadOptions) -> None:
     """Raise UnreadableFile where the parts are deep, or their pixels are more than `reading` allows.
 
     The picture is the display window: what of it has no pixels takes memory like the rest, but is no flat picture.
@@ -187,7 +187,7 @@ def _extent(window: tuple[int, int, int, int]) -> tuple[int, int]:
 class _Cursor:
     """A place in the bytes of a header; only as many are read as `reading.metadata` allows."""
 
-    def __init__(self, path: str | os.PathLike[str], file: BinaryIO, reading: Reading) -> None:
+    def __init__(self, path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions) -> None:
         self.path, self.reading = path, reading
         self.file_size = os.fstat(file.fileno()).st_size
         self.bytes = file.read(reading.metadata + 1)

@@ -22,7 +22,7 @@ from relume.image.files.exr import picture as exr_picture
 from relume.image.files.exr.attributes import attributes_of, header_of, storable
 from relume.image.files.exr.header import read_headers
 from relume.image.files.exr.parts import Part, outside, read_parts, warn_of_overscan, write_parts
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.image.primaries import EQUAL_ENERGY, REC709, Primaries, adaptation, mixed
 from relume.image.radiance import OUTSIDE, RadianceMap
 
@@ -31,7 +31,7 @@ __all__ = ["attributes_of", "radiance_map", "read", "read_layers", "subtype", "w
 _XYZ = Primaries((1.0, 0.0), (0.0, 1.0), (0.0, 0.0), EQUAL_ENERGY)
 
 
-def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> RadianceMap:
+def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RadianceMap:
     """The radiance map in an EXR file: its first part with R, G, B, else with Y.
 
     Half and float files are read alike, to float32; luminance and chroma (Y, RY, BY) become colours, a lone Y grey; of
@@ -48,7 +48,7 @@ def radiance_map(path: str | os.PathLike[str], parts: list[Part]) -> RadianceMap
     return _radiance_map(path, [replace(part, channels=dict(part.channels)) for part in parts])
 
 
-def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
+def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
     """What the header alone tells of how pixels are stored, such as "half, PIZ, tiled 64 × 64, 2 parts"."""
     headers = read_headers(path, reading).parts
     first = headers[0]
@@ -120,7 +120,7 @@ def _write_layers(
     write_parts(path, parts)
 
 
-def read_layers(path: str | os.PathLike[str], reading: Reading = Reading()) -> dict[str, np.ndarray]:
+def read_layers(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> dict[str, np.ndarray]:
     """Every part of an EXR file by its name, as stored: (H, W, 3) float32 for R, G, B, (H, W) for one channel.
 
     A part without a name, as in a single-part file of another program, is called "part 0". What the data window does

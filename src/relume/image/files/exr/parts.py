@@ -27,7 +27,7 @@ from relume.errors import FormatError, OutputNotWritten
 from relume.image.files.atomic import replacing
 from relume.image.files.exr import chunks as exr_chunks
 from relume.image.files.exr.header import Headers, read_headers, refuse_beyond
-from relume.image.files.read_options import OR_SALVAGE, Reading
+from relume.image.files.read_options import OR_SALVAGE, ReadOptions
 from relume.image.files.signatures import one_line
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class Part:
     missing: np.ndarray | None = None
 
 
-def read_parts(path: str | os.PathLike[str], reading: Reading = Reading()) -> list[Part]:
+def read_parts(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> list[Part]:
     """Every part of an EXR file, level 0 where it has several.
 
     Raises FormatError when any is damaged or, unless `reading.salvage`, cut short; UnreadableFile for deep pixels and

@@ -22,7 +22,7 @@ from relume.image.files.gain_map.layout import Layout
 from relume.image.files.metadata import xmp
 from relume.image.files.metadata.attributes import warn_of_losses
 from relume.image.files.photographs import jpeg_segments
-from relume.image.files.read_options import Reading, refuse_absurd_amount, refuse_absurd_size
+from relume.image.files.read_options import ReadOptions, refuse_absurd_amount, refuse_absurd_size
 from relume.image.files.signatures import one_line
 from relume.image.radiance import RadianceMap
 
@@ -33,14 +33,14 @@ def is_present(path: str | os.PathLike[str]) -> bool:
     """Whether a file is a JPEG that has, or claims, a gain map; told by headers alone, and never raises."""
     try:
         with open(path, "rb") as file:
-            return gain_map_layout.located(path, file, Reading()) is not None
+            return gain_map_layout.located(path, file, ReadOptions()) is not None
     except FormatError as error:
         return error.format == gain_map_layout.FORMAT
     except Exception:  # whatever a file does; what is wrong with it is told when it is read
         return False
 
 
-def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
+def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
     """A few words: "gain map of 2.2 stops, XMP, grey, 1020 x 768"; raises UnreadableFile."""
     with _opened(path) as file:
         layout = _layout(path, file, reading)
@@ -49,7 +49,7 @@ def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
     return f"gain map of {stops:.1f} stops, {layout.form}, {colours}, {layout.map.width} x {layout.map.height}"
 
 
-def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> RadianceMap:
+def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RadianceMap:
     """The bright picture of a JPEG with a gain map, upright, in Rec. 709 primaries, 1 = the base's white.
 
     Of a file written here it is the radiance that was written, in its unit. Warns of a file made for displays, of
@@ -147,7 +147,7 @@ def _opened(path: str | os.PathLike[str]) -> BinaryIO:
         raise UnreadableFile(f"{path}: cannot be opened: {one_line(error)}; check its permissions") from None
 
 
-def _layout(path: str | os.PathLike[str], file: BinaryIO, reading: Reading) -> Layout:
+def _layout(path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions) -> Layout:
     layout = gain_map_layout.located(path, file, reading)
     if layout is None:
         raise UnreadableFile(f"{path}: a JPEG without a gain map, so a photograph; merge a bracket for radiance")
@@ -160,7 +160,7 @@ def _layout(path: str | os.PathLike[str], file: BinaryIO, reading: Reading) -> L
 
 
 def _refuse_unusable(
-    path: str | os.PathLike[str], header: jpeg_segments.Header, stored: int, what: str, reading: Reading
+    path: str | os.PathLike[str], header: jpeg_segments.Header, stored: int, what: str, reading: ReadOptions
 ) -> None:
     """Raise UnreadableFile where one of the JPEGs is too large, or neither grey nor of three channels."""
     refuse_absurd_size(path, header.width, header.height, reading, where=what)
@@ -175,7 +175,7 @@ def _bytes(file: BinaryIO, header: jpeg_segments.Header, end: int) -> bytes:
     return file.read(min(end - header.begin, jpeg_segments.most_bytes(header)))
 
 
-def _own(packet: bytes | None, reading: Reading) -> dict[str, str]:
+def _own(packet: bytes | None, reading: ReadOptions) -> dict[str, str]:
     """What a writer of ours told; nothing where the packet is damaged or its scale makes no sense."""
     try:
         own = xmp.attributes(packet, reading) if packet is not None else {}

@@ -20,7 +20,7 @@ from relume.image.files.gain_map.metadata import GainMapMetadata
 from relume.image.files.metadata import xmp
 from relume.image.files.photographs import jpeg_segments
 from relume.image.files.photographs.jpeg_segments import APP1, APP2, Header
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 
 FORMAT = "gain-map JPEG"
 _INDEX, _ENTRIES = 0xB001, 0xB002  # NumberOfImages, MPEntry: CIPA DC-007, 5.2.3
@@ -51,7 +51,7 @@ class Layout:
     packet: bytes | None
 
 
-def located(path: str | os.PathLike[str], file: BinaryIO, reading: Reading) -> Layout | None:
+def located(path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions) -> Layout | None:
     """Where the gain map of an open JPEG is; None where it has none, and claims none.
 
     Raises FormatError where the primary picture claims one that is not there, or the parameters make no sense.
@@ -86,7 +86,7 @@ def located(path: str | os.PathLike[str], file: BinaryIO, reading: Reading) -> L
     return None
 
 
-def _told(packet: bytes | None, reading: Reading) -> tuple[bool, list[tuple[str, int]]]:
+def _told(packet: bytes | None, reading: ReadOptions) -> tuple[bool, list[tuple[str, int]]]:
     """Whether the primary picture's XMP claims a gain map, and its directory; of a damaged packet, nothing.
 
     The picture index and the gain map itself still tell then.
@@ -101,7 +101,9 @@ def _told(packet: bytes | None, reading: Reading) -> tuple[bool, list[tuple[str,
     return claims or any(semantic == "GainMap" for semantic, _ in lengths), lengths
 
 
-def _metadata_in(path: str | os.PathLike[str], header: Header, reading: Reading) -> tuple[GainMapMetadata, str] | None:
+def _metadata_in(
+    path: str | os.PathLike[str], header: Header, reading: ReadOptions
+) -> tuple[GainMapMetadata, str] | None:
     """The parameters a gain map carries: ISO 21496-1 before XMP, as Ultra HDR 1.1 wants; None where it has neither."""
     block = header.first(APP2, jpeg_segments.ISO_GAIN_MAP)
     where = f"gain map at byte {header.begin}"

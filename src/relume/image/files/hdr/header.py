@@ -19,7 +19,7 @@ import numpy as np
 from relume.errors import FormatError
 from relume.image.files.metadata import gps
 from relume.image.files.metadata.attributes import PREFIX, RADIANCE
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.image.primaries import REC709, Primaries
 from relume.image.radiance import RadianceMap
 
@@ -77,7 +77,7 @@ class Header:
         return (self.lines, self.length) if self.axes[0][1] == "X" else (self.length, self.lines)
 
 
-def read_header(path: str | os.PathLike[str], file: BinaryIO, reading: Reading = Reading()) -> Header:
+def read_header(path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions = ReadOptions()) -> Header:
     """What the header tells; raises FormatError for one that is damaged, and names the line."""
     data = file.read(min(_FIRST_READ, reading.metadata))
     while not _is_whole(data) and len(data) < reading.metadata and (more := file.read(reading.metadata - len(data))):

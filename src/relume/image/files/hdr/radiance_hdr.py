@@ -2,7 +2,7 @@
 
 A pixel is three mantissas m and one exponent e; its value is m·2^(e−136), 0 where e = 0 (Ward, "Real Pixels", Graphics
 Gems II, 1991). Writing rounds to nearest, so m itself is the value without bias, and a file read and written again
-keeps its codes; what others write by truncation means m + ½ (`Reading(mantissa_middle=True)`). EXPOSURE and COLORCORR
+keeps its codes; what others write by truncation means m + ½ (`ReadOptions(mantissa_middle=True)`). EXPOSURE and COLORCORR
 lines tell what the pixels were multiplied by; all of them are divided out.
 
 XYZE is CIE XYZ seen under the white of equal energy: as in Radiance's ra_xyze, colours are adapted between it and the
@@ -22,14 +22,14 @@ from relume.image.files.encodings import RadianceHDR
 from relume.image.files.hdr.header import FORMAT, Header, header_of, kept_attributes, read_header
 from relume.image.files.hdr.scanlines import DARKEST, along, decode, encoded
 from relume.image.files.metadata.attributes import warn_of_losses
-from relume.image.files.read_options import Reading, refuse_absurd_amount, refuse_absurd_size
+from relume.image.files.read_options import ReadOptions, refuse_absurd_amount, refuse_absurd_size
 from relume.image.primaries import EQUAL_ENERGY, REC709, adaptation, between
 from relume.image.radiance import OUTSIDE, RadianceMap
 
 _UPRIGHT = ("-Y", "+X")
 
 
-def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> RadianceMap:
+def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RadianceMap:
     """The radiance map in a Radiance picture, RGBE or XYZE, of any axis order; its colours become Rec. 709.
 
     reading : limits; salvage; whether mantissas mean the middle of their step
@@ -109,7 +109,7 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: RadianceHD
             file.write(piece.data)
 
 
-def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
+def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
     """The form of the pixels, like "RGBE, new runs", and the order of the axes where it is not "-Y +X".
 
     Raises FormatError for a damaged header. Whether lines are flat is told from the size of the file.

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relume.errors import FormatError, UnreadableFile
-from relume.image.files.read_options import Reading, refuse_absurd_amount
+from relume.image.files.read_options import ReadOptions, refuse_absurd_amount
 from relume.image.files.tiff.directories import Folder
 from relume.image.files.tiff.layout import COMPRESSION, PHOTOMETRIC, PLANAR, SAMPLES, TILE_WIDTH, Layout, layout_of
 
@@ -79,7 +79,7 @@ def bits_of(path: str | os.PathLike[str], folder: Folder) -> int:
     return 24 if compression == PACKED_24 else 32
 
 
-def blocks_of(path: str | os.PathLike[str], folder: Folder, size: int, reading: Reading) -> Blocks:
+def blocks_of(path: str | os.PathLike[str], folder: Folder, size: int, reading: ReadOptions) -> Blocks:
     """The blocks that a folder tells of, as far as they lie in a file of `size` bytes.
 
     Raises UnreadableFile for what is beyond `reading`, FormatError for what breaks the format, such as blocks beyond

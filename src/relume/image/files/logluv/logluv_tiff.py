@@ -23,7 +23,7 @@ from relume.image.files.logluv.blocks import Blocks, blocks_of
 from relume.image.files.logluv.gamut import lines
 from relume.image.files.metadata.attributes import warn_of_losses
 from relume.image.files.photographs.orientation import ORIENTATION, UPRIGHT
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.image.files.tiff import layout as tiff_layout
 from relume.image.files.tiff.attributes import STONITS, WHITE_POINT, attributes_of, scale_of, tags_of
 from relume.image.files.tiff.directories import Folder, read_folders
@@ -39,7 +39,7 @@ _ROUNDING = 1 + 1e-9  # so that a maximum of a power of two is not taken for jus
 _STRIP = 2**18  # bytes of words in a strip: 64 KiB or less when packed, and enough strips for every core
 
 
-def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> RadianceMap:
+def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RadianceMap:
     """The radiance map in a LogLuv or LogL TIFF, in cd/m² where it has STONITS.
 
     Colours outside Rec. 709 have negative channels, negative luminance stays. Warns of a white other than D65, which is
@@ -70,7 +70,7 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Radiance
     )
 
 
-def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
+def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
     """What kind of LogLuv a file is, from its tags alone; raises FormatError, UnreadableFile."""
     _, blocks = header(path, reading)
     parts = ["LogL, 16 bits" if blocks.bits == 16 else f"LogLuv, {blocks.bits} bits"]
@@ -79,7 +79,7 @@ def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
     return ", ".join(parts)
 
 
-def header(path: str | os.PathLike[str], reading: Reading) -> tuple[Folder, Blocks]:
+def header(path: str | os.PathLike[str], reading: ReadOptions) -> tuple[Folder, Blocks]:
     """The first picture's tags, and where its pixels are."""
     folders = read_folders(path, reading)
     if len(folders) > 1:

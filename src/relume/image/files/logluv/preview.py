@@ -13,7 +13,7 @@ import numpy as np
 
 from relume.image.files.logluv import runs as logluv_runs
 from relume.image.files.logluv.logluv_tiff import header, tables, to_d65, upright, warn_of_strange
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.image.files.tiff.attributes import scale_of
 from relume.image.photograph import Photograph
 
@@ -22,7 +22,7 @@ _WHITE = 1e30  # far above 255, but no infinity, which times 0 would be NaN
 
 
 def preview(
-    path: str | os.PathLike[str], exposure: float = 0.0, gamma: float = 2.2, reading: Reading = Reading()
+    path: str | os.PathLike[str], exposure: float = 0.0, gamma: float = 2.2, reading: ReadOptions = ReadOptions()
 ) -> Photograph:
     """A LogLuv or LogL TIFF as 8-bit Rec. 709 pixels, 255 · (2^exposure · radiance)^(1/gamma) rounded and clipped.
 

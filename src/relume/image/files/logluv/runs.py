@@ -15,7 +15,7 @@ import numpy as np
 from relume.errors import FormatError
 from relume.image.files.logluv.blocks import FORMAT, Blocks, span
 from relume.image.files.logluv.gamut import CODES
-from relume.image.files.read_options import OR_SALVAGE, Reading
+from relume.image.files.read_options import OR_SALVAGE, ReadOptions
 
 _WORDS = 2**16  # of a piece of work: 256 KiB, which stay in a core's own cache
 
@@ -82,7 +82,7 @@ class Rows:
         return pieces
 
 
-def find(path: str | os.PathLike[str], blocks: Blocks, reading: Reading) -> Rows:
+def find(path: str | os.PathLike[str], blocks: Blocks, reading: ReadOptions) -> Rows:
     """Find every row of the blocks; raises FormatError for a row that is cut short or longer than the picture.
 
     With reading.salvage such a row, and those behind it in its block, are missing.

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
 
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 
 NAMESPACE = "urn:relume:attributes#"
 _RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
@@ -46,7 +46,7 @@ def packet(attributes: Mapping[str, str], others: str = "") -> bytes:
     ).encode()
 
 
-def attributes(packet: bytes, reading: Reading = Reading()) -> dict[str, str]:
+def attributes(packet: bytes, reading: ReadOptions = ReadOptions()) -> dict[str, str]:
     """The texts that a packet holds under "relume:"; raises ValueError as `properties` does."""
     ours = {
         name.removeprefix(NAMESPACE): values[0]
@@ -56,7 +56,7 @@ def attributes(packet: bytes, reading: Reading = Reading()) -> dict[str, str]:
     return {_unescaped(name): _unescaped(value) for name, value in ours.items()}
 
 
-def properties(packet: bytes, reading: Reading = Reading()) -> dict[str, tuple[str, ...]]:
+def properties(packet: bytes, reading: ReadOptions = ReadOptions()) -> dict[str, tuple[str, ...]]:
     """All properties of a packet: namespace and name, put together → its values, one or as many as its list has.
 
     Those of structures within others (a container's items) are left out. Raises ValueError, whose text says why, for

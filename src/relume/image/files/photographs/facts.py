@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 
 from relume.errors import UnreadableFile
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.image.files.signatures import MAPS, kind_of
 from relume.image.photograph import Exposure, Settings
 
@@ -31,7 +31,7 @@ class Facts:
     shutter_speed: float | None = None
 
 
-def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Facts:
+def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> Facts:
     """The facts of a JPEG, PNG, TIFF or camera raw; raises UnreadableFile for anything else.
 
     The size of a camera raw is that of its sensor's lit part, as it lies in the camera.

@@ -10,7 +10,7 @@ from typing import BinaryIO
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files.photographs import png
 from relume.image.files.photographs.jpeg_segments import APP1, APP2, ISO_GAIN_MAP
-from relume.image.files.read_options import Reading, refuse_absurd_amount, refuse_absurd_size
+from relume.image.files.read_options import ReadOptions, refuse_absurd_amount, refuse_absurd_size
 from relume.image.files.tiff.directories import read_folders
 from relume.image.files.tiff.layout import Layout, layout_of, pages_of
 
@@ -52,7 +52,7 @@ class Form:
         return ", ".join(filter(None, [depth, self.kind, self.packing]))
 
 
-def form_of(path: str | os.PathLike[str], kind: str, reading: Reading) -> Form:
+def form_of(path: str | os.PathLike[str], kind: str, reading: ReadOptions) -> Form:
     """The form of a "JPEG", "PNG" or "TIFF"; raises UnreadableFile where it is beyond `reading`, or damaged."""
     size = os.path.getsize(path)
     if kind == "TIFF":
@@ -71,7 +71,7 @@ def form_of(path: str | os.PathLike[str], kind: str, reading: Reading) -> Form:
     return form
 
 
-def _tiff(path: str | os.PathLike[str], size: int, reading: Reading) -> Form:
+def _tiff(path: str | os.PathLike[str], size: int, reading: ReadOptions) -> Form:
     folders = read_folders(path, reading)
     layout = layout_of(path, folders[0], size, reading)
     if layout.compression in _UNREAD:
@@ -96,7 +96,7 @@ def _tiff(path: str | os.PathLike[str], size: int, reading: Reading) -> Form:
     )
 
 
-def _jpeg(path: str | os.PathLike[str], file: BinaryIO, size: int, reading: Reading) -> Form:
+def _jpeg(path: str | os.PathLike[str], file: BinaryIO, size: int, reading: ReadOptions) -> Form:
     """From the first frame; bytes between the segments are passed over, as decoders do."""
     place, gain_map = 2, False
     for _ in range(_MOST_STEPS):

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import BinaryIO
 
 from relume.errors import FormatError
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 
 APP0, APP1, APP2, APP14 = 0xE0, 0xE1, 0xE2, 0xEE
 EXIF, XMP = b"Exif\0\0", b"http://ns.adobe.com/xap/1.0/\0"  # CIPA DC-008, 4.7.2; XMP part 3, 1.1.3
@@ -80,7 +80,7 @@ class Header:
         return b"".join(piece[2:] for piece in pieces)
 
 
-def header_at(path: str | os.PathLike[str], file: BinaryIO, begin: int, reading: Reading) -> Header:
+def header_at(path: str | os.PathLike[str], file: BinaryIO, begin: int, reading: ReadOptions) -> Header:
     """The header of the JPEG that begins at byte `begin` of an open file; raises FormatError where it is broken.
 
     A few stray bytes between the segments are passed over, as decoders do, and counted.

@@ -30,7 +30,7 @@ from relume.image.files.photographs.jpeg_decoding import decoded
 from relume.image.files.photographs.jpeg_segments import header_at, length_of
 from relume.image.files.photographs.orientation import UPRIGHT
 from relume.image.files.photographs.salvage import Salvaged, embedded_profile, salvaged
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.image.files.signatures import kind_of, one_line
 from relume.image.files.tiff.layout import ZIP
 from relume.image.files.tiff.writing import write_tiff as write_folders
@@ -45,7 +45,7 @@ _MOST_PROFILE = 255 * (65533 - 14)  # of numbered pieces (ICC.1:2022, B.4)
 _LONG_TEXT = 1024  # letters; five of these fit
 
 
-def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Photograph:
+def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> Photograph:
     """The photograph in a JPEG, PNG or TIFF, with the exposure, settings, camera and focal length its EXIF tells.
 
     Grey becomes three equal channels. Where alpha is 0 the picture is `outside`. Of a JPEG with a gain map it is the
@@ -77,7 +77,7 @@ def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> Photogra
     )
 
 
-def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
+def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
     """What kind of JPEG, PNG or TIFF a file is, from its header alone: "8 bits, YCbCr 4:2:0"."""
     return form_of(path, kind_of(path), reading).text
 
@@ -190,7 +190,7 @@ def _is_of_rgb(profile: bytes) -> bool:
 
 
 def _decoded(
-    path: str | os.PathLike[str], kind: str, form: Form, reading: Reading
+    path: str | os.PathLike[str], kind: str, form: Form, reading: ReadOptions
 ) -> tuple[np.ndarray, np.ndarray | None, bytes | None]:
     """(H, W, 3) uint8 or uint16 as stored, (H, W) bool where alpha is 0, None where it is nowhere, and the profile."""
     if kind == "PNG":
@@ -226,7 +226,7 @@ def _decoded(
     return _three(pixels), outside, embedded_profile(spec)
 
 
-def _of_png(path: str | os.PathLike[str], reading: Reading) -> tuple[np.ndarray, np.ndarray | None, bytes | None]:
+def _of_png(path: str | os.PathLike[str], reading: ReadOptions) -> tuple[np.ndarray, np.ndarray | None, bytes | None]:
     chunks = png.chunks(path)
     png.refuse_cut(path, chunks)
     if (profile := png.profile(chunks, reading)) is not None:
@@ -236,7 +236,7 @@ def _of_png(path: str | os.PathLike[str], reading: Reading) -> tuple[np.ndarray,
     return _three(pixels), outside, profile
 
 
-def _base_of_gain_map(path: str | os.PathLike[str], reading: Reading) -> tuple[np.ndarray, None, bytes | None]:
+def _base_of_gain_map(path: str | os.PathLike[str], reading: ReadOptions) -> tuple[np.ndarray, None, bytes | None]:
     """As `_decoded`, of the picture that every program shows; a library that knows gain maps decodes to light."""
     data = Path(path).read_bytes()
     header = header_at(path, io.BytesIO(data), 0, reading)

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from relume.errors import FormatError
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _COLOURS = {0: ("grey", 1), 2: ("RGB", 3), 3: ("palette", 3), 4: ("grey with alpha", 2), 6: ("RGB with alpha", 4)}
@@ -157,7 +157,7 @@ def refuse_cut(path: str | os.PathLike[str], chunks: Chunks) -> None:
         )
 
 
-def profile(chunks: Chunks, reading: Reading) -> bytes | None:
+def profile(chunks: Chunks, reading: ReadOptions) -> bytes | None:
     """The ICC profile in a PNG, None where it has none; b"" for one that is damaged or beyond `reading`."""
     if (told := chunks.ahead.get(b"iCCP")) is None:
         return None

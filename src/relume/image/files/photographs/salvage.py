@@ -12,7 +12,7 @@ import OpenImageIO as oiio
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files.photographs import png, png_pixels
 from relume.image.files.photographs.header import Form
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.image.files.signatures import one_line
 from relume.image.files.tiff.directories import read_folders
 from relume.image.files.tiff.layout import NONE
@@ -36,7 +36,7 @@ class Salvaged:
     profile: bytes | None = None
 
 
-def salvaged(path: str | os.PathLike[str], kind: str, form: Form, reading: Reading) -> Salvaged | None:
+def salvaged(path: str | os.PathLike[str], kind: str, form: Form, reading: ReadOptions) -> Salvaged | None:
     """The rows of a photograph that ends early; None of one that does not, which is read as any other.
 
     Raises UnreadableFile where no row is there, or nobody can tell which are: a progressive JPEG, an interlaced PNG.
@@ -47,7 +47,7 @@ def salvaged(path: str | os.PathLike[str], kind: str, form: Form, reading: Readi
     return found
 
 
-def _jpeg(path: str | os.PathLike[str], form: Form, reading: Reading) -> Salvaged | None:
+def _jpeg(path: str | os.PathLike[str], form: Form, reading: ReadOptions) -> Salvaged | None:
     """Row after row, until the decoder says that the data is at its end.
 
     It says so when it asks for data that is not there, before it makes a row of what it fills in.
@@ -75,7 +75,7 @@ def _jpeg(path: str | os.PathLike[str], form: Form, reading: Reading) -> Salvage
     return Salvaged(pixels, form.height, embedded_profile(spec))
 
 
-def _png(path: str | os.PathLike[str], form: Form, reading: Reading) -> Salvaged | None:
+def _png(path: str | os.PathLike[str], form: Form, reading: ReadOptions) -> Salvaged | None:
     """What the data inflates to, as far as it goes."""
     header, chunks = png.header(path), png.chunks(path)
     if chunks.end is None:
@@ -86,7 +86,7 @@ def _png(path: str | os.PathLike[str], form: Form, reading: Reading) -> Salvaged
     return None if rows is None else Salvaged(rows, form.height, png.profile(chunks, reading))
 
 
-def _tiff(path: str | os.PathLike[str], form: Form, reading: Reading) -> Salvaged | None:
+def _tiff(path: str | os.PathLike[str], form: Form, reading: ReadOptions) -> Salvaged | None:
     layout = form.layout
     assert layout is not None
     rows = layout.rows_within(os.path.getsize(path))

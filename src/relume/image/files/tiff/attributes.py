@@ -14,7 +14,7 @@ from relume.errors import FormatError
 from relume.image.files.metadata import attributes as names
 from relume.image.files.metadata import gps, xmp
 from relume.image.files.metadata.exif_attributes import ASCII, RATIONAL, is_of_exif, position_in, rationals, told, typed
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 from relume.image.files.tiff.directories import Folder, folder_at
 from relume.image.files.tiff.writing import EXIF_FOLDER, Tags
 from relume.image.primaries import REC709, Primaries
@@ -52,7 +52,7 @@ def tags_of(image: RadianceMap) -> tuple[Tags, Tags]:
 
 
 def attributes_of(
-    path: str | os.PathLike[str], file: BinaryIO, folder: Folder, reading: Reading = Reading()
+    path: str | os.PathLike[str], file: BinaryIO, folder: Folder, reading: ReadOptions = ReadOptions()
 ) -> dict[str, str]:
     """The attributes in a TIFF that is open; warns where its EXIF or XMP is damaged and left out."""
     exif = _folder_of(path, file, folder, EXIF_FOLDER, "EXIF", reading)
@@ -69,7 +69,7 @@ def attributes_of(
 
 
 def _folder_of(
-    path: str | os.PathLike[str], file: BinaryIO, folder: Folder, tag: int, what: str, reading: Reading
+    path: str | os.PathLike[str], file: BinaryIO, folder: Folder, tag: int, what: str, reading: ReadOptions
 ) -> Folder | None:
     """The folder to which a tag leads; None where there is none or, with a warning, a damaged one."""
     if places := folder.integers(tag):
@@ -102,7 +102,7 @@ def scale_of(path: str | os.PathLike[str], folder: Folder) -> float | None:
     return scale
 
 
-def _in_packet(path: str | os.PathLike[str], folder: Folder, reading: Reading) -> dict[str, str]:
+def _in_packet(path: str | os.PathLike[str], folder: Folder, reading: ReadOptions) -> dict[str, str]:
     packet = folder.values.get(XMP, ())
     packet = packet if isinstance(packet, bytes) else bytes(int(byte) & 0xFF for byte in packet)
     if not packet:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import BinaryIO
 
 from relume.errors import FormatError
-from relume.image.files.read_options import Reading
+from relume.image.files.read_options import ReadOptions
 
 # TIFF 6.0 and BigTIFF: type → struct letter; rationals are two integers, ASCII and UNDEFINED stay bytes.
 LETTERS = {
@@ -69,7 +69,7 @@ class Folder:
         return value.split(b"\0")[0].decode("utf-8", "replace").strip() if isinstance(value, bytes) else ""
 
 
-def read_folders(path: str | os.PathLike[str], reading: Reading = Reading()) -> list[Folder]:
+def read_folders(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> list[Folder]:
     """The folders of a TIFF one after the other; raises FormatError where they are damaged or go in a circle.
 
     A private tag longer than `reading.metadata` (the layers of an editor) is left out; another is an error.
@@ -78,7 +78,7 @@ def read_folders(path: str | os.PathLike[str], reading: Reading = Reading()) -> 
         return folders_in(path, file, reading)
 
 
-def folders_in(path: str | os.PathLike[str], file: BinaryIO, reading: Reading = Reading()) -> list[Folder]:
+def folders_in(path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions = ReadOptions()) -> list[Folder]:
     """As `read_folders`, of a file that is open."""
     frame = _Frame.of(path, file, reading)
     folders: list[Folder] = []
@@ -96,7 +96,9 @@ def folders_in(path: str | os.PathLike[str], file: BinaryIO, reading: Reading = 
     return folders
 
 
-def folder_at(path: str | os.PathLike[str], file: BinaryIO, offset: int, reading: Reading = Reading()) -> Folder:
+def folder_at(
+    path: str | os.PathLike[str], file: BinaryIO, offset: int, reading: ReadOptions = ReadOptions()
+) -> Folder:
     """The folder at byte `offset` of a TIFF that is open, such as the one of EXIF; raises FormatError."""
     return _Frame.of(path, file, reading).folder(offset)[0]
 
@@ -104,14 +106,16 @@ def folder_at(path: str | os.PathLike[str], file: BinaryIO, offset: int, reading
 class _Frame:
     """A TIFF that is open: its byte order and width of offsets, and what may still be read of its metadata."""
 
-    def __init__(self, path: str | os.PathLike[str], file: BinaryIO, reading: Reading, order: str, big: bool) -> None:
+    def __init__(
+        self, path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions, order: str, big: bool
+    ) -> None:
         self.path, self.file, self.order, self.big = path, file, order, big
         self.size = file.seek(0, os.SEEK_END)
         self.bytes, self.numbers = reading.metadata, _NUMBERS
         self.first = 0
 
     @staticmethod
-    def of(path: str | os.PathLike[str], file: BinaryIO, reading: Reading) -> _Frame:
+    def of(path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions) -> _Frame:
         file.seek(0)
         head = file.read(16)
         order = {b"II": "<", b"MM": ">"}.get(head[:2], "")

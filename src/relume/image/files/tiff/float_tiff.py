@@ -16,7 +16,7 @@ from relume.errors import FormatError, UnreadableFile
 from relume.image.files.encodings import FloatTIFF
 from relume.image.files.metadata.attributes import warn_of_losses
 from relume.image.files.photographs.orientation import UPRIGHT
-from relume.image.files.read_options import OR_SALVAGE, Reading
+from relume.image.files.read_options import OR_SALVAGE, ReadOptions
 from relume.image.files.tiff.attributes import attributes_of, primaries_of, scale_of, tags_of
 from relume.image.files.tiff.directories import Folder, read_folders
 from relume.image.files.tiff.layout import LZW, NONE, OLD_ZIP, ORIENTATION, PACKBITS, ZIP, Layout, layout_of, pages_of
@@ -31,7 +31,7 @@ _STRIP = 2**19  # bytes before compression: some hundred strips to share among c
 _LEVEL = 4  # of ZIP: 30 % slower than 1 and 7 % smaller on photographs; 6 halves the speed for 2 % more
 
 
-def read(path: str | os.PathLike[str], reading: Reading = Reading()) -> RadianceMap:
+def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RadianceMap:
     """The radiance map in the first page of a TIFF of floats, upright; NaN and infinity are kept.
 
     Grey becomes three equal channels. STONITS makes the unit cd/m²; other primaries are converted to Rec. 709, which is
@@ -101,7 +101,7 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: FloatTIFF 
     write_tiff(path, tags, in_threads(strip, height, chunk=rows), exif)
 
 
-def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
+def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
     """What kind of float TIFF a file is, from its tags alone: "float, 32 bits, ZIP"."""
     folders, layout, _ = _judged(path, reading)
     words = [f"float, {layout.bits} bits, {layout.packing}"]
@@ -116,7 +116,7 @@ def subtype(path: str | os.PathLike[str], reading: Reading = Reading()) -> str:
     return ", ".join(words)
 
 
-def _judged(path: str | os.PathLike[str], reading: Reading) -> tuple[list[Folder], Layout, int]:
+def _judged(path: str | os.PathLike[str], reading: ReadOptions) -> tuple[list[Folder], Layout, int]:
     """The folders, the layout of the first page and the size of a file that this module decodes."""
     size = os.path.getsize(path)
     folders = read_folders(path, reading)

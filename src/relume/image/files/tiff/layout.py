@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from relume.errors import FormatError, UnreadableFile
-from relume.image.files.read_options import Reading, refuse_absurd_amount, refuse_absurd_size
+from relume.image.files.read_options import ReadOptions, refuse_absurd_amount, refuse_absurd_size
 from relume.image.files.tiff.directories import Folder
 
 SUBFILE, _SMALLER, _MASK = 254, 1, 4
@@ -107,7 +107,7 @@ class Layout:
         return rows
 
 
-def layout_of(path: str | os.PathLike[str], folder: Folder, size: int, reading: Reading) -> Layout:
+def layout_of(path: str | os.PathLike[str], folder: Folder, size: int, reading: ReadOptions) -> Layout:
     """The layout of the page whose folder that is, in a file of `size` bytes.
 
     Raises UnreadableFile where it is larger than `reading` allows, FormatError where the tags break the format or
@@ -155,7 +155,7 @@ def pages_of(folders: Sequence[Folder]) -> int:
     return 1 + sum(not int(_finite(folder, SUBFILE, 0)) & (_SMALLER | _MASK) for folder in folders[1:])
 
 
-def _refuse_senseless(path: str | os.PathLike[str], layout: Layout, size: int, reading: Reading) -> None:
+def _refuse_senseless(path: str | os.PathLike[str], layout: Layout, size: int, reading: ReadOptions) -> None:
     kind = "tiles" if layout.tiled else "strips"
     wanted = layout.across * layout.down * (layout.samples if layout.planar else 1)
     for name, found in (("offsets", layout.places), ("byte counts", layout.lengths)):
