@@ -1,7 +1,7 @@
 """The header of an EXR file, judged byte by byte before anything is allocated or the library sees the file.
 
-Every count is held against the size of the file or the limits of `ReadOptions`, and every refusal names the byte offset and
-the attribute it is about (OpenEXR 3.4, "OpenEXR File Layout").
+Every count is held against the size of the file or the limits of `ReadOptions`. Every refusal names the byte offset and
+the attribute (OpenEXR 3.4, "OpenEXR File Layout").
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 A pixel is three mantissas m and one exponent e; its value is m·2^(e−136), 0 where e = 0 (Ward, "Real Pixels", Graphics
 Gems II, 1991). Writing rounds to nearest, so m itself is the value without bias, and a file read and written again
-keeps its codes; what others write by truncation means m + ½ (`ReadOptions(mantissa_middle=True)`). EXPOSURE and COLORCORR
-lines tell what the pixels were multiplied by; all of them are divided out.
+keeps its codes. Writers that truncate mean m + ½ (`ReadOptions(mantissa_middle=True)`). EXPOSURE and COLORCORR lines
+give what the pixels were multiplied by; all of them are divided out.
 
 XYZE is CIE XYZ seen under the white of equal energy: as in Radiance's ra_xyze, colours are adapted between it and the
 white of R = G = B = 1, so that what is neutral in one is neutral in the other.
