@@ -65,7 +65,7 @@ if __name__ == "__main__":
     grey = [cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY) for frame in pixels]
     middle = len(grey) // 2
     shifts = [cv2.createAlignMTB(max_bits=6).calculateShift(grey[middle], frame) for frame in grey]
-    # OpenCV tells how a frame has to be moved, relume where it lies.
+    # OpenCV gives how a frame has to be moved, relume gives where it lies.
     theirs = np.array([(-x, -y, 0.0) for x, y in shifts])
     for name, motions, reference in (("relume", found, aligned.reference), ("AlignMTB", theirs, middle)):
         corner, average = (error.max() for error in held.errors(motions, reference))

@@ -96,7 +96,7 @@ def race() -> None:
         works[name] = lambda camera=camera: developed(picture, camera).values
     camera = VirtualCamera()
     works["photograph: checked, metered, exposed, 8 bits"] = lambda: developed(picture, camera).photograph()
-    tell(f"{SIZE[0]}×{SIZE[1]}", by_turns(works))
+    print_times(f"{SIZE[0]}×{SIZE[1]}", by_turns(works))
 
 
 def race_of_glares() -> None:
@@ -110,7 +110,7 @@ def race_of_glares() -> None:
         part.applied(small.radiance, replace(view, focal_length=view.focal_length * (1 + 1e-6 * next(turn))))
 
     glares = {name: (lambda part=part: anew(part)) for name, part in GLARES.items()}
-    tell(f"glare at {GLARE_SIZE[0]}×{GLARE_SIZE[1]}", by_turns(glares))
+    print_times(f"glare at {GLARE_SIZE[0]}×{GLARE_SIZE[1]}", by_turns(glares))
 
 
 def whole_processes() -> None:
@@ -134,7 +134,7 @@ def whole_processes() -> None:
             others = [peer, "-l", "in.hdr", "--tmo", *theirs, "-o", f"{ours}_peer.jpg"]
             works[f"relume develop --tone {ours}"] = lambda words=words: run(words, place, environment)
             works[f"luminance-hdr-cli --tmo {' '.join(theirs)}"] = lambda words=others: run(words, place, environment)
-        tell("whole processes, .hdr to .jpg", by_turns(works))
+        print_times("whole processes, .hdr to .jpg", by_turns(works))
 
 
 def run(words: list[str], folder: Path, environment: dict[str, str]) -> None:
@@ -143,7 +143,7 @@ def run(words: list[str], folder: Path, environment: dict[str, str]) -> None:
         raise SystemExit(f"{' '.join(words)}: {done.stderr[-500:]}")
 
 
-def tell(title: str, seconds: dict[str, float]) -> None:
+def print_times(title: str, seconds: dict[str, float]) -> None:
     print(title)
     for name, each in seconds.items():
         print(f"  {name.ljust(48)} {each:8.3f} s")

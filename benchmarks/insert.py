@@ -227,8 +227,8 @@ def main(python: str | None) -> None:
                 first.typical * first.net / (row.typical * row.net),
             ]
             times = f"{row.seconds:.1f} ({row.net:.1f}) | {row.error:.3g} | {row.typical:.3g}"
-            told = " | ".join(f"{share:.3g} = 1/{1 / share:.3g}" for share in shares)
-            print(f"| {each.name} | {each.samples} | {times} | {told} |", flush=True)
+            listed = " | ".join(f"{share:.3g} = 1/{1 / share:.3g}" for share in shares)
+            print(f"| {each.name} | {each.samples} | {times} | {listed} |", flush=True)
     for name, truth in truths.items():
         print(f"mean difference beside the objects, {name}: {truth[matte == 0].mean(0).round(4).tolist()}")
 

@@ -6,7 +6,7 @@ The measured room light at infinity, a diffuse table and five objects, exactly t
 Cycles without a denoiser. Once with every object diffuse, where the two models are one formula, and once with the
 objects' own materials, where plastic and rough metal differ between the two by design. Cycles traces each picture
 twice: half of the difference of its two answers is the noise of their mean, which no renderer can be nearer to than.
-The shoot's own truth is denoised by Cycles, so it cannot tell this.
+The shoot's own truth is denoised by Cycles, so it cannot show this.
 """
 
 from __future__ import annotations

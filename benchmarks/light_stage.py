@@ -69,10 +69,10 @@ def race(folder: Path, count: int = 2048) -> None:
 
 def compressed() -> None:
     stage = SHARED / "stages" / "head"
-    told = json.loads((stage / "stage.json").read_text())["lights"]
-    pictures = [read_radiance(stage / light["file"]).radiance for light in told]
+    listed = json.loads((stage / "stage.json").read_text())["lights"]
+    pictures = [read_radiance(stage / light["file"]).radiance for light in listed]
     values = np.stack([cv2.resize(p, (COLUMNS, ROWS), interpolation=cv2.INTER_LINEAR) for p in pictures])
-    directions = np.array([light["direction"] for light in told])
+    directions = np.array([light["direction"] for light in listed])
     field = Pictures(values, StageLights.towards(directions, grid=(12, 24)))
     light_of = {Path(name).stem: irradiances_of(SHARED / "data" / "hdri" / name, directions) for name in MAPS}
     exact = {name: relight(field, light).radiance for name, light in light_of.items()}

@@ -25,9 +25,9 @@ COMMANDS = {
 def seconds(arguments: list[str]) -> float:
     """Wall time of one fresh process, or what it says of itself."""
     start = time.perf_counter()
-    told = subprocess.run([sys.executable, *arguments], capture_output=True, text=True, check=True).stdout
+    printed = subprocess.run([sys.executable, *arguments], capture_output=True, text=True, check=True).stdout
     try:
-        return float(told)
+        return float(printed)
     except ValueError:
         return time.perf_counter() - start
 

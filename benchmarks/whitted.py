@@ -142,7 +142,7 @@ class Subject:
         return rl.read_scene(self.path)
 
     def picture(self, method: rl.Whitted | None = None) -> rl.Render:
-        """Ours, as the scene file sets it unless told; the tree is built too."""
+        """Ours, as the scene file sets it unless given; the tree is built too."""
         return (method or self.file.whitted).render(self.file.scene, self.file.camera)
 
     def uniform(self, grid: int) -> tuple[np.ndarray, int]:

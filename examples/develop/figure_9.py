@@ -26,7 +26,7 @@ from relume.virtual_camera.lens.motion.path import TurningCamera
 from relume.virtual_camera.view import View
 
 FIELD = np.radians(48)
-"""Of the whole picture, supposed: the paper tells none."""
+"""Of the whole picture, supposed: the paper gives none."""
 SEEN, SIZE = np.radians(38), (400, 540)
 """Of the panels: less than the picture, so that what comes into sight while the camera turns is known."""
 PIXELS, INSTANTS, SATURATED = 37, 149, 0.98

@@ -23,7 +23,7 @@ STOPS = -4.0
 
 
 def gamut() -> Image.Image:
-    """Every cell of u′, v′ in its colour, as far as a screen has it; each eighth line told apart."""
+    """Every cell of u′, v′ in its colour, as far as a screen has it; each eighth line marked."""
     starts, counts, _ = logluv_gamut.lines()
     picture = Image.new("RGB", (int(0.65 * SCALE), int(0.62 * SCALE)), "white")
     draw = ImageDraw.Draw(picture)
