@@ -2,8 +2,8 @@
 
 Run as `python benchmarks/files.py [--megapixels 24] [--rounds 5] [FORMAT …]`. All work by turns in one process, each
 once beforehand; medians. Every writer's file is flushed to the disk, as ours always are. A ratio is the peer's time by
-ours, so above 1 ours is quicker; that of processor time is the better one on a busy machine. OpenImageIO reads LogLuv as 8-bit
-values only; OpenCV gives its light, as libtiff decodes it. Memory (reported by Linux) is the peak of a process of its own
+ours, so above 1 ours is quicker; on a busy machine that of processor time is better. OpenImageIO reads LogLuv as 8-bit
+values only; OpenCV gives its light, as libtiff decodes it. Memory is the peak of a process of its own
 above what it held before, by the size of the decoded picture.
 """
 
