@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
-from relume.renderers.renderer import Render
+from relume.renderers.results import Render
 
 LIMIT = 4.0
 """Standard errors a mean may lie from the truth: beyond 4 once in 16 000 correct runs, and seeds are fixed."""

@@ -51,9 +51,9 @@ from .renderers.mitsuba.differential import Differential as Differential
 from .renderers.mitsuba.path_tracer import Mitsuba as Mitsuba
 from .renderers.prefiltered.prefiltered import Prefiltered as Prefiltered
 from .renderers.renderer import Constant as Constant
-from .renderers.renderer import Render as Render
 from .renderers.renderer import Renderer as Renderer
 from .renderers.renderer import render as render
+from .renderers.results import Render as Render
 from .renderers.whitted.whitted import Whitted as Whitted
 from .scene.cameras.camera import Camera as Camera
 from .scene.cameras.files import read_camera as read_camera

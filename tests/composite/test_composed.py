@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from relume.composite.differential import Additive, Ratio, composed, differential
-from relume.renderers.change import Change
+from relume.renderers.results import Change
 
 
 def change_of(objects: np.ndarray, difference: np.ndarray, matte: np.ndarray) -> Change:

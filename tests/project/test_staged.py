@@ -14,7 +14,7 @@ from relume.image.radiance import RadianceMap
 from relume.lightstage.novel_view.viewpoint import View
 from relume.project.insertion.staged import laid_over, with_stages
 from relume.project.shot_file.shot import read_shot
-from relume.renderers.change import Change
+from relume.renderers.results import Change
 from relume.scene.scene import Scene
 from relume.sphere.environment_map import EnvironmentMap
 from small_stages import ALBEDO, camera, normals, write_stage

@@ -3,7 +3,7 @@
 import numpy as np
 
 from relume.renderers.mitsuba.denoise import denoise_pair
-from relume.renderers.renderer import Render
+from relume.renderers.results import Render
 
 HEIGHT, WIDTH = 32, 40
 

@@ -8,7 +8,7 @@ import pytest
 from relume.capture.lens.vignetting import Vignetting
 from relume.composite.differential import Ratio, composed
 from relume.image.photograph import Photograph
-from relume.renderers.change import Change
+from relume.renderers.results import Change
 from relume.virtual_camera.film.grain import Grain
 from relume.virtual_camera.plate_matching.matching import Match, dimmed, grain_share, grained, matched, sat_in
 from relume.virtual_camera.plate_matching.sharpness import Sharpness

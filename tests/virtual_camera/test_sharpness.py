@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
 from relume.image.radiance import RadianceMap
-from relume.renderers.change import Change
+from relume.renderers.results import Change
 from relume.virtual_camera.plate_matching.edges import clean_edges
 from relume.virtual_camera.plate_matching.sharpness import Sharpness, measured_sharpness
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from relume.image.radiance import RadianceMap
     from relume.project.scene_file.scene_file import SceneFile
     from relume.renderers.prefiltered.filters import Filter
-    from relume.renderers.renderer import Render
+    from relume.renderers.results import Render
     from relume.renderers.turntable import Orbit, Turntable
     from relume.renderers.whitted.whitted import Whitted
     from relume.scene.scene import Scene

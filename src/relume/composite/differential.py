@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from relume.composite.mattes import solid_foreground
-from relume.renderers.change import Change
+from relume.renderers.results import Change
 
 ROUNDING = 1e-6
 """Share of the plate's largest radiance below which a negative value is float32's own rounding."""

@@ -1,2 +1,2 @@
-from .change import Change as Change
 from .environment_probe import environment as environment
+from .results import Change as Change

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from relume.renderers.renderer import Progress, Renderer
+from relume.renderers.renderer import Renderer
+from relume.renderers.results import Progress
 from relume.scene.cameras.camera import Camera
 from relume.scene.lights import AmbientLight, DistantLight, SphereLight
 from relume.scene.materials.materials import Material

@@ -1,52 +1,63 @@
-"""What a renderer is: something that turns a scene and a camera into a render. `Constant` is the fake for tests."""
+"""The protocol of renderers: scene and camera in, `Render` or `Change` out. `Constant` is the fake for tests."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
+from relume.renderers.progressive.accumulation import ALONE, Watch
+from relume.renderers.results import Change, Progress, Render
 from relume.scene.cameras.camera import Camera
+from relume.scene.cameras.shutter import Shutter
 from relume.scene.scene import Scene
 
-Progress = Callable[[float], None]
-"""Told the share of the work that is done, 0 to 1, while it is done."""
-
-
-@dataclass(frozen=True, eq=False)
-class Render:
-    """What a renderer saw.
-
-    radiance : (H, W, 3) float32, in the light's unit
-    variance : (H, W, 3) float32, of the pixel means; 0 for a renderer without noise
-    matte : (H, W) float32, the share of each pixel that the scene's objects cover, 0 to 1
-    depth : (H, W) float32, metres from the camera, mean over what was hit; 0 where nothing was
-    normal : (H, W, 3) float32, world, mean over the pixel
-    albedo : (H, W, 3) float32
-    samples : rays a pixel that were traced
-    passes : in how many passes
-    rays : (H, W) int32, how many rays each pixel asked for, or None from a renderer that spends as many on all
-    """
-
-    radiance: np.ndarray
-    variance: np.ndarray
-    matte: np.ndarray
-    depth: np.ndarray
-    normal: np.ndarray
-    albedo: np.ndarray
-    samples: int = 1
-    passes: int = 1
-    rays: np.ndarray | None = None
+Moments = Callable[[float], tuple[Scene, Camera]]
+"""The scene and the camera at a moment: a share of a frame's time."""
 
 
 class Renderer(Protocol):
-    """A frozen value with its settings as fields; pass it to `render`."""
+    """A frozen value with its settings as fields; pass it to `render`.
+
+    Derive from this class and write `render`. `change` then subtracts two renders, unless it is written too.
+    """
 
     def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
         """Render `scene` seen by `camera`; raises UnsupportedScene naming what it cannot shade."""
         ...
+
+    def change(
+        self,
+        scene: Scene,
+        camera: Camera,
+        *,
+        seed: int = 0,
+        progress: Progress | None = None,
+        watch: Watch = ALONE,
+        plate: np.ndarray | None = None,
+        moments: Moments | None = None,
+        shutter: Shutter = Shutter(0.0, 0.0),
+    ) -> Change:
+        """What the scene's objects change of what the camera sees: this default subtracts two renders.
+
+        watch : what goes on around a long render: a state kept on disk, previews. The default keeps and shows nothing
+        plate : (H, W, 3) what is seen without the objects, for a renderer that stops at a share of noise
+        moments : the scene and the camera at each moment of the exposure, where something moves; `scene` and `camera`
+            are those in its middle. The default warns, and shows the middle
+        shutter : which moments
+
+        Raises UnsupportedScene naming what cannot be shaded.
+        """
+        if moments is not None:
+            warnings.warn(
+                f"{type(self).__name__} does not blur what moves: the frame shows the middle of its exposure; "
+                "rl.Differential blurs it",
+                stacklevel=2,
+            )
+        return subtracted(self, scene, camera, seed=seed, progress=progress)
 
 
 def render(
@@ -56,8 +67,35 @@ def render(
     return renderer.render(scene, camera, seed=seed, progress=progress)
 
 
+def subtracted(
+    renderer: Renderer, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None
+) -> Change:
+    """The change as the difference of two renders with the same random numbers (Debevec 1998, §6).
+
+    What the objects leave alone cancels to the bit where a renderer's paths are the same in both.
+    """
+    report = progress or (lambda share: None)
+    with_ = renderer.render(scene, camera, seed=seed, progress=lambda share: report(share / 2))
+    without = renderer.render(
+        scene.without_objects(), camera, seed=seed, progress=lambda share: report(0.5 + share / 2)
+    )
+    cover = with_.matte[..., None]
+    return Change(
+        objects=cover * with_.radiance,
+        difference=(1 - cover) * (with_.radiance - without.radiance),
+        matte=with_.matte,
+        depth=with_.depth,
+        normal=with_.normal,
+        albedo=with_.albedo,
+        objects_variance=cover**2 * with_.variance,
+        difference_variance=(1 - cover) ** 2 * (with_.variance + without.variance),
+        samples=with_.samples,
+        passes=with_.passes,
+    )
+
+
 @dataclass(frozen=True)
-class Constant:
+class Constant(Renderer):
     """The public fake: every pixel has the same radiance, and the matte covers the middle ninth when objects are there.
 
     radiance : per channel

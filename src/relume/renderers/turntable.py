@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relume.renderers.prefiltered.prefiltered import Prepared
-from relume.renderers.renderer import Progress, Render
+from relume.renderers.results import Progress, Render
 from relume.renderers.whitted.whitted import PreparedWhitted, Whitted
 from relume.scene.cameras.camera import Camera
 from relume.scene.motion.moving_objects import turned_scene

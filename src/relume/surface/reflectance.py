@@ -17,7 +17,8 @@ from relume.image.radiance import RadianceMap
 from relume.renderers.mitsuba.irradiance_denoise import smoothed
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.raytrace.raycast import RayCaster
-from relume.renderers.renderer import Render, Renderer
+from relume.renderers.renderer import Renderer
+from relume.renderers.results import Render
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Colour, Diffuse, Material
 from relume.scene.scene import Scene

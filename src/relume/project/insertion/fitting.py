@@ -16,7 +16,7 @@ from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.project.shot_file.shot import Shot
 from relume.project.stages import Arrays
-from relume.renderers.change import Change
+from relume.renderers.results import Change
 from relume.scene.cameras.camera import Camera
 from relume.virtual_camera.film.film import Film, develop, developed_values
 from relume.virtual_camera.film.grain import Grain, bracket_grain, radiance_grain

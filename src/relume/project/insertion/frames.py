@@ -9,14 +9,13 @@ from relume.project.insertion.insert import insert
 from relume.project.insertion.sequence import SequenceMade, insert_sequence
 from relume.project.insertion.sequence_moments import at_frame
 from relume.project.shot_file.shot import Shot
-from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.progressive.graceful_shutdown import Force
 from relume.renderers.renderer import Renderer
 from relume.scene.cameras.shutter import Shutter
 
 
 def insert_frames(
-    shot: Shot, out: str | Path, *, renderer: Renderer | Differential | None = None, threads: int | None = None,
+    shot: Shot, out: str | Path, *, renderer: Renderer | None = None, threads: int | None = None,
     report: Callable[[str, float], None] = lambda stage, share: None, restart: bool = False, force: Force | None = None,
 ) -> SequenceMade:  # fmt: skip
     """Insert the objects into every frame of the shot's sequence.

@@ -27,10 +27,11 @@ from relume.project.shot_file.camera_table import camera_fit
 from relume.project.shot_file.objects import doubts_about, placed_meshes, require_outside
 from relume.project.shot_file.shot import Shot
 from relume.project.stages import Arrays, Stages
-from relume.renderers.change import Change
 from relume.renderers.mitsuba.differential import Differential
+from relume.renderers.progressive.fingerprint import without_threads
 from relume.renderers.progressive.graceful_shutdown import Force
 from relume.renderers.renderer import Renderer
+from relume.renderers.results import Change
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.fit import CameraFit
 from relume.scene.cameras.shutter import Shutter
@@ -51,7 +52,7 @@ def insert(
     shot: Shot,
     out: str | Path,
     *,
-    renderer: Renderer | Differential | None = None,
+    renderer: Renderer | None = None,
     threads: int | None = None,
     report: Report = lambda stage, share: None,
     others: tuple[Path, ...] = (),
@@ -64,7 +65,8 @@ def insert(
 
     out : folder; stages kept there from an earlier run are used where nothing they depend on has changed, and a render
         that was interrupted is gone on with
-    renderer : Differential with the shot's settings unless given; of another renderer two pictures are subtracted
+    renderer : unless given, Differential with the shot's settings for the change, and a coarser Mitsuba where
+        reflectances are recovered
     threads : to render with; all cores unless given. The pixels do not depend on it
     others : folders of stages of other shots, which serve where they were made from the same
     moving : the shot at each moment of the exposure, where something moves, and `shutter` which moments
@@ -79,9 +81,7 @@ def insert(
     job = _Job(shot, Stages(out / "stages", others), report)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        table = shot.render
-        chosen = renderer or Differential(table.samples, table.noise, table.depth, threads=threads)
-        result = job.run(chosen, moving, shutter, restart, force)
+        result = job.run(renderer, threads, moving, shutter, restart, force)
     result = replace(result, notes=(*dict.fromkeys(str(w.message) for w in caught), *result.notes))
     with job.timed("write"):
         write_outcome(result, out)
@@ -129,7 +129,7 @@ class _Job:
             warnings.warn(str(line), stacklevel=2)
         return arrays
 
-    def measured(self, renderer: Renderer | Differential | None) -> None:
+    def measured(self, renderer: Renderer | None) -> None:
         """Everything before the render: plate, camera, light, surfaces."""
         shot = self.shot
         self.meshes = placed_meshes(shot)
@@ -156,17 +156,18 @@ class _Job:
         self.place = place_of(shot, self.probe)
         require_in_place(self.place, self.camera)
         require_outside(self.meshes, self.camera)
-        self.recovered = self._surfaces(None if isinstance(renderer, Differential) else renderer)
+        self.recovered = self._surfaces(renderer)
         self.film, self.index = fitting.film_of(shot, self.plate, self.photographs.plate, self.calibrations)
 
     def run(
-        self, renderer: Renderer | Differential, moving: Moving | None, shutter: Shutter, restart: bool,
+        self, renderer: Renderer | None, threads: int | None, moving: Moving | None, shutter: Shutter, restart: bool,
         force: Force | None,
     ) -> Inserted:  # fmt: skip
         self.measured(renderer)
-        shot, plate = self.shot, self.plate
-        change = self._change(renderer, moving, shutter, restart, force)
-        if any(table.stage is not None for table in shot.objects):
+        shot, plate, table = self.shot, self.plate, self.shot.render
+        chosen = renderer or Differential(table.samples, table.noise, table.depth, threads=threads)
+        change = self._change(chosen, moving, shutter, restart, force)
+        if any(each.stage is not None for each in shot.objects):
             from relume.project.insertion.staged import with_stages
 
             with self.timed("stages"):
@@ -278,7 +279,7 @@ class _Job:
         arrays = self.stage(
             "reflectance",
             [plate, self.camera, self.place, self.probe.confidence, [t.model_dump() for t in shot.local],
-             shot.light.ball and shot.light.ball.model_dump(), shot.render.seed, repr(renderer)],
+             shot.light.ball and shot.light.ball.model_dump(), shot.render.seed, without_threads(renderer)],
             lambda: local_arrays(
                 recovered_place(
                     shot, plate, self.camera, self.place, self.probe, renderer,
@@ -295,11 +296,10 @@ class _Job:
         return now.adding(*(self.meshes if shot is None else placed_meshes(shot)))
 
     def _change(
-        self, renderer: Renderer | Differential, moving: Moving | None, shutter: Shutter, restart: bool,
+        self, renderer: Renderer, moving: Moving | None, shutter: Shutter, restart: bool,
         force: Force | None,
     ) -> Change:  # fmt: skip
         table, scene = self.shot.render, self._scene()
-        settings = replace(renderer, threads=None) if isinstance(renderer, Differential) else renderer
         ends: list[object] = []
         if moving is not None:
             times = np.linspace(shutter.open, shutter.close, MOMENTS)
@@ -318,7 +318,7 @@ class _Job:
                 )
             )  # fmt: skip
 
-        made_from = [scene, camera, repr(settings), table.seed, table.denoise, ends, repr(shutter)]
+        made_from = [scene, camera, without_threads(renderer), table.seed, table.denoise, ends, repr(shutter)]
         if table.noise is not None:
             made_from.append(self.plate)
         return change_from(self.stage("render", made_from, make))

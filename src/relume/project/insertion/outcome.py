@@ -14,7 +14,7 @@ from relume.image import files
 from relume.image.photograph import Photograph
 from relume.image.radiance import BLACK, SATURATED, RadianceMap
 from relume.probe.ball.blending import Probe
-from relume.renderers.change import Change
+from relume.renderers.results import Change
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.fit import CameraFit
 from relume.sphere.environment_map import as_radiance_map

@@ -17,7 +17,8 @@ from relume.project.shot_file.distant_table import distant_scene
 from relume.project.shot_file.shot import Shot
 from relume.renderers.mitsuba.distant import require_inside
 from relume.renderers.mitsuba.path_tracer import Mitsuba
-from relume.renderers.renderer import Progress, Renderer
+from relume.renderers.renderer import Renderer
+from relume.renderers.results import Progress
 from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Infinite
 from relume.scene.lights import SphereLight

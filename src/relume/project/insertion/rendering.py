@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -15,22 +14,19 @@ from relume.image.radiance import RadianceMap
 from relume.project.insertion.preview import Previews, composed_change
 from relume.project.shot_file.shot import RenderTable
 from relume.project.stages import Arrays
-from relume.renderers.change import Change, subtracted
-from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.progressive.accumulation import Watch, forget
 from relume.renderers.progressive.graceful_shutdown import Force
-from relume.renderers.renderer import Progress, Renderer
+from relume.renderers.renderer import Moments, Renderer
+from relume.renderers.results import Change, Progress
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.shutter import Shutter
 from relume.scene.scene import Scene
 from relume.virtual_camera.film.film import Film
 
-Moving = Callable[[float], tuple[Scene, Camera]]
-
 
 def rendered(
-    scene: Scene, camera: Camera, table: RenderTable, renderer: Renderer | Differential, plate: RadianceMap, *,
-    folder: Path, film: Film, progress: Progress, moving: Moving | None = None, shutter: Shutter = Shutter(0.0, 0.0),
+    scene: Scene, camera: Camera, table: RenderTable, renderer: Renderer, plate: RadianceMap, *,
+    folder: Path, film: Film, progress: Progress, moving: Moments | None = None, shutter: Shutter = Shutter(0.0, 0.0),
     force: Force | None = None, restart: bool = False,
 ) -> Change:  # fmt: skip
     """What the objects change of the plate.
@@ -39,27 +35,24 @@ def rendered(
     force : how a first Ctrl-C is answered in time; see `render.interruption`
     Raises Interrupted, which leaves the state to a later run.
     """
-    if not isinstance(renderer, Differential):
-        change = subtracted(renderer, scene, camera, seed=table.seed, progress=progress)
-    else:
-        folder.mkdir(parents=True, exist_ok=True)
-        previews = Previews(folder.parent, lambda sums: composed_change(sums, plate.radiance), film, plate.unit)
-        watch = Watch(folder / "render.passes", restart, preview=previews if table.preview else None, force=force)
+    folder.mkdir(parents=True, exist_ok=True)
+    previews = Previews(folder.parent, lambda sums: composed_change(sums, plate.radiance), film, plate.unit)
+    watch = Watch(folder / "render.passes", restart, preview=previews if table.preview else None, force=force)
 
-        def trace(watch: Watch) -> Change:
-            return renderer.change(
-                scene, camera, seed=table.seed, progress=progress, watch=watch, plate=plate.radiance,
-                moments=moving, shutter=shutter,
-            )  # fmt: skip
+    def trace(watch: Watch) -> Change:
+        return renderer.change(
+            scene, camera, seed=table.seed, progress=progress, watch=watch, plate=plate.radiance,
+            moments=moving, shutter=shutter,
+        )  # fmt: skip
 
-        try:
-            change = trace(watch)
-        except CannotResume as error:
-            what = str(error).partition(";")[0]
-            warnings.warn(f"the unfinished render that was kept is not gone on with: {what}", stacklevel=2)
-            change = trace(Watch(watch.checkpoint, True, preview=watch.preview, force=force))
-        forget(watch)
-        previews.remove()
+    try:
+        change = trace(watch)
+    except CannotResume as error:
+        what = str(error).partition(";")[0]
+        warnings.warn(f"cannot resume the saved render: {what}; starting over", stacklevel=2)
+        change = trace(Watch(watch.checkpoint, True, preview=watch.preview, force=force))
+    forget(watch)
+    previews.remove()
     if table.denoise:
         from relume.renderers.mitsuba.denoise import denoised
 

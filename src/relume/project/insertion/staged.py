@@ -22,9 +22,9 @@ from relume.lightstage.novel_view.projection import Subject
 from relume.project.placement import turn_of
 from relume.project.shot_file.objects import placed_meshes
 from relume.project.shot_file.shot import Object, Shot
-from relume.renderers.change import Change
 from relume.renderers.environment_probe import environment
 from relume.renderers.mitsuba.path_tracer import Mitsuba
+from relume.renderers.results import Change
 from relume.scene.cameras.camera import Camera
 from relume.scene.scene import Scene
 from relume.scene.shapes.bounds import bounds

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from relume.renderers.change import Change
-from relume.renderers.renderer import Render
+from relume.renderers.results import Change, Render
 
 FAINT = 0.1
 """Of a pixel: less than that shows more noise than colour."""

@@ -9,20 +9,19 @@ objects, beside the light's and the surface's own, weighed by the balance heuris
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from relume.errors import UnsupportedScene
-from relume.renderers.change import Change, subtracted
 from relume.renderers.mitsuba.distant import require_inside
 from relume.renderers.mitsuba.path_tracer import MATTE_SAMPLES, PASSES, Mitsuba, _mitsuba
 from relume.renderers.mitsuba.scene import why_not
 from relume.renderers.progressive.accumulation import ALONE, Watch, accumulate, pass_seed
 from relume.renderers.progressive.convergence import ChangeError, Target
 from relume.renderers.progressive.fingerprint import fingerprint, render_key
-from relume.renderers.renderer import Progress
+from relume.renderers.renderer import Moments, Renderer, subtracted
+from relume.renderers.results import Change, Progress, Render
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.shutter import Shutter
 from relume.scene.scene import Scene
@@ -34,13 +33,11 @@ FEW_RAYS = 500_000
 """Samples of a pass below which starting it takes longer than tracing it."""
 FEWEST_PASSES = 8
 """Of a small picture: their scatter tells a pixel's variance to half of itself."""
-Moments = Callable[[float], tuple[Scene, Camera]]
-"""The scene and the camera at a moment: a share of a frame's time."""
 
 
 @dataclass(frozen=True)
-class Differential:
-    """Path tracing of what objects change.
+class Differential(Renderer):
+    """Path tracing of what objects change, estimated as such; its plain renders are those of `Mitsuba`.
 
     samples : rays a pixel, at most; 256 shows little noise on what the light reaches directly
     noise : stop earlier, once the mean error to be expected where the objects change anything is below this share of
@@ -59,7 +56,14 @@ class Differential:
 
     def __post_init__(self) -> None:
         # The same limits, in the same words.
-        Mitsuba(self.samples, self.noise, self.depth, self.variant, self.threads)
+        self._plain()
+
+    def _plain(self) -> Mitsuba:
+        return Mitsuba(self.samples, self.noise, self.depth, self.variant, self.threads)
+
+    def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
+        """Render one picture by `Mitsuba` with the same settings."""
+        return self._plain().render(scene, camera, seed=seed, progress=progress)
 
     def change(
         self,
@@ -89,8 +93,7 @@ class Differential:
             return _nothing(camera)
         with _mitsuba(self.variant, self.threads) as mi:
             if "_ad_" not in mi.variant():
-                plain = Mitsuba(self.samples, None, self.depth, self.variant, self.threads)
-                return subtracted(plain, scene, camera, seed=seed, progress=progress)
+                return subtracted(replace(self._plain(), noise=None), scene, camera, seed=seed, progress=progress)
             from relume.renderers.mitsuba.transport.estimator import Estimator
 
             samples = _samples_a_pass(self.samples, camera)

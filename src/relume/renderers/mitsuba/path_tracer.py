@@ -21,7 +21,8 @@ from relume.renderers.progressive.accumulation import ALONE, Watch, accumulate, 
 from relume.renderers.progressive.convergence import StandardError, Target
 from relume.renderers.progressive.fingerprint import render_key
 from relume.renderers.raytrace.alpha_coverage import coverage, is_pierced
-from relume.renderers.renderer import Progress, Render
+from relume.renderers.renderer import Renderer
+from relume.renderers.results import Progress, Render
 from relume.scene.cameras.camera import Camera
 from relume.scene.lights import SphereLight
 from relume.scene.scene import Scene
@@ -39,7 +40,7 @@ FAIR = 1000
 
 
 @dataclass(frozen=True)
-class Mitsuba:
+class Mitsuba(Renderer):
     """Unidirectional path tracing with multiple importance sampling of the light.
 
     samples : rays a pixel, at most; 256 shows little noise on what the light reaches directly

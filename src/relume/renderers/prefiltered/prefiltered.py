@@ -29,7 +29,8 @@ from relume.renderers.prefiltered.materials import ShadedLayer, layers_of
 from relume.renderers.prefiltered.shading_samples import GBuffer, Samples
 from relume.renderers.prefiltered.shading_terms import Term, is_even, term
 from relume.renderers.raytrace.visibility import Seen, Stage
-from relume.renderers.renderer import Progress, Render
+from relume.renderers.renderer import Renderer
+from relume.renderers.results import Progress, Render
 from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Infinite
 from relume.scene.materials.materials import Diffuse, Material, Ward
@@ -46,7 +47,7 @@ LOOK_UPS = 8
 
 
 @dataclass(frozen=True)
-class Prefiltered:
+class Prefiltered(Renderer):
     """Reflection maps: a few look-ups a pixel, however much the surroundings hold.
 
     filter : how pixels read the maps (`prefiltered.filters`); pre-integrated sums keep small lights whole

@@ -19,7 +19,7 @@ from relume.renderers.progressive.accumulators import Sums
 from relume.renderers.progressive.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint, write_checkpoint
 from relume.renderers.progressive.convergence import Target
 from relume.renderers.progressive.graceful_shutdown import Asked, Force, interruptible
-from relume.renderers.renderer import Progress
+from relume.renderers.results import Progress
 
 Planes = Mapping[str, np.ndarray]
 Preview = Callable[[Sums], None]

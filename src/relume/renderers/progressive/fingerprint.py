@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -28,7 +28,7 @@ def fingerprint(value: object) -> str:
 @lru_cache
 def program() -> dict[str, str]:
     """What computes: every module of relume as it is now, Mitsuba's variant, and the libraries' versions."""
-    package = Path(__file__).parents[1]
+    package = Path(__file__).parents[2]
     modules = [path.read_bytes() for path in sorted(package.rglob("*.py"))]
     parts = {"relume": hashlib.sha256(b"".join(modules)).hexdigest(), "variant": choose_variant().name}
     return parts | {name: _version(name) for name in LIBRARIES}
@@ -43,6 +43,12 @@ def render_key(scene: Scene, camera: Camera, settings: object, seed: int) -> dic
     chosen = {f.name: str(getattr(settings, f.name)) for f in fields(settings) if f.name != "threads"}
     parts = {"scene": fingerprint(scene), "camera": fingerprint(camera), "renderer": type(settings).__name__}
     return parts | chosen | {"seed": str(seed)} | program()
+
+
+def without_threads(renderer: Any) -> Any:
+    """The same settings whatever `threads` is, as its pixels are the same; for a key. None stays None."""
+    threaded = is_dataclass(renderer) and any(field.name == "threads" for field in fields(renderer))
+    return replace(renderer, threads=None) if threaded and not isinstance(renderer, type) else renderer
 
 
 def _version(name: str) -> str:

@@ -18,7 +18,8 @@ from relume.errors import UnsupportedScene
 from relume.light.reflection.convolution import as_latlong
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
-from relume.renderers.renderer import Progress, Render
+from relume.renderers.renderer import Renderer
+from relume.renderers.results import Progress, Render
 from relume.renderers.whitted.antialiasing import Antialiasing, Small, Traced, Tracer, sampled
 from relume.renderers.whitted.kernel import CHANNELS, MOST_RAYS, trace
 from relume.renderers.whitted.lights import attenuation_code, light_table
@@ -43,7 +44,7 @@ DARK = 0.1
 
 
 @dataclass(frozen=True)
-class Whitted:
+class Whitted(Renderer):
     """Recursive ray tracing with eq. 2 at every node.
 
     depth : nodes from a tree's root to its farthest leaf, at most; 8 lets light through two glasses, one behind the

@@ -12,7 +12,7 @@ import numpy as np
 
 from relume.capture.lens.vignetting import Vignetting
 from relume.image.photograph import Photograph
-from relume.renderers.change import Change
+from relume.renderers.results import Change
 from relume.virtual_camera.film.grain import ROUNDING, Grain
 from relume.virtual_camera.plate_matching.sharpness import Sharpness
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from relume.image.colour import luminance
 from relume.image.radiance import RadianceMap
-from relume.renderers.change import Change
+from relume.renderers.results import Change
 from relume.virtual_camera.plate_matching.edges import Edges, clean_edges
 
 FEWEST = 8

@@ -1,8 +1,10 @@
-"""The public fake renders a flat picture and says so."""
+"""The protocol of renderers: the public fake, and the change that every renderer estimates by subtraction."""
 
 import numpy as np
 import pytest
 
+from relume.renderers.mitsuba.differential import Differential
+from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.renderer import Constant, render
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse
@@ -30,12 +32,29 @@ def test_its_matte_covers_the_middle_ninth_when_objects_are_there():
     assert not render(EMPTY, CAMERA, Constant()).matte.any()
 
 
-def test_it_tells_that_it_is_done():
-    told = []
-    render(EMPTY, CAMERA, Constant(), progress=told.append)
-    assert told == [1.0]
+def test_it_reports_that_it_is_done():
+    shares = []
+    render(EMPTY, CAMERA, Constant(), progress=shares.append)
+    assert shares == [1.0]
 
 
 @pytest.mark.parametrize("plane", ["radiance", "variance", "normal", "albedo"])
 def test_its_planes_have_the_shapes_of_a_render(plane):
     assert getattr(render(FULL, CAMERA, Constant()), plane).shape == (6, 9, 3)
+
+
+def test_a_change_is_the_difference_of_two_renders_unless_the_renderer_knows_better():
+    change = Constant((1.0, 2.0, 3.0)).change(FULL, CAMERA)
+    assert np.array_equal(change.objects, change.matte[..., None] * np.array([1, 2, 3], np.float32))
+    assert not change.difference.any()
+
+
+def test_a_renderer_that_cannot_blur_what_moves_warns():
+    with pytest.warns(UserWarning, match="Constant does not blur"):
+        Constant().change(FULL, CAMERA, moments=lambda time: (FULL, CAMERA))
+
+
+def test_the_differential_renderer_renders_plainly_too():
+    settings = {"samples": 4, "depth": 2}
+    plain, same = render(FULL, CAMERA, Differential(**settings)), render(FULL, CAMERA, Mitsuba(**settings))
+    assert np.array_equal(plain.radiance, same.radiance)
