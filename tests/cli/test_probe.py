@@ -11,7 +11,7 @@ import pytest
 
 from command_line import refused
 from relume.cli import main
-from relume.cli.console import Manner
+from relume.cli.console import OutputOptions
 from relume.cli.probe_facts import facts_of
 from relume.image.colour import encode_srgb
 from relume.image.files import read_layers, read_photograph, read_radiance, write
@@ -179,9 +179,9 @@ def test_every_ball_has_a_line_and_machines_a_list() -> None:
     ]
     light = EnvironmentMap(np.ones((8, 16, 3), np.float32))
     probe = Probe(light, (0.0, 0.0), 0.0, 0.0, np.ones((8, 16), np.float32), gains=(1.0, 1.0))
-    shown = facts_of(views, probe, True, Manner())
+    shown = facts_of(views, probe, True, OutputOptions())
     assert shown["ball 1"]["radius"] == shown["ball 2"]["radius"] == 62.63 and "balls" not in shown
-    assert len(facts_of(views, probe, True, Manner(json=True))["balls"]) == 2
+    assert len(facts_of(views, probe, True, OutputOptions(json=True))["balls"]) == 2
 
 
 def test_the_energy_of_a_dim_map_is_told_in_six_digits(folder, tmp_path, capsys) -> None:

@@ -7,7 +7,7 @@ import os
 import sys
 import traceback
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version as _version
@@ -26,7 +26,7 @@ _LONG = 96
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Manner:
+class OutputOptions:
     """How a command behaves, the same for every command."""
 
     json: Annotated[bool, Parameter(negative="", help="Print the result as JSON, for machines.")] = False
@@ -66,11 +66,11 @@ def refuse_error(error: Exception, *, verbose: bool) -> int:
 
 
 @contextmanager
-def speaking(manner: Manner) -> Iterator[None]:
+def warnings_as_notes(output: OutputOptions) -> Iterator[None]:
     """Show warnings as notes of one line."""
     with warnings.catch_warnings():
         warnings.simplefilter("always", UserWarning)
-        warnings.showwarning = lambda message, *_, **__: note(manner, str(message))
+        warnings.showwarning = lambda message, *_, **__: note(output, str(message))
         yield
 
 
@@ -86,23 +86,36 @@ def force() -> Force:
     return Force(end)
 
 
-def note(manner: Manner, line: str) -> None:
+def note(output: OutputOptions, line: str) -> None:
     """A line the user should know, on standard error."""
-    if not manner.quiet:
+    if not output.quiet:
         print(f"relume: note: {' '.join(line.split())}", file=sys.stderr)
 
 
-def tell(manner: Manner, lines: Mapping[str, object], *, title: str = "") -> None:
+def finish(output: OutputOptions, doubts: Sequence[str], *, accept: bool = False) -> None:
+    """End a command whose result is written: note its doubts; raise DoubtfulResult unless accepted."""
+    if accept or len(doubts) > 1:
+        for line in doubts:
+            note(output, line)
+    if not doubts or accept:
+        return
+    line = doubts[0] if len(doubts) == 1 else f"{len(doubts)} doubts, noted above"
+    if output.quiet and len(doubts) > 1:
+        line = f"{len(doubts)} doubts: {' | '.join(doubts)}"
+    raise DoubtfulResult(f"{line} (all was written; --accept takes it as it is)")
+
+
+def print_facts(output: OutputOptions, lines: Mapping[str, object], *, title: str = "") -> None:
     """Print a result: JSON for machines, else a line a fact."""
-    if manner.json:
+    if output.json:
         print(json.dumps(dict(lines), ensure_ascii=False, default=str))
-    elif not manner.quiet:
+    elif not output.quiet:
         if title:
             print(title)
-        _print_facts(lines, "  ")
+        _print_lines(lines, "  ")
 
 
-def _print_facts(lines: Mapping[str, object], indent: str) -> None:
+def _print_lines(lines: Mapping[str, object], indent: str) -> None:
     """A line a fact; numbers of several kinds under one name have lines of their own where one would be too long."""
     width = max((len(k) for k in lines), default=0)
     for key, value in lines.items():
@@ -110,15 +123,15 @@ def _print_facts(lines: Mapping[str, object], indent: str) -> None:
         several = isinstance(value, Mapping) and any(isinstance(v, Mapping | list | tuple) for v in value.values())
         if isinstance(value, Mapping) and several and len(text) > _LONG:
             print(f"{indent}{key}")
-            _print_facts(value, indent + "  ")
+            _print_lines(value, indent + "  ")
         else:
             print(f"{indent}{key.ljust(width)}  {text}")
 
 
 @contextmanager
-def progress(manner: Manner) -> Iterator[Callable[[str, float], None]]:
+def progress(output: OutputOptions) -> Iterator[Callable[[str, float], None]]:
     """A callback for the stages of a job, shown as bars on a terminal and as nothing elsewhere."""
-    if manner.quiet or manner.json or not sys.stderr.isatty():
+    if output.quiet or output.json or not sys.stderr.isatty():
         yield lambda stage, share: None
         return
     from rich.console import Console

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, read_angles, read_rotation, refuse_input, require_files, require_suffix
-from relume.cli.console import Manner, note, speaking, tell
+from relume.cli.console import OutputOptions, note, print_facts, warnings_as_notes
 from relume.cli.convert_format import FormatOptions, change_format, exposed
 from relume.cli.convert_input import read_faces, read_input, read_mapping
 from relume.cli.light_input import Clamp, read_light
@@ -117,7 +117,7 @@ def convert(
     form: FormatOptions = FormatOptions(),
     accepted: ReadingOptions = ReadingOptions(),
     dry_run: DryRun = False,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Convert pictures between formats and light between mappings; what a file loses by it is told, and light audited.
 
@@ -129,14 +129,14 @@ def convert(
     from relume.sphere.mip_cube import mirrored_strip
     from relume.sphere.orientation_chart import labelled_probe
 
-    with speaking(manner):
+    with warnings_as_notes(output):
         paths_in = files_in or []
         flat = (to, for_, from_, view, put, gamma, hot, size, rotate, mirror, field, pixels) == (None,) * 12
         if flat and not labelled and len(paths_in) == 1:
             facts = change_format(
                 paths_in[0], out, form, accepted.reading(), stops=exposure, clamp=clamp, dry_run=dry_run
             )
-            tell(manner, facts)
+            print_facts(output, facts)
             return
         require_suffix(out, ".exr", ".hdr", ".pic", ".tif", ".tiff")
         if form.roi is not None:
@@ -165,12 +165,12 @@ def convert(
             brighter = exposed(as_radiance_map(light), exposure)
             light = replace(light, radiance=brighter.radiance, unit=brighter.unit)
         if dry_run:
-            tell(manner, {"would write": [str(path) for path in _outputs(out, to)], "from": light.mapping.name})
+            print_facts(output, {"would write": [str(path) for path in _outputs(out, to)], "from": light.mapping.name})
             return
         if view is not None and put is None:
             picture = _cropped(light, seen_from, field or 90.0, pixels or "1024x1024")
             files.write(out, picture, encoding)
-            tell(manner, {"written": str(out), "size": list(picture.size), "unit": picture.unit})
+            print_facts(output, {"written": str(out), "size": list(picture.size), "unit": picture.unit})
             return
         if put is not None:
             light = _filled_in(light, put, seen_from, field or 90.0)
@@ -193,11 +193,11 @@ def convert(
         shown = float(result.mapping.solid_angles(result.size).sum())
         whole = shown > 4 * math.pi * 0.999
         if not whole:
-            note(manner, f"a {result.mapping.name} map shows {shown:.3g} of the sphere's 12.6 sr; the rest is left out")
+            note(output, f"a {result.mapping.name} map shows {shown:.3g} of the sphere's 12.6 sr; the rest is left out")
         for line in told:
-            note(manner, line)
-        tell(
-            manner,
+            note(output, line)
+        print_facts(
+            output,
             {
                 "written": [str(path) for path in paths],
                 "mapping": result.mapping.name,

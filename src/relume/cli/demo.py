@@ -9,7 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from relume.cli.arguments import Threads
-from relume.cli.console import Manner, speaking
+from relume.cli.console import OutputOptions, warnings_as_notes
 from relume.errors import UnreadableFile
 
 
@@ -17,14 +17,14 @@ def demo(
     *,
     out: Annotated[Path, Parameter(alias="-o", help="The folder for the pictures.")] = Path("relume-demo"),
     threads: Threads = None,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Insert five objects into the photograph of a room, and say where the pictures are."""
     from relume.cli.insert import run
     from relume.project.shot_file.shot import read_shot
 
-    with speaking(manner):
-        run(read_shot(_room() / "shot.toml"), out, manner, threads)
+    with warnings_as_notes(output):
+        run(read_shot(_room() / "shot.toml"), out, output, threads)
 
 
 def _room() -> Path:

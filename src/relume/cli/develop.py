@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, refuse_input, require_files
-from relume.cli.console import Manner, progress, speaking, tell
+from relume.cli.console import OutputOptions, print_facts, progress, warnings_as_notes
 from relume.cli.develop_options import CameraOptions
 from relume.cli.develop_view import ViewOptions
 from relume.cli.reading_options import ReadingOptions
@@ -74,7 +74,7 @@ def develop(
     ] = None,
     accepted: ReadingOptions = ReadingOptions(),
     dry_run: DryRun = False,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Develop radiance into a picture: through a lens, with glare, on film or as an eye sees it; undo a photograph.
 
@@ -83,11 +83,11 @@ def develop(
     """
     from relume.cli import develop_job as job
 
-    with speaking(manner), progress(manner) as advance:
+    with warnings_as_notes(output), progress(output) as advance:
         if list_presets:
             from relume.project.presets.preset import builtin_presets
 
-            tell(manner, builtin_presets())
+            print_facts(output, builtin_presets())
             return
         if show_preset is not None:
             from relume.project.presets.preset import preset_file
@@ -131,4 +131,4 @@ def develop(
             facts = job.picture(
                 pictures[0], out, preset, scene, source, extras, accepted.reading(), repair, dry_run, advance
             )
-        tell(manner, facts)
+        print_facts(output, facts)

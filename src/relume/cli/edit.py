@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, require_files, require_suffix
-from relume.cli.console import Manner, speaking, tell
+from relume.cli.console import OutputOptions, print_facts, warnings_as_notes
 from relume.cli.edit_options import Arithmetic, Blur, Colour, Frame
 from relume.cli.edit_painter import Painter, cut_slice, paint_back
 from relume.cli.edit_steps import Step, energy, note_losses, with_mapping
@@ -34,7 +34,7 @@ def edit(
     blur: Blur = Blur(),
     painter: Painter = Painter(),
     dry_run: DryRun = False,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Edit a radiance map in linear light: crop, resize, arithmetic, gain, balance, blur, in this order, or paint.
 
@@ -43,7 +43,7 @@ def edit(
     light map: it is resized and blurred on the sphere. --slice writes an 8- or 16-bit exposure for any painter, and
     --paint puts the pixels that were changed there, and no others, back into the map.
     """
-    with speaking(manner):
+    with warnings_as_notes(output):
         require_files([light])
         steps = [*frame.steps(), *arithmetic.steps(), *colour.steps(), *blur.steps()]
         alone = "--paint" if painter.paint is not None else "--slice" if painter.cut is not None else ""
@@ -52,11 +52,11 @@ def edit(
             raise ValueError(f"--from is for edits of light maps; {alone} needs none")
         require_suffix(out, *([".png"] if alone == "--slice" else MAPS))
         if alone == "--slice":
-            cut_slice(light, out, painter, dry_run, manner)
+            cut_slice(light, out, painter, dry_run, output)
         elif alone == "--paint":
-            paint_back(light, out, painter, dry_run, manner)
+            paint_back(light, out, painter, dry_run, output)
         else:
-            _edit(light, out, told_mapping, steps, dry_run, manner)
+            _edit(light, out, told_mapping, steps, dry_run, output)
 
 
 def _check(painter: Painter, alone: str, steps: list[Step]) -> None:
@@ -76,13 +76,15 @@ def _check(painter: Painter, alone: str, steps: list[Step]) -> None:
         raise ValueError("nothing to do; give --crop, --resize, --add, --stops, --grey, --blur, --slice or another")
 
 
-def _edit(source: Path, out: Path, told_mapping: str | None, steps: list[Step], dry_run: bool, manner: Manner) -> None:
+def _edit(
+    source: Path, out: Path, told_mapping: str | None, steps: list[Step], dry_run: bool, output: OutputOptions
+) -> None:
     from relume.image import files
     from relume.sphere.mappings.mapping import mapping_named
 
     mapping = None if told_mapping is None else mapping_named(told_mapping).name
     if dry_run:
-        tell(manner, {"would write": str(out), "edits": [step.words for step in steps]})
+        print_facts(output, {"would write": str(out), "edits": [step.words for step in steps]})
         return
     before = files.read_radiance(source)
     if mapping is not None:
@@ -97,4 +99,4 @@ def _edit(source: Path, out: Path, told_mapping: str | None, steps: list[Step], 
         note_losses(before, after)
     files.write(out, after)
     told = {"written": str(out), "edits": [step.words for step in steps], "size": list(after.size), "unit": after.unit}
-    tell(manner, told | energy(before, "before") | energy(after, "after"))
+    print_facts(output, told | energy(before, "before") | energy(after, "after"))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Group, Parameter
 
 from relume.cli.arguments import require_files
-from relume.cli.console import Manner, tell
+from relume.cli.console import OutputOptions, print_facts
 from relume.cli.edit_steps import energy
 from relume.errors import DoubtfulResult, UnreadableFile
 
@@ -69,7 +69,7 @@ def sidecar(picture: Path) -> Path:
     return picture.with_name(picture.name + ".json")
 
 
-def cut_slice(source: Path, out: Path, painter: Painter, dry_run: bool, manner: Manner) -> None:
+def cut_slice(source: Path, out: Path, painter: Painter, dry_run: bool, output: OutputOptions) -> None:
     """Write an exposure of a map and, beside it, how it was made."""
     from relume.image import files
     from relume.image.ldr_slices import Slice, fingerprint, fitting_stops
@@ -77,7 +77,7 @@ def cut_slice(source: Path, out: Path, painter: Painter, dry_run: bool, manner: 
     word = painter.cut or "auto"
     stops = None if word == "auto" else _stops(word)
     if dry_run:
-        tell(manner, {"would write": [str(out), str(sidecar(out))], "stops": word})
+        print_facts(output, {"would write": [str(out), str(sidecar(out))], "stops": word})
         return
     picture = files.read_radiance(source)
     cut = Slice(fitting_stops(picture) if stops is None else stops, painter.bits, fingerprint(picture))
@@ -85,8 +85,8 @@ def cut_slice(source: Path, out: Path, painter: Painter, dry_run: bool, manner: 
     files.write(out, photograph)
     files.write_text(sidecar(out), cut.to_json() + "\n")
     white, black = (float((photograph.pixels == code).any(-1).mean()) for code in (2**painter.bits - 1, 0))
-    tell(
-        manner,
+    print_facts(
+        output,
         {
             "written": [str(out), str(sidecar(out))],
             "stops": cut.stops,
@@ -105,7 +105,7 @@ def _stops(word: str) -> float:
         raise ValueError(f'--slice: "{word}" is no exposure; write stops, like 2 or -3.5, or auto') from None
 
 
-def paint_back(source: Path, out: Path, painter: Painter, dry_run: bool, manner: Manner) -> None:
+def paint_back(source: Path, out: Path, painter: Painter, dry_run: bool, output: OutputOptions) -> None:
     """Write the map with what was painted; raises DoubtfulResult where most pixels changed."""
     from relume.image import files
     from relume.image.ldr_slices import DOUBTFUL_SHARE, Replaced, Scaled, painted
@@ -114,7 +114,9 @@ def paint_back(source: Path, out: Path, painter: Painter, dry_run: bool, manner:
     require_files([path for path in (painter.paint, painter.original) if path is not None])
     cut = _description(painter)
     if dry_run:
-        tell(manner, {"would write": str(out), "stops": cut.stops, "method": "scale" if painter.scale else "replace"})
+        print_facts(
+            output, {"would write": str(out), "stops": cut.stops, "method": "scale" if painter.scale else "replace"}
+        )
         return
     picture = files.read_radiance(source)
     _require_same_map(picture, cut, source, painter)
@@ -130,7 +132,7 @@ def paint_back(source: Path, out: Path, painter: Painter, dry_run: bool, manner:
     files.write(out, result.picture)
     told: dict[str, object] = {"written": str(out), "pixels changed": int(result.changed.sum())}
     told |= {"share changed": result.share, "places changed": result.places}
-    tell(manner, told | energy(picture, "before") | energy(result.picture, "after"))
+    print_facts(output, told | energy(picture, "before") | energy(result.picture, "after"))
     if result.share > DOUBTFUL_SHARE and not painter.accept:
         raise DoubtfulResult(
             f"{painter.paint}: {100 * result.share:.0f} % of the pixels changed; if a JPEG or a colour conversion did "

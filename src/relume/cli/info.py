@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from relume.cli.console import Manner, refuse, speaking, tell, version
+from relume.cli.console import OutputOptions, print_facts, refuse, version, warnings_as_notes
 from relume.cli.reading_options import ReadingOptions
 from relume.errors import RelumeError
 from relume.image.files.read_options import ReadOptions
@@ -31,16 +31,16 @@ def info(
         str | None, Parameter(name="--from", help="Mapping of the map to draw, where the file does not remember it.")
     ] = None,
     options: ReadingOptions = ReadingOptions(),
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Tell what picture files hold: size, exposure, unit, range, faults; or what this machine renders with.
 
     Of several files those that can be read are told of, also where another cannot; the exit code is 2 then. With --json
     each file is one line.
     """
-    with speaking(manner):
+    with warnings_as_notes(output):
         if system:
-            tell(manner, _system(), title="relume on this machine")
+            print_facts(output, _system(), title="relume on this machine")
         elif not paths:
             raise ValueError("name a file, or ask about this machine with --system")
         reading = options.reading()
@@ -58,7 +58,7 @@ def info(
             except RelumeError as error:
                 unreadable.append(error)
                 continue
-            tell(manner, facts if manner.json else lines_of(facts, whole=manner.verbose), title=str(path))
+            print_facts(output, facts if output.json else lines_of(facts, whole=output.verbose), title=str(path))
         if unreadable:
             for error in unreadable[:-1]:
                 refuse(str(error), 2)

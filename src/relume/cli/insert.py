@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, Threads, require_files
-from relume.cli.console import Manner, force, note, progress, speaking, tell
+from relume.cli.console import OutputOptions, force, note, print_facts, progress, warnings_as_notes
 
 if TYPE_CHECKING:
     from relume.project.shot_file.shot import Shot
@@ -35,7 +35,7 @@ def insert(
     restart: Annotated[bool, Parameter(negative="", help="Forget what an interrupted render kept.")] = False,
     threads: Threads = None,
     dry_run: DryRun = False,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Insert the objects of a shot into its photograph, lit by the light photographed there.
 
@@ -44,7 +44,7 @@ def insert(
     """
     from relume.project.shot_file.shot import read_shot
 
-    with speaking(manner):
+    with warnings_as_notes(output):
         table = read_shot(shot)
         changes = {k: v for k, v in (("samples", samples), ("seed", seed), ("noise", noise)) if v is not None}
         if changes:
@@ -61,8 +61,8 @@ def insert(
                 [*table.files(table.plate.photographs), *(table.folder / name for name in table.named_files())]
             )
             balls = [len(table.files(b.photographs)) for b in table.light.balls or ()]
-            tell(
-                manner,
+            print_facts(
+                output,
                 {
                     "would write": str(out),
                     "plate": [p.name for p in table.files(table.plate.photographs)],
@@ -73,14 +73,14 @@ def insert(
             )
             return
         if to is not None:
-            _hand_over(table, out, manner, to)
+            _hand_over(table, out, output, to)
         elif table.sequence is not None:
-            _sequence(table, out, manner, threads, restart)
+            _sequence(table, out, output, threads, restart)
         else:
-            run(table, out, manner, threads, restart)
+            run(table, out, output, threads, restart)
 
 
-def _hand_over(shot: Shot, out: Path, manner: Manner, to: str) -> None:
+def _hand_over(shot: Shot, out: Path, output: OutputOptions, to: str) -> None:
     """Do all but the render and write the shot for another program."""
     from relume.export import bundle as hand_over
     from relume.export.shot_formats import FORMATS
@@ -88,23 +88,23 @@ def _hand_over(shot: Shot, out: Path, manner: Manner, to: str) -> None:
 
     if shot.sequence is not None:
         raise ValueError("--to hands one picture over, not a sequence; take [sequence] out of the shot file")
-    with progress(manner) as report:
+    with progress(output) as report:
         value = prepared(shot, out, report=report)
     lacking = hand_over(value, out, FORMATS[to])
     form = FORMATS[to]
-    tell(manner, {"written": str(out / form.main), **({"not held": list(lacking)} if manner.json else {})})
+    print_facts(output, {"written": str(out / form.main), **({"not held": list(lacking)} if output.json else {})})
 
 
-def _sequence(shot: Shot, out: Path, manner: Manner, threads: int | None, restart: bool) -> None:
+def _sequence(shot: Shot, out: Path, output: OutputOptions, threads: int | None, restart: bool) -> None:
     """Make every frame that is not there yet."""
     from relume.project.insertion.frames import insert_frames
 
-    with progress(manner) as report:
+    with progress(output) as report:
         made = insert_frames(shot, out, threads=threads, report=report, restart=restart, force=force())
     for line in made.notes:
-        note(manner, line)
-    tell(
-        manner,
+        note(output, line)
+    print_facts(
+        output,
         {
             "frames": len(made.frames),
             "kept from before": sum(frame.kept for frame in made.frames),
@@ -115,18 +115,18 @@ def _sequence(shot: Shot, out: Path, manner: Manner, threads: int | None, restar
     )
 
 
-def run(shot: Shot, out: Path, manner: Manner, threads: int | None, restart: bool = False) -> None:
+def run(shot: Shot, out: Path, output: OutputOptions, threads: int | None, restart: bool = False) -> None:
     """Do the job and tell what came of it."""
     from relume.project.insertion.insert import insert as inserted
 
-    with progress(manner) as report:
+    with progress(output) as report:
         result = inserted(shot, out, threads=threads, report=report, restart=restart, force=force())
     for line in result.notes:
-        note(manner, line)
+        note(output, line)
     surfaces = result.recovered.surfaces if result.recovered is not None else ()
     recovered = [surface.reflectance for surface in surfaces if surface.reflectance is not None]
-    tell(
-        manner,
+    print_facts(
+        output,
         {
             "picture": str(out / "composite.png"),
             "radiance": str(out / "composite.exr"),
@@ -138,6 +138,6 @@ def run(shot: Shot, out: Path, manner: Manner, threads: int | None, restart: boo
             "rays a pixel": result.change.samples,
             "seconds": round(sum(result.seconds.values()), 1),
             "kept from before": list(result.kept),
-            **({"notes": list(result.notes)} if manner.json else {}),
+            **({"notes": list(result.notes)} if output.json else {}),
         },
     )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, require_files, require_suffix
-from relume.cli.console import Manner, note, speaking, tell
+from relume.cli.console import OutputOptions, note, print_facts, warnings_as_notes
 from relume.cli.light_input import Clamp, read_light
 from relume.cli.lights_places import Places, by_second, on_walls, read_second
 from relume.errors import DoubtfulResult, UnreadableFile
@@ -83,7 +83,7 @@ def lights(
     accept: Annotated[bool, Parameter(negative="", help="Exit with 0 although light of the map is clipped.")] = False,
     places: Places = Places(),
     dry_run: DryRun = False,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Turn an illumination map into parallel lights that carry all of its light, for renderers without such maps."""
     from relume.errors import SunNotFound
@@ -93,7 +93,7 @@ def lights(
     from relume.sphere.mappings.mapping import LatLong, mapping_named
     from relume.sphere.mappings.matching_size import matching_size
 
-    with speaking(manner):
+    with warnings_as_notes(output):
         require_files([light_map])
         forms = _forms(out, format, residual)
         suns = None if sun is None else (sun[0] if sun else 1)
@@ -109,12 +109,12 @@ def lights(
         second = read_second(places, light, mapping, clamp)
         written = [*out, *([residual] if residual else []), *([picture] if picture else [])]
         if dry_run:
-            tell(manner, {"would write": [str(path) for path in written], "from": light.mapping.name})
+            print_facts(output, {"would write": [str(path) for path in written], "from": light.mapping.name})
             return
         photographed = light
         if residual is not None and not isinstance(light.mapping, LatLong):
             note(
-                manner, f"{light_map}: a {light.mapping.name} map, resampled to lat-long, which the residual has to be"
+                output, f"{light_map}: a {light.mapping.name} map, resampled to lat-long, which the residual has to be"
             )
             light = light.remapped(LatLong(), matching_size(light, LatLong()))
         try:
@@ -122,7 +122,7 @@ def lights(
         except SunNotFound as error:
             raise SunNotFound(f"{light_map}: {error}") from None
         if suns is not None and len(found) < suns:
-            note(manner, f"--sun {suns}: {len(found)} stand out; the light of others stays with the rest")
+            note(output, f"--sun {suns}: {len(found)} stand out; the light of others stays with the rest")
         angles = _angles(made, len(found), soft)
         located = None
         if places.box is not None:
@@ -140,7 +140,7 @@ def lights(
         if residual is not None and rest is not None:
             files.write(residual, as_radiance_map(rest))
             if residual.suffix.lower() == ".hdr":
-                note(manner, f"{residual}: an .hdr file rounds its pixels to a 256th; totals are told from before that")
+                note(output, f"{residual}: an .hdr file rounds its pixels to a 256th; totals are told from before that")
         if picture is not None:
             _draw(picture, light, made, f"{light_map.name}: {len(made.directions)} lights, {method}")
         given = made if located is None else located.seen(places)
@@ -162,15 +162,15 @@ def lights(
             facts["suns"] = [_sun_facts(each) for each in found]
         for each in found:
             if each.flat and not each.clipped:
-                note(manner, f"{light_map}: the sun is of one value all over; if it is photographed it clipped there")
-        tell(manner, facts)
+                note(output, f"{light_map}: the sun is of one value all over; if it is photographed it clipped there")
+        print_facts(output, facts)
         doubts = _clipped(light_map, photographed, found)
         if places.second is not None and second is not None and located is not None:
             doubts += _clipped(places.second, second, located.suns)
         if doubts and not accept:
             raise DoubtfulResult("; ".join(doubts))
         for doubt in doubts:
-            note(manner, doubt)
+            note(output, doubt)
 
 
 def _forms(out: list[Path], named: str | None, residual: Path | None) -> list[Format]:

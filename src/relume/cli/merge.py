@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, read_times, require_suffix
-from relume.cli.console import Manner, note, progress, speaking, tell
+from relume.cli.console import OutputOptions, finish, note, print_facts, progress, warnings_as_notes
 from relume.cli.merge_options import Lens, Readings, Steps, numbers, places, treatment_of, whole
-from relume.errors import DoubtfulResult, NotABracket, OutputNotWritten
+from relume.errors import NotABracket, OutputNotWritten
 
 if TYPE_CHECKING:
     from relume.capture.response.camera_profile import CameraProfile
@@ -62,7 +62,7 @@ def merge(
     lens: Lens = Lens(),
     readings: Readings = Readings(),
     dry_run: DryRun = False,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Measure radiance from differently exposed photographs: several brackets of a camera come out on one scale.
 
@@ -82,10 +82,10 @@ def merge(
 
     def noted(line: str) -> None:
         notes.append(" ".join(line.split()))
-        note(manner, line)
+        note(output, line)
 
-    with speaking(manner):
-        warnings.showwarning = lambda message, *_, **__: noted(str(message))  # until `speaking` ends
+    with warnings_as_notes(output):
+        warnings.showwarning = lambda message, *_, **__: noted(str(message))  # until `warnings_as_notes` ends
         paths = expand(photographs)
         raws = tuple(path for path in paths if kind_of(path) == "RAW")
         if raws and len(raws) < len(paths):
@@ -124,9 +124,9 @@ def merge(
             require_one_camera(groups, given[0])
         if dry_run:
             plans = forecast(job)
-            say(manner, merge_facts.planned_numbers(plans, notes), merge_facts.planned_blocks(plans))
+            say(output, merge_facts.planned_numbers(plans, notes), merge_facts.planned_blocks(plans))
             return
-        with progress(manner) as advance:
+        with progress(output) as advance:
             results = results_of(job, lambda step: advance(step, 0.0))
         for line in (line for result in results for line in result.measurement.notes()):
             noted(line)
@@ -136,29 +136,20 @@ def merge(
         doubts = [line for result in results for line in result.measurement.objections()]
         written = write(job, results, save_profile=save_profile, report=report)
         say(
-            manner,
+            output,
             merge_facts.numbers(results, profile=written, report=report, doubts=doubts, notes=notes),
             merge_facts.blocks(results, profile=written, report=report),
         )
-        for line in doubts if accept or len(doubts) > 1 else ():
-            note(manner, line)
-        if doubts and not accept:
-            raise DoubtfulResult(f"{_in_one_line(doubts, manner)} (all was written; --accept takes it as it is)")
+        finish(output, doubts, accept=accept)
 
 
-def _in_one_line(doubts: Sequence[str], manner: Manner) -> str:
-    if len(doubts) == 1:
-        return doubts[0]
-    return f"{len(doubts)} doubts: {' | '.join(doubts)}" if manner.quiet else f"{len(doubts)} doubts, noted above"
-
-
-def say(manner: Manner, facts: Mapping[str, object], blocks: Sequence[Block]) -> None:
+def say(output: OutputOptions, facts: Mapping[str, object], blocks: Sequence[Block]) -> None:
     """Print one object for machines, or the blocks for a person."""
-    if manner.json:
-        tell(manner, facts)
+    if output.json:
+        print_facts(output, facts)
         return
     for title, lines in blocks:
-        tell(manner, lines, title=title)
+        print_facts(output, lines, title=title)
 
 
 def require_as_many(times: list[float] | Path | None, paths: Sequence[Path]) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, require_suffix
-from relume.cli.console import Manner, note, speaking, tell
+from relume.cli.console import OutputOptions, note, print_facts, warnings_as_notes
 from relume.errors import DoubtfulResult, UnreadableFile
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def panorama(
         bool, Parameter(negative="", help="Balance each channel: the camera chose its white anew for each view.")
     ] = False,
     dry_run: DryRun = False,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Put photographs taken from one place together into one light map.
 
@@ -104,7 +104,7 @@ def panorama(
     from relume.probe.panorama.stitching import mosaic
     from relume.sphere.environment_map import as_radiance_map
 
-    with speaking(manner):
+    with warnings_as_notes(output):
         require_suffix(out, ".exr", ".hdr")
         for path in photographs:
             if not path.exists():
@@ -125,12 +125,12 @@ def panorama(
             "orientation": found if not told else f"told of {len(told)} of {len(photographs)}",
         }
         if dry_run:
-            tell(manner, {"would write": str(out), **plan})
+            print_facts(output, {"would write": str(out), **plan})
             return
         sources = read_sources(photographs, response=response)
         if assumed := [source.name for source in sources if source.assumed]:
             note(
-                manner,
+                output,
                 f"{len(assumed)} single photographs are taken to be sRGB, and show no more than their own exposure; "
                 "--profile tells their camera's response, folders give whole brackets",
             )
@@ -159,13 +159,13 @@ def panorama(
             balancing=None if balance is False else Balancing(colours=colours),
         )
         files.write(out, as_radiance_map(result.light))
-        tell(manner, {"written": str(out), **_facts(result, manner.json)})
+        print_facts(output, {"written": str(out), **_facts(result, output.json)})
         for remark in (*remarks, *result.remarks):
-            note(manner, remark)
+            note(output, remark)
         if result.saturated > 0:
-            note(manner, f"{result.saturated:.2g} sr are saturated in every view; add shorter exposures")
+            note(output, f"{result.saturated:.2g} sr are saturated in every view; add shorter exposures")
         if result.unseen > 0:
-            note(manner, f"{result.unseen:.2g} sr are seen by no view and were filled in smoothly")
+            note(output, f"{result.unseen:.2g} sr are seen by no view and were filled in smoothly")
         doubts = list(result.notes)
         if result.unseen > HOLE * 4 * math.pi:
             doubts.append(f"{100 * result.unseen / (4 * math.pi):.0f} % of the sphere is seen by no view; add views")

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, Times, read_point, read_times, require_files, require_suffix
-from relume.cli.console import Manner, note, speaking, tell
-from relume.errors import DoubtfulResult
+from relume.cli.console import OutputOptions, finish, note, print_facts, warnings_as_notes
 
 if TYPE_CHECKING:
     from relume.cli.probe_views import Group, ViewPicture
@@ -103,7 +102,7 @@ def probe(
     size: Annotated[int, Parameter(help="Rows of the map.")] = 512,
     accept: Annotated[bool, Parameter(negative="", help="Exit with 0 although the result is doubtful.")] = False,
     dry_run: DryRun = False,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Find the mirrored ball, unwrap it with the camera's perspective, and blend any number of views into a light map.
 
@@ -118,7 +117,7 @@ def probe(
     from relume.probe.ball.registration import ToldPlaces, UnknownTurns
 
     doubts: list[str] = []
-    with speaking(manner):
+    with warnings_as_notes(output):
         require_suffix(out, ".exr", ".hdr")
         if picture is not None:
             require_suffix(picture, ".png", option="--picture")
@@ -149,16 +148,16 @@ def probe(
         if dry_run:
             views = [_named(group.paths) for group in groups]
             where = "told" if told else "to be found by registration"
-            tell(manner, {"would write": str(out), "views": views, "their cameras": where})
+            print_facts(output, {"would write": str(out), "views": views, "their cameras": where})
             return
         pictures = probe_views.quietly_read(
             lambda: probe_views.read_pictures(
-                groups, times=seconds, profile=known, told=lambda line: note(manner, line), doubted=doubts.append
+                groups, times=seconds, profile=known, told=lambda line: note(output, line), doubted=doubts.append
             ),
-            lambda line: note(manner, line),
+            lambda line: note(output, line),
         )
         views = [
-            _view(each, group, chosen, pick_exactly, radius, distance, mirror, manner)
+            _view(each, group, chosen, pick_exactly, radius, distance, mirror, output)
             for each, group, chosen in zip(pictures, groups, picks, strict=True)
         ]
         names = [_named(group.paths) for group in groups]
@@ -167,21 +166,17 @@ def probe(
         doubts += [_rival(view, name) for view, name in zip(views, names, strict=True) if view.outline.rivals]
         unscaled = len(views) > 1 and not all(each.exposed for each in pictures)
         if unscaled and not balance:
-            note(manner, "not every view tells its exposure, so all are brought to the brightness of the first")
+            note(output, "not every view tells its exposure, so all are brought to the brightness of the first")
         balanced = balance or unscaled
         result = assemble(views, size=size, registration=ToldPlaces() if told else UnknownTurns(), balanced=balanced)
         _write(out, result)
         for line in result.notes:
             if not (balanced and "times as bright" in line):
                 doubts.append(_explained(line, result, told))
-        remark(result, manner, len(views))
+        remark(result, output, len(views))
         written = {"written": str(out)} | ({} if picture is None else {"picture": str(picture)})
-        tell(manner, written | facts_of(views, result, told, manner))
-        for line in doubts if accept or len(doubts) > 1 else ():
-            note(manner, line)
-        if doubts and not accept:
-            line = doubts[0] if len(doubts) == 1 else f"{len(doubts)} doubts, noted above"
-            raise DoubtfulResult(f"{line} (all was written; --accept takes it as it is)")
+        print_facts(output, written | facts_of(views, result, told, output))
+        finish(output, doubts, accept=accept)
 
 
 def _carried(place: tuple[float, float, float], distance: float | None) -> tuple[float, float, float]:
@@ -264,7 +259,7 @@ def _view(
     radius: float | None,
     distance: float | None,
     mirror: BallReflectance,
-    manner: Manner,
+    output: OutputOptions,
 ) -> BallView:
     import numpy as np
 
@@ -288,14 +283,14 @@ def _view(
         if result.distance >= CROPPED:
             return result
         note(
-            manner,
+            output,
             f"{picture.name}: its EXIF puts the camera {result.distance:.1f} ball radii away, as that of a crop does, "
             "so its focal length is left out",
         )
     if radius is None:
         away = f"{length:.3g} m" if distance is not None else "a camera"
         note(
-            manner,
+            output,
             f"{picture.name}: nothing tells how far the camera was in ball radii; {FAR:.0f} are taken for {away}; "
             "give --radius and --distance, metres",
         )

@@ -6,30 +6,30 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from relume.cli.console import Manner, note
+from relume.cli.console import OutputOptions, note
 from relume.probe.ball.blending import Probe
 from relume.probe.ball.unwrapping import BallView
 from relume.sphere.audit import audit
 
 
-def remark(result: Probe, manner: Manner, count: int) -> None:
+def remark(result: Probe, output: OutputOptions, count: int) -> None:
     """Notes on what no view saw and what was saturated, as the map's marks have it."""
     measured = audit(result.light)
     if measured.unseen > 0:
         again = "photograph from a second side" if count == 1 else "photograph from one more side"
-        note(manner, f"{measured.unseen:.3g} sr are seen by no view and were filled from beside; {again}")
+        note(output, f"{measured.unseen:.3g} sr are seen by no view and were filled from beside; {again}")
     if measured.clipped > 0:
-        note(manner, f"{measured.clipped:.3g} sr are saturated in every photograph; add shorter exposures")
+        note(output, f"{measured.clipped:.3g} sr are saturated in every photograph; add shorter exposures")
 
 
-def facts_of(views: Sequence[BallView], result: Probe, told: bool, manner: Manner) -> dict[str, Any]:
+def facts_of(views: Sequence[BallView], result: Probe, told: bool, output: OutputOptions) -> dict[str, Any]:
     """The facts for a machine, or for a person with a line a ball.
 
     told : whether the places of the cameras were
     """
     balls = [_ball(view) for view in views]
     facts: dict[str, Any] = {}
-    if manner.json:
+    if output.json:
         facts["balls"] = balls
     else:
         facts |= {f"ball {number}" if len(balls) > 1 else "ball": ball for number, ball in enumerate(balls, start=1)}

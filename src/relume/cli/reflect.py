@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, made_folder, require_files
-from relume.cli.console import Manner, note, progress, speaking, tell
+from relume.cli.console import OutputOptions, note, print_facts, progress, warnings_as_notes
 from relume.cli.light_input import read_light
 from relume.errors import OutputNotWritten
 
@@ -93,7 +93,7 @@ def reflect(
         ),
     ] = None,
     dry_run: DryRun = False,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Convolve an illumination map with what surfaces do to light: the reflection maps of Miller & Hoffman (1984)."""
     import numpy as np
@@ -105,7 +105,7 @@ def reflect(
     from relume.light.reflection.reflection_map import Normalisation, reflection_map
     from relume.light.reflection.storage import as_layers, as_picture
 
-    with speaking(manner):
+    with warnings_as_notes(output):
         require_files([light_map])
         _check(out, rows, cube, mirror, normalisation, sheet, exposure, bool(brdf))
         tables, glossy = _tables(lobe or [], bool(brdf)), {f"glossy_{_name(w)}": _brdf(w) for w in brdf or []}
@@ -115,13 +115,13 @@ def reflect(
         if dry_run:
             written += [] if cube is None else _cube_paths(out, _cube_names(lobe, tables), cube, cube_format)
             written += [] if picture is None else [picture]
-            tell(manner, {"would write": [str(path) for path in written], "normalisation": normalisation})
+            print_facts(output, {"would write": [str(path) for path in written], "normalisation": normalisation})
             return
         if glossy and divided is not Normalisation.RADIOMETRIC:
-            note(manner, "--normalisation is for --lobe; three-dimensional maps hold radiance, light in and light out")
+            note(output, "--normalisation is for --lobe; three-dimensional maps hold radiance, light in and light out")
         made_folder(out)
         bounds = {}
-        with progress(manner) as report:
+        with progress(output) as report:
             for index, (name, each) in enumerate(tables.items()):
                 table = reflection_map(light, each, rows, divided)
                 files.write(out / f"{name}.exr", as_picture(table))
@@ -141,8 +141,8 @@ def reflect(
                 _draw(picture, light, light_map.name, exposure or 0.0, lambda share: report("sheet", share))
                 written.append(picture)
         diffuse = reflection_map(light, Lambert())
-        tell(
-            manner,
+        print_facts(
+            output,
             {
                 "written": [str(path) for path in written],
                 "normalisation": normalisation,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, Threads, require_files
-from relume.cli.console import Manner, progress, speaking, tell
+from relume.cli.console import OutputOptions, print_facts, progress, warnings_as_notes
 
 if TYPE_CHECKING:
     from relume.image.radiance import RadianceMap
@@ -120,7 +120,7 @@ def render(
     ] = 0.0,
     threads: Threads = None,
     dry_run: DryRun = False,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Render a scene under an illumination map and lights, as one picture or as frames of a motion."""
     from relume.cli import render_choice as choice
@@ -128,7 +128,7 @@ def render(
     from relume.cli.render_tree import draw_tree, read_pixel
     from relume.project.metering import metered_scene
 
-    with speaking(manner):
+    with warnings_as_notes(output):
         options: dict[str, object] = {
             "--filter": filter,
             "--plate": plate,
@@ -175,7 +175,7 @@ def render(
             from relume.cli.render_environment import write_environment
 
             method = whitted if renderer == "whitted" else choice.mitsuba_with(samples, threads)
-            write_environment(out, read, environment, size, method, seed=seed or 0, dry_run=dry_run, manner=manner)
+            write_environment(out, read, environment, size, method, seed=seed or 0, dry_run=dry_run, output=output)
             return
         behind = _plate(plate, camera)
         film = metered_scene(world).brighter(exposure)
@@ -187,13 +187,13 @@ def render(
         }
         pixel = None if tree is None else read_pixel(tree, camera)
         if dry_run:
-            tell(manner, {"would write": str(out), **told})
+            print_facts(output, {"would write": str(out), **told})
             return
         if pixel is not None:
             drawn = draw_tree(out, whitted, world, camera, pixel, film=film, seed=seed or 0)
-            tell(manner, {"written": str(out), **told, **drawn})
+            print_facts(output, {"written": str(out), **told, **drawn})
             return
-        with progress(manner) as report:
+        with progress(output) as report:
             if renderer == "mitsuba":
                 count = 256 if samples is None else samples
                 rendered = pictures.by_mitsuba(read, samples=count, seed=seed or 0, threads=threads, report=report)
@@ -206,7 +206,7 @@ def render(
                 pictures.write_picture(out, next(rendered), film, world.light.unit)
             else:
                 pictures.write_frames(out, rendered, film, world.light.unit)
-        tell(manner, {"written": str(out), **told})
+        print_facts(output, {"written": str(out), **told})
 
 
 def _plate(path: Path | None, camera: Camera) -> RadianceMap | None:

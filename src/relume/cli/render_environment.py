@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from relume.cli.arguments import read_point
-from relume.cli.console import Manner, progress, tell
+from relume.cli.console import OutputOptions, print_facts, progress
 
 if TYPE_CHECKING:
     import numpy as np
@@ -19,7 +19,7 @@ ROWS = 512
 
 def write_environment(
     out: Path, read: SceneFile, place: str, size: str | None, renderer: Renderer, *, seed: int, dry_run: bool,
-    manner: Manner,
+    output: OutputOptions,
 ) -> None:  # fmt: skip
     """Render the map at the point that `place` tells, and write it; on a dry run only tell what would be done."""
     from relume.cli.render_choice import read_size
@@ -34,15 +34,15 @@ def write_environment(
         raise ValueError(f"--size: {size} is no lat-long map; with --environment it is twice as wide as high")
     told: dict[str, object] = {"environment at": list(point), "size": f"{width}×{rows}"}
     if dry_run:
-        tell(manner, {"would write": str(out), **told})
+        print_facts(output, {"would write": str(out), **told})
         return
-    with progress(manner) as report:
+    with progress(output) as report:
         light = environment(
             read.scene, point, renderer, size=rows, seed=seed, progress=lambda share: report("rendering", share)
         )
     files.write(out, as_radiance_map(light))
     told |= {"total": _six_digits(light.total()), "irradiance from above": _six_digits(light.irradiance(UP))}
-    tell(manner, {"written": str(out), **told})
+    print_facts(output, {"written": str(out), **told})
 
 
 def _six_digits(values: np.ndarray) -> list[float]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, read_point, require_files, require_suffix
-from relume.cli.console import Manner, note, speaking, tell
+from relume.cli.console import OutputOptions, note, print_facts, warnings_as_notes
 from relume.cli.light_input import Clamp, read_light
 from relume.errors import DoubtfulResult, UnreadableFile
 
@@ -74,7 +74,7 @@ def sun(
     clamp: Clamp = False,
     accept: Annotated[bool, Parameter(negative="", help="Exit with 0 although the result is doubtful.")] = False,
     dry_run: DryRun = False,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Give a clipped sun back its light, so that a matte thing in the same light is as bright as it was."""
     from relume.image import files
@@ -84,7 +84,7 @@ def sun(
     from relume.sphere.environment_map import as_radiance_map
     from relume.sphere.mappings.mapping import mapping_named
 
-    with speaking(manner):
+    with warnings_as_notes(output):
         require_suffix(out, ".exr", ".hdr")
         require_files([light_map, *(path for path in (grey_ball, chart) if path)])
         if (grey_ball is None) == (chart is None):
@@ -96,13 +96,13 @@ def sun(
             assert chart is not None
             readings = _of_chart(chart, patch or [])
         if dry_run:
-            tell(manner, {"would write": str(out), "readings": len(readings.normals), "from": readings.source})
+            print_facts(output, {"would write": str(out), "readings": len(readings.normals), "from": readings.source})
             return
         found = recover_sun(light, readings, level=level, shape=Disc() if disc else Spread())
         picture = as_radiance_map(found.light)
         files.write(out, replace(picture, attributes={**picture.attributes, **found.attributes}))
-        tell(
-            manner,
+        print_facts(
+            output,
             {
                 "written": str(out),
                 "from": readings.source,
@@ -120,10 +120,10 @@ def sun(
                 "after": audit(found.light).facts(),
             },
         )
-        _doubt(out, found, accept, manner)
+        _doubt(out, found, accept, output)
 
 
-def _doubt(out: Path, found: RecoveredSun, accept: bool, manner: Manner) -> None:
+def _doubt(out: Path, found: RecoveredSun, accept: bool, output: OutputOptions) -> None:
     if found.residual <= RESIDUAL and not abs(found.agreement - 1) > AGREEMENT:
         return
     line = f"{out}: written, but it misses the readings by {100 * found.residual:.2g} %"
@@ -132,7 +132,7 @@ def _doubt(out: Path, found: RecoveredSun, accept: bool, manner: Manner) -> None
     line += "; is the reflectance right, and were both exposed alike at one place?"
     if not accept:
         raise DoubtfulResult(line)
-    note(manner, line)
+    note(output, line)
 
 
 def _of_ball(

@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, read_point, refuse_input, require_files
-from relume.cli.console import Manner, speaking, tell
+from relume.cli.console import OutputOptions, print_facts, warnings_as_notes
 from relume.cli.stage.output import require_picture, write_picture
 
 Albedo = tuple[float, float, float]
@@ -25,7 +25,7 @@ def clothe(
     black_albedo: Annotated[str, Parameter(help="Of the black cloth.")] = "0.03",
     exposure: Annotated[float, Parameter(allow_leading_hyphen=True, help="Stops to brighten .png and .jpg by.")] = 0.0,
     dry_run: DryRun = False,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Dye the subject's clothing, with the light that it throws on the subject (Debevec et al. 2000, Fig. 7).
 
@@ -34,18 +34,18 @@ def clothe(
     from relume.image import files
     from relume.lightstage.recolouring import Cloths, reclothed
 
-    with speaking(manner):
+    with warnings_as_notes(output):
         require_picture(out)
         require_files([black, white])
         refuse_input(out, [black, white])
         cloths = Cloths(read_albedo(white_albedo, "--white-albedo"), read_albedo(black_albedo, "--black-albedo"))
         tint = cloths.tint(read_albedo(albedo, "--albedo"))
         if dry_run:
-            tell(manner, {"would write": str(out), "tint": tint.tolist()})
+            print_facts(output, {"would write": str(out), "tint": tint.tolist()})
             return
         made = reclothed(files.read_radiance(black), files.read_radiance(white), tint)
         write_picture(out, made, exposure)
-        tell(manner, {"written": str(out), "tint": [float(f"{value:.4g}") for value in tint]})
+        print_facts(output, {"written": str(out), "tint": [float(f"{value:.4g}") for value in tint]})
 
 
 def read_albedo(text: str, option: str) -> Albedo:

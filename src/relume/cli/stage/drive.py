@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, read_rotation, require_files, require_suffix
-from relume.cli.console import Manner, speaking, tell
+from relume.cli.console import OutputOptions, print_facts, warnings_as_notes
 from relume.cli.light_input import read_light
 from relume.cli.stage.options import Camera, Stage
 
@@ -45,7 +45,7 @@ def drive(
     ] = None,
     camera: Camera = None,
     dry_run: DryRun = False,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Find the intensities under which a subject in a stage looks as under a light map (Light Stage 3).
 
@@ -57,13 +57,15 @@ def drive(
     from relume.lightstage.driving.file import write_drive
     from relume.lightstage.driving.subjects import Given, Surface
 
-    with speaking(manner):
+    with warnings_as_notes(output):
         require_suffix(out, ".csv", ".json")
         require_files([light])
         primaries = read_primaries(primary, white, maximum)
         field = read_stage(stage, camera)
         if dry_run:
-            tell(manner, {"would write": str(out), "lights": len(field.lights), "primaries": list(primaries.names)})
+            print_facts(
+                output, {"would write": str(out), "lights": len(field.lights), "primaries": list(primaries.names)}
+            )
             return
         wanted = read_light(light)
         if rotate is not None:
@@ -73,8 +75,8 @@ def drive(
         )
         found = driven(field.lights, wanted, primaries, chosen)
         write_drive(out, found)
-        tell(
-            manner,
+        print_facts(
+            output,
             {
                 "written": str(out),
                 "lights": len(field.lights),

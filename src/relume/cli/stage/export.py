@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun
-from relume.cli.console import Manner, speaking, tell
+from relume.cli.console import OutputOptions, print_facts, warnings_as_notes
 from relume.cli.stage.options import Camera, Stage, work_of
 from relume.cli.stage.output import require_output_folder
 
@@ -29,7 +29,7 @@ def export(
     ] = None,
     camera: Camera = None,
     dry_run: DryRun = False,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Write a stage so that RTI viewers and builders open it (RTIViewer, RelightLab, OpenLIME).
 
@@ -38,7 +38,7 @@ def export(
     from relume.lightstage.acquire.read_stage import read_stage
     from relume.lightstage.rti.export import RTIForm, export_rti
 
-    with speaking(manner):
+    with warnings_as_notes(output):
         require_output_folder(out)
         form = RTIForm(
             None if pictures == "none" else pictures,
@@ -48,9 +48,9 @@ def export(
         )
         field = read_stage(stage, camera)
         if dry_run:
-            tell(manner, {"would write": str(out), **work_of(field, 1 << 30)})
+            print_facts(output, {"would write": str(out), **work_of(field, 1 << 30)})
             return
         done = export_rti(field, out, form, name)
         facts = {"written": [str(path) for path in done.files], "lights": done.lights, "left out": len(done.left_out)}
         facts |= {"exposure": float(f"{done.exposure:.5g}"), "above white": float(f"{done.clipped:.3g}")}
-        tell(manner, {**facts, "ptm error": done.ptm_error, "hsh error": done.hsh_error})
+        print_facts(output, {**facts, "ptm error": done.ptm_error, "hsh error": done.hsh_error})

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, require_files
-from relume.cli.console import Manner, progress, speaking, tell
+from relume.cli.console import OutputOptions, print_facts, progress, warnings_as_notes
 from relume.cli.stage.import_cleaning import mended
 from relume.cli.stage.import_lights import (
     VIDEOS,
@@ -128,7 +128,7 @@ def import_stage(
     camera: Camera = None,
     max_memory: MaxMemory = "2G",
     dry_run: DryRun = False,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Bring in a light stage: find its lights, calibrate its pictures, mend what says nothing, keep it in a store.
 
@@ -140,14 +140,14 @@ def import_stage(
     from relume.lightstage.acquire.read_stage import geometry_of
     from relume.lightstage.acquire.store_building import build_store, file_facts
 
-    with speaking(manner):
+    with warnings_as_notes(output):
         memory = bytes_of(max_memory, "--max-memory")
         _check(source, out, ball, ball_pictures, lights, film, ambient)
         _check_camera(field_of_view, camera_distance, ball)
         told_noise = _noise(noise, no_noise)
         course = None if film is None else film_course(film, film_start, film_azimuth, clockwise)
         if dry_run and course is not None and not source.is_dir():
-            tell(manner, {"would write": str(out), **work_of_film(source, course)})
+            print_facts(output, {"would write": str(out), **work_of_film(source, course)})
             return
         angle = None if field_of_view is None else float(np.radians(field_of_view))
         left = [path for path in (ambient, mask) if path is not None and path.is_file()]
@@ -167,21 +167,23 @@ def import_stage(
             field, told = mended(field, ambient, card, mask, flare, lamp_size, bars, told_noise, no_noise)
             facts |= told
             if dry_run:
-                tell(manner, {"would write": str(out), **work_of(field, memory), **facts})
+                print_facts(output, {"would write": str(out), **work_of(field, memory), **facts})
                 return
             kinds = {"half": np.float16, "float": np.float32, "8bit": np.uint8}
             mesh, light_radius = geometry_of(source)
             options = [ball, ball_pictures, lights, field_of_view, camera_distance, film, film_start, film_azimuth]
             options += [clockwise, ambient, target, encoding, mask, flare, lamp_size, bars, noise, no_noise, camera]
             seen = [source, *(each for each in (ambient, mask, lights) if each), *(ball_pictures or [])]
-            with progress(manner) as report:
+            with progress(output) as report:
                 build_store(
                     field, out, dtype=kinds[dtype], max_memory=memory,
                     progress=lambda share: report("importing", share),
                     made_from=[[str(each) for each in options], file_facts(seen)],
                     mesh=mesh, light_radius=light_radius,
                 )  # fmt: skip
-        tell(manner, {"written": str(out), "lights": len(field.lights), "size": list(field.shape[::-1]), **facts})
+        print_facts(
+            output, {"written": str(out), "lights": len(field.lights), "size": list(field.shape[::-1]), **facts}
+        )
 
 
 def _check(

@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, made_folder, require_files
-from relume.cli.console import Manner, note, progress, speaking, tell
+from relume.cli.console import OutputOptions, note, print_facts, progress, warnings_as_notes
 from relume.cli.light_input import read_light
 from relume.cli.stage.options import Camera, Stage, work_of
 from relume.cli.stage.output import require_output_folder
@@ -30,7 +30,7 @@ def inspect(
     ] = None,
     camera: Camera = None,
     dry_run: DryRun = False,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Say what a stage holds; with -o draw its lights, reflectance functions and a page to turn a light map by hand.
 
@@ -44,7 +44,7 @@ def inspect(
     from relume.lightstage.relighting.mosaic import mosaic
     from relume.report.stage_report import write_stage_report
 
-    with speaking(manner):
+    with warnings_as_notes(output):
         if out is not None:
             require_output_folder(out)
         require_files(light or [])
@@ -58,10 +58,10 @@ def inspect(
             "noise": None if field.noise is None else [field.noise.constant, field.noise.slope],
         }
         if out is None or dry_run:
-            tell(manner, facts if out is None else {"would write": str(out), **facts})
+            print_facts(output, facts if out is None else {"would write": str(out), **facts})
             return
         maps = {path.name: read_light(path) for path in light or []}
-        with progress(manner) as report:
+        with progress(output) as report:
             report("report", 0.0)
             made_folder(out)
             down, across = _functions(functions, field.shape)
@@ -69,8 +69,8 @@ def inspect(
             doubts = write_stage_report(field, out / "report.html", maps, title=f"light stage {stage.name}")
             report("report", 1.0)
         for line in doubts:
-            note(manner, line)
-        tell(manner, {"written": [str(out / "report.html"), str(out / "mosaic.exr")], **facts})
+            note(output, line)
+        print_facts(output, {"written": [str(out / "report.html"), str(out / "mosaic.exr")], **facts})
 
 
 def _functions(text: str | None, shape: tuple[int, int]) -> tuple[int, int]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, read_rotation, refuse_input, require_files, require_suffix
-from relume.cli.console import Manner, progress, speaking, tell
+from relume.cli.console import OutputOptions, print_facts, progress, warnings_as_notes
 from relume.cli.light_input import read_light
 from relume.cli.stage.output import require_picture, write_picture
 
@@ -59,7 +59,7 @@ def matte(
     ] = None,
     exposure: Annotated[float, Parameter(allow_leading_hyphen=True, help="Stops to brighten .png and .jpg by.")] = 0.0,
     dry_run: DryRun = False,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Recover per pixel where, how widely and in what colour the backdrop is seen, for glass and mirrors (appendix).
 
@@ -72,14 +72,14 @@ def matte(
     from relume.lightstage.matting.file import read_matte, write_matte
     from relume.lightstage.matting.gray_code import read_patterns
 
-    with speaking(manner):
+    with warnings_as_notes(output):
         _check(out, over, light, stage, backdrop)
         require_files([path for path in (over, light) if path])
         refuse_input(out, [path for path in (patterns, over) if path is not None and path.is_file()])
         if dry_run:
-            tell(manner, {"would write": str(out), "from": str(patterns)})
+            print_facts(output, {"would write": str(out), "from": str(patterns)})
             return
-        with progress(manner) as report:
+        with progress(output) as report:
             report("matte", 0.0)
             found = read_matte(patterns) if patterns.is_file() else environment_matte(read_patterns(patterns))
             report("matte", 1.0)
@@ -90,7 +90,7 @@ def matte(
         else:
             assert light is not None and stage is not None and backdrop is not None
             write_picture(out, _in_environment(found, light, stage, backdrop, rotate), exposure)
-        tell(manner, {"written": str(out), **_facts(found)})
+        print_facts(output, {"written": str(out), **_facts(found)})
 
 
 def _check(out: Path, over: Path | None, light: Path | None, stage: Path | None, backdrop: str | None) -> None:

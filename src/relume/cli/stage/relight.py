@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, Threads, require_files
-from relume.cli.console import Manner, note, progress, speaking, tell
+from relume.cli.console import OutputOptions, note, print_facts, progress, warnings_as_notes
 from relume.cli.stage.light import Light
 from relume.cli.stage.options import Camera, MaxMemory, Stage, bytes_of, work_of
 from relume.cli.stage.output import require_frames, require_picture, write_frames, write_picture
@@ -63,7 +63,7 @@ def relight(
     max_memory: MaxMemory = "2G",
     threads: Threads = None,
     dry_run: DryRun = False,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Relight a subject: the sum of its pictures, each by what its light has to give (Debevec et al. 2000, eq. 4).
 
@@ -72,7 +72,7 @@ def relight(
     """
     from relume.lightstage.acquire.read_stage import geometry_of, read_stage
 
-    with speaking(manner):
+    with warnings_as_notes(output):
         light.check(maps_only=frames is not None)
         moving = frames is not None or light.is_sequence
         if moving:
@@ -84,18 +84,18 @@ def relight(
         require_files([mesh] if mesh else [])
         memory = bytes_of(max_memory, "--max-memory")
         field = read_stage(stage, camera)
-        geometry = None if no_mesh or moving or light.nearest else _geometry(stage, mesh, field, manner)
+        geometry = None if no_mesh or moving or light.nearest else _geometry(stage, mesh, field, output)
         if moving and not no_mesh and not light.nearest and geometry_of(stage)[0] is not None:
-            note(manner, "sequences sum the stage's pictures alone; single pictures take the mesh's shadows too")
+            note(output, "sequences sum the stage's pictures alone; single pictures take the mesh's shadows too")
         if dry_run:
             more = 0.0 if geometry is None else geometry.seconds(field, light.directed()[0], threads, memory)
             work = work_of(field, memory, more)
-            tell(manner, {"would write": str(out), **work, "mesh": geometry and str(geometry.path)})
+            print_facts(output, {"would write": str(out), **work, "mesh": geometry and str(geometry.path)})
             return
-        if geometry is not None and not geometry.fits(field, mesh is not None, threads, memory, manner):
+        if geometry is not None and not geometry.fits(field, mesh is not None, threads, memory, output):
             geometry = None
-        _tell_far(light, field.lights, frames, manner)
-        with progress(manner) as report:
+        _tell_far(light, field.lights, frames, output)
+        with progress(output) as report:
             settings = {"threads": threads, "memory": memory, "progress": lambda share: report("relighting", share)}
             if moving:
                 pictures, unit = _sequence(field, light, frames, settings, lambda share: report("light", share))
@@ -111,7 +111,7 @@ def relight(
         facts = {"written": str(out), "pictures": count, "lights": len(field.lights)}
         if geometry is not None:
             facts["mesh"] = str(geometry.path)
-        tell(manner, {**facts, "size": list(field.shape[::-1]), "unit": unit})
+        print_facts(output, {**facts, "size": list(field.shape[::-1]), "unit": unit})
 
 
 def _single(field: ReflectanceField, light: Light, settings: dict[str, Any]) -> tuple[RadianceMap, str]:
@@ -147,7 +147,7 @@ def _sequence(
     return relit_sequence(field, smooth, glints, **settings), unit
 
 
-def _tell_far(light: Light, lights: StageLights, frames: int | None, manner: Manner) -> None:
+def _tell_far(light: Light, lights: StageLights, frames: int | None, output: OutputOptions) -> None:
     """Say how much of the light comes from where the stage has no lights."""
     from relume.lightstage.relighting.interpolation import reached, unreached_share
     from relume.lightstage.relighting.voronoi_cells import even_directions
@@ -162,7 +162,7 @@ def _tell_far(light: Light, lights: StageLights, frames: int | None, manner: Man
     if share >= _FAR:
         most = "up to " if frames or light.is_sequence else ""
         note(
-            manner,
+            output,
             f"{most}{share:.0%} of the light comes from where the stage has no lights; the nearest lights give it "
             "instead, and shading and shadows are wrong for it",
         )
@@ -218,7 +218,9 @@ class _Geometry:
         row_blocks(field, memory)
         return seconds_for(field, light, self.meshes(), self.settings(), threads=threads)
 
-    def fits(self, field: ReflectanceField, asked: bool, threads: int | None, memory: int, manner: Manner) -> bool:
+    def fits(
+        self, field: ReflectanceField, asked: bool, threads: int | None, memory: int, output: OutputOptions
+    ) -> bool:
         """Whether the mesh is where the pictures show the subject: one that was asked for must be."""
         from relume.lightstage.novel_view.projection import Subject, check_mesh_matches
 
@@ -230,11 +232,11 @@ class _Geometry:
         except ValueError as error:
             if asked:
                 raise ValueError(f"--mesh: {self.path}: {error}") from None
-            note(manner, f"{self.path} is not used: {error}")
+            note(output, f"{self.path} is not used: {error}")
             return False
         if not asked:
             note(
-                manner, f"shadows between the stage's lights are {self.path.name}'s; --no-mesh sums the pictures alone"
+                output, f"shadows between the stage's lights are {self.path.name}'s; --no-mesh sums the pictures alone"
             )
         return True
 
@@ -259,7 +261,7 @@ def _brightness(field: ReflectanceField, threads: int | None, memory: int) -> np
     return summed(field, even, threads=threads, memory=memory).radiance.mean(axis=-1)
 
 
-def _geometry(stage: Path, mesh: Path | None, field: ReflectanceField, manner: Manner) -> _Geometry | None:
+def _geometry(stage: Path, mesh: Path | None, field: ReflectanceField, output: OutputOptions) -> _Geometry | None:
     """The mesh that is given, or that the stage has; none where the stage tells no camera."""
     from relume.lightstage.acquire.read_stage import geometry_of
 
@@ -270,6 +272,6 @@ def _geometry(stage: Path, mesh: Path | None, field: ReflectanceField, manner: M
     if field.camera is None:
         if mesh is not None:
             raise ValueError(f"--mesh: {stage} tells no camera, so that nothing says where the mesh is seen; add it")
-        note(manner, f"{chosen} is not used: the stage tells no camera")
+        note(output, f"{chosen} is not used: the stage tells no camera")
         return None
     return _Geometry(chosen, radius)

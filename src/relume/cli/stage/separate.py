@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, made_folder, require_files
-from relume.cli.console import Manner, progress, speaking, tell
+from relume.cli.console import OutputOptions, print_facts, progress, warnings_as_notes
 from relume.cli.stage.options import Camera, Stage, work_of
 from relume.cli.stage.output import require_output_folder
 
@@ -45,7 +45,7 @@ def separate(
     ] = None,
     camera: Camera = None,
     dry_run: DryRun = False,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Tell what light does below the surface from what it does on it (Debevec et al. 2000, §4.2), and map both.
 
@@ -60,15 +60,15 @@ def separate(
     from relume.lightstage.surface.separation import separate as separated
     from relume.lightstage.surface.surface_maps import surface_maps
 
-    with speaking(manner):
+    with warnings_as_notes(output):
         require_output_folder(out)
         require_files([mesh] if mesh else [])
         field = read_stage(stage, camera)
         other = None if crossed is None else read_stage(crossed, camera)
         if dry_run:
-            tell(manner, {"would write": str(out), **work_of(field, 1 << 30)})
+            print_facts(output, {"would write": str(out), **work_of(field, 1 << 30)})
             return
-        with progress(manner) as report:
+        with progress(output) as report:
             report("separating", 0.0)
             parts = separated(field) if other is None else PolarisedPair(field, other)
             report("separating", 1.0)
@@ -91,8 +91,8 @@ def separate(
         if mesh is not None:
             _write_mesh(out / "subject.glb", mesh, maps, field)
             written.append("subject.glb")
-        tell(
-            manner,
+        print_facts(
+            output,
             {
                 "written": [str(out / name) for name in written],
                 "known": float(f"{known.mean():.4g}"),

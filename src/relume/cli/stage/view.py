@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, read_point, require_files
-from relume.cli.console import Manner, note, progress, speaking, tell
+from relume.cli.console import OutputOptions, note, print_facts, progress, warnings_as_notes
 from relume.cli.stage.light import Light
 from relume.cli.stage.options import Stage
 from relume.cli.stage.output import require_picture, write_picture
@@ -57,7 +57,7 @@ def view(
     ] = False,
     exposure: Annotated[float, Parameter(allow_leading_hyphen=True, help="Stops to brighten .png and .jpg by.")] = 0.0,
     dry_run: DryRun = False,
-    manner: Manner = Manner(),
+    output: OutputOptions = OutputOptions(),
 ) -> None:
     """Relight a subject and see it from a new place (Debevec et al. 2000, §4): shadows and highlights move.
 
@@ -70,7 +70,7 @@ def view(
     from relume.lightstage.novel_view.gathering import Source
     from relume.scene.shapes.meshes import read_meshes
 
-    with speaking(manner):
+    with warnings_as_notes(output):
         light.check()
         require_picture(out)
         require_files([mesh, *([camera_file] if camera_file else [])])
@@ -82,9 +82,9 @@ def view(
         new = _camera(fields[0].camera, position, target, field_of_view, size, camera_file)
         meshes = read_meshes(mesh)
         if dry_run:
-            tell(manner, {"would write": str(out), "size": [new.width, new.height], "cameras": len(fields)})
+            print_facts(output, {"would write": str(out), "size": [new.width, new.height], "cameras": len(fields)})
             return
-        with progress(manner) as report:
+        with progress(output) as report:
             report("viewing", 0.0)
             if measured:
                 found, unit = _carried(fields, names, light, new, meshes)
@@ -102,8 +102,8 @@ def view(
             write_picture(out, found.picture, exposure)
         share = float(found.unseen.sum() / (found.alpha.sum() + found.unseen.sum()))
         if share > 0.01:
-            note(manner, f"{share:.0%} of what the new view shows was seen by no camera, and is left black")
-        tell(manner, {"written": str(out), "size": [new.width, new.height], "unseen": float(f"{share:.3g}")})
+            note(output, f"{share:.0%} of what the new view shows was seen by no camera, and is left black")
+        print_facts(output, {"written": str(out), "size": [new.width, new.height], "unseen": float(f"{share:.3g}")})
 
 
 def _carried(
