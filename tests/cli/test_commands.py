@@ -105,7 +105,7 @@ def test_a_fault_of_ours_is_one_line_too(monkeypatch: pytest.MonkeyPatch, capsys
     def broken(*_: object, **__: object) -> None:
         raise KeyError("something\nwith lines")
 
-    monkeypatch.setattr(relume.cli.info, "tell", broken)
+    monkeypatch.setattr(relume.cli.info, "print_facts", broken)
     assert "fault in relume" in refused(["info", PLATE[0]], capsys, 1)
 
 
