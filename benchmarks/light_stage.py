@@ -31,8 +31,8 @@ from relume.lightstage.field.field import Pictures
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.cosine import compress_cosine
 from relume.lightstage.relighting.low_rank import compress_low_rank
-from relume.lightstage.relighting.relighting import relight
-from relume.lightstage.relighting.sequences import relight_sequence
+from relume.lightstage.relighting.relighting import weighted_sum
+from relume.lightstage.relighting.sequences import weighted_sums
 from relume.sphere.environment_map import as_environment
 from relume.sphere.mappings.mapping import pixel_directions
 
@@ -55,7 +55,7 @@ def race(folder: Path, count: int = 2048) -> None:
     irradiances = generator.random((count, 3))
     times = by_turns(
         {
-            "relume, relit": lambda: relight(field, irradiances),
+            "relume, relit": lambda: weighted_sum(field, irradiances),
             "np.fromfile, page cache": lambda: np.fromfile(file, np.uint8),
             "values.max()": lambda: values.max(),
             "np.bitwise_or.reduce": lambda: np.bitwise_or.reduce(values, axis=None),
@@ -75,7 +75,7 @@ def compressed() -> None:
     directions = np.array([light["direction"] for light in listed])
     field = Pictures(values, StageLights.towards(directions, grid=(12, 24)))
     light_of = {Path(name).stem: irradiances_of(SHARED / "data" / "hdri" / name, directions) for name in MAPS}
-    exact = {name: relight(field, light).radiance for name, light in light_of.items()}
+    exact = {name: weighted_sum(field, light).radiance for name, light in light_of.items()}
     for label, make in (("cosine", lambda: compress_cosine(field)), ("low rank", lambda: compress_low_rank(field))):
         start = time.perf_counter()
         found: Any = make()
@@ -118,7 +118,7 @@ def memory(folder: Path, work: str, cap: int, kind: str) -> None:
         np.ones((5, 9, 9, 3), np.float32), StageLights.towards(np.random.default_rng(0).normal(size=(5, 3)))
     )
     build_store(small, folder / f"small-{work}", dtype=kind)
-    relight(read_store(folder / f"small-{work}"), np.ones((5, 3)))
+    weighted_sum(read_store(folder / f"small-{work}"), np.ones((5, 3)))
     field: Any = Made(count) if work == "build" else read_store(folder / "large")
     light = np.full((count, 3), 1 / count)
     Path("/proc/self/clear_refs").write_text("5")  # the peak is counted from here
@@ -126,9 +126,9 @@ def memory(folder: Path, work: str, cap: int, kind: str) -> None:
     if work == "build":
         build_store(field, folder / "large", dtype=kind, max_memory=cap)
     elif work == "relight":
-        relight(field, light, memory=cap)
+        weighted_sum(field, light, memory=cap)
     else:
-        for _ in relight_sequence(field, np.stack([light] * 12), memory=cap):
+        for _ in weighted_sums(field, np.stack([light] * 12), memory=cap):
             pass
     grown = status("VmHWM") - before
     print(

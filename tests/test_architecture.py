@@ -137,7 +137,7 @@ def parsed(text: str) -> ast.Module:
     return ast.parse(text)
 
 
-def folder_of(path: str) -> str:
+def open_pictures(path: str) -> str:
     """The part of the package a path belongs to: its folder, or the module's name at the top ("" for __init__)."""
     top = path.split("/")[0].removesuffix(".py")
     return "" if top == "__init__" else top
@@ -176,9 +176,9 @@ def is_within(path: str, *places: str) -> bool:
 def imports_against_the_light(package: Path) -> list[str]:
     """Imports of a folder that lies further down the light's way, of the whole package, or from an unknown folder."""
     faults = []
-    parts = {folder_of(path) for path, _ in modules(package)} - {""}
+    parts = {open_pictures(path) for path, _ in modules(package)} - {""}
     for path, tree in modules(package):
-        here = folder_of(path)
+        here = open_pictures(path)
         if here in ABOVE_ALL:
             continue
         if here not in ORDER + BELOW_ALL:
@@ -204,7 +204,7 @@ def inner_modules_behind_the_public_names(package: Path) -> list[str]:
     return [
         f"{path}:{line}: {name}"
         for path, tree in modules(package)
-        if folder_of(path) in USERS_OF_THE_PUBLIC_API and path not in NOT_YET_ON_THE_PUBLIC_NAMES
+        if open_pictures(path) in USERS_OF_THE_PUBLIC_API and path not in NOT_YET_ON_THE_PUBLIC_NAMES
         for line, name in imports(path, tree)
         if re.match(r"relume\.\w+\.", name)
         and not is_within(name, *(f"relume.{user}." for user in USERS_OF_THE_PUBLIC_API))
@@ -284,7 +284,7 @@ def talk_outside_the_command_line(package: Path) -> list[str]:
     """Calls in the library that print or end the program: that is for the command line alone."""
     faults = []
     for path, tree in modules(package):
-        if folder_of(path) in ("cli", "__main__"):
+        if open_pictures(path) in ("cli", "__main__"):
             continue
         for node in ast.walk(tree):
             if (

@@ -477,12 +477,12 @@ def test_an_import_is_gone_on_with_only_as_it_was_begun(tmp_path, capsys):
 
 
 def test_a_store_remembers_the_stage_s_mesh(tmp_path):
-    from relume.lightstage.acquire.read_stage import geometry_of
+    from relume.lightstage.acquire.read_stage import stage_geometry
 
     folder = plain(tmp_path / "stage", light={"angular_diameter_deg": 3.0})
     (folder / "objects").mkdir()
     (folder / "objects" / "ball.ply").write_text("ply\n")
     imported(folder, tmp_path / "a.zarr")
-    mesh, radius = geometry_of(tmp_path / "a.zarr")
+    mesh, radius = stage_geometry(tmp_path / "a.zarr")
     assert mesh == (folder / "objects" / "ball.ply").resolve()
     assert radius == pytest.approx(np.radians(1.5))

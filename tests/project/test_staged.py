@@ -11,7 +11,7 @@ import trimesh
 
 from relume.errors import InvalidShot
 from relume.image.radiance import RadianceMap
-from relume.lightstage.novel_view.viewpoint import View
+from relume.lightstage.novel_view.measured_view import NewView
 from relume.project.insertion.staged import laid_over, with_stages
 from relume.project.shot_file.shot import read_shot
 from relume.renderers.results import Change
@@ -47,9 +47,9 @@ def away() -> np.ndarray:
     return np.where(points.any(axis=-1), np.linalg.norm(points - camera().position, axis=-1) + 0.1, np.inf)
 
 
-def seen_in(colour: tuple[float, float, float], alpha: np.ndarray) -> View:
+def seen_in(colour: tuple[float, float, float], alpha: np.ndarray) -> NewView:
     radiance = (np.zeros((*alpha.shape, 3)) + colour).astype(np.float32)
-    return View(RadianceMap(radiance), alpha.astype(np.float32), (1 - alpha).astype(np.float32))
+    return NewView(RadianceMap(radiance), alpha.astype(np.float32), (1 - alpha).astype(np.float32))
 
 
 def test_what_the_stage_saw_takes_the_place_of_what_was_rendered():

@@ -9,7 +9,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from relume.lightstage.relighting.interactive import Turnable, flux_of, turn
+from relume.lightstage.relighting.interactive_basis import InteractiveBasis, flux_of, turn
 from relume.report.relighting_viewer import AMOUNTS, turning_part
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
@@ -22,12 +22,12 @@ def lit(rows: int = 32) -> EnvironmentMap:
     return EnvironmentMap(radiance)
 
 
-def stage(count: int = 3, rows: int = 48) -> Turnable:
+def stage(count: int = 3, rows: int = 48) -> InteractiveBasis:
     directions = pixel_directions(LatLong(), rows)
     functions = np.stack([np.maximum(directions @ axis, 0) for axis in RANDOM.normal(size=(count, 3))], axis=-1)
     codes = RANDOM.integers(0, 256, (count, 4, 6, 3)).astype(np.uint8)
     lowest, step = np.array([-1, 0, 2], np.float32), np.array([0.01, 0.02, 0.03], np.float32)
-    return Turnable(codes, lowest[:count], step[:count], functions.astype(np.float32))
+    return InteractiveBasis(codes, lowest[:count], step[:count], functions.astype(np.float32))
 
 
 @pytest.mark.parametrize(("yaw", "pitch"), [(0.0, 0.0), (0.7, -0.4), (-2.0, 1.2)])

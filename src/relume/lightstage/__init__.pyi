@@ -8,8 +8,8 @@ from .matting.environment_matte import EnvironmentMatte as EnvironmentMatte
 from .matting.environment_matte import environment_matte as environment_matte
 from .novel_view.viewpoint import Source as Source
 from .novel_view.viewpoint import view as view
-from .recolouring import Cloths as Cloths
-from .recolouring import reclothed as reclothed
+from .recolouring import ClothAlbedos as ClothAlbedos
+from .recolouring import recolour_clothing as recolour_clothing
 from .relighting.illumination import irradiances as irradiances
-from .relighting.relighting import relight as relight
+from .relighting.relighting import weighted_sum as weighted_sum
 from .surface.separation import separate as separate

@@ -11,10 +11,10 @@ import numpy as np
 
 from relume.image.colour import encode_srgb
 from relume.image.files.photographs.png import encode
-from relume.lightstage.relighting.interactive import Turnable, flux_of
+from relume.lightstage.relighting.interactive_basis import InteractiveBasis, flux_of
 from relume.sphere.environment_map import EnvironmentMap
 
-# Amounts are found as `Turnable.amounts` finds them; the sum of pictures is the graphics card's.
+# Amounts are found as `InteractiveBasis.amounts` finds them; the sum of pictures is the graphics card's.
 AMOUNTS = """
 function turn(yaw, pitch) {
   const c = Math.cos(yaw), s = Math.sin(yaw), d = Math.cos(pitch), t = Math.sin(pitch);
@@ -125,7 +125,7 @@ start();
 """
 
 
-def turning_part(stage: Turnable, lights: Mapping[str, EnvironmentMap]) -> str:
+def turning_part(stage: InteractiveBasis, lights: Mapping[str, EnvironmentMap]) -> str:
     """HTML of the subject under maps that are turned by dragging.
 
     lights : by the name that is shown; at 0 stops the brightest hundredth of the subject is white under each

@@ -10,7 +10,7 @@ import numpy as np
 from relume.image import files
 from relume.lightstage.field.field import Pictures, ReflectanceField
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.relighting.interactive import turnable
+from relume.lightstage.relighting.interactive_basis import interactive_basis
 from relume.lightstage.relighting.low_rank import compress_low_rank
 from relume.lightstage.relighting.mosaic import mosaic
 from relume.report import plots
@@ -59,7 +59,7 @@ def write_stage_report(
             f"{basis.error.random:.1%} "
             f"under light from everywhere; mirrored lamps are left out. {_size_told(field.shape, side)}"
         ),
-        turning_part(turnable(basis), shown),
+        turning_part(interactive_basis(basis), shown),
         heading("Lights"),
         side_by_side(
             [

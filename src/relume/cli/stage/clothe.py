@@ -32,18 +32,18 @@ def clothe(
     White minus black is the light that came by way of the cloth; it is tinted and added to the black take.
     """
     from relume.image import files
-    from relume.lightstage.recolouring import Cloths, reclothed
+    from relume.lightstage.garment_recolouring import ClothAlbedos, recolour_clothing
 
     with warnings_as_notes(output):
         require_picture(out)
         require_files([black, white])
         refuse_input(out, [black, white])
-        cloths = Cloths(read_albedo(white_albedo, "--white-albedo"), read_albedo(black_albedo, "--black-albedo"))
+        cloths = ClothAlbedos(read_albedo(white_albedo, "--white-albedo"), read_albedo(black_albedo, "--black-albedo"))
         tint = cloths.tint(read_albedo(albedo, "--albedo"))
         if dry_run:
             print_facts(output, {"would write": str(out), "tint": tint.tolist()})
             return
-        made = reclothed(files.read_radiance(black), files.read_radiance(white), tint)
+        made = recolour_clothing(files.read_radiance(black), files.read_radiance(white), tint)
         write_picture(out, made, exposure)
         print_facts(output, {"written": str(out), "tint": [float(f"{value:.4g}") for value in tint]})
 

@@ -53,8 +53,8 @@ def drive(
     or by colour, is told.
     """
     from relume.lightstage.acquire.read_stage import read_stage
+    from relume.lightstage.driving.drive_file import write_drive
     from relume.lightstage.driving.driving import drive as driven
-    from relume.lightstage.driving.file import write_drive
     from relume.lightstage.driving.subjects import Given, Surface
 
     with warnings_as_notes(output):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from relume.lightstage.acquire.calibration import Target
-    from relume.lightstage.acquire.stage_file import TargetPlace
+    from relume.lightstage.acquire.stage_file import TargetCard
     from relume.lightstage.field.field import Noise, ReflectanceField
 
 _LEAST_PIXELS = 64 * 64
@@ -20,7 +20,7 @@ _NO_NOISE = 3e-4
 def mended(
     field: ReflectanceField,
     ambient: Path | None,
-    card: TargetPlace | None,
+    card: TargetCard | None,
     mask: Path | None,
     flare: bool,
     lamp_size: float,
@@ -105,7 +105,7 @@ def _level(field: ReflectanceField) -> float:
     return float(field.block(slice(light, light + 1), slice(0, field.shape[0])).mean())
 
 
-def _target(card: TargetPlace, shape: tuple[int, int]) -> Target:
+def _target(card: TargetCard, shape: tuple[int, int]) -> Target:
     """The card's pixels in pictures of a shape; raises ValueError where it is not in them."""
     import numpy as np
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from relume.lightstage.acquire.ball_highlights import MirrorBall
-    from relume.lightstage.acquire.spinning_lamp import SpinningStage
+    from relume.lightstage.acquire.rotating_arm import RotatingArm
     from relume.lightstage.acquire.stage_file import Stage
     from relume.scene.cameras.camera import Camera
 
@@ -119,7 +119,7 @@ def camera_ahead(stage: Stage, source: Path, field_of_view: float, distance: flo
 class FilmCourse:
     """How a film's lamp went, and how many lights of each ring are kept."""
 
-    stage: SpinningStage
+    stage: RotatingArm
     columns: int
 
 
@@ -127,7 +127,7 @@ def film_course(text: str, start: float, azimuth: float, clockwise: bool) -> Fil
     """The course of --film, whose rings start at an azimuth in degrees; raises ValueError."""
     import numpy as np
 
-    from relume.lightstage.acquire.spinning_lamp import SpinningStage, SteadyTurning
+    from relume.lightstage.acquire.rotating_arm import RotatingArm, SteadyRotation
 
     try:
         rings, columns, frames = (float(word) for word in text.split(","))
@@ -135,8 +135,8 @@ def film_course(text: str, start: float, azimuth: float, clockwise: bool) -> Fil
             raise ValueError
     except ValueError:
         raise ValueError(f'--film: "{text}" is no course; write RINGS,COLUMNS,FRAMES, like 32,64,72') from None
-    course = SpinningStage(
-        SteadyTurning(1 / frames, start), int(rings), float(np.pi / (2 * rings)), float(np.pi / rings),
+    course = RotatingArm(
+        SteadyRotation(1 / frames, start), int(rings), float(np.pi / (2 * rings)), float(np.pi / rings),
         float(np.radians(azimuth)), clockwise,
     )  # fmt: skip
     return FilmCourse(course, int(columns))
@@ -154,7 +154,7 @@ def filmed_stage(
     if course is None:
         yield None
         return
-    from relume.lightstage.acquire.spinning_film import frame_paths, stage_of_frames, unpack_video
+    from relume.lightstage.acquire.rotating_arm_film import frame_paths, stage_of_frames, unpack_video
     from relume.lightstage.acquire.stage_file import read_stage_file
 
     if source.is_dir():
@@ -174,7 +174,7 @@ def filmed_stage(
 
 def work_of_film(video: Path, course: FilmCourse) -> dict[str, object]:
     """What a video would come to, from looking at all its frames and keeping none: facts for a dry run."""
-    from relume.lightstage.acquire.spinning_film import video_frames
+    from relume.lightstage.acquire.rotating_arm_film import video_frames
 
     count, size = 0, [0, 0]
     for frame in video_frames(video):

@@ -25,7 +25,7 @@ from relume.cli.stage.options import Camera, MaxMemory, bytes_of, work_of
 from relume.errors import OutputNotWritten, UnreadableFile
 
 if TYPE_CHECKING:
-    from relume.lightstage.acquire.stage_file import Stage, TargetPlace
+    from relume.lightstage.acquire.stage_file import Stage, TargetCard
     from relume.lightstage.field.field import Noise, ReflectanceField
 
 
@@ -137,7 +137,7 @@ def import_stage(
     """
     import numpy as np
 
-    from relume.lightstage.acquire.read_stage import geometry_of
+    from relume.lightstage.acquire.read_stage import stage_geometry
     from relume.lightstage.acquire.store_building import build_store, file_facts
 
     with warnings_as_notes(output):
@@ -170,7 +170,7 @@ def import_stage(
                 print_facts(output, {"would write": str(out), **work_of(field, memory), **facts})
                 return
             kinds = {"half": np.float16, "float": np.float32, "8bit": np.uint8}
-            mesh, light_radius = geometry_of(source)
+            mesh, light_radius = stage_geometry(source)
             options = [ball, ball_pictures, lights, field_of_view, camera_distance, film, film_start, film_azimuth]
             options += [clockwise, ambient, target, encoding, mask, flare, lamp_size, bars, noise, no_noise, camera]
             seen = [source, *(each for each in (ambient, mask, lights) if each), *(ball_pictures or [])]
@@ -249,7 +249,7 @@ def _field(
     distance: float | None,
     known: Collection[Path],
     encoding: str | None,
-) -> tuple[ReflectanceField, TargetPlace | None]:
+) -> tuple[ReflectanceField, TargetCard | None]:
     """The field as it was taken, and the card that its stage file tells of.
 
     described : the stage and its pictures' place where options tell them; None where the source does
@@ -275,12 +275,12 @@ def _field(
         )
     if field_of_view is not None and distance is not None:
         stage = camera_ahead(stage, place, field_of_view, distance)
-    return reading.folder_of(stage, place, camera, kept=0, known=known), stage.target
+    return reading.open_pictures(stage, place, camera, kept=0, known=known), stage.target
 
 
-def _card(text: str) -> TargetPlace:
+def _card(text: str) -> TargetCard:
     """The card of --target."""
-    from relume.lightstage.acquire.stage_file import TargetPlace
+    from relume.lightstage.acquire.stage_file import TargetCard
 
     place, equals, reflectance = text.partition("=")
     try:
@@ -292,4 +292,4 @@ def _card(text: str) -> TargetPlace:
         raise ValueError(
             f'--target: "{text}" is no card; write LEFT,TOP,WIDTH,HEIGHT=REFLECTANCE, like 40,60,80,80=0.9'
         ) from None
-    return TargetPlace((left, top, width, height), share)
+    return TargetCard((left, top, width, height), share)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from relume.light.constellations.constellation import Constellation
-    from relume.lightstage.direct_light.directions import DirectedLight
+    from relume.lightstage.direct_light.light_directions import DirectedLight
     from relume.lightstage.field.lights import StageLights
     from relume.lightstage.relighting.interpolation import Interpolation
     from relume.sphere.environment_map import EnvironmentMap
@@ -97,11 +97,11 @@ class Light:
         """The same light as directions, for shadows between the stage's lights, and its unit."""
         import numpy as np
 
-        from relume.lightstage.direct_light.directions import DirectedLight, leaves_of
+        from relume.lightstage.direct_light.light_directions import DirectedLight, quadtree_lights
 
         radius = np.radians(self.size) / 2
         maps = self.maps()
-        parts = [leaves_of(light).turned(self.rotation()) for light in maps]
+        parts = [quadtree_lights(light).turned(self.rotation()) for light in maps]
         for read in self.constellations():
             radii = np.zeros(len(read.directions)) if read.angular_radii is None else read.angular_radii
             parts.append(DirectedLight(read.directions, read.irradiance, radii))
@@ -123,7 +123,7 @@ class Light:
         """Irradiances (K, N, 3) of every picture of a sequence, and their unit; `by` as of `irradiances`."""
         import numpy as np
 
-        from relume.lightstage.relighting.illumination import constellation_irradiances, irradiances
+        from relume.lightstage.relighting.irradiances import constellation_irradiances, irradiances
         from relume.sphere.directions import rotation_about
 
         by, found = by or self.interpolation(), []
@@ -150,9 +150,9 @@ class Light:
         return np.stack(found), maps[0].unit if maps else "relative"
 
     def interpolation(self) -> Interpolation:
-        from relume.lightstage.relighting.interpolation import NearestCell, Smooth
+        from relume.lightstage.relighting.interpolation import NearestLight, Smooth
 
-        return NearestCell() if self.nearest else Smooth()
+        return NearestLight() if self.nearest else Smooth()
 
     def maps(self) -> list[EnvironmentMap]:
         """The maps of --light, not turned."""
@@ -204,7 +204,7 @@ class Light:
 def _parallel(towards: np.ndarray, irradiance: np.ndarray, radius: float) -> DirectedLight:
     import numpy as np
 
-    from relume.lightstage.direct_light.directions import DirectedLight
+    from relume.lightstage.direct_light.light_directions import DirectedLight
 
     unit = towards / np.linalg.norm(towards)
     return DirectedLight(unit[None], irradiance[None].astype(np.float64), np.array([radius]))

@@ -69,8 +69,8 @@ def matte(
     from relume.image.radiance import RadianceMap
     from relume.lightstage.matting.composite import composite
     from relume.lightstage.matting.environment_matte import environment_matte
-    from relume.lightstage.matting.file import read_matte, write_matte
     from relume.lightstage.matting.gray_code import read_patterns
+    from relume.lightstage.matting.matte_file import read_matte, write_matte
 
     with warnings_as_notes(output):
         _check(out, over, light, stage, backdrop)
@@ -134,8 +134,8 @@ def _in_environment(matte: EnvironmentMatte, light: Path, stage: Path, text: str
 
     from relume.lightstage.acquire.read_stage import read_stage
     from relume.lightstage.matting.composite import Backdrop, illumination_without_backdrop, over_environment
-    from relume.lightstage.relighting.illumination import irradiances
-    from relume.lightstage.relighting.relighting import relight
+    from relume.lightstage.relighting.irradiances import irradiances
+    from relume.lightstage.relighting.relighting import weighted_sum
 
     field: ReflectanceField = read_stage(stage)
     if field.camera is None:
@@ -154,6 +154,6 @@ def _in_environment(matte: EnvironmentMatte, light: Path, stage: Path, text: str
         environment = environment.rotated(read_rotation(rotate, "--rotate"))
     standing = Backdrop.facing(np.array([x, y, z]), field.camera.position, width, height)
     beside = illumination_without_backdrop(environment, standing)
-    rest = relight(field, irradiances(field.lights, beside))
+    rest = weighted_sum(field, irradiances(field.lights, beside))
     picture = over_environment(matte, standing, field.camera, environment, foreground=rest.radiance)
     return replace(rest, radiance=picture, variance=None, unit=environment.unit)

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     import numpy as np
 
     from relume.image.radiance import RadianceMap
-    from relume.lightstage.direct_light.directions import DirectedLight
-    from relume.lightstage.direct_light.model import Densification
+    from relume.lightstage.direct_light.light_directions import DirectedLight
+    from relume.lightstage.direct_light.model import DirectLightSettings
     from relume.lightstage.field.field import ReflectanceField
     from relume.lightstage.field.lights import StageLights
     from relume.lightstage.relighting.relighting import Progress
@@ -70,7 +70,7 @@ def relight(
     The light is integrated over all of the sphere. Values are radiance, in the map's unit. A folder of maps as --light
     gives a picture for each.
     """
-    from relume.lightstage.acquire.read_stage import geometry_of, read_stage
+    from relume.lightstage.acquire.read_stage import read_stage, stage_geometry
 
     with warnings_as_notes(output):
         light.check(maps_only=frames is not None)
@@ -85,7 +85,7 @@ def relight(
         memory = bytes_of(max_memory, "--max-memory")
         field = read_stage(stage, camera)
         geometry = None if no_mesh or moving or light.nearest else _geometry(stage, mesh, field, output)
-        if moving and not no_mesh and not light.nearest and geometry_of(stage)[0] is not None:
+        if moving and not no_mesh and not light.nearest and stage_geometry(stage)[0] is not None:
             note(output, "sequences sum the stage's pictures alone; single pictures take the mesh's shadows too")
         if dry_run:
             more = 0.0 if geometry is None else geometry.seconds(field, light.directed()[0], threads, memory)
@@ -117,8 +117,8 @@ def relight(
 def _single(field: ReflectanceField, light: Light, settings: dict[str, Any]) -> tuple[RadianceMap, str]:
     """The subject under the light without a mesh, and its unit."""
     from relume.lightstage.relighting.interpolation import Barycentric
-    from relume.lightstage.relighting.relighting import relight as summed
-    from relume.lightstage.relighting.specular_spikes import relit
+    from relume.lightstage.relighting.relighting import weighted_sum as summed
+    from relume.lightstage.relighting.specular_spikes import relight_spiky
 
     given, unit = light.irradiances(field.lights)
     if light.nearest:
@@ -126,7 +126,7 @@ def _single(field: ReflectanceField, light: Light, settings: dict[str, Any]) -> 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it was said where the light was read first
         glints, _ = light.irradiances(field.lights, Barycentric())
-    return relit(field, given, glints, **settings), unit
+    return relight_spiky(field, given, glints, **settings), unit
 
 
 def _sequence(
@@ -134,17 +134,17 @@ def _sequence(
 ) -> tuple[Iterator[RadianceMap], str]:
     """The pictures of a sequence, and their unit."""
     from relume.lightstage.relighting.interpolation import Barycentric
-    from relume.lightstage.relighting.sequences import relight_sequence
-    from relume.lightstage.relighting.specular_spikes import relit_sequence
+    from relume.lightstage.relighting.sequences import weighted_sums
+    from relume.lightstage.relighting.specular_spikes import relight_spiky_sequence
 
     if light.nearest:
         amounts, unit = light.turning(field.lights, frames, report)
-        return relight_sequence(field, amounts, **settings), unit
+        return weighted_sums(field, amounts, **settings), unit
     smooth, unit = light.turning(field.lights, frames, lambda share: report(share / 2))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it was said where the light was read first
         glints, _ = light.turning(field.lights, frames, lambda share: report((1 + share) / 2), Barycentric())
-    return relit_sequence(field, smooth, glints, **settings), unit
+    return relight_spiky_sequence(field, smooth, glints, **settings), unit
 
 
 def _tell_far(light: Light, lights: StageLights, frames: int | None, output: OutputOptions) -> None:
@@ -196,12 +196,12 @@ class _Geometry:
     ) -> RadianceMap:
         """The subject with shadows of its mesh; where the noise is known its variance is that of the plain sum."""
         from relume.image.radiance import RadianceMap
-        from relume.lightstage.direct_light.upsampled_field import densely_relit
-        from relume.lightstage.relighting.relighting import relight as summed
+        from relume.lightstage.direct_light.control_variate import relight_with_mesh
+        from relume.lightstage.relighting.relighting import weighted_sum as summed
         from relume.lightstage.relighting.specular_spikes import share_below, warn_below
 
         settings = self.settings()
-        radiance = densely_relit(
+        radiance = relight_with_mesh(
             field, light, self.meshes(), settings, progress=progress, threads=threads, memory=memory
         )
         warn_below(share_below(radiance))
@@ -213,10 +213,10 @@ class _Geometry:
 
     def seconds(self, field: ReflectanceField, light: DirectedLight, threads: int | None, memory: int) -> float:
         """About how long `relit` takes; refuses too little memory."""
-        from relume.lightstage.direct_light.upsampled_field import row_blocks, seconds_for
+        from relume.lightstage.direct_light.control_variate import estimate_seconds, row_blocks
 
         row_blocks(field, memory)
-        return seconds_for(field, light, self.meshes(), self.settings(), threads=threads)
+        return estimate_seconds(field, light, self.meshes(), self.settings(), threads=threads)
 
     def fits(
         self, field: ReflectanceField, asked: bool, threads: int | None, memory: int, output: OutputOptions
@@ -245,17 +245,19 @@ class _Geometry:
 
         return read_meshes(self.path)
 
-    def settings(self) -> Densification:
-        from relume.lightstage.direct_light.model import Densification
+    def settings(self) -> DirectLightSettings:
+        from relume.lightstage.direct_light.model import DirectLightSettings
 
-        return Densification() if self.light_radius is None else Densification(light_radius=self.light_radius)
+        return (
+            DirectLightSettings() if self.light_radius is None else DirectLightSettings(light_radius=self.light_radius)
+        )
 
 
 def _brightness(field: ReflectanceField, threads: int | None, memory: int) -> np.ndarray:
     """The mean (H, W) of a field's pictures over the sphere."""
     import numpy as np
 
-    from relume.lightstage.relighting.relighting import relight as summed
+    from relume.lightstage.relighting.relighting import weighted_sum as summed
 
     even = np.repeat(field.lights.solid_angles[:, None] / (4 * np.pi), 3, axis=1)
     return summed(field, even, threads=threads, memory=memory).radiance.mean(axis=-1)
@@ -263,9 +265,9 @@ def _brightness(field: ReflectanceField, threads: int | None, memory: int) -> np
 
 def _geometry(stage: Path, mesh: Path | None, field: ReflectanceField, output: OutputOptions) -> _Geometry | None:
     """The mesh that is given, or that the stage has; none where the stage tells no camera."""
-    from relume.lightstage.acquire.read_stage import geometry_of
+    from relume.lightstage.acquire.read_stage import stage_geometry
 
-    found, radius = geometry_of(stage)
+    found, radius = stage_geometry(stage)
     chosen = mesh or found
     if chosen is None:
         return None

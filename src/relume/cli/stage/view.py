@@ -16,7 +16,7 @@ from relume.cli.stage.output import require_picture, write_picture
 
 if TYPE_CHECKING:
     from relume.lightstage.field.field import ReflectanceField
-    from relume.lightstage.novel_view.gathering import View
+    from relume.lightstage.novel_view.source_views import View
     from relume.scene.cameras.camera import Camera
     from relume.scene.shapes.shapes import Mesh
 
@@ -64,10 +64,10 @@ def view(
     What no camera of the stage saw is left out, and told.
     """
     from relume.image import files
-    from relume.lightstage.acquire.read_stage import geometry_of, read_stage
-    from relume.lightstage.direct_light.model import Densification
-    from relume.lightstage.novel_view.direct_light_view import directly_lit_view
-    from relume.lightstage.novel_view.gathering import Source
+    from relume.lightstage.acquire.read_stage import read_stage, stage_geometry
+    from relume.lightstage.direct_light.model import DirectLightSettings
+    from relume.lightstage.novel_view.direct_light_view import direct_light_view
+    from relume.lightstage.novel_view.source_views import Source
     from relume.scene.shapes.meshes import read_meshes
 
     with warnings_as_notes(output):
@@ -91,9 +91,9 @@ def view(
             else:
                 sources = [Source(field, name=name) for field, name in zip(fields, names, strict=True)]
                 directed, unit = light.directed()
-                radius = geometry_of(stage)[1]
-                settings = Densification() if radius is None else Densification(light_radius=radius)
-                found = directly_lit_view(sources, directed, new, meshes, settings=settings)
+                radius = stage_geometry(stage)[1]
+                settings = DirectLightSettings() if radius is None else DirectLightSettings(light_radius=radius)
+                found = direct_light_view(sources, directed, new, meshes, settings=settings)
             report("viewing", 1.0)
         if out.suffix.lower() == ".exr":
             layers = {"radiance": found.picture.radiance, "alpha": found.alpha, "unseen": found.unseen}
@@ -110,8 +110,8 @@ def _carried(
     fields: Sequence[ReflectanceField], names: Sequence[str], light: Light, new: Camera, meshes: Sequence[Mesh]
 ) -> tuple[View, str]:
     """The view by the paper's eq. 9, and its unit."""
-    from relume.lightstage.novel_view.gathering import Source
-    from relume.lightstage.novel_view.viewpoint import view as seen_from
+    from relume.lightstage.novel_view.measured_view import view as seen_from
+    from relume.lightstage.novel_view.source_views import Source
     from relume.lightstage.surface.separation import separate
 
     parts = [separate(field) for field in fields]

@@ -55,20 +55,23 @@ def light_places(readings: Sequence[BallReadings], names: Sequence[str] | None =
     offset = positions[:, None] - places
     residuals = np.sqrt(((across @ offset[..., None])[..., 0] ** 2).sum(axis=-1).mean(axis=1))
     parallax = np.arccos(np.clip((rays[:, :, None] * rays[:, None]).sum(axis=-1), -1, 1)).max(axis=(1, 2))
-    _tell_of_doubts((offset * rays).sum(axis=-1).min(axis=1), parallax, names)
+    _check_rays((offset * rays).sum(axis=-1).min(axis=1), parallax, names)
     return LightPlaces(positions, residuals, parallax)
 
 
-def _tell_of_doubts(ahead: np.ndarray, parallax: np.ndarray, names: Sequence[str] | None) -> None:
-    called = [f"light {i + 1}" for i in range(len(ahead))] if names is None else list(names)
-    told = parallax >= PARALLEL
-    if np.any(told & (ahead <= 0)):
-        odd = called[int(np.argmax(told & (ahead <= 0)))]
+def _check_rays(ahead: np.ndarray, parallax: np.ndarray, names: Sequence[str] | None) -> None:
+    """Refuse rays that run apart, and warn of those that are too parallel for a distance."""
+    light_names = [f"light {i + 1}" for i in range(len(ahead))] if names is None else list(names)
+    measurable = parallax >= PARALLEL
+    apart = measurable & (ahead <= 0)
+    if np.any(apart):
+        odd = light_names[int(np.argmax(apart))]
         raise ValueError(f"{odd}: the balls' rays run apart; check the balls' circles, their order and their radii")
-    if not told.all():
+    if not measurable.all():
         warnings.warn(
-            f"{called[int(np.argmin(told))]}: the balls' rays are parallel within half a degree ({(~told).sum()} such "
-            "lights), so that its distance is a guess; put the balls farther apart, or take it for a distant light",
+            f"{light_names[int(np.argmin(measurable))]}: the balls' rays are parallel within half a degree "
+            f"({(~measurable).sum()} such lights), so that its distance is a guess; put the balls farther apart, or "
+            "treat it as a distant light",
             stacklevel=3,
         )
 

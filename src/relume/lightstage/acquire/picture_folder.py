@@ -60,7 +60,7 @@ class PictureFolder:
     lights : of the pictures
     files : one tuple a light: its picture, or the photographs of its bracket
     irradiances : (N, 3), R, G, B at normal incidence
-    shape : rows and columns, those of the first picture (`folder_of` looks)
+    shape : rows and columns, those of the first picture (`open_pictures` looks)
     camera, noise : as of every `ReflectanceField`
     encoding : of photographs
     exposures : seconds of each file of each light, by which what it shows is divided; None where the EXIF of

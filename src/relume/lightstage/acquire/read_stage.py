@@ -14,7 +14,7 @@ from relume.image import files
 from relume.lightstage.acquire.encoding import PhotographEncoding
 from relume.lightstage.acquire.light_files import LIST, NamedDirections, read_lp
 from relume.lightstage.acquire.picture_folder import KEPT, PictureFolder
-from relume.lightstage.acquire.stage_file import STAGE_FILE, LightEntry, Stage, View, read_stage_file
+from relume.lightstage.acquire.stage_file import STAGE_FILE, LightEntry, Stage, StageCamera, read_stage_file
 from relume.lightstage.field.field import ReflectanceField
 
 PICTURES = (".exr", ".hdr", ".pic", ".pfm", ".float", ".jpg", ".jpeg", ".png", ".tif", ".tiff")
@@ -41,16 +41,16 @@ def read_stage(path: str | os.PathLike[str], camera: str | None = None, *, kept:
         if camera is not None:
             raise InvalidStage(f'{path}: a store holds the pictures of one camera; import camera "{camera}" by itself')
         return read_store(path)
-    stage, source = described(path)
+    stage, source = find_stage_file(path)
     if stage.target is not None:
         warnings.warn(
             f'{source}: its "target" is passed over here: relume stage import measures the lights on it',
             stacklevel=2,
         )
-    return folder_of(stage, source, camera, kept=kept)
+    return open_pictures(stage, source, camera, kept=kept)
 
 
-def described(path: str | os.PathLike[str]) -> tuple[Stage, Path]:
+def find_stage_file(path: str | os.PathLike[str]) -> tuple[Stage, Path]:
     """The stage that a folder or file tells of, and the stage file or `.lp` that does; no picture is looked at.
 
     path : as of `read_stage`, but for a store
@@ -62,7 +62,7 @@ def described(path: str | os.PathLike[str]) -> tuple[Stage, Path]:
     return read_stage_file(source), source
 
 
-def geometry_of(path: str | os.PathLike[str]) -> tuple[Path | None, float | None]:
+def stage_geometry(path: str | os.PathLike[str]) -> tuple[Path | None, float | None]:
     """The mesh of the subject that a stage has, and the radius of its lights, radians; None where it tells neither.
 
     The mesh is the one that `stage.json` names as "mesh", else the only one in the folder `objects` beside it.
@@ -87,7 +87,7 @@ def geometry_of(path: str | os.PathLike[str]) -> tuple[Path | None, float | None
     return (found[0] if len(found) == 1 else None), radius
 
 
-def folder_of(
+def open_pictures(
     stage: Stage, source: Path, camera: str | None = None, *, kept: int = KEPT, known: Collection[Path] = ()
 ) -> PictureFolder:
     """The field over a stage's pictures.
@@ -103,7 +103,7 @@ def folder_of(
     _tell_of_strangers(stage, folder, source, known)
     exposures = tuple(entry.exposure for entry in stage.lights if entry.exposure is not None)
     if exposures and len(exposures) != len(stage.lights):
-        silent = next(entry.called for entry in stage.lights if entry.exposure is None)
+        silent = next(entry.label for entry in stage.lights if entry.exposure is None)
         raise InvalidStage(f'{source}: the light "{silent}" has no "exposure", but others have; give it to all')
     shape = _shape_of(paths[0][0])
     try:
@@ -156,12 +156,12 @@ def _listed(listed: NamedDirections, source: Path) -> Stage:
         last = plain.rsplit("/", 1)[-1]
         file = plain if inside else there.get(last.lower(), last)
         entries.append(LightEntry({"": (file,)}, (x, y, z)))
-    if len({entry.called for entry in entries}) != len(entries):
+    if len({entry.label for entry in entries}) != len(entries):
         raise InvalidStage(f"{source}: two lights have the same picture in {folder}; give each its own")
     return Stage(tuple(entries))
 
 
-def _view(stage: Stage, camera: str | None, source: Path) -> tuple[View | None, str]:
+def _view(stage: Stage, camera: str | None, source: Path) -> tuple[StageCamera | None, str]:
     """The camera that is asked for, and under which name the lights have its pictures."""
     pictured = list(stage.lights[0].files)
     if pictured == [""]:

@@ -42,7 +42,7 @@ Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class View:
+class StageCamera:
     """A camera of the stage: where it stands and looks, metres, and its field of view across, radians."""
 
     position: Vector
@@ -58,7 +58,7 @@ class View:
 
 
 @dataclass(frozen=True)
-class TargetPlace:
+class TargetCard:
     """A white or grey target in the pictures: (left, top, width, height) in pixels, and its reflectance, 0 to 1."""
 
     rectangle: tuple[int, int, int, int]
@@ -87,7 +87,7 @@ class LightEntry:
     exposure: tuple[float, ...] | None = None
 
     @property
-    def called(self) -> str:
+    def label(self) -> str:
         return self.name or next(iter(self.files.values()))[0]
 
 
@@ -106,11 +106,11 @@ class Stage:
     """
 
     lights: tuple[LightEntry, ...]
-    cameras: Mapping[str, View] = field(default_factory=dict)
+    cameras: Mapping[str, StageCamera] = field(default_factory=dict)
     grid: tuple[int, int] | None = None
     encoding: str = "srgb"
     subject: Vector = (0.0, 0.0, 0.0)
-    target: TargetPlace | None = None
+    target: TargetCard | None = None
     angular_diameter: float | None = None
     others: Mapping[str, Any] = field(default_factory=dict)
 
@@ -125,7 +125,7 @@ class Stage:
         )
         near = all(entry.position is not None for entry in self.lights)
         positions = np.array([entry.position for entry in self.lights]) if near else None
-        names = tuple(entry.called for entry in self.lights)
+        names = tuple(entry.label for entry in self.lights)
         lights = StageLights.towards(towards, names, positions=positions, grid=self._ordered_grid(towards))
         told = np.array([np.nan if e.solid_angle is None else e.solid_angle for e in self.lights])
         if abs(told.sum() / (4 * np.pi) - 1) < FILLED:  # False for NaN

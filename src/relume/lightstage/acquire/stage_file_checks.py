@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from relume.errors import InvalidStage
-from relume.lightstage.acquire.stage_file import LightEntry, Stage, TargetPlace, Vector, View
+from relume.lightstage.acquire.stage_file import LightEntry, Stage, StageCamera, TargetCard, Vector
 
 _LIGHT_KEYS = (
     "file files name direction position inclination azimuth solid_angle irradiance exposure".split()  # of a light
@@ -23,7 +23,7 @@ _COMMON_KEYS = ("irradiance_at_normal_incidence", "angular_diameter_deg")
 _VIEW_KEYS = ("position", "look_at", "hfov_deg")
 _GRID_KEYS = ("inclination", "azimuth")
 _MESH = "mesh"
-"""A key at the top that means nothing here, but where the subject's geometry is sought (`reading.geometry_of`)."""
+"""A key at the top that means nothing here, but where the subject's geometry is sought (`reading.stage_geometry`)."""
 _CAMERA = "camera_"
 _LIKENESS = 0.8
 """Of two keys, as `difflib` counts it, from which on one is the other misspelt: "subject" and "object" have 0.77."""
@@ -107,13 +107,13 @@ def _place(table: Mapping[str, Any], where: str) -> tuple[Vector | None, Vector 
     return direction, None
 
 
-def _cameras(table: Mapping[str, Any], path: str) -> dict[str, View]:
+def _cameras(table: Mapping[str, Any], path: str) -> dict[str, StageCamera]:
     told = dict(_table(table.get("cameras", {}), f"{path}: cameras"))
     told |= {key.removeprefix(_CAMERA): value for key, value in table.items() if key.startswith(_CAMERA)}
     return {str(name): _view(view, f"{path}: camera {name}") for name, view in told.items()}
 
 
-def _view(view: object, where: str) -> View:
+def _view(view: object, where: str) -> StageCamera:
     table = _table(view, where)
     _refuse_unknown(table, _VIEW_KEYS, where)
     for key in _VIEW_KEYS:
@@ -125,32 +125,32 @@ def _view(view: object, where: str) -> View:
     position, target = (_vector(table[key], f"{where}.{key}") for key in ("position", "look_at"))
     if position == target:
         raise InvalidStage(f"{where}: it stands where it looks at, {list(position)}; give two places")
-    return View(position, target, float(np.radians(degrees)))
+    return StageCamera(position, target, float(np.radians(degrees)))
 
 
-def _require_alike(lights: tuple[LightEntry, ...], cameras: Mapping[str, View], path: str) -> None:
+def _require_alike(lights: tuple[LightEntry, ...], cameras: Mapping[str, StageCamera], path: str) -> None:
     """Refuse lights that the same cameras did not all see, files used twice, and names of no camera."""
     seen = set(lights[0].files)
     used: dict[str, str] = {}
-    called: set[str] = set()
+    labels: set[str] = set()
     for entry in lights:
         if set(entry.files) != seen:
             odd = sorted(set(entry.files) ^ seen)[0]
             raise InvalidStage(
-                f'{path}: the light "{entry.called}" and the first are not of the same cameras ("{odd}"); '
+                f'{path}: the light "{entry.label}" and the first are not of the same cameras ("{odd}"); '
                 "give every light a picture of each camera"
             )
-        if entry.called in called:
-            raise InvalidStage(f'{path}: two lights are called "{entry.called}"; give each its own name and file')
-        called.add(entry.called)
+        if entry.label in labels:
+            raise InvalidStage(f'{path}: two lights are called "{entry.label}"; give each its own name and file')
+        labels.add(entry.label)
         for names in entry.files.values():
             for name in names:
                 if name in used:
                     raise InvalidStage(
-                        f'{path}: {name} is the picture of two lights, "{used[name]}" and "{entry.called}"; '
+                        f'{path}: {name} is the picture of two lights, "{used[name]}" and "{entry.label}"; '
                         "give each its own"
                     )
-                used[name] = entry.called
+                used[name] = entry.label
     if cameras and (unknown := sorted(seen - set(cameras) - {""})):
         raise InvalidStage(f'{path}: files of a camera "{unknown[0]}", but there are {", ".join(cameras)}; add it')
 
@@ -171,7 +171,7 @@ def _grid(grid: object, count: int, path: str) -> tuple[int, int] | None:
     return rows, columns
 
 
-def _target(value: object, where: str) -> TargetPlace:
+def _target(value: object, where: str) -> TargetCard:
     table = _table(value, where)
     _refuse_unknown(table, ["rectangle", "reflectance"], where)
     corner = _list(table.get("rectangle"), f"{where}.rectangle")
@@ -180,7 +180,7 @@ def _target(value: object, where: str) -> TargetPlace:
     reflectance = _positive(table.get("reflectance"), f"{where}.reflectance")
     if reflectance > 1:
         raise InvalidStage(f"{where}.reflectance: {reflectance:g}; expected at most 1")
-    return TargetPlace((corner[0], corner[1], corner[2], corner[3]), reflectance)
+    return TargetCard((corner[0], corner[1], corner[2], corner[3]), reflectance)
 
 
 # Single values

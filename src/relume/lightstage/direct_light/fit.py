@@ -9,14 +9,14 @@ from __future__ import annotations
 import numpy as np
 
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.relighting.specular_spikes import spikes_of
+from relume.lightstage.relighting.specular_spikes import spiky_and_mirror_pixels
 
 _EXPLAINED = 0.5
 _SPIKE_EXPLAINED = 0.8
 """Of a function that is a spike: a little off the model it would be turned into light below 0."""
 
 
-def fitted_direct(values: np.ndarray, basis: np.ndarray, lights: StageLights) -> np.ndarray:
+def fit_direct_light(values: np.ndarray, basis: np.ndarray, lights: StageLights) -> np.ndarray:
     """The scales (K, 2, 3) float32 of the direct light, by least squares over the sphere, none below 0.
 
     0 where direct light explains less than half of what indirect light leaves over, or four fifths where the function
@@ -40,7 +40,7 @@ def fitted_direct(values: np.ndarray, basis: np.ndarray, lights: StageLights) ->
     scales = _not_negative(normal, right)
     total = np.einsum("knc,knc->k", effects, effects)
     explained = 2 * np.einsum("kbc,kbc->k", scales, right) - np.einsum("kbc,kbd,kdc->k", scales, normal, scales)
-    spiky, mirrors = spikes_of(values, lights)
+    spiky, mirrors = spiky_and_mirror_pixels(values, lights)
     modelled = (explained > np.where(spiky, _SPIKE_EXPLAINED, _EXPLAINED) * total) & ~mirrors
     return np.where(modelled[:, None, None], scales, 0).astype(np.float32)
 
@@ -58,7 +58,7 @@ def _not_negative(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 def unexplained(values: np.ndarray, basis: np.ndarray, lights: StageLights) -> float:
     """The median over pixels of Σ |R − direct light| / Σ |R|, weighted by the lights' cells; mirrors do not count."""
-    direct = np.einsum("nbk,kbc->nkc", basis, fitted_direct(values, basis, lights))
+    direct = np.einsum("nbk,kbc->nkc", basis, fit_direct_light(values, basis, lights))
     error = np.einsum("nkc,n->k", np.abs(values - direct), lights.solid_angles)
     total = np.einsum("nkc,n->k", np.abs(values), lights.solid_angles)
     shown = total > 0

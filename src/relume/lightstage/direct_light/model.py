@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from relume.lightstage.direct_light.directions import DirectedLight
-from relume.lightstage.direct_light.fit import fitted_direct, unexplained
+from relume.lightstage.direct_light.fit import fit_direct_light, unexplained
+from relume.lightstage.direct_light.light_directions import DirectedLight
 from relume.lightstage.direct_light.surface import Geometry, Sample, direct_light, over_neighbours, samples_of
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.interpolation import Barycentric, Interpolation, Smooth
-from relume.lightstage.relighting.specular_spikes import spikes_of
+from relume.lightstage.relighting.specular_spikes import spiky_and_mirror_pixels
 from relume.scene.cameras.camera import Camera
 from relume.scene.shapes.shapes import Mesh
 
@@ -29,14 +29,14 @@ _TOGETHER = 16
 
 
 @dataclass(frozen=True)
-class Densification:
+class DirectLightSettings:
     """How a field is densified.
 
     interpolation : of all, without a mesh
     remainder : interpolation of what direct light leaves over. It changes from pixel to pixel where the model is off,
         so that lights next to a direction tell more and none is believed to the end: with the default's noise, light
         from a stage's light does not give back quite what was measured under it; without noise it does
-    glints : of pixels that are spikes and are not explained by direct light, with a mesh or without
+    spike_interpolation : of pixels that are spikes and are not explained by direct light, with a mesh or without
     light_radius : radians, half the angle across the stage's lights, seen from the subject
     alpha : width of the microfacets' slopes, found from the pictures for None
     side : side² rays look through each pixel; 3 ones keep edges smooth
@@ -46,7 +46,7 @@ class Densification:
 
     interpolation: Interpolation = Smooth()
     remainder: Interpolation = Smooth(cells=1.15, noise=0.1)
-    glints: Interpolation = Barycentric()
+    spike_interpolation: Interpolation = Barycentric()
     light_radius: float = float(np.radians(1))
     alpha: float | None = None
     side: int = 3
@@ -74,7 +74,7 @@ class DirectModel:
     source: ReflectanceField
     geometry: Geometry
     camera: Camera
-    settings: Densification
+    settings: DirectLightSettings
     threads: int | None = None
 
     def samples(self, rows: slice) -> tuple[slice, tuple[Sample, ...]]:
@@ -115,7 +115,7 @@ class DirectModel:
         values = self.source.block(slice(0, len(lights)), rows).reshape(len(lights), -1, 3)
         radii = np.full(len(lights), self.settings.light_radius)
         basis = self.basis(samples, wide, rows, lights.directions, radii)
-        scales = fitted_direct(values, basis, lights)
+        scales = fit_direct_light(values, basis, lights)
         left = values.copy()
         for light in range(len(lights)):
             left[light] -= np.einsum("bk,kbc->kc", basis[light], scales)
@@ -125,7 +125,7 @@ class DirectModel:
 def direct_model(
     source: ReflectanceField,
     geometry: Sequence[Mesh],
-    settings: Densification = Densification(),
+    settings: DirectLightSettings = DirectLightSettings(),
     threads: int | None = None,
 ) -> DirectModel:
     """The model of direct light on a mesh; finds `alpha` where the settings leave it open.
@@ -164,27 +164,31 @@ def _found_alpha(
 
 
 def left_over(
-    model: DirectModel, rows: slice, irradiances: np.ndarray, glints: np.ndarray
+    model: DirectModel, rows: slice, irradiances: np.ndarray, spike_irradiances: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """What direct light leaves over in these rows under a light, (K, 3), and the scales of its two parts, (K, 2, 3).
 
-    irradiances, glints : (N, 3), by the remainder's interpolation and by that of pixels that are spikes
+    irradiances, spike_irradiances : (N, 3), by the remainder's interpolation and by that of pixels that are spikes
     """
     wide, samples = model.samples(rows)
     scales, left = model.fitted(samples, wide, rows)
-    return over_of(left, glinting_pixels(scales, left, model.source.lights), irradiances, glints), scales
+    return sum_remainder(
+        left, unmodelled_spikes(scales, left, model.source.lights), irradiances, spike_irradiances
+    ), scales
 
 
-def over_of(left: np.ndarray, glinting: np.ndarray, irradiances: np.ndarray, glints: np.ndarray) -> np.ndarray:
+def sum_remainder(
+    left: np.ndarray, spiky: np.ndarray, irradiances: np.ndarray, spike_irradiances: np.ndarray
+) -> np.ndarray:
     over = np.einsum("nkc,nc->kc", left, irradiances)
-    over[glinting] = np.einsum("nkc,nc->kc", left[:, glinting], glints)
+    over[spiky] = np.einsum("nkc,nc->kc", left[:, spiky], spike_irradiances)
     return over
 
 
-def glinting_pixels(scales: np.ndarray, left: np.ndarray, lights: StageLights) -> np.ndarray:
+def unmodelled_spikes(scales: np.ndarray, left: np.ndarray, lights: StageLights) -> np.ndarray:
     """Which of K pixels (K,) are spikes that direct light (K, 2, 3) does not explain: all is left over (N, K, 3)."""
     found = np.asarray(~scales.any(axis=(1, 2)))
-    found[found] = spikes_of(left[:, found], lights)[0]
+    found[found] = spiky_and_mirror_pixels(left[:, found], lights)[0]
     return found
 
 

@@ -17,7 +17,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from relume.lightstage.driving.primaries import LampPrimaries
-from relume.lightstage.driving.subjects import Subject, Surface, cell_sums
+from relume.lightstage.driving.subjects import Subject, SurfaceSubject, voronoi_irradiances
 from relume.lightstage.field.lights import StageLights
 from relume.sphere.environment_map import EnvironmentMap
 
@@ -61,7 +61,7 @@ def drive(
     lights: StageLights,
     light: EnvironmentMap,
     primaries: LampPrimaries | None = None,
-    subject: Subject = Surface(),
+    subject: Subject = SurfaceSubject(),
     *,
     closeness: float = 0.1,
 ) -> Drive:
@@ -81,7 +81,7 @@ def drive(
     if not 0 < closeness < np.inf:
         raise ValueError(f"closeness is {closeness}; expected a number above 0, like 0.1")
     weights, seen, wanted = subject.weights, subject.lit_by(lights), subject.under(light)
-    start = lamps.nearest(cell_sums(lights, light))
+    start = lamps.nearest(voronoi_irradiances(lights, light))
     gram, rhs = _normal_equations(seen, wanted, weights, lamps.irradiance)
     held = closeness * float(np.trace(gram)) / len(gram) * _stiffness(start.ravel())
     gram = gram + np.diag(held)

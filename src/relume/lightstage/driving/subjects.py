@@ -15,8 +15,8 @@ from relume.light.reflection.convolution import as_latlong, convolved, cut_up
 from relume.light.reflection.lobes import GGXLobe, Lambert, Lobe
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.relighting.illumination import irradiances
-from relume.lightstage.relighting.interpolation import Interpolation, NearestCell, Smooth
+from relume.lightstage.relighting.interpolation import Interpolation, NearestLight, Smooth
+from relume.lightstage.relighting.irradiances import irradiances
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
 
@@ -39,20 +39,20 @@ class Subject(Protocol):
 
 
 @dataclass(frozen=True)
-class Surface:
+class SurfaceSubject:
     """A sphere of an even surface that nothing shadows: what every normal, or every mirrored direction, shows.
 
-    lobe : Lambert, whose sums are irradiance, unless given; `Surface.glossy(roughness)` for highlights
+    lobe : Lambert, whose sums are irradiance, unless given; `SurfaceSubject.glossy(roughness)` for highlights
     """
 
     lobe: Lobe = Lambert()
 
     @staticmethod
-    def glossy(roughness: float) -> Surface:
+    def glossy(roughness: float) -> SurfaceSubject:
         """Highlights as wide as a GGX surface's of this perceptual roughness, above 0 and at most 1."""
         if not 0 < roughness <= 1:
             raise ValueError(f"roughness is {roughness}; expected above 0 and at most 1, like 0.4")
-        return Surface(GGXLobe(roughness**2))
+        return SurfaceSubject(GGXLobe(roughness**2))
 
     @property
     def rows(self) -> int:
@@ -73,7 +73,7 @@ class Surface:
 
 
 @dataclass(frozen=True, eq=False)
-class Given:
+class MeasuredSubject:
     """A subject whose reflectance field is known, with its own shadows and highlights.
 
     field : taken under at least as many lights as the stage has that is driven
@@ -124,6 +124,6 @@ class Given:
         return np.concatenate(parts).astype(np.float64)
 
 
-def cell_sums(lights: StageLights, light: EnvironmentMap) -> np.ndarray:
+def voronoi_irradiances(lights: StageLights, light: EnvironmentMap) -> np.ndarray:
     """∫ L dω over the part of the sphere that is nearer to each light than to any other, (N, 3) float64."""
-    return irradiances(lights, light, NearestCell())
+    return irradiances(lights, light, NearestLight())

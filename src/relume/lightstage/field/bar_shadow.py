@@ -14,7 +14,7 @@ import numpy as np
 from scipy import ndimage
 
 from relume.lightstage.field.field import ReflectanceField
-from relume.lightstage.field.masking import PackedMask, grey_picture, level_of_pictures
+from relume.lightstage.field.invalid_samples import PackedMask, grey_picture, level_of_pictures
 
 _HELD_PICTURES = 96
 

@@ -16,7 +16,7 @@ from scipy.optimize import nnls
 from relume.lightstage.field.fall_off import FallOff
 from relume.lightstage.field.field import Derived, Noise, ReflectanceField
 from relume.lightstage.field.filling import Filling
-from relume.lightstage.field.masking import Mask
+from relume.lightstage.field.invalid_samples import Mask
 
 _WORKING_MEMORY = 256 << 20
 _SAMPLED_LIGHTS = 24

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from relume.lightstage.relighting.voronoi_cells import cell_solid_angles
+from relume.lightstage.relighting.voronoi_cells import voronoi_solid_angles
 from relume.sphere.directions import normalised
 
 
@@ -71,7 +71,7 @@ class StageLights:
             odd = int(np.argmax(~(np.isfinite(lengths) & (lengths > 0))))
             raise ValueError(f'the light "{called[odd]}" has the direction {array[odd].tolist()}; give it a length')
         unit = normalised(array)
-        return StageLights(unit, cell_solid_angles(unit, called), called, positions, grid)
+        return StageLights(unit, voronoi_solid_angles(unit, called), called, positions, grid)
 
     def chosen(self, which: np.ndarray) -> StageLights:
         """The lights of these indices (M,), with cells of their own: together they fill the sphere again."""

@@ -25,7 +25,7 @@ _TRIALS = 16
 
 
 @dataclass(frozen=True)
-class StatedError:
+class CompressionError:
     """How far compressed pictures are from exact ones: Σ|difference| / Σ|exact| over a picture, measured at building.
 
     worst : the greatest under any single light in one channel; no light without negative parts does worse
@@ -39,7 +39,7 @@ class StatedError:
 
 
 class ErrorTally:
-    """Gathers a `StatedError` over the blocks of a field."""
+    """Gathers a `CompressionError` over the blocks of a field."""
 
     def __init__(self, lights: StageLights) -> None:
         radiance = np.random.default_rng(0).exponential(size=(_TRIALS, len(lights)))
@@ -54,14 +54,14 @@ class ErrorTally:
             self._light[place] += np.abs(values).sum(1, dtype=np.float64)
             self._trial[place] += np.abs(self._random @ values.reshape(len(values), -1)).sum(1, dtype=np.float64)
 
-    def stated(self) -> StatedError:
+    def stated(self) -> CompressionError:
         """The errors of all that was added; a channel that is black under a light counts nowhere."""
         error, sums = self._light
         lit = sums > 1e-6 * sums.max()
         if not lit.any():
-            return StatedError(0.0, 0.0, 0.0)
+            return CompressionError(0.0, 0.0, 0.0)
         ratios = error[lit] / sums[lit]
-        return StatedError(
+        return CompressionError(
             float(ratios.max()), float(error.sum() / sums.sum()), float((self._trial[0] / self._trial[1]).max())
         )
 
@@ -149,7 +149,7 @@ class CosineField:
     starts: np.ndarray
     kinds: np.ndarray
     digits: np.ndarray
-    error: StatedError
+    error: CompressionError
 
     @property
     def byte_count(self) -> int:
@@ -157,7 +157,7 @@ class CosineField:
         return self.starts.nbytes + self.kinds.nbytes + self.digits.nbytes
 
     def relight(self, irradiances: np.ndarray) -> RadianceMap:
-        """The subject under light of irradiances (N, 3), within `error`; ValueError as of `relighting.relight`."""
+        """The subject under light of irradiances (N, 3), within `error`; ValueError as of `relighting.weighted_sum`."""
         from relume.lightstage.relighting.sum_kernel import summed_tiles
 
         light = self.grid.light(checked(self.lights, irradiances))

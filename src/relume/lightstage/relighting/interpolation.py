@@ -1,7 +1,7 @@
 """Reflectance between the lights: what share each light of a stage has in light from any direction.
 
 R(ω) ≈ Σ_i w_i(ω) R_i with Σ_i w_i = 1, so that light of directions ω_m and irradiances E_m asks of light i
-Σ_m w_i(ω_m) E_m. `NearestCell` is the paper's sum over cells (Debevec et al. 2000, eq. 4). `Smooth` is kriging:
+Σ_m w_i(ω_m) E_m. `NearestLight` is the paper's sum over cells (Debevec et al. 2000, eq. 4). `Smooth` is kriging:
 the best guess where reflectance functions vary over `length` (Rasmussen & Williams 2006, "Gaussian Processes for
 Machine Learning", section 2.7 and eq. 4.17). Its shares may be below 0, and so may pictures of a mirror, whose
 functions are spikes. `Barycentric` has none below 0: the three lights around a direction share it.
@@ -40,7 +40,7 @@ class Interpolation(Protocol):
 
 
 @dataclass(frozen=True)
-class NearestCell:
+class NearestLight:
     """Every direction counts for the light next to it."""
 
     def weights(self, lights: StageLights, directions: np.ndarray) -> np.ndarray:
@@ -212,7 +212,9 @@ class Smooth:
         constrained = np.concatenate([near, np.ones((len(near), 1))], axis=1)
         known = reached(lights, directions)[:, None]
         shares = np.linalg.solve(self._system(lights), constrained.T)[:-1].T * known
-        return shares if known.min(initial=1) == 1 else shares + NearestCell().weights(lights, directions) * (1 - known)
+        return (
+            shares if known.min(initial=1) == 1 else shares + NearestLight().weights(lights, directions) * (1 - known)
+        )
 
     def gathered(self, lights: StageLights, directions: np.ndarray, irradiances: np.ndarray) -> np.ndarray:
         """As of every `Interpolation`; sums covariances first and solves once, so that M may be millions."""

@@ -15,16 +15,16 @@ import numpy as np
 from relume.image.radiance import RadianceMap
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.relighting.cosine import ErrorTally, StatedError, row_bands
+from relume.lightstage.relighting.cosine import CompressionError, ErrorTally, row_bands
 from relume.lightstage.relighting.relighting import MEMORY, Progress, checked
 
-GLINT = 30.0
+SPIKE = 30.0
 """Times the field's mean value above which a value is kept apart: above matte surfaces that face the light, below
 mirrored lights."""
 
 
 @dataclass(frozen=True, eq=False)
-class Glints:
+class Spikes:
     """What stands out of the pictures: `values` (M, 3) float32 at `pixels` (M,), row by row, under `lights` (M,)."""
 
     values: np.ndarray
@@ -32,7 +32,7 @@ class Glints:
     lights: np.ndarray
 
     def added(self, picture: np.ndarray, irradiances: np.ndarray) -> np.ndarray:
-        """The picture (pixels, 3) float64 with the glints under these irradiances (N, 3) added."""
+        """The picture (pixels, 3) float64 with the spikes under these irradiances (N, 3) added."""
         if len(self.pixels) == 0:
             return picture
         first = np.flatnonzero(np.append(True, np.diff(self.pixels) != 0))
@@ -48,15 +48,15 @@ class LowRank:
     lights : N of them
     basis : (K, H, W, 3) float16 or float32
     coefficients : (K, N) float64, orthonormal rows
-    glints : kept apart, exactly
+    spikes : kept apart, exactly
     error : of the pictures it makes
     """
 
     lights: StageLights
     basis: np.ndarray
     coefficients: np.ndarray
-    glints: Glints
-    error: StatedError
+    spikes: Spikes
+    error: CompressionError
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -65,18 +65,18 @@ class LowRank:
     @property
     def byte_count(self) -> int:
         """Bytes it takes."""
-        glints = self.glints.values.nbytes + self.glints.pixels.nbytes + self.glints.lights.nbytes
-        return self.basis.nbytes + self.coefficients.nbytes + glints
+        spikes = self.spikes.values.nbytes + self.spikes.pixels.nbytes + self.spikes.lights.nbytes
+        return self.basis.nbytes + self.coefficients.nbytes + spikes
 
     def relight(self, irradiances: np.ndarray) -> RadianceMap:
-        """The subject under light of irradiances (N, 3), within `error`; ValueError as of `relighting.relight`."""
+        """The subject under light of irradiances (N, 3), within `error`; ValueError as of `relighting.weighted_sum`."""
         from relume.lightstage.relighting.sum_kernel import add_weighted
 
         given = checked(self.lights, irradiances)
         count, (rows, columns) = len(self.basis), self.shape
         totals = np.zeros((1, rows * columns * 3))
         add_weighted(self.basis.reshape(count, -1), (self.coefficients @ given)[:, None], totals)
-        picture = self.glints.added(totals.reshape(-1, 3), given)
+        picture = self.spikes.added(totals.reshape(-1, 3), given)
         return RadianceMap(picture.reshape(rows, columns, 3).astype(np.float32))
 
 
@@ -90,7 +90,7 @@ def compress_low_rank(
 ) -> LowRank:
     """The best basis of the field's pictures for a part of its energy, in three passes over it.
 
-    error : what of the pictures' root mean square may be lost, glints left out; it sets the rank, and what comes of it
+    error : what of the pictures' root mean square may be lost, spikes left out; it sets the rank, and what comes of it
         under light is measured and stated. 0.02 unless given, which keeps a head on a 24 × 12 stage within 1 % under
         daylight maps, but with 245 basis pictures for its 288 lights: sharp shadows have no low rank
     rank : the number of basis pictures, whatever the error
@@ -104,18 +104,18 @@ def compress_low_rank(
     total = sum(float(np.abs(field.block(everything, rows)).sum(dtype=np.float64)) for rows in bands)
     if not 0 < total < np.inf:
         raise ValueError(f"the field's values sum to {total}; expected pictures that are not all black, and finite")
-    above = np.float32(GLINT * total / (count * height * width * 3))
+    above = np.float32(SPIKE * total / (count * height * width * 3))
 
     products, found = np.zeros((count, count)), []
     for rows in bands:
         values = field.block(everything, rows).reshape(count, -1)
-        held = _without_glints(values, above)
-        found.append(_glints(values - held, rows.start * width))
+        held = _without_spikes(values, above)
+        found.append(_spikes(values - held, rows.start * width))
         exact = held.astype(np.float64)
         products += exact @ exact.T
         if progress:
             progress(0.5 * rows.stop / height)
-    glints = Glints(*(np.concatenate(part) for part in zip(*found, strict=True)))
+    spikes = Spikes(*(np.concatenate(part) for part in zip(*found, strict=True)))
     coefficients = _principal(products, error, rank)
 
     projected, tally = coefficients.astype(np.float32), ErrorTally(field.lights)
@@ -124,14 +124,14 @@ def compress_low_rank(
     basis = np.empty((len(coefficients), height, width, 3), kept)
     for rows in bands:
         values = field.block(everything, rows).reshape(count, -1)
-        held = _without_glints(values, above)
+        held = _without_spikes(values, above)
         part = (projected @ held).astype(kept)
         basis[:, rows] = part.reshape(len(basis), -1, width, 3)
         remade = projected.T @ part.astype(np.float32) + (values - held)
         tally.add(values.reshape(count, -1, 3), remade.reshape(count, -1, 3))
         if progress:
             progress(0.5 + 0.5 * rows.stop / height)
-    return LowRank(field.lights, basis, coefficients, glints, tally.stated())
+    return LowRank(field.lights, basis, coefficients, spikes, tally.stated())
 
 
 def _principal(products: np.ndarray, error: float, rank: int | None) -> np.ndarray:
@@ -144,16 +144,16 @@ def _principal(products: np.ndarray, error: float, rank: int | None) -> np.ndarr
     return np.ascontiguousarray(vectors[:rank])
 
 
-def _without_glints(values: np.ndarray, above: np.float32) -> np.ndarray:
+def _without_spikes(values: np.ndarray, above: np.float32) -> np.ndarray:
     """Pictures (N, values) where what exceeds `above` is as the pixel's mean under the other lights."""
     pixels = values.reshape(len(values), -1, 3)
-    glints = np.any(pixels > above, axis=2)
-    others = np.maximum(len(values) - np.sum(glints, axis=0), 1)[:, None]
-    mean = np.where(glints[..., None], np.float32(0), pixels).sum(0, dtype=np.float64) / others
-    return np.where(glints[..., None], mean.astype(np.float32), pixels).reshape(values.shape)
+    spikes = np.any(pixels > above, axis=2)
+    others = np.maximum(len(values) - np.sum(spikes, axis=0), 1)[:, None]
+    mean = np.where(spikes[..., None], np.float32(0), pixels).sum(0, dtype=np.float64) / others
+    return np.where(spikes[..., None], mean.astype(np.float32), pixels).reshape(values.shape)
 
 
-def _glints(excess: np.ndarray, offset: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _spikes(excess: np.ndarray, offset: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What is not 0 in pictures (N, values): by pixel, then by light."""
     pixels = excess.reshape(len(excess), -1, 3)
     at, light = np.nonzero(pixels.any(2).T)

@@ -24,7 +24,7 @@ Weights = Callable[[slice, slice], np.ndarray]
 """Irradiances (lights, rows, columns, 3) at the pixels of these rows, of these lights."""
 
 
-def relight(
+def weighted_sum(
     field: ReflectanceField,
     irradiances: np.ndarray,
     *,

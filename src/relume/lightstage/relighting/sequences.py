@@ -11,7 +11,7 @@ from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.relighting.relighting import MEMORY, Progress, checked, summed
 
 
-def relight_sequence(
+def weighted_sums(
     field: ReflectanceField,
     irradiances: np.ndarray,
     *,
@@ -19,11 +19,11 @@ def relight_sequence(
     memory: int = MEMORY,
     progress: Progress | None = None,
 ) -> Iterator[RadianceMap]:
-    """Pictures under each of the irradiances (K, N, 3), in their order, each the very bytes of `relight`'s.
+    """Pictures under each of the irradiances (K, N, 3), in their order, each the very bytes of `weighted_sum`'s.
 
     memory : bytes for blocks, sums and pictures; where they do not hold all pictures, the field is read again for the
         next of them
-    Raises ValueError as `relight` does, before the first picture.
+    Raises ValueError as `weighted_sum` does, before the first picture.
     """
     given = np.asarray(irradiances, np.float64)
     if given.ndim != 3 or len(given) == 0:

@@ -27,7 +27,7 @@ _TINY = 1e-3
 """Of a picture's brightest hundredth: what is below 0 by less is no more than the noise of its source."""
 
 
-def spikes(peak: np.ndarray, mean: np.ndarray) -> np.ndarray:
+def find_spikes(peak: np.ndarray, mean: np.ndarray) -> np.ndarray:
     """Which pixels' functions are spikes: bool of the shape (…) of two arrays (…, 3).
 
     peak : the greatest value over the lights, channel by channel
@@ -36,28 +36,28 @@ def spikes(peak: np.ndarray, mean: np.ndarray) -> np.ndarray:
     return np.asarray(peak.sum(axis=-1) > SPIKE * np.maximum(mean.sum(axis=-1), 0))
 
 
-def spikes_of(values: np.ndarray, lights: StageLights) -> tuple[np.ndarray, np.ndarray]:
+def spiky_and_mirror_pixels(values: np.ndarray, lights: StageLights) -> tuple[np.ndarray, np.ndarray]:
     """Which of K pixels' functions (N, K, 3) are spikes, and in which one light alone makes most: two (K,) bool."""
     shares = (lights.solid_angles / (4 * np.pi)).astype(np.float32)
     mean = np.einsum("nkc,n->kc", values, shares)
     alone = (values.sum(axis=2) * shares[:, None]).max(axis=0)
-    return spikes(values.max(axis=0), mean), np.asarray(alone > MIRROR * np.maximum(mean.sum(axis=1), 0))
+    return find_spikes(values.max(axis=0), mean), np.asarray(alone > MIRROR * np.maximum(mean.sum(axis=1), 0))
 
 
-def interpolated(values: np.ndarray, spiky: np.ndarray, weights: np.ndarray, glints: np.ndarray) -> np.ndarray:
+def interpolated(values: np.ndarray, spiky: np.ndarray, weights: np.ndarray, barycentric: np.ndarray) -> np.ndarray:
     """Values (N, K, 3) summed with weights (M, N), those that glint with theirs: (M, K, 3) float32."""
     count, pixels = values.shape[:2]
     found = (weights.astype(np.float32) @ values.reshape(count, -1)).reshape(len(weights), pixels, 3)
     if spiky.any():
         some = values[:, spiky].reshape(count, -1)
-        found[:, spiky] = (glints.astype(np.float32) @ some).reshape(len(weights), -1, 3)
+        found[:, spiky] = (barycentric.astype(np.float32) @ some).reshape(len(weights), -1, 3)
     return found
 
 
-def relit(
+def relight_spiky(
     field: ReflectanceField,
     smooth: np.ndarray,
-    glints: np.ndarray,
+    barycentric: np.ndarray,
     *,
     threads: int | None = None,
     memory: int = MEMORY,
@@ -65,31 +65,31 @@ def relit(
 ) -> RadianceMap:
     """The subject under one light, spikes summed without shares below 0; one pass over the field.
 
-    smooth, glints : (N, 3), the same light shared out by `Smooth` and by `Barycentric`
-    threads, memory : as of `relighting.relight`
-    Raises ValueError as `relight`, and warns where some of the picture is below 0.
+    smooth, barycentric : (N, 3), the same light shared out by `Smooth` and by `Barycentric`
+    threads, memory : as of `relighting.weighted_sum`
+    Raises ValueError as `weighted_sum`, and warns where some of the picture is below 0.
     """
-    given = checked(field.lights, smooth)[None], checked(field.lights, glints)[None]
-    return next(relit_sequence(field, *given, threads=threads, memory=memory, progress=progress))
+    given = checked(field.lights, smooth)[None], checked(field.lights, barycentric)[None]
+    return next(relight_spiky_sequence(field, *given, threads=threads, memory=memory, progress=progress))
 
 
-def relit_sequence(
+def relight_spiky_sequence(
     field: ReflectanceField,
     smooth: np.ndarray,
-    glints: np.ndarray,
+    barycentric: np.ndarray,
     *,
     threads: int | None = None,
     memory: int = MEMORY,
     progress: Progress | None = None,
 ) -> Iterator[RadianceMap]:
-    """Pictures under each light, in their order, each the very bytes of `relit`'s.
+    """Pictures under each light, in their order, each the very bytes of `relight_spiky`'s.
 
-    smooth, glints : (K, N, 3) each, as of `relit`
+    smooth, barycentric : (K, N, 3) each, as of `relight_spiky`
     memory : bytes; where they do not hold all pictures, the field is read again for the next of them
-    Raises ValueError as `relight`, before the first picture. With the last one, a warning tells
+    Raises ValueError as `weighted_sum`, before the first picture. With the last one, a warning tells
     of what is below 0.
     """
-    pairs = [np.asarray(each, np.float64) for each in (smooth, glints)]
+    pairs = [np.asarray(each, np.float64) for each in (smooth, barycentric)]
     if pairs[0].ndim != 3 or len(pairs[0]) == 0 or pairs[0].shape != pairs[1].shape:
         raise ValueError(
             f"irradiances are {pairs[0].shape} and {pairs[1].shape}; expected (pictures, {len(field.lights)} lights, "
@@ -103,7 +103,7 @@ def relit_sequence(
 def _passes(
     field: ReflectanceField,
     smooth: np.ndarray,
-    glints: np.ndarray,
+    barycentric: np.ndarray,
     threads: int | None,
     memory: int,
     progress: Progress | None,
@@ -134,7 +134,7 @@ def _passes(
         pictures = list(
             summed(
                 field,
-                np.concatenate([*extra, smooth[part], glints[part]]),
+                np.concatenate([*extra, smooth[part], barycentric[part]]),
                 threads=threads,
                 memory=memory - peak.nbytes,
                 progress=report,
@@ -142,7 +142,7 @@ def _passes(
             )
         )
         if spiky is None:
-            spiky = spikes(peak, pictures.pop(0).radiance)
+            spiky = find_spikes(peak, pictures.pop(0).radiance)
         half = len(pictures) // 2
         for index in range(half):
             picture = chosen(spiky, pictures[half + index], pictures[index])

@@ -16,7 +16,7 @@ CLOSEST = 1e-5
 _SAMPLES = 1 << 20
 
 
-def cell_solid_angles(directions: np.ndarray, names: Sequence[str]) -> np.ndarray:
+def voronoi_solid_angles(directions: np.ndarray, names: Sequence[str]) -> np.ndarray:
     """Steradians (N,) of the cells of lights in unit directions (N, 3); they sum to 4π.
 
     Exact polygons; where there are none, for fewer than four lights or lights on one circle, counted among a million

@@ -13,12 +13,12 @@ from dataclasses import replace
 import numpy as np
 
 from relume.errors import InvalidShot
-from relume.lightstage.acquire.read_stage import geometry_of, read_stage
-from relume.lightstage.direct_light.directions import leaves_of
-from relume.lightstage.direct_light.model import Densification
-from relume.lightstage.novel_view.direct_light_view import directly_lit_view
-from relume.lightstage.novel_view.gathering import Source, View
+from relume.lightstage.acquire.read_stage import read_stage, stage_geometry
+from relume.lightstage.direct_light.light_directions import quadtree_lights
+from relume.lightstage.direct_light.model import DirectLightSettings
+from relume.lightstage.novel_view.direct_light_view import direct_light_view
 from relume.lightstage.novel_view.projection import Subject
+from relume.lightstage.novel_view.source_views import NewView, SourceView
 from relume.project.placement import turn_of
 from relume.project.shot_file.objects import placed_meshes
 from relume.project.shot_file.shot import Object, Shot
@@ -61,7 +61,7 @@ def with_stages(
     return change
 
 
-def laid_over(change: Change, seen: View, distance: np.ndarray) -> Change:
+def laid_over(change: Change, seen: NewView, distance: np.ndarray) -> Change:
     """The change with a subject's own picture in place of its rendered one, where it is the nearest object.
 
     distance : (H, W) metres from the camera to the subject; ∞ beside it
@@ -76,7 +76,7 @@ def laid_over(change: Change, seen: View, distance: np.ndarray) -> Change:
     return replace(change, objects=objects.astype(np.float32), objects_variance=variance.astype(np.float32))
 
 
-def _look(shot: Shot, table: Object, around: Scene, camera: Camera) -> tuple[View, np.ndarray]:
+def _look(shot: Shot, table: Object, around: Scene, camera: Camera) -> tuple[NewView, np.ndarray]:
     """What the plate's camera sees of the subject, and how far it is."""
     assert table.stage is not None
     turn, path = turn_of(table), shot.folder / table.stage
@@ -90,10 +90,10 @@ def _look(shot: Shot, table: Object, around: Scene, camera: Camera) -> tuple[Vie
     middle = bounds(meshes).mean(axis=0) * table.scale @ turn.T + np.array(table.translate)
     light = environment(around, middle, LIGHT, size=LIGHT_ROWS, seed=shot.render.seed)
     sources = [
-        Source(read_stage(path, name), name=table.stage + (f", camera {name}" if name else ""))
+        SourceView(read_stage(path, name), name=table.stage + (f", camera {name}" if name else ""))
         for name in table.stage_cameras or [None]
     ]
-    radius = geometry_of(path)[1]
-    settings = Densification() if radius is None else Densification(light_radius=radius)
-    seen = directly_lit_view(sources, leaves_of(light, LEAVES).turned(turn.T), moved, meshes, settings=settings)
+    radius = stage_geometry(path)[1]
+    settings = DirectLightSettings() if radius is None else DirectLightSettings(light_radius=radius)
+    seen = direct_light_view(sources, quadtree_lights(light, LEAVES).turned(turn.T), moved, meshes, settings=settings)
     return seen, Subject.of(meshes).seen(moved).distance * table.scale

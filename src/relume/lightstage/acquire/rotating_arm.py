@@ -1,0 +1,235 @@
+"""A spinning stage: one lamp on two axes, filmed, so that every frame is a light of its own.
+
+The lamp goes round the vertical axis without a stop while its inclination is lowered a step a revolution (Debevec et
+al. 2000, §3.1). Azimuth is measured at +Y from +Z towards +X, inclination from +Y; radians. Revolutions are counted
+from where the azimuth is `start_azimuth`: after k + s of them, 0 ≤ s < 1, the lamp is s of a turn beyond, on ring k.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from relume.errors import InvalidStage
+from relume.lightstage.field.lights import StageLights
+
+WRONG = np.radians(20)
+"""An azimuth that is farther off than that is another thing than the lamp."""
+FEWEST = 8
+"""Highlights from which a rotation is found; two unknowns, and some of the readings are wrong."""
+
+
+class ArmRotation(Protocol):
+    """Where in its course the lamp is."""
+
+    def revolutions(self, frames: np.ndarray) -> np.ndarray:
+        """Revolutions (N,) since the first ring began, at frames (N,) counted from 0; negative before."""
+        ...
+
+
+@dataclass(frozen=True)
+class SteadyRotation:
+    """A motor: the same rate throughout.
+
+    revolutions_per_frame : of the stage over the film's frames a second: 25 a minute at 30 a second is 1/72
+    start : the frame, with its fraction, in which the first ring begins
+    """
+
+    revolutions_per_frame: float
+    start: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.revolutions_per_frame < 0.5 or not np.isfinite(self.start):
+            raise ValueError(
+                f"{self}: expected revolutions a frame above 0 and below a half, and a finite start; turn slower, or "
+                "film faster"
+            )
+
+    def revolutions(self, frames: np.ndarray) -> np.ndarray:
+        return (np.asarray(frames, np.float64) - self.start) * self.revolutions_per_frame
+
+
+@dataclass(frozen=True)
+class TriggeredRotation:
+    """By hand: a signal at each pass of the start, as the paper's; between two the rate is even.
+
+    frames : where the signals fall, with their fractions, rising; the last one ends the last ring
+    """
+
+    frames: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.frames) < 2 or not np.all(np.diff(self.frames) > 2):
+            raise ValueError("triggers must rise, by more than two frames each, and there must be two at least")
+
+    def revolutions(self, frames: np.ndarray) -> np.ndarray:
+        """Beyond the first and the last signal at the rates of the first and the last ring."""
+        wanted, signals = np.asarray(frames, np.float64), np.array(self.frames)
+        ring = np.clip(np.searchsorted(signals, wanted, side="right") - 1, 0, len(signals) - 2)
+        return ring + (wanted - signals[ring]) / np.diff(signals)[ring]
+
+
+@dataclass(frozen=True)
+class RotatingArm:
+    """The course of the lamp.
+
+    rotation : round the vertical axis
+    rings : how many there are; 32 in the paper
+    first_inclination, step : of the first ring, and from each to the next; rings at the middles of 32 bands of the
+        half circle unless given, (k + ½) π/32
+    start_azimuth : where each ring begins; +Z, from where the camera looks, unless given
+    clockwise : whether it turns from +Z towards −X; not unless given
+    spiral : whether it sinks evenly all the time, and not all at once when a ring ends
+    shutter : the share of the frame's time for which the shutter is open, from the frame's beginning; the lamp is taken
+        at the middle of it. 0.5 is what film and most video do
+    """
+
+    rotation: ArmRotation
+    rings: int = 32
+    first_inclination: float = float(np.pi / 64)
+    step: float = float(np.pi / 32)
+    start_azimuth: float = 0.0
+    clockwise: bool = False
+    spiral: bool = False
+    shutter: float = 0.5
+
+    def __post_init__(self) -> None:
+        last = self.first_inclination + (self.rings - 1) * self.step
+        if self.rings < 1 or not (0 <= self.first_inclination <= np.pi and -1e-9 <= last <= np.pi + 1e-9):
+            raise ValueError(
+                f"{self.rings} rings from {self.first_inclination:.3f} by {self.step:.3f} rad; expected one or more "
+                "whose inclinations lie between 0 and π"
+            )
+        if not 0 <= self.shutter <= 1:
+            raise ValueError(f"shutter is {self.shutter}; expected the share of a frame's time, 0 to 1")
+
+    def directions(self, frames: np.ndarray) -> np.ndarray:
+        """Unit directions (N, 3) towards the lamp at frames (N,); NaN before the first ring and after the last."""
+        return self._directions(self._revolutions(frames))
+
+    def frames_of_grid(self, columns: int, frame_count: int) -> np.ndarray:
+        """The frames (rings, columns) nearest to an even grid of azimuths, (j + ½)/columns of a turn from the start.
+
+        Raises InvalidStage where a film of `frame_count` frames does not go so far, or has fewer frames a turn than
+        columns: one of them would be two lights.
+        """
+        counted = self._revolutions(np.arange(frame_count))
+        inside = np.flatnonzero((counted >= 0) & (counted < self.rings))
+        if len(inside) == 0 or counted[-1] < self.rings - 1 / columns or counted[0] > 1 / columns:
+            reached = f"revolutions {counted[0]:.2f} to {counted[-1]:.2f}"
+            raise InvalidStage(
+                f"the film of {frame_count} frames shows {reached}, not the {self.rings} rings of the stage; check the "
+                "rate and the start, or give fewer rings"
+            )
+        wanted = np.arange(self.rings)[:, None] + (np.arange(columns) + 0.5) / columns
+        after = np.clip(np.searchsorted(counted, wanted), 1, frame_count - 1)
+        chosen = np.where(counted[after] - wanted < wanted - counted[after - 1], after, after - 1)
+        if len(np.unique(chosen)) != chosen.size:
+            raise InvalidStage(
+                f"{len(inside) / self.rings:.1f} frames a turn are fewer than {columns} columns; take fewer columns"
+            )
+        return chosen
+
+    def grid_lights(self, columns: int, frame_count: int) -> tuple[np.ndarray, StageLights]:
+        """The frames (N,) of an even grid, and its lights, each where the lamp was in its own frame.
+
+        Names are `frame_000123`. Raises as `frames_of_grid`.
+        """
+        frames = self.frames_of_grid(columns, frame_count).ravel()
+        names = tuple(frame_name(int(frame)) for frame in frames)
+        downward = self.step > 0 and not self.spiral
+        grid = (self.rings, columns) if downward else None
+        return frames, StageLights.towards(self.directions(frames), names, grid=grid)
+
+    def _revolutions(self, frames: np.ndarray) -> np.ndarray:
+        return self.rotation.revolutions(np.asarray(frames, np.float64) + self.shutter / 2)
+
+    def _directions(self, counted: np.ndarray) -> np.ndarray:
+        inside = (counted >= 0) & (counted < self.rings)
+        lowered = np.clip(counted - 0.5, 0, self.rings - 1) if self.spiral else np.floor(counted)
+        inclination = np.where(inside, self.first_inclination + lowered * self.step, np.nan)
+        azimuth = self.start_azimuth + (-1 if self.clockwise else 1) * 2 * np.pi * counted
+        across = np.sin(inclination)
+        return np.stack([across * np.sin(azimuth), np.cos(inclination), across * np.cos(azimuth)], axis=-1)
+
+
+def frame_name(frame: int) -> str:
+    """What the light of a frame is called: its number, so that names sort as frames follow."""
+    return f"frame_{frame:06d}"
+
+
+def fit_rotation(
+    directions: np.ndarray, *, start_azimuth: float = 0.0, clockwise: bool = False, shutter: float = 0.5
+) -> SteadyRotation:
+    """The rate and the start of a steady rotation, from where a mirrored ball shows the lamp in each frame.
+
+    directions : (N, 3) of all frames in their order; NaN where it was not seen. The first pass of the start azimuth
+        after the first sight begins the first ring
+
+    Of all rates the one is taken that, undone, leaves the azimuths most alike (their periodogram's peak), so that
+    gaps and wrong readings do not matter; a line through what is left refines it. sin θ weighs, because near the pole
+    an azimuth says little.
+    Raises InvalidStage for too few, and for azimuths that no rate makes alike.
+    """
+    seen = np.flatnonzero(np.isfinite(directions).all(axis=1))
+    if len(seen) < FEWEST:
+        raise InvalidStage(f"the lamp is seen in {len(seen)} frames; its rotation is found from {FEWEST} or more")
+    x, _, z = directions[seen].T
+    phasor = (z + 1j * x) if not clockwise else (z - 1j * x)
+    time = seen + shutter / 2
+
+    def likeness(rates: np.ndarray) -> np.ndarray:
+        return np.abs(np.exp(-2j * np.pi * rates[:, None] * time) @ phasor) / np.abs(phasor).sum()
+
+    # A peak is one over the film's length wide: four samples across it, then ever finer about the best.
+    length = float(np.ptp(time)) + 1
+    width = 1 / (4 * length)
+    rates = np.arange(width, 0.5, width)
+    best = float(rates[int(np.argmax(np.concatenate([likeness(part) for part in np.array_split(rates, 64)])))])
+    while width > 1e-4 / length:
+        rates = best + np.linspace(-width, width, 41)
+        best, width = float(rates[int(np.argmax(likeness(rates)))]), width / 10
+    if likeness(np.array([best]))[0] < 0.5:
+        raise InvalidStage(
+            "the lamp's azimuths follow no steady rotation this way round; turn the sense, or give each pass's signal"
+        )
+    # What is left of each azimuth, about the most common one: a line through those that are near tells rate and start.
+    turned = np.exp(-2j * np.pi * best * time) @ phasor
+    left = np.angle(phasor * np.exp(-2j * np.pi * best * time) / turned)
+    slope, offset = 0.0, 0.0
+    for _ in range(10):
+        near = np.abs(left - offset - slope * time) < WRONG
+        slope, offset = np.polyfit(time[near], left[near], 1, w=np.abs(phasor[near]))
+    rate = best + slope / (2 * np.pi)
+    phase = np.angle(turned) + offset + (1 if clockwise else -1) * start_azimuth
+    start = float(-phase / (2 * np.pi * rate))
+    return SteadyRotation(float(rate), float(start + np.ceil((time[0] - start) * rate - 1e-6) / rate))
+
+
+def fit_rings(directions: np.ndarray, rotation: ArmRotation, shutter: float = 0.5) -> tuple[float, float, int]:
+    """The first inclination, the step and the number of rings, from where a mirrored ball shows the lamp.
+
+    directions : (N, 3) of all frames; NaN where it was not seen
+
+    The median of each ring stands for it, and a line through the medians is fitted by least squares. The number counts
+    complete rings. Raises InvalidStage where fewer than two rings were seen.
+    """
+    counted = rotation.revolutions(np.arange(len(directions)) + shutter / 2)
+    inclination = np.arccos(np.clip(directions[:, 1], -1, 1))
+    complete = int(np.floor(counted[-1] + 1 / max(len(directions), 1)))
+    rows = [(k, inclination[(np.floor(counted) == k) & np.isfinite(inclination)]) for k in range(complete)]
+    seen = [(k, float(np.median(row))) for k, row in rows if len(row)]
+    if len(seen) < 2:
+        raise InvalidStage(f"the lamp is seen on {len(seen)} rings; its step is found from two or more")
+    step, first = np.polyfit([k for k, _ in seen], [i for _, i in seen], 1)
+    return float(first), float(step), complete
+
+
+def rotation_from_triggers(seconds: Sequence[float], frames_per_second: float) -> TriggeredRotation:
+    """The rotation whose signals came at these seconds of the film, as from the audio track."""
+    if not frames_per_second > 0:
+        raise ValueError(f"frames_per_second is {frames_per_second}; expected above 0")
+    return TriggeredRotation(tuple(float(second) * frames_per_second for second in seconds))

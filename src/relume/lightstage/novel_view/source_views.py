@@ -1,0 +1,187 @@
+"""What a new camera sees of a subject, gathered from the cameras that took it: rays, source pixels, blending.
+
+Each ray of the new view meets the mesh; what each source camera tells of that place is looked up in its picture, and
+the sources are blended (Debevec et al. 2000, §4.5). World frame, metres.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from relume.image.radiance import OUTSIDE, RadianceMap
+from relume.lightstage.field.field import ReflectanceField
+from relume.lightstage.novel_view.blending import Blending, blended, border_distance
+from relume.lightstage.novel_view.projection import Outline, Subject, check_mesh_matches, outline, sampled
+from relume.scene.cameras.camera import Camera
+
+SIDE = 2
+"""Rays along each side of a pixel of the new view: outlines in steps of a quarter."""
+
+
+class Separated(Protocol):
+    """A reflectance field told apart: `separation.Separation` and `polarised.PolarisedPair` are."""
+
+    @property
+    def diffuse(self) -> ReflectanceField: ...
+
+    @property
+    def specular(self) -> ReflectanceField: ...
+
+
+@dataclass(frozen=True, eq=False)
+class SourceView:
+    """What one camera took of the subject.
+
+    field : its reflectance field, with the camera
+    parts : the same, told apart; None for a subject without highlights, whose picture is projected as it is
+    normal : (H, W, 3) unit, world, for the highlights; the mesh's own if None
+    alpha : (H, W, 2), of the chromaticity ramp; the diffuse part keeps its chromaticity if None
+    matte : (H, W) 0…1, the subject's share of each pixel; the mesh's if None
+    name : for messages
+    """
+
+    field: ReflectanceField
+    parts: Separated | None = None
+    normal: np.ndarray | None = None
+    alpha: np.ndarray | None = None
+    matte: np.ndarray | None = None
+    name: str = "the source camera"
+
+    def __post_init__(self) -> None:
+        shape = self.field.shape
+        if self.field.camera is None:
+            raise ValueError(f"{self.name}: where the pictures were taken from is not known; give the field a camera")
+        for name, array, wanted in (
+            ("normal", self.normal, (*shape, 3)),
+            ("alpha", self.alpha, (*shape, 2)),
+            ("matte", self.matte, shape),
+        ):
+            if array is not None and array.shape != wanted:
+                raise ValueError(f"{self.name}: the map {name} is {array.shape}; expected {wanted}")
+
+    @property
+    def camera(self) -> Camera:
+        assert self.field.camera is not None
+        return self.field.camera
+
+
+@dataclass(frozen=True, eq=False)
+class NewView:
+    """A subject from a new viewpoint.
+
+    picture : its radiance, in the unit of field × irradiance, not multiplied by `alpha`; 0 and marked `OUTSIDE` where
+        no camera saw the surface
+    alpha : (H, W) float32, the share of the pixel that shows what some camera saw
+    unseen : (H, W) float32, the share that shows a surface which no camera saw: a hole
+    """
+
+    picture: RadianceMap
+    alpha: np.ndarray
+    unseen: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class NewRays:
+    """Rays of a new camera that meet the subject, M of them.
+
+    place : (M,) numbers in the grid of SIDE × SIDE rays a pixel, row by row
+    points, normals, facets, towards : (M, 3) where they meet it, its normals, those of its triangles, and the
+        directions back to the camera
+    shape : (M,) int, which mesh
+    """
+
+    camera: Camera
+    place: np.ndarray
+    points: np.ndarray
+    normals: np.ndarray
+    facets: np.ndarray
+    towards: np.ndarray
+    shape: np.ndarray
+
+    @staticmethod
+    def of(subject: Subject, camera: Camera) -> NewRays:
+        """Raises ValueError where the camera sees nothing of the subject."""
+        x, y = ((np.arange(SIDE * size) + 0.5) / SIDE for size in (camera.width, camera.height))
+        sight = subject.seen(camera, np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1))
+        place = np.flatnonzero(sight.met)
+        if not len(place):
+            raise ValueError("the new camera sees nothing of the mesh; check its pose")
+        return NewRays(
+            camera,
+            place,
+            *(
+                array.reshape(-1, *array.shape[2:])[place]
+                for array in (sight.points, sight.normals, sight.facets, sight.views, sight.shape)
+            ),
+        )
+
+    def pixels(self) -> np.ndarray:
+        """(M,) int, the pixel of the new view that each ray belongs to, row by row."""
+        row, column = np.divmod(self.place, SIDE * self.camera.width)
+        return (row // SIDE) * self.camera.width + column // SIDE
+
+
+Layers = Callable[[int, Outline], tuple[np.ndarray, Outline]]
+"""Of a source's number and outline: what it tells of its pixels, (H, W, C), and which of them may be used."""
+Shading = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
+"""Of a source's number, rays (n,) and what was looked up for them (n, C): radiance (n, 3)."""
+
+
+def blend_sources(
+    sources: Sequence[SourceView], subject: Subject, rays: NewRays, layers: Layers, shading: Shading, blending: Blending
+) -> NewView:
+    """The new view from what each source tells; what none tells is a hole, told by a warning from a quarter on.
+
+    Raises ValueError for a mesh that does not match a source's picture.
+    """
+    values, weights = np.zeros((len(sources), len(rays.place), 3)), np.zeros((len(sources), len(rays.place)))
+    for index, source in enumerate(sources):
+        edges = outline(subject, source.camera, source.matte)
+        check_mesh_matches(_brightness(source.field), edges.sight, source.name)
+        told, edges = layers(index, edges)
+        visible = np.flatnonzero(subject.visible(rays.points, rays.facets, source.camera))
+        told = np.concatenate([told, border_distance(edges)[..., None]], axis=-1)
+        found, certainty = sampled(told, edges, rays.points[visible], rays.shape[visible])
+        back = source.camera.position - rays.points[visible]
+        back /= np.linalg.norm(back, axis=-1, keepdims=True)
+        values[index, visible] = shading(index, visible, found[:, :-1])
+        weights[index, visible] = blending.weights(
+            rays.normals[visible], back, rays.towards[visible], certainty, found[:, -1]
+        )
+    mean, seen = blended(values, weights)
+    return _assembled(mean, seen, rays.place, rays.camera)
+
+
+def _brightness(field: ReflectanceField) -> np.ndarray:
+    """The mean (H, W) of all values of each pixel, read light by light."""
+    total = np.zeros(field.shape)
+    for light in range(len(field.lights)):
+        total += field.block(slice(light, light + 1), slice(0, field.shape[0]))[0].mean(axis=-1)
+    return total / len(field.lights)
+
+
+def _assembled(values: np.ndarray, seen: np.ndarray, place: np.ndarray, camera: Camera) -> NewView:
+    """Pixels from rays: values (N, 3) and whether they were seen (N,), at numbers `place` of the finer grid."""
+    height, width = camera.height, camera.width
+    count = height * width * SIDE * SIDE
+    finer, shown, hole = np.zeros((count, 3)), np.zeros(count), np.zeros(count)
+    finer[place[seen]], shown[place[seen]], hole[place[~seen]] = values[seen], 1, 1
+    cells = (height, SIDE, width, SIDE)
+    alpha, unseen = (each.reshape(cells).mean((1, 3)) for each in (shown, hole))
+    radiance = finer.reshape(*cells, 3).mean((1, 3)) / np.maximum(alpha, 1 / (2 * SIDE * SIDE))[..., None]
+    missing = float(unseen.sum() / (alpha.sum() + unseen.sum()))
+    if missing > 0.25:
+        warnings.warn(
+            f"no camera saw {missing:.0%} of what the new view shows; it is left out (see `unseen`): add a source "
+            "camera on that side",
+            stacklevel=3,
+        )
+    clipped = np.where(alpha > 0, 0, OUTSIDE).astype(np.uint8)
+    return NewView(
+        RadianceMap(radiance.astype(np.float32), clipped=clipped), alpha.astype(np.float32), unseen.astype(np.float32)
+    )

@@ -1,0 +1,71 @@
+"""The lights of a stage and their cells."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.voronoi_cells import even_directions, voronoi_solid_angles
+
+AXES = np.concatenate([np.eye(3), -np.eye(3)])
+
+
+def grid(rows: int, columns: int) -> np.ndarray:
+    polar, azimuth = np.pi * (np.arange(rows) + 0.5) / rows, 2 * np.pi * (np.arange(columns) + 0.5) / columns
+    ring, height = np.sin(polar)[:, None], np.cos(polar)[:, None]
+    parts = np.broadcast_arrays(ring * np.sin(azimuth), height, ring * np.cos(azimuth))
+    return np.stack(parts, axis=-1).reshape(-1, 3)
+
+
+def test_six_lights_along_the_axes_have_a_sixth_of_the_sphere_each():
+    np.testing.assert_allclose(StageLights.towards(AXES).solid_angles, 4 * np.pi / 6, rtol=1e-12)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 50, 2048])
+def test_the_cells_fill_the_sphere(count):
+    directions = np.random.default_rng(count).normal(size=(count, 3))
+    areas = StageLights.towards(directions).solid_angles
+    assert areas.min() > 0
+    assert areas.sum() == pytest.approx(4 * np.pi, rel=1e-12)
+
+
+def test_a_cell_is_what_is_nearest_to_its_light():
+    lights = StageLights.towards(np.random.default_rng(3).normal(size=(40, 3)))
+    samples = even_directions(400_000)
+    counted = np.bincount(np.argmax(samples @ lights.directions.T, axis=1), minlength=40) * (4 * np.pi / len(samples))
+    np.testing.assert_allclose(lights.solid_angles, counted, rtol=5e-3)
+
+
+def test_the_cells_of_a_grid_go_as_the_sine_of_the_inclination():
+    areas = StageLights.towards(grid(64, 128)).solid_angles.reshape(64, 128)
+    sines = np.sin(np.pi * (np.arange(64) + 0.5) / 64)
+    expected = sines / sines.sum() * 4 * np.pi / 128
+    np.testing.assert_allclose(areas[4:-4], np.broadcast_to(expected[4:-4, None], (56, 128)), rtol=5e-3)
+
+
+def test_lights_on_one_circle_share_the_sphere_by_their_turns():
+    turns = np.radians([0, 90, 180, 270])
+    ring = np.stack([np.cos(turns), 0 * turns, np.sin(turns)], axis=1)
+    np.testing.assert_allclose(voronoi_solid_angles(ring, "abcd"), np.pi, rtol=2e-3)
+
+
+def test_two_lights_in_one_place_are_refused_by_name():
+    with pytest.raises(ValueError, match='"left" and "again" have one direction'):
+        StageLights.towards(np.array([[1.0, 0, 0], [0, 1, 0], [2, 0, 0]]), ("left", "top", "again"))
+
+
+def test_a_light_without_a_direction_is_refused_by_name():
+    with pytest.raises(ValueError, match='the light "b" has the direction'):
+        StageLights.towards(np.array([[1.0, 0, 0], [0, 0, 0]]), ("a", "b"))
+
+
+def test_two_lights_of_one_name_are_refused():
+    with pytest.raises(ValueError, match='two lights are called "a"'):
+        StageLights.towards(AXES[:2], ("a", "a"))
+
+
+def test_chosen_lights_fill_the_sphere_again():
+    some = StageLights.towards(AXES, tuple("abcdef")).chosen(np.array([0, 3]))
+    assert some.names == ("a", "d")
+    np.testing.assert_allclose(some.solid_angles, 2 * np.pi, rtol=1e-3)
