@@ -34,7 +34,7 @@ def test_a_grey_painting_is_the_share_itself(tmp_path):
 def test_alpha_is_the_matte_where_a_painting_has_it_soft_edges_kept(tmp_path):
     values = soft()
     coloured = np.concatenate([np.full((4, 6, 3), (200, 30, 90), np.uint8), values[..., None]], axis=2)
-    (tmp_path / "front.png").write_bytes(png.encode(coloured, b"", None))
+    (tmp_path / "front.png").write_bytes(png.encode(coloured))
     np.testing.assert_array_equal(read_matte(tmp_path / "front.png", (6, 4)), (values / 255).astype(np.float32))
 
 

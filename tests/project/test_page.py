@@ -11,7 +11,7 @@ from relume.image.files.photographs import png
 from relume.report.page import figure, heading, note, page, paragraph, side_by_side, slide, table, triple
 
 NASTY = "<script>alert('1')</script> & \"2\" é 日"
-PICTURE = png.encode(np.zeros((2, 3, 3), np.uint8), b"")
+PICTURE = png.encode(np.zeros((2, 3, 3), np.uint8))
 
 
 class Parsed(HTMLParser):
@@ -59,7 +59,7 @@ def test_a_picture_is_held_bit_for_bit():
 
 
 def test_a_slide_shows_the_first_left_of_its_handle():
-    other = png.encode(np.ones((2, 3, 3), np.uint8), b"")
+    other = png.encode(np.ones((2, 3, 3), np.uint8))
     images = [attributes for tag, attributes in Parsed(slide(PICTURE, other, "c")).tags if tag == "img"]
     # The second image in the page lies on top and is cut off at its right.
     assert [image["alt"] for image in images] == ["right of the handle", "left of the handle"]

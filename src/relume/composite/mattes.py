@@ -60,14 +60,9 @@ def solid_foreground(plate: np.ndarray, occluder: np.ndarray) -> np.ndarray:
 def _painted(path: str | Path, kind: str) -> np.ndarray:
     """Alpha where a PNG has it, else its grey."""
     if kind == "PNG":
-        from relume.image.files.photographs import png, png_pixels
-        from relume.image.files.photographs.header import form_of
-        from relume.image.files.read_options import ReadOptions
+        from relume.image.files.photographs.photographs import read_png
 
-        form_of(path, kind, ReadOptions())  # judges the header before anything it claims is allocated
-        chunks = png.chunks(path)
-        png.refuse_cut(path, chunks)
-        pixels = png_pixels.decoded(path, png.header(path), chunks)
+        pixels = read_png(path)
         if pixels.shape[2] in (2, 4):
             return _shares(pixels[..., -1])
         return _shares(_grey(path, pixels))

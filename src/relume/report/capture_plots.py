@@ -132,7 +132,7 @@ def marked(radiance: np.ndarray, masks: Sequence[tuple[np.ndarray, tuple[float, 
         shown = np.where(covered, 0.25 * shown + 0.75 * np.array(colour), shown)
     from relume.image.files.photographs import png
 
-    return png.encode(np.ascontiguousarray(np.rint(255 * np.clip(shown, 0, 1)).astype(np.uint8)), b"")
+    return png.encode(np.ascontiguousarray(np.rint(255 * np.clip(shown, 0, 1)).astype(np.uint8)))
 
 
 def clipped_marks(picture: RadianceMap) -> bytes:

@@ -71,7 +71,7 @@ def grey(image: np.ndarray) -> bytes:
 
 def encoded(pixels: np.ndarray) -> bytes:
     """A PNG of 8-bit pixels."""
-    return png.encode(np.ascontiguousarray(_smaller(pixels)), b"")
+    return png.encode(np.ascontiguousarray(_smaller(pixels)))
 
 
 def _smaller(image: np.ndarray) -> np.ndarray:

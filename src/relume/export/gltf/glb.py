@@ -106,7 +106,7 @@ class _Writer:
     def image(self, values: np.ndarray, *, colour: bool) -> dict[str, int]:
         """A texture of values from 0 to 1, (H, W, 3); colours are encoded by the sRGB curve."""
         codes = encode_srgb(np.clip(values, 0, 1)) if colour else np.clip(values, 0, 1)
-        data = png.encode(np.rint(255 * codes).astype(np.uint8), b"")
+        data = png.encode(np.rint(255 * codes).astype(np.uint8))
         self.images.append({"bufferView": self.view(data), "mimeType": "image/png"})
         return {"index": len(self.images) - 1}
 

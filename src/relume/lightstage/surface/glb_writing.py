@@ -68,7 +68,7 @@ class _Contents:
     def texture(self, pixels: np.ndarray) -> dict[str, int]:
         """The texture of a picture (H, W, 3), 0 to 1 as stored: 8 bits."""
         codes = np.round(np.clip(pixels, 0, 1) * 255).astype(np.uint8)
-        image = {"bufferView": self.view(png.encode(codes, b"")), "mimeType": "image/png"}
+        image = {"bufferView": self.view(png.encode(codes)), "mimeType": "image/png"}
         return {"index": self.entry("textures", {"source": self.entry("images", image), "sampler": 0})}
 
 

@@ -24,7 +24,7 @@ from PIL import Image, ImageCms
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files.atomic import replacing
 from relume.image.files.metadata import exif, exif_attributes, exif_writing
-from relume.image.files.photographs import png, png_pixels
+from relume.image.files.photographs import png
 from relume.image.files.photographs.header import Form, form_of
 from relume.image.files.photographs.jpeg_decoding import decoded
 from relume.image.files.photographs.jpeg_segments import header_at, length_of
@@ -77,6 +77,12 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
     )
 
 
+def read_png(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> np.ndarray:
+    """The values of a PNG as stored, (H, W, 1 to 4) uint8 or uint16, alpha included; raises UnreadableFile."""
+    form_of(path, "PNG", reading)  # checks the header before anything it claims is allocated
+    return png.decoded(path, png.chunks(path))
+
+
 def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
     """What kind of JPEG, PNG or TIFF a file is, from its header alone: "8 bits, YCbCr 4:2:0"."""
     return form_of(path, kind_of(path), reading).text
@@ -112,7 +118,7 @@ def write_png(path: str | os.PathLike[str], photograph: Photograph) -> None:
     """Write a PNG of 8 or 16 bits with EXIF and profile, and an alpha channel where some of it is `outside`."""
     profile = _profile_to_write(path, photograph)
     told = exif_writing.encoded(photograph)
-    encoded = png.encode(_with_alpha(photograph), told, profile, strategy=zlib.Z_RLE)
+    encoded = png.encode(_with_alpha(photograph), told, profile, drawing=False)
     with replacing(path) as temporary:
         temporary.write_bytes(encoded)
 
@@ -228,10 +234,9 @@ def _decoded(
 
 def _of_png(path: str | os.PathLike[str], reading: ReadOptions) -> tuple[np.ndarray, np.ndarray | None, bytes | None]:
     chunks = png.chunks(path)
-    png.refuse_cut(path, chunks)
     if (profile := png.profile(chunks, reading)) is not None:
         _warn_of_profile(path, _description(profile))
-    pixels = png_pixels.decoded(path, png.header(path), chunks)
+    pixels = png.decoded(path, chunks)
     outside = _transparent(path, pixels[..., -1]) if pixels.shape[2] in (2, 4) else None
     return _three(pixels), outside, profile
 

@@ -1,15 +1,18 @@
-"""PNG chunks: what the header tells, a walk that finds every one that is cut short or altered, and a writer with EXIF.
+"""PNG: the header, a walk over the chunks that finds damage, and pixels through libpng (imagecodecs).
 
-Ours because libpng tells damage on stderr, and Pillow accepts a file whose last chunk is missing and rounds 16-bit
-colour to 8 bits without a word; `png_pixels` decodes. Format: W3C PNG 3rd edition.
+imagecodecs raises on damaged pixels, prints nothing and is exact in 16 bits, where Pillow rounds to 8 bits and
+OpenImageIO prints. Its libpng accepts a file without its last chunk, and gives neither gamma nor profile: the walk over
+the chunks does. Format: W3C PNG 3rd edition.
 """
 
 from __future__ import annotations
 
+import logging
 import os
 import struct
 import warnings
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +20,7 @@ import numpy as np
 
 from relume.errors import FormatError
 from relume.image.files.read_options import ReadOptions
+from relume.image.files.signatures import one_line
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _COLOURS = {0: ("grey", 1), 2: ("RGB", 3), 3: ("palette", 3), 4: ("grey with alpha", 2), 6: ("RGB with alpha", 4)}
@@ -26,7 +30,8 @@ _SRGB_GAMMA = 0.45455  # the value to write for sRGB (11.3.2.2)
 _SAME_GAMMA = 0.02  # 1/2.15 to 1/2.25, which nobody can see
 _MOST_CHUNKS = 2**18  # of 8192 bytes of pixels, as libpng writes them, 2 GiB
 _MOST_AHEAD = 2**12  # chunks ahead of the pixels: a few are usual, and each of its texts is one
-_BAND = 2**20  # bytes deflated at a time: starting anew costs less than 1 part in 1000 of the file
+_AFTER_HEADER = len(SIGNATURE) + 12 + 13  # bytes
+_SILENCE = logging.NullHandler()
 _TRANSFERS = {16: "PQ", 18: "HLG"}  # ITU-T H.273, table 3
 
 
@@ -56,17 +61,13 @@ class Header:
         """How many numbers are stored for a pixel."""
         return 1 if self.colour == "palette" else self.channels
 
-    def bytes_of(self, width: int) -> int:
-        """How many bytes a row of that many pixels is stored in, without the one that tells its filter."""
-        return -(-width * self.samples * self.bits // 8)
-
 
 @dataclass(frozen=True, eq=False)
 class Chunks:
     """What the chunks of a PNG hold that decoding needs.
 
     packed : the pieces of the deflated pixels
-    ahead : name → content of PLTE, tRNS and iCCP, where they stand ahead of the pixels
+    ahead : name → content of IHDR, PLTE, tRNS and iCCP, where they stand ahead of the pixels
     end : the byte at which the file ends early, within a chunk or ahead of the last; None where it is whole
     """
 
@@ -143,18 +144,56 @@ def chunks(path: str | os.PathLike[str]) -> Chunks:
             return Chunks(packed, ahead, None)
         if name == b"IDAT":
             packed.append(content)
-        elif name in (b"PLTE", b"tRNS", b"iCCP") and not packed:
+        elif name in (b"IHDR", b"PLTE", b"tRNS", b"iCCP") and not packed:
             ahead.setdefault(name, bytes(content))
         place = end + 4
     raise FormatError(path, "PNG", f"the chunk at byte {place}", "IEND", f"{_MOST_CHUNKS} chunks before it")
 
 
-def refuse_cut(path: str | os.PathLike[str], chunks: Chunks) -> None:
-    """Raise FormatError where a PNG ends early."""
+def decoded(path: str | os.PathLike[str], chunks: Chunks) -> np.ndarray:
+    """(H, W, 1 to 4) uint8 or uint16: grey, RGB, each with alpha where the file has it or a transparent colour.
+
+    Grey of less than 8 bits is widened such that white is 255. Raises FormatError where the pixels are damaged or the
+    file ends early.
+    """
     if chunks.end is not None:
-        raise FormatError(
-            path, "PNG", f"byte {chunks.end}", "whole chunks, and IEND as the last", "the end of the file"
-        )
+        expected = "whole chunks, and IEND as the last"
+        raise FormatError(path, "PNG", f"byte {chunks.end}", expected, "the end of the file")
+    return _by_libpng(path, chunks, chunks.packed)
+
+
+def whole_rows(path: str | os.PathLike[str], header: Header, chunks: Chunks) -> np.ndarray | None:
+    """As `decoded`, the rows from the top that a file which ends early still holds; None where it is damaged besides.
+
+    header : of a PNG that is not interlaced
+    """
+    length = 1 + -(-header.width * header.samples * header.bits // 8)
+    wanted = length * header.height
+    engine, found = zlib.decompressobj(), bytearray()
+    try:
+        for piece in chunks.packed:
+            found += engine.decompress(piece, max(wanted - len(found), 1))
+    except zlib.error:
+        return None
+    rows = len(found) // length
+    # Rows of zeros stand for what is missing, so that the decoder finds a whole picture.
+    filled = zlib.compress(bytes(found[: rows * length]).ljust(wanted, b"\0"), 1)
+    return _by_libpng(path, chunks, [memoryview(filled)])[:rows]
+
+
+def _by_libpng(path: str | os.PathLike[str], chunks: Chunks, packed: Sequence[memoryview]) -> np.ndarray:
+    """The pixels of the chunks that matter to them; texts and times do not reach the decoder."""
+    import imagecodecs
+
+    logging.getLogger("imagecodecs").addHandler(_SILENCE)  # else its remarks go to the error output
+    kept = [chunk(name, chunks.ahead[name]) for name in (b"IHDR", b"PLTE", b"tRNS") if name in chunks.ahead]
+    whole = b"".join([SIGNATURE, *kept, *(chunk(b"IDAT", piece) for piece in packed), chunk(b"IEND", b"")])
+    try:
+        pixels = imagecodecs.png_decode(whole)
+    except (imagecodecs.PngError, ValueError) as error:  # a UnicodeDecodeError where its message is no text
+        reason = str(error) if str(error).isprintable() and not isinstance(error, ValueError) else "damage"
+        raise FormatError(path, "PNG", "its pixels", "deflated data that is whole", one_line(reason)) from None
+    return pixels[..., None] if pixels.ndim == 2 else pixels
 
 
 def profile(chunks: Chunks, reading: ReadOptions) -> bytes | None:
@@ -182,57 +221,23 @@ def _where(name: bytes, place: int) -> str:
     return f"the chunk {name.decode('latin-1')!r} at byte {place}"
 
 
-def encode(
-    pixels: np.ndarray, exif: bytes, profile: bytes | None = None, *, strategy: int = zlib.Z_DEFAULT_STRATEGY
-) -> bytes:
+def encode(pixels: np.ndarray, exif: bytes = b"", profile: bytes | None = None, *, drawing: bool = True) -> bytes:
     """A PNG of (H, W, 3) uint8 or uint16 pixels, or of four channels, the last alpha, with EXIF and an ICC profile.
 
-    strategy : of zlib. Z_RLE takes a sixth of the time, and the noise of a photograph leaves others nothing to find;
-        the default finds the patterns of drawings
+    drawing : look for patterns that repeat. The noise of a photograph has none, and goes without in a third of the time
     """
-    height, width, channels = pixels.shape
-    colour = 2 if channels == 3 else 6
-    chunks = {
-        b"IHDR": struct.pack(">IIBBBBB", width, height, 8 * pixels.itemsize, colour, 0, 0, 0),
-        # A name, a zero, and the number of the compression (11.3.2.3).
-        **({b"iCCP": b"ICC profile\0\0" + zlib.compress(profile)} if profile else {}),
-        **({b"eXIf": exif.removeprefix(b"Exif\0\0")} if exif else {}),
-        b"IDAT": _deflated(pixels, strategy),
-        b"IEND": b"",
-    }
-    return SIGNATURE + b"".join(chunk(name, content) for name, content in chunks.items())
+    import imagecodecs
 
-
-def _deflated(pixels: np.ndarray, strategy: int) -> bytes:
-    """The rows as one zlib stream (RFC 1950), deflated some at a time on every core, each for itself."""
-    from relume._kernel import in_threads
-
-    height, width, channels = pixels.shape
-    step = channels * pixels.itemsize
-
-    def work(begin: int, end: int) -> tuple[bytes, int, int]:
-        rows = np.ascontiguousarray(pixels[begin:end], pixels.dtype.newbyteorder(">")).view(np.uint8)
-        # Each byte as its difference from the same byte one pixel to the left: filter 1, "Sub".
-        filtered = np.concatenate([np.ones((end - begin, 1), np.uint8), rows.reshape(end - begin, -1)], axis=1)
-        filtered[:, 1 + step :] -= rows.reshape(end - begin, -1)[:, :-step]
-        data = filtered.tobytes()
-        engine = zlib.compressobj(zlib.Z_DEFAULT_COMPRESSION, zlib.DEFLATED, -zlib.MAX_WBITS, strategy=strategy)
-        # A flush to a whole byte lets the next rows' blocks follow; the last block says that it is the last.
-        packed = engine.compress(data) + engine.flush(zlib.Z_FINISH if end == height else zlib.Z_SYNC_FLUSH)
-        return packed, zlib.adler32(data), len(data)
-
-    parts = in_threads(work, height, chunk=max(1, _BAND // (1 + width * step)))
-    total = 1
-    for _, checksum, length in parts:
-        total = _joined(total, checksum, length)
-    return b"\x78\x9c" + b"".join(packed for packed, _, _ in parts) + struct.pack(">I", total)
-
-
-def _joined(first: int, second: int, length: int) -> int:
-    """Adler-32 of two pieces, one behind the other, from those of each; `length` is of the second (RFC 1950, 2.2)."""
-    low = (first & 0xFFFF) + (second & 0xFFFF) - 1
-    high = (first >> 16) + (second >> 16) + length * ((first & 0xFFFF) - 1)
-    return high % 65521 << 16 | low % 65521
+    level, strategy = (6, imagecodecs.PNG.STRATEGY.DEFAULT) if drawing else (1, imagecodecs.PNG.STRATEGY.RLE)
+    plain = imagecodecs.png_encode(
+        np.ascontiguousarray(pixels), level=level, strategy=strategy, filter=imagecodecs.PNG.FILTER.SUB
+    )
+    added = b""
+    if profile:  # a name, a zero, and the number of the compression (11.3.2.3)
+        added += chunk(b"iCCP", b"ICC profile\0\0" + zlib.compress(profile))
+    if exif:
+        added += chunk(b"eXIf", exif.removeprefix(b"Exif\0\0"))
+    return plain[:_AFTER_HEADER] + added + plain[_AFTER_HEADER:]
 
 
 def chunk(name: bytes, content: bytes) -> bytes:

@@ -10,7 +10,7 @@ import numpy as np
 import OpenImageIO as oiio
 
 from relume.errors import FormatError, UnreadableFile
-from relume.image.files.photographs import png, png_pixels
+from relume.image.files.photographs import png
 from relume.image.files.photographs.header import Form
 from relume.image.files.read_options import ReadOptions
 from relume.image.files.signatures import one_line
@@ -82,7 +82,7 @@ def _png(path: str | os.PathLike[str], form: Form, reading: ReadOptions) -> Salv
         return None
     if header.interlaced:
         raise _untold(path, "an interlaced PNG")
-    rows = png_pixels.whole_rows(path, header, chunks)
+    rows = png.whole_rows(path, header, chunks)
     return None if rows is None else Salvaged(rows, form.height, png.profile(chunks, reading))
 
 
