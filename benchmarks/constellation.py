@@ -22,7 +22,8 @@ from relume.light.constellations.median_cut import MedianCut
 from relume.light.constellations.residual import key_lights
 from relume.light.constellations.variance_minimisation import VarianceMinimisation
 from relume.light.suns.extraction import extract_sun
-from relume.sphere.environment_map import EnvironmentMap, as_environment
+from relume.sphere.environment_files import as_environment
+from relume.sphere.environment_map import EnvironmentMap
 
 METHODS = {"median cut": MedianCut(), "variance": VarianceMinimisation(), "k-means": KMeans()}
 COUNTS = (16, 64, 256)

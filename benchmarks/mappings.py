@@ -19,7 +19,6 @@ import relume as rl
 from relume.sphere.mappings.cubes import Strip
 from relume.sphere.mappings.discs import Angular
 from relume.sphere.mappings.mapping import LatLong, pixel_points
-from relume.sphere.resampling.resampling import resampled
 
 SKYLIBS = """
 import sys, time
@@ -94,7 +93,7 @@ def filtering(name: str, light: rl.EnvironmentMap, size: int, python: str | None
     """Root mean square errors on the inner nine tenths of an angular map, where pixels are not slivers."""
     expected = truth(light, size)
     inner = np.hypot(*np.moveaxis(pixel_points(Angular(), size) - 0.5, -1, 0)) < 0.45
-    makers = {"relume": resampled(light, Angular(), size, np.eye(3)).radiance}
+    makers = {"relume": light.remapped(Angular(), size).radiance}
     if python:
         makers["skylibs"] = by_skylibs(python, light, size)[0]
     errors = {maker: float(np.sqrt(np.mean((made - expected)[inner] ** 2))) for maker, made in makers.items()}
@@ -103,7 +102,7 @@ def filtering(name: str, light: rl.EnvironmentMap, size: int, python: str | None
 
 def main(python: str | None) -> None:
     light = textured(1024)
-    ours = median_time(lambda: resampled(light, Angular(), 1024, np.eye(3)))
+    ours = median_time(lambda: light.remapped(Angular(), 1024))
     print(f"lat-long 2048×1024 to angular 1024: {ours * 1e3:.0f} ms")
     if python:
         theirs = by_skylibs(python, light, 1024)[1]
@@ -113,7 +112,7 @@ def main(python: str | None) -> None:
     filtering("zone plate 512×256", zone_plate(256), 96, python)
     large = textured(4096)
     for side in (1024, 2048, 4096):
-        taken = median_time(lambda side=side: resampled(large, Strip(), side, np.eye(3)), 3)
+        taken = median_time(lambda side=side: large.remapped(Strip(), side), 3)
         print(f"lat-long 8192×4096 to six faces of {side}: {taken:.2f} s")
 
 

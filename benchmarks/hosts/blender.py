@@ -17,15 +17,15 @@ from trial import LIGHTS, POINTS, background, finish, report_axes, report_irradi
 
 from relume.export.light_formats import FORMATS
 from relume.image import files
-from relume.sphere.environment_map import as_radiance_map
-from relume.sphere.orientation_chart import labelled_probe
+from relume.sphere.environment_files import as_radiance_map
+from relume.sphere.mappings.orientation_chart import orientation_chart
 
 VIEWS = ("px", "nx", "py", "ny", "pz", "nz")
 
 
 def main(python: str, folder: Path) -> None:
     write_oriented_probe("blender", folder / "probe.exr")
-    files.write(folder / "labelled.exr", as_radiance_map(labelled_probe(256)))
+    files.write(folder / "labelled.exr", as_radiance_map(orientation_chart(256)))
     files.write(folder / "background.exr", as_radiance_map(background()))
     for name, kind, behind in (
         ("lights.py", "blender", "background.exr"),

@@ -17,7 +17,7 @@ from trial import LIGHTS, NORMALS, POINTS, background, finish, report_axes, repo
 from relume.export.light_formats import FORMATS
 from relume.image import files
 from relume.light.constellations.constellation import Constellation
-from relume.sphere.environment_map import as_radiance_map
+from relume.sphere.environment_files import as_radiance_map
 
 TO_RADIANCE = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 INDIRECT = ("-ab", "1", "-ad", "32768", "-as", "0", "-aa", "0", "-dj", "0", "-dt", "0", "-lw", "1e-7")

@@ -16,10 +16,11 @@ from relume.image import files
 from relume.light.constellations.constellation import Constellation
 from relume.light.constellations.placement import PlacedLights
 from relume.sphere.directions import normalised
-from relume.sphere.environment_map import EnvironmentMap, as_radiance_map
+from relume.sphere.environment_files import as_radiance_map
+from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
-from relume.sphere.orientation import ORIENTATIONS, oriented
-from relume.sphere.orientation_chart import LABELS, labelled_probe
+from relume.sphere.mappings.orientation import ORIENTATIONS, orient_for
+from relume.sphere.mappings.orientation_chart import LABELS, orientation_chart
 
 NORMALS = np.array([label.towards for label in LABELS.values()])
 """The six axes, as surfaces' normals."""
@@ -50,7 +51,7 @@ def expected_irradiance() -> np.ndarray:
 
 def write_oriented_probe(host: str, path: Path, size: int = 256) -> None:
     """The labelled probe as the host reads it."""
-    files.write(path, as_radiance_map(oriented(labelled_probe(size), ORIENTATIONS[host])))
+    files.write(path, as_radiance_map(orient_for(orientation_chart(size), ORIENTATIONS[host])))
 
 
 def report_axes(host: str, seen: np.ndarray, tolerance: float = 0.02) -> bool:

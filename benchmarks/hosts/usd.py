@@ -15,7 +15,7 @@ from trial import LIGHTS, POINTS, background, finish, run_inside
 
 from relume.export.light_formats import FORMATS
 from relume.image import files
-from relume.sphere.environment_map import as_radiance_map
+from relume.sphere.environment_files import as_radiance_map
 
 
 def main(python: str, folder: Path) -> None:

@@ -20,7 +20,7 @@ from relume.capture.measurement import measure
 from relume.image.radiance import RadianceMap
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong
-from relume.sphere.perspective import perspective_view, with_view
+from relume.sphere.mappings.perspective import insert_view, perspective_view
 from relume.virtual_camera.film.film import Film, developed_values
 from relume.virtual_camera.lens.motion.path import TurningCamera
 from relume.virtual_camera.view import View
@@ -39,7 +39,7 @@ def on_sphere(picture: RadianceMap) -> EnvironmentMap:
     dark = np.zeros((width // 2, width, 3), np.float32)
     # Light is not below 0; the merge's noise in the dark may be.
     plain = RadianceMap(np.maximum(np.nan_to_num(picture.radiance), 0), unit=picture.unit)
-    return with_view(EnvironmentMap(dark, LatLong(), picture.unit), plain, FACING, FIELD)
+    return insert_view(EnvironmentMap(dark, LatLong(), picture.unit), plain, FACING, FIELD)
 
 
 def turned(camera: TurningCamera, time: float) -> np.ndarray:

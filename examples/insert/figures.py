@@ -21,7 +21,8 @@ from relume.project.shot_file.shot import Shot, read_shot
 from relume.report import plots
 from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Box
-from relume.sphere.environment_map import EnvironmentMap, as_environment
+from relume.sphere.environment_files import as_environment
+from relume.sphere.environment_map import EnvironmentMap
 from relume.virtual_camera.film.film import Film, develop
 
 ROOM = Path(__file__).parents[1] / "room" / "shot.toml"

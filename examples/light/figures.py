@@ -22,8 +22,9 @@ from relume.light.constellations.median_cut import MedianCut
 from relume.light.constellations.variance_minimisation import VarianceMinimisation
 from relume.report.constellation_plot import lights_plot
 from relume.report.light_plot import light_plot
-from relume.sphere.environment_map import EnvironmentMap, as_environment
-from relume.sphere.mappings.mapping import mapping_named
+from relume.sphere.environment_files import as_environment
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.names import mapping_named
 from relume.virtual_camera.film.film import Film, develop
 
 ROOM = Path(__file__).parents[1] / "room"

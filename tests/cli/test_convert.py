@@ -16,7 +16,8 @@ from relume.image.files import read_photograph, read_radiance, write
 from relume.image.photograph import Photograph
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.sphere.directions import normalised, rotation_about
-from relume.sphere.environment_map import EnvironmentMap, as_environment, as_radiance_map
+from relume.sphere.environment_files import as_environment, as_radiance_map
+from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong
 
 SUN = normalised([0.7, 0.3, -0.65])
@@ -196,7 +197,7 @@ def test_maps_that_are_no_light_are_refused_with_what_is_wrong(
 ) -> None:
     odd, out = np.ones((12, 30, 3), np.float32), str(tmp_path / "out.exr")
     write(tmp_path / "odd.exr", RadianceMap(odd))
-    assert "30×12 pixels does not tell its mapping" in refused(
+    assert "30×12 pixels does not say its mapping" in refused(
         ["convert", str(tmp_path / "odd.exr"), "-o", out, "--to", "angular"], capsys
     )
     dark = sunny(12).radiance.copy()

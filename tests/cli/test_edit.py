@@ -16,7 +16,7 @@ from relume.image.files import read_photograph, read_radiance, write
 from relume.image.photograph import Photograph
 from relume.image.radiance import BLACK, SATURATED, RadianceMap
 from relume.sphere.directions import normalised
-from relume.sphere.environment_map import as_environment
+from relume.sphere.environment_files import as_environment
 
 
 @pytest.fixture
@@ -349,7 +349,7 @@ def test_paintings_that_cannot_go_back_are_one_line(
         (["--temperature", "500"], "2000 to 25000 K"),
         (["--blur", "-1"], "--blur: sigma"),
         (["--motion", "500"], "--motion: the length"),
-        (["--spherical-blur", "5"], "does not tell its mapping"),
+        (["--spherical-blur", "5"], "does not say its mapping"),
         (["--glow", "0.5"], "--glow"),
         (["--slice", "0", "--gain", "2"], "--slice and --gain"),
         (["--slice", "bright"], "no exposure"),

@@ -22,7 +22,7 @@ from relume.image.photograph import Exposure, Photograph, Settings
 from relume.image.radiance import RadianceMap
 from relume.sphere.mappings.discs import Angular
 from relume.sphere.mappings.mapping import LatLong, Mapping
-from relume.sphere.orientation import orientation_named
+from relume.sphere.mappings.orientation import orientation_named
 
 
 def lit(path: Path, layout: Mapping, direction: tuple[float, float, float], **attributes: str) -> str:

@@ -21,8 +21,9 @@ from relume.light.constellations.placement import placed_in_box
 from relume.light.constellations.variance_minimisation import VarianceMinimisation
 from relume.renderers.environment_probe import Arrival, splatted
 from relume.sphere.directions import rotation_about
-from relume.sphere.environment_map import EnvironmentMap, as_environment, as_radiance_map
-from relume.sphere.mappings.mapping import mapping_named
+from relume.sphere.environment_files import as_environment, as_radiance_map
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.names import mapping_named
 
 
 def stored(folder: Path, light: EnvironmentMap, name: str = "light.exr") -> str:
@@ -158,7 +159,7 @@ def test_a_probe_is_read_in_the_mapping_told_and_its_residual_is_lat_long(tmp_pa
     probe = lights.sunny(64, 400).remapped(mapping_named("angular"), 64)
     write(tmp_path / "probe.exr", RadianceMap(probe.radiance))
     words = [str(tmp_path / "probe.exr"), "-o", str(tmp_path / "made.json"), "--count", "8"]
-    assert "does not tell its mapping" in refused(["lights", *words], capsys)
+    assert "does not say its mapping" in refused(["lights", *words], capsys)
     told = made([*words, "--from", "angular"], capsys)
     assert told["total of the lights"] == pytest.approx(probe.total(), rel=1e-5)
     assert main(["lights", *words, "--from", "angular", "--residual", str(tmp_path / "rest.exr")]) == 0
@@ -237,9 +238,9 @@ def test_what_is_no_light_is_refused_with_its_pixels_counted(tmp_path, monkeypat
     radiance[3, 4:9] = -1
     write(Path("ringing.exr"), RadianceMap(radiance))
     line = refused(["lights", "ringing.exr", "-o", "a.json"], capsys)
-    assert "ringing.exr: 5 pixels are negative, which no light is" in line and "--clamp takes" in line
+    assert "ringing.exr: 5 pixels are negative, which is not light" in line and "--clamp sets" in line
     assert main(["lights", "ringing.exr", "-o", "a.json", "--clamp"]) == 0
-    assert "5 pixels were negative, the lowest -1; they count as 0" in capsys.readouterr().err
+    assert "5 pixels were negative, the lowest -1; they are set to 0" in capsys.readouterr().err
     radiance[0, 0] = np.nan
     write(Path("holes.exr"), RadianceMap(radiance))
     line = refused(["lights", "holes.exr", "-o", "b.json", "--clamp"], capsys)

@@ -17,8 +17,8 @@ from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.probe.panorama.crops import remembered_crop
 from relume.probe.panorama.views import FACES, orientation
-from relume.sphere.orientation_chart import LABELS, labelled_probe
-from relume.sphere.perspective import perspective_view
+from relume.sphere.mappings.orientation_chart import LABELS, orientation_chart
+from relume.sphere.mappings.perspective import perspective_view
 
 WORLD = patchwork(128, 800)
 
@@ -106,7 +106,7 @@ def test_views_in_an_absolute_unit_are_balanced_only_when_asked(
 
 
 ANGLES = [(0, 0, 0), (72, 0, 10), (144, 0, -10), (216, 0, 0), (288, 0, 0), (30, 88, 20), (-50, -88, 0)]
-PROBE = labelled_probe(128)
+PROBE = orientation_chart(128)
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,8 @@ from relume.light.reflection.lobes import Phong
 from relume.light.reflection.reflection_map import reflection_map
 from relume.light.reflection.storage import as_layers, glossy_from_layers
 from relume.light.reflection.weights import Schlick
-from relume.sphere.environment_map import EnvironmentMap, as_environment, as_radiance_map
+from relume.sphere.environment_files import as_environment, as_radiance_map
+from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mip_cube import Cube
 
 

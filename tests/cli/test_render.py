@@ -13,7 +13,7 @@ import lights
 from relume.cli import main
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.image.radiance import RadianceMap
-from relume.sphere.environment_map import as_radiance_map
+from relume.sphere.environment_files import as_radiance_map
 
 SCENE = """
 [camera]
@@ -337,7 +337,7 @@ def test_a_whitted_material_under_a_map_is_refused_by_maps_and_a_map_of_unknown_
     assert "reflection maps cannot shade the whitted material 'blob'" in capsys.readouterr().err
     write(folder / "square.exr", RadianceMap(np.ones((4, 4, 3), np.float32)))
     assert run(folder, "blob.toml", "a.png", "--light", str(folder / "square.exr")) == 2
-    assert "square.exr: a map of 4×4 pixels does not tell its mapping" in capsys.readouterr().err
+    assert "square.exr: a map of 4×4 pixels does not say its mapping" in capsys.readouterr().err
 
 
 def test_a_plate_of_another_size_is_refused_with_the_size_to_give(folder, capsys):

@@ -13,7 +13,8 @@ from relume.cli import main
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.image.radiance import RadianceMap
 from relume.lightstage.relighting.voronoi_cells import even_directions
-from relume.sphere.environment_map import EnvironmentMap, as_radiance_map
+from relume.sphere.environment_files import as_radiance_map
+from relume.sphere.environment_map import EnvironmentMap
 from small_stages import ALBEDO, LIGHTS, SIZE, lit, normals, write_stage
 
 

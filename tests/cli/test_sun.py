@@ -15,7 +15,8 @@ from relume.cli import main
 from relume.image.files import read_radiance, write
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 from relume.sphere.directions import normalised
-from relume.sphere.environment_map import EnvironmentMap, as_environment, as_radiance_map
+from relume.sphere.environment_files import as_environment, as_radiance_map
+from relume.sphere.environment_map import EnvironmentMap
 
 TRUTH = sunny(64, sun=4000)
 PATCHES = {

@@ -14,7 +14,8 @@ from relume.light.suns.matte_readings import MatteReadings, Patch, read_chart, r
 from relume.probe.ball.silhouette import outline_of_circle
 from relume.probe.ball.unwrapping import CAMERA_FROM_PIXELS, BallView, unwrap_ball
 from relume.sphere.directions import look_at, normalised
-from relume.sphere.environment_map import EnvironmentMap, as_environment, as_radiance_map
+from relume.sphere.environment_files import as_environment, as_radiance_map
+from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.discs import Angular
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
 

@@ -11,8 +11,10 @@ from relume.light.constellations.constellation import Constellation, constellati
 from relume.light.constellations.k_means import KMeans, _assigned, _groups
 from relume.light.constellations.median_cut import MedianCut
 from relume.light.constellations.variance_minimisation import VarianceMinimisation
-from relume.sphere.environment_map import EnvironmentMap, as_environment
-from relume.sphere.mappings.mapping import LatLong, mapping_named, pixel_points
+from relume.sphere.environment_files import as_environment
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, pixel_points
+from relume.sphere.mappings.names import mapping_named
 
 SKIES = {"sunset": sunny(64), "clear sky": sunny(64, 400), "spiky": spiky(32), "constant": constant(32, (1, 2, 0.5))}
 METHODS = {"median cut": MedianCut(), "variance": VarianceMinimisation(), "k-means": KMeans()}

@@ -10,7 +10,7 @@ from relume.light.constellations.k_means import KMeans
 from relume.light.constellations.residual import glow_level, key_lights
 from relume.light.constellations.variance_minimisation import VarianceMinimisation
 from relume.sphere.environment_map import EnvironmentMap
-from relume.sphere.mappings.mapping import mapping_named
+from relume.sphere.mappings.names import mapping_named
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 

@@ -14,9 +14,10 @@ from relume.image import files
 from relume.light.constellations.constellation import Constellation
 from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.sphere.directions import normalised
-from relume.sphere.environment_map import EnvironmentMap, as_radiance_map
+from relume.sphere.environment_files import as_radiance_map
+from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
-from relume.sphere.orientation_chart import LABELS, labelled_probe
+from relume.sphere.mappings.orientation_chart import LABELS, orientation_chart
 
 EACH = pytest.mark.parametrize("name", FORMATS)
 LIGHTS = Constellation(
@@ -366,7 +367,7 @@ def test_mitsubas_irradiance_under_the_background_is_ours(tmp_path):
 
 
 def test_mitsuba_shows_the_background_where_it_is(tmp_path):
-    files.write(tmp_path / "probe.exr", as_radiance_map(labelled_probe(64)))
+    files.write(tmp_path / "probe.exr", as_radiance_map(orientation_chart(64)))
     (tmp_path / "lights.xml").write_text(written("mitsuba", NONE, background="probe.exr"), encoding="utf-8")
     with _mitsuba("scalar_rgb", None) as mi:
         emitter = mi.load_file(str(tmp_path / "lights.xml")).environment()

@@ -12,7 +12,8 @@ from relume.image.files import read_radiance
 from relume.light.reflection.brdf import GGX, PhongReflectance, Ward
 from relume.light.reflection.glossy import AZIMUTHS, VIEWS, albedo, glossy_map
 from relume.sphere.directions import normalised, rotation_about
-from relume.sphere.environment_map import EnvironmentMap, as_environment
+from relume.sphere.environment_files import as_environment
+from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.discs import Angular
 from relume.sphere.mappings.mapping import LatLong, pixel_points
 

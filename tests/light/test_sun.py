@@ -9,8 +9,10 @@ from relume.image.files import read_radiance
 from relume.image.radiance import SATURATED
 from relume.light.suns.extraction import extract_sun
 from relume.sphere.directions import normalised
-from relume.sphere.environment_map import EnvironmentMap, as_environment
-from relume.sphere.mappings.mapping import LatLong, Mapping, mapping_named, pixel_points
+from relume.sphere.environment_files import as_environment
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, Mapping, pixel_points
+from relume.sphere.mappings.names import mapping_named
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 TOWARDS = {

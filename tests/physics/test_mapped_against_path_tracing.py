@@ -28,7 +28,8 @@ from relume.scene.materials.reflective import Layer, Reflective
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Mesh, Sphere
 from relume.sphere.directions import normalised, rotation_about
-from relume.sphere.environment_map import EnvironmentMap, as_environment
+from relume.sphere.environment_files import as_environment
+from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong
 
 CAMERA = Camera(32, 32, 119.0, np.array([0, 0, 8.0]), np.eye(3))

@@ -21,7 +21,8 @@ from relume.image.radiance import RadianceMap
 from relume.project.insertion.insert import insert
 from relume.project.insertion.outcome import Inserted
 from relume.project.shot_file.shot import Shot, read_shot
-from relume.sphere.environment_map import EnvironmentMap, as_radiance_map
+from relume.sphere.environment_files import as_radiance_map
+from relume.sphere.environment_map import EnvironmentMap
 
 OBJECT = Path(__file__).parents[2] / "examples/room/objects/cube_gold.glb"
 SHOT = f"""

@@ -24,7 +24,8 @@ from relume.scene.lights import SphereLight
 from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Mesh, Plane
-from relume.sphere.environment_map import EnvironmentMap, as_radiance_map
+from relume.sphere.environment_files import as_radiance_map
+from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
 from relume.surface.gloss import FittedGloss, Gloss, glossy
 from relume.surface.reflectance import RecoveredLocal, RecoveredSurface

@@ -413,7 +413,7 @@ def test_files_that_are_missing_or_of_no_use_are_named_with_their_key(folder: Pa
     assert "a photograph where" in refusal(folder, HEAD.replace("light.exr", "grey.png") + CHROME + BALL)
     files.write(folder / "square.exr", RadianceMap(np.ones((4, 4, 3), np.float32)))
     line = refusal(folder, HEAD.replace("light.exr", "square.exr") + CHROME + BALL)
-    assert line.startswith(f"light.map: {folder / 'square.exr'}: a map of 4×4 pixels does not tell its mapping")
+    assert line.startswith(f"light.map: {folder / 'square.exr'}: a map of 4×4 pixels does not say its mapping")
     line = refusal(folder, HEAD + '[[objects]]\nmesh = "none.obj"')
     assert line == f"objects.0.mesh: {folder / 'none.obj'}: no such mesh file; check the path"
 

@@ -6,7 +6,8 @@ import pytest
 from lights import NAMED, fitting
 from relume.sphere.directions import normalised
 from relume.sphere.mappings.discs import Angular, Fisheye, Hemispheres, MirrorBall
-from relume.sphere.mappings.mapping import LatLong, mapping_named, pixel_directions, pixel_points
+from relume.sphere.mappings.mapping import LatLong, pixel_directions, pixel_points
+from relume.sphere.mappings.names import mapping_named
 
 EVERY = pytest.mark.parametrize("mapping", NAMED.values(), ids=NAMED.keys())
 X, Y, Z = np.eye(3)

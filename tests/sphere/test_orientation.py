@@ -8,10 +8,11 @@ from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.renderers.mitsuba.scene import sensor
 from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
-from relume.sphere.environment_map import EnvironmentMap, as_radiance_map
+from relume.sphere.environment_files import as_radiance_map
+from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
-from relume.sphere.orientation import ORIENTATIONS, Orientation, orientation_named, oriented, restored
-from relume.sphere.orientation_chart import GROUND, INK, LABELS, labelled_probe
+from relume.sphere.mappings.orientation import ORIENTATIONS, Orientation, orient_back, orient_for, orientation_named
+from relume.sphere.mappings.orientation_chart import GROUND, INK, LABELS, orientation_chart
 
 AXES = np.array([label.towards for label in LABELS.values()])
 COLOURS = np.array([label.colour for label in LABELS.values()])
@@ -147,7 +148,7 @@ def test_the_middle_of_a_file_and_what_lies_a_quarter_to_its_right(name, middle,
 @EACH
 def test_the_labelled_probe_laid_out_for_a_program_shows_each_axis_where_the_program_looks(name):
     axes, point = PROGRAMS[name]
-    laid_out = oriented(labelled_probe(64), ORIENTATIONS[name]).radiance
+    laid_out = orient_for(orientation_chart(64), ORIENTATIONS[name]).radiance
     for direction, colour in zip(AXES, COLOURS, strict=True):
         u, v = point(axes(direction))
         row, column = min(int(v * 64), 63), int(u * 128) % 128
@@ -156,7 +157,7 @@ def test_the_labelled_probe_laid_out_for_a_program_shows_each_axis_where_the_pro
 
 def test_the_labelled_probe_laid_out_for_pbrt_shows_each_axis_where_pbrt_looks():
     size = 64
-    laid_out = oriented(labelled_probe(size), ORIENTATIONS["pbrt"])
+    laid_out = orient_for(orientation_chart(size), ORIENTATIONS["pbrt"])
     assert laid_out.mapping.name == "equalarea"
     rows, columns = np.indices((size, size))
     shown = np.array(
@@ -175,7 +176,7 @@ def test_whole_columns_are_moved_without_touching_a_pixel():
     clipped = random.integers(0, 2, (8, 16)).astype(np.uint8)
     light = EnvironmentMap(random.random((8, 16, 3)).astype(np.float32), unit="cd/m²", clipped=clipped)
     for name, columns in (("radiance", 0), ("blender", -4), ("usd", 8)):
-        laid_out = oriented(light, ORIENTATIONS[name])
+        laid_out = orient_for(light, ORIENTATIONS[name])
         np.testing.assert_array_equal(laid_out.radiance, np.roll(light.radiance, columns, axis=1))
         np.testing.assert_array_equal(laid_out.clipped, np.roll(clipped, columns, axis=1))
         assert laid_out.unit == "cd/m²"
@@ -189,7 +190,7 @@ def smooth(size=64):
 @pytest.mark.parametrize("name", ORIENTATIONS)
 def test_restored_undoes_oriented(name):
     light = smooth()
-    back = restored(oriented(light, ORIENTATIONS[name]), ORIENTATIONS[name])
+    back = orient_back(orient_for(light, ORIENTATIONS[name]), ORIENTATIONS[name])
     assert back.mapping == LatLong()
     if name == "pbrt":
         np.testing.assert_allclose(back.radiance, light.radiance, rtol=0.03)
@@ -199,15 +200,15 @@ def test_restored_undoes_oriented(name):
 
 @pytest.mark.parametrize("name", ["usd", "pbrt"])
 def test_another_size_keeps_the_light(name):
-    laid_out = oriented(smooth(), ORIENTATIONS[name], 32)
+    laid_out = orient_for(smooth(), ORIENTATIONS[name], 32)
     assert laid_out.size == 32
     np.testing.assert_allclose(laid_out.total(), smooth().total(), rtol=1e-4)
 
 
 def test_mitsuba_shows_every_axis_where_it_is_and_as_we_do(tmp_path):
     """The file as anybody would load it: an envmap with nothing but a file name."""
-    probe = labelled_probe(256)
-    files.write(tmp_path / "probe.exr", as_radiance_map(oriented(probe, ORIENTATIONS["mitsuba"])))
+    probe = orientation_chart(256)
+    files.write(tmp_path / "probe.exr", as_radiance_map(orient_for(probe, ORIENTATIONS["mitsuba"])))
     with _mitsuba("scalar_rgb", None) as mi:
         envmap = {"type": "envmap", "filename": str(tmp_path / "probe.exr")}
         world, path = mi.load_dict({"type": "scene", "light": envmap}), mi.load_dict({"type": "path"})
@@ -231,22 +232,22 @@ def test_a_preset_that_there_is_not_is_named_with_those_there_are():
 
 def test_a_map_in_another_mapping_is_none_of_a_program():
     with pytest.raises(ValueError, match="a latlong map; pbrt reads equalarea maps only"):
-        restored(smooth(), ORIENTATIONS["pbrt"])
+        orient_back(smooth(), ORIENTATIONS["pbrt"])
 
 
 def test_a_mirrored_map_is_flipped():
     preset = Orientation("outside", LatLong(), np.eye(3), True, "", "")
-    laid_out = oriented(labelled_probe(32), preset)
-    np.testing.assert_array_equal(laid_out.radiance, labelled_probe(32).radiance[:, ::-1])
+    laid_out = orient_for(orientation_chart(32), preset)
+    np.testing.assert_array_equal(laid_out.radiance, orientation_chart(32).radiance[:, ::-1])
     np.testing.assert_allclose(preset.directions(np.array([0.75, 0.5])), [-1, 0, 0], atol=1e-12)
-    np.testing.assert_array_equal(restored(laid_out, preset).radiance, labelled_probe(32).radiance)
+    np.testing.assert_array_equal(orient_back(laid_out, preset).radiance, orientation_chart(32).radiance)
 
 
 # The labelled probe itself
 
 
 def test_the_probe_shows_six_colours_and_no_two_alike():
-    probe = labelled_probe(128)
+    probe = orientation_chart(128)
     np.testing.assert_allclose(probe.lookup(AXES), COLOURS, atol=0.01)
     assert len({tuple(colour) for colour in COLOURS}) == 6
     assert probe.radiance.shape == (128, 256, 3) and probe.radiance.max() <= 1 and probe.radiance.min() >= INK - 1e-6
@@ -257,7 +258,7 @@ def test_the_probe_shows_six_colours_and_no_two_alike():
 def test_a_label_reads_sign_before_letter_for_who_stands_inside(name):
     label = LABELS[name]
     np.testing.assert_allclose(np.cross(label.right, label.up), -label.towards)
-    probe = labelled_probe(256)
+    probe = orientation_chart(256)
 
     def ink(x, y):
         found = probe.lookup(normalised(label.towards + x * label.right + y * label.up))

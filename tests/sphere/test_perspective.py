@@ -9,7 +9,7 @@ from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.cubes import Strip
 from relume.sphere.mappings.discs import Angular
 from relume.sphere.mappings.mapping import LatLong, Mapping, pixel_points
-from relume.sphere.perspective import perspective_view, with_view
+from relume.sphere.mappings.perspective import insert_view, perspective_view
 
 AHEAD = np.eye(3)
 ASIDE = look_at([0, 0, 0], [1, 0.4, -0.3])
@@ -70,10 +70,10 @@ def test_a_view_put_back_changes_little_inside_and_nothing_outside(mapping):
     light = smooth(mapping)
     field, size = np.radians(60), (300, 200)
     view = perspective_view(light, ASIDE, field, size)
-    back = with_view(light, view, ASIDE, field)
+    back = insert_view(light, view, ASIDE, field)
     np.testing.assert_allclose(back.radiance, light.radiance, rtol=3e-3)
     marked = RadianceMap(view.radiance + np.float32(10), unit=view.unit)
-    changed = np.any(with_view(light, marked, ASIDE, field).radiance != light.radiance, axis=-1)
+    changed = np.any(insert_view(light, marked, ASIDE, field).radiance != light.radiance, axis=-1)
     towards = np.nan_to_num(mapping.directions(pixel_points(mapping, 128))) @ ASIDE
     ahead = towards[..., 2] < 0
     x, y = (towards[..., k] / np.where(ahead, -towards[..., 2], 1) / np.tan(field / 2) for k in (0, 1))
@@ -85,7 +85,7 @@ def test_a_view_put_back_changes_little_inside_and_nothing_outside(mapping):
 def test_a_feathered_picture_goes_over_softly():
     light = smooth()
     picture = RadianceMap(np.full((100, 100, 3), 50, np.float32))
-    hard, soft = (with_view(light, picture, AHEAD, np.radians(80), f).radiance[64, :, 0] for f in (0, 0.4))
+    hard, soft = (insert_view(light, picture, AHEAD, np.radians(80), f).radiance[64, :, 0] for f in (0, 0.4))
     assert hard[128] == soft[128] == 50
     assert np.abs(np.diff(hard)).max() > 40
     assert np.abs(np.diff(soft)).max() < 10
@@ -95,12 +95,12 @@ def test_marks_follow_the_picture():
     light = smooth()
     marks = np.full((50, 50), SATURATED, np.uint8)
     picture = RadianceMap(np.ones((50, 50, 3), np.float32), clipped=marks)
-    back = with_view(light, picture, AHEAD, np.radians(40))
+    back = insert_view(light, picture, AHEAD, np.radians(40))
     assert back.clipped is not None
     assert back.clipped[64, 128] == SATURATED
     assert back.clipped[64, 20] == 0
     covered = EnvironmentMap(light.radiance, clipped=np.full((128, 256), OUTSIDE, np.uint8))
-    seen = with_view(covered, RadianceMap(picture.radiance), AHEAD, np.radians(40)).clipped
+    seen = insert_view(covered, RadianceMap(picture.radiance), AHEAD, np.radians(40)).clipped
     assert seen is not None
     assert (seen[64, 128], seen[64, 20]) == (0, OUTSIDE)
     view = perspective_view(covered, AHEAD, 1.0, (8, 8))
@@ -111,9 +111,9 @@ def test_marks_follow_the_picture():
 def test_wrong_calls_are_told():
     light, picture = smooth(size=8), RadianceMap(np.ones((4, 4, 3), np.float32), unit="cd/m²")
     with pytest.raises(ValueError, match='picture is in "cd/m²" and the light in "relative"'):
-        with_view(light, picture, AHEAD, 1.0)
+        insert_view(light, picture, AHEAD, 1.0)
     with pytest.raises(ValueError, match="feather"):
-        with_view(light, RadianceMap(picture.radiance), AHEAD, 1.0, 0.6)
+        insert_view(light, RadianceMap(picture.radiance), AHEAD, 1.0, 0.6)
     with pytest.raises(ValueError, match="180°"):
         perspective_view(light, AHEAD, np.pi, (4, 4))
     with pytest.raises(ValueError, match="0×4"):

@@ -11,7 +11,8 @@ from relume._kernel import in_threads
 from relume.image.files import read_radiance
 from relume.image.radiance import OUTSIDE, SATURATED
 from relume.sphere.directions import normalised, rotation_about
-from relume.sphere.environment_map import EnvironmentMap, as_environment
+from relume.sphere.environment_files import as_environment
+from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.cubes import CubeCross, Strip, VerticalCubeCross
 from relume.sphere.mappings.discs import Angular, Fisheye, Hemispheres, MirrorBall
 from relume.sphere.mappings.kernels import solid_angle
@@ -19,7 +20,6 @@ from relume.sphere.mappings.layouts import layout
 from relume.sphere.mappings.mapping import LatLong, Mapping, pixel_directions, pixel_points
 from relume.sphere.mappings.squares import EqualArea, Octahedral
 from relume.sphere.resampling import splatting as pushing
-from relume.sphere.resampling.resampling import resampled
 
 WHOLE: list[Mapping] = [
     LatLong(),
@@ -118,7 +118,7 @@ def test_smooth_light_is_the_same_light_in_every_mapping(source, target):
         return 2 + towards @ np.array([0.5, 0.7, -0.3]) + 0.4 * towards[..., 0] * towards[..., 1]
 
     size = rows(target)
-    moved = resampled(of_directions(smooth, source), target, size, np.eye(3))
+    moved = of_directions(smooth, source).remapped(target, size)
     expected = of_directions(smooth, target)
     angles = target.solid_angles(size)
     error = np.abs(moved.radiance - expected.radiance)[..., 0]
@@ -130,7 +130,7 @@ def test_smooth_light_is_the_same_light_in_every_mapping(source, target):
 @EVERY
 def test_a_sun_is_found_where_the_mapping_says(mapping):
     size = rows(mapping, 2)
-    moved = resampled(with_a_sun(size=128), mapping, size, ASKEW)
+    moved = with_a_sun(size=128).remapped(mapping, size, ASKEW)
     found = np.argwhere(moved.radiance[..., 0] == moved.radiance[..., 0].max())[0]
     height, width = mapping.shape(size)
     u, v = (np.array(found[::-1]) + 0.5) / [width, height]
@@ -142,9 +142,9 @@ def test_a_quarter_turn_and_a_mapping_put_a_lamp_into_the_pixels_worked_out_by_h
     radiance[16, 32] = 1  # just right of and below −Z
     light = EnvironmentMap(radiance)
     # Right-handed about +Y takes −Z to −X: in an angular map that is half a radius left of the middle.
-    turned = resampled(light, Angular(), 64, rotation_about([0, 1, 0], np.pi / 2))
+    turned = light.remapped(Angular(), 64, rotation_about([0, 1, 0], np.pi / 2))
     assert np.unravel_index(turned.radiance[..., 0].argmax(), (64, 64)) in [(31, 16), (32, 16), (32, 15), (31, 15)]
-    strip = resampled(light, Strip(), 16, rotation_about([1, 0, 0], np.pi / 2))
+    strip = light.remapped(Strip(), 16, rotation_about([1, 0, 0], np.pi / 2))
     assert strip.radiance[..., 0].argmax() % 96 // 16 == 2  # about +X −Z goes to +Y, the third face
 
 
@@ -154,7 +154,7 @@ def test_a_quarter_turn_and_a_mapping_put_a_lamp_into_the_pixels_worked_out_by_h
 @PAIRS
 def test_total_and_first_moment_are_kept_with_a_sun(source, target):
     light = with_a_sun(source)
-    moved = resampled(light, target, rows(target), ASKEW)
+    moved = light.remapped(target, rows(target), ASKEW)
     assert moved.total() == pytest.approx(light.total(), rel=3e-5)
     shift = np.linalg.norm(moment(moved) - moment(light) @ ASKEW.T, axis=1)
     # Turned askew the sun comes to the rim of a hemisphere, where a pixel of 64 rows is 14° wide.
@@ -165,7 +165,7 @@ def test_total_and_first_moment_are_kept_with_a_sun(source, target):
 def test_constant_light_stays_constant(source, target):
     value = np.array([0.3, 1.7, 1e-5], np.float32)
     light = EnvironmentMap(np.broadcast_to(value, (*source.shape(rows(source)), 3)).copy(), source, "cd/m²")
-    moved = resampled(light, target, rows(target), ASKEW)
+    moved = light.remapped(target, rows(target), ASKEW)
     shown = target.solid_angles(rows(target)) > 0
     np.testing.assert_allclose(moved.radiance[shown], np.broadcast_to(value, (shown.sum(), 3)), rtol=4e-7)
     assert np.all(moved.radiance[~shown] == 0)
@@ -182,7 +182,7 @@ def test_no_lone_pixel_is_lost_wherever_it_is(mapping):
         radiance[row, column] = 8, 4, 2
         light = EnvironmentMap(radiance, mapping)
         for other in (LatLong(), MirrorBall(), Strip()):
-            moved = resampled(light, other, rows(other), ASKEW)
+            moved = light.remapped(other, rows(other), ASKEW)
             assert moved.total() == pytest.approx(light.total(), rel=2e-3)
             assert moved.radiance.min() >= 0
 
@@ -191,17 +191,17 @@ def test_eight_turns_of_45_degrees_keep_the_light():
     light = with_a_sun(size=128)
     turned, turn = light, rotation_about([1, 0.3, 0.2], np.pi / 4)
     for _ in range(8):
-        turned = resampled(turned, LatLong(), 128, turn)
+        turned = turned.remapped(LatLong(), 128, turn)
     assert turned.total() == pytest.approx(light.total(), rel=1e-5)
     assert np.all(np.linalg.norm(moment(turned) - moment(light), axis=1) < 1e-3 * light.total())
 
 
 def test_what_stands_out_and_what_does_not_go_the_same_way(monkeypatch):
     light = of_directions(lambda d: 0.1 + np.exp(60 * (d @ SUN - 1)), size=64)
-    plain = resampled(light, Angular(), 64, ASKEW)
+    plain = light.remapped(Angular(), 64, ASKEW)
     monkeypatch.setattr(engine, "STANDS_OUT", 2.0)
     monkeypatch.setattr(pushing, "KEPT", 0.0)
-    pushed = resampled(light, Angular(), 64, ASKEW)
+    pushed = light.remapped(Angular(), 64, ASKEW)
     assert not np.array_equal(plain.radiance, pushed.radiance)
     # Two filters of about the same width: the peak of 1.1 may differ by some per cent, the light as a whole not.
     difference = (plain.radiance - pushed.radiance) * Angular().solid_angles(64)[..., None]
@@ -217,7 +217,7 @@ def test_a_smooth_highlight_shows_no_moire(mapping, degrees):
         return 0.1 + 50 * np.exp((directions @ SUN - 1) / np.radians(degrees) ** 2)
 
     size = 4 * rows(mapping) if mapping.name == "angular" else 2 * rows(mapping)
-    found = resampled(of_directions(glow, size=256), mapping, size, np.eye(3)).radiance[..., 0]
+    found = of_directions(glow, size=256).remapped(mapping, size).radiance[..., 0]
     seen = mapping.solid_angles(size) > 1e-9
     error = np.abs(found - glow(pixel_directions(mapping, size)))[seen]
     assert np.percentile(error, 99.9) < 0.02 * 50
@@ -225,7 +225,7 @@ def test_a_smooth_highlight_shows_no_moire(mapping, degrees):
 
 def test_pushed_light_does_not_speckle_a_pole():
     light = lone(64, 0, 0, value=1e4, dark=1.0)
-    turned = resampled(light.remapped(Angular(), 96), LatLong(), 64, np.eye(3)).radiance
+    turned = light.remapped(Angular(), 96).remapped(LatLong(), 64).radiance
     # The sun stands beside the pole, so the row is not even, but no pixel differs from the next.
     assert np.abs(np.diff(turned[0, :, 0])).max() < 0.05 * turned[0, :, 0].max()
     assert turned.min() >= 0
@@ -239,7 +239,7 @@ def test_a_shrinking_map_is_averaged_over_areas_as_by_its_slow_twin(mapping):
     light = noise(LatLong(), 128)
     size = max(rows(mapping) // 4, 8)
     expected = averaged(light, mapping, size, ASKEW)
-    found = resampled(light, mapping, size, ASKEW).radiance
+    found = light.remapped(mapping, size, ASKEW).radiance
     once = averaged(light, mapping, size, ASKEW, cells=1)
     whole = mapping.solid_angles(size) > 0.5 * np.median(mapping.solid_angles(size))
     error, without = (np.sqrt(np.mean((a - expected)[whole] ** 2)) for a in (found, once))
@@ -250,7 +250,7 @@ def test_a_shrinking_map_is_averaged_over_areas_as_by_its_slow_twin(mapping):
 def test_a_pattern_too_fine_for_the_target_leaves_no_pattern_behind():
     columns = np.arange(512)
     stripes = np.broadcast_to((columns % 2 * 1.0)[None, :, None], (256, 512, 3)).astype(np.float32)
-    moved = resampled(EnvironmentMap(stripes), Angular(), 64, np.eye(3))
+    moved = EnvironmentMap(stripes).remapped(Angular(), 64)
     # Farther out an angular map's pixels are so narrow across their radius that they do show single stripes.
     inside = np.hypot(*np.moveaxis(pixel_points(Angular(), 64) - 0.5, -1, 0)) < 0.38
     assert np.abs(moved.radiance[inside] - 0.5).max() < 0.12
@@ -259,7 +259,7 @@ def test_a_pattern_too_fine_for_the_target_leaves_no_pattern_behind():
 
 def test_a_growing_map_shows_no_edges_of_pixels():
     light = noise(LatLong(), 16)
-    moved = resampled(light, LatLong(), 160, rotation_about([0, 1, 0], 0.01))
+    moved = light.remapped(LatLong(), 160, rotation_about([0, 1, 0], 0.01))
     steps = np.abs(np.diff(moved.radiance[40:120], axis=1)).max()
     assert steps < 0.15  # a bilinear slope of at most 1 a pixel is 0.1 a step; a pixel's edge would be up to 1
 
@@ -269,21 +269,21 @@ def test_a_growing_map_shows_no_edges_of_pixels():
 
 def test_the_result_does_not_depend_on_the_number_of_threads(monkeypatch):
     light = with_a_sun()
-    several = resampled(light, CubeCross(), 192, ASKEW).radiance
+    several = light.remapped(CubeCross(), 192, ASKEW).radiance
     monkeypatch.setattr(engine, "in_threads", partial(in_threads, threads=1))
-    assert np.array_equal(resampled(light, CubeCross(), 192, ASKEW).radiance, several)
+    assert np.array_equal(light.remapped(CubeCross(), 192, ASKEW).radiance, several)
 
 
 def test_light_that_is_not_turned_is_the_very_light_and_whole_pixels_are_rolled():
     light = EnvironmentMap(noise(LatLong()).radiance, clipped=np.eye(64, 128, dtype=np.uint8))
-    assert resampled(light, LatLong(), 64, np.eye(3)) is light
-    turned = resampled(light, LatLong(), 64, rotation_about([0, 1, 0], 2 * np.pi * 5 / 128))
+    assert light.remapped(LatLong(), 64) is light
+    turned = light.remapped(LatLong(), 64, rotation_about([0, 1, 0], 2 * np.pi * 5 / 128))
     assert np.array_equal(turned.radiance, np.roll(light.radiance, -5, axis=1))
     assert turned.clipped is not None
     assert np.array_equal(turned.clipped, np.roll(np.eye(64, 128, dtype=np.uint8), -5, axis=1))
     # A little more than that takes the long way to nearly the same.
     smooth = of_directions(lambda d: 2 + d @ SUN)
-    rolled, turned = (resampled(smooth, LatLong(), 64, rotation_about([0, 1, 0], a + 0.09817477)) for a in (0, 1e-5))
+    rolled, turned = (smooth.remapped(LatLong(), 64, rotation_about([0, 1, 0], a + 0.09817477)) for a in (0, 1e-5))
     np.testing.assert_allclose(turned.radiance, rolled.radiance, rtol=5e-3)
 
 
@@ -294,7 +294,7 @@ def test_marks_travel_and_one_saturated_pixel_is_not_lost(mapping):
     marks[80:] = OUTSIDE
     light = EnvironmentMap(noise(LatLong(), 128).radiance, clipped=marks)
     size = max(rows(mapping) // 2, 16)
-    moved = resampled(light, mapping, size, np.eye(3))
+    moved = light.remapped(mapping, size)
     assert moved.clipped is not None
     towards = LatLong().directions(np.array([70.5 / 256, 40.5 / 128]))
     height, width = mapping.shape(size)
@@ -309,14 +309,14 @@ def test_marks_travel_and_one_saturated_pixel_is_not_lost(mapping):
 
 def test_what_a_fisheye_does_not_show_is_black_and_marked():
     light = EnvironmentMap(np.full((64, 64, 3), 2, np.float32) * (Fisheye().solid_angles(64) > 0)[..., None], Fisheye())
-    moved = resampled(light, LatLong(), 64, np.eye(3))
+    moved = light.remapped(LatLong(), 64)
     front = LatLong().directions(pixel_points(LatLong(), 64))[..., 2] < 0
     assert moved.clipped is not None
     assert np.all(moved.radiance[front] == 2)
     assert np.all(moved.radiance[~front] == 0)
     assert np.array_equal(moved.clipped == OUTSIDE, ~front)
     assert moved.total() == pytest.approx([4 * np.pi] * 3, rel=1e-3)
-    back = resampled(moved, Fisheye(), 64, np.eye(3))
+    back = moved.remapped(Fisheye(), 64)
     inside = np.hypot(*np.moveaxis(pixel_points(Fisheye(), 64) - 0.5, -1, 0)) < 0.48
     assert np.abs(back.radiance[inside] - 2).max() < 1e-6
 
@@ -357,7 +357,7 @@ GRACE_MISSES = pytest.mark.xfail(
 def test_real_maps_at_512_rows_keep_total_moment_and_irradiance_to_a_thousandth(shared, path, to_balls):
     whole = as_environment(read_radiance(shared / "data" / path))
     normals = normalised(np.random.default_rng(0).normal(size=(200, 3)))
-    lights = {m.name: resampled(whole, m, 510 if m.name == "cross" else 512, np.eye(3)) for m in WHOLE}
+    lights = {m.name: whole.remapped(m, 510 if m.name == "cross" else 512) for m in WHOLE}
 
     def facts(light):
         weight = middles(light.mapping, light.size) * light.mapping.solid_angles(light.size)[..., None]
@@ -370,7 +370,7 @@ def test_real_maps_at_512_rows_keep_total_moment_and_irradiance_to_a_thousandth(
     for source in lights.values():
         for target in WHOLE:
             if target.name != source.mapping.name and isinstance(target, MirrorBall) == to_balls:
-                moved = facts(resampled(source, target, lights[target.name].size, np.eye(3)))
+                moved = facts(source.remapped(target, lights[target.name].size))
                 total, moments, irradiance = before[source.mapping.name]
                 assert moved[0] == pytest.approx(total, rel=1e-5)
                 assert np.linalg.norm(moved[1] - moments) < 1e-3 * total

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
+import relume as rl
 from relume.cli.arguments import DryRun, read_angles, read_rotation, refuse_input, require_files, require_suffix
 from relume.cli.console import OutputOptions, note, print_facts, warnings_as_notes
 from relume.cli.convert_format import FormatOptions, change_format, exposed
 from relume.cli.convert_input import read_faces, read_input, read_mapping
-from relume.cli.light_input import Clamp, read_light
+from relume.cli.light_input import Clamp
 from relume.cli.reading_options import ReadingOptions
 from relume.errors import DoubtfulResult
 
@@ -124,10 +125,9 @@ def convert(
     With none of the options about light, only the format changes, and pixels that are no light are kept too.
     """
     from relume.image import files
-    from relume.sphere.audit import audit, losses
-    from relume.sphere.environment_map import as_radiance_map
+    from relume.sphere.environment_files import as_radiance_map
+    from relume.sphere.mappings.orientation_chart import orientation_chart
     from relume.sphere.mip_cube import mirrored_strip
-    from relume.sphere.orientation_chart import labelled_probe
 
     with warnings_as_notes(output):
         paths_in = files_in or []
@@ -156,7 +156,7 @@ def convert(
         if mirror is not None and any(cubes) == all(cubes):
             raise ValueError("--mirror is for six faces that are read, or for --to faces and --to strip; not for both")
         if labelled:
-            light = labelled_probe(512)
+            light = orientation_chart(512)
         else:
             light = read_input(
                 paths_in, from_, gamma, exposure, hot or [], clamp, mirror if cubes[0] else None, reading
@@ -174,7 +174,7 @@ def convert(
             return
         if put is not None:
             light = _filled_in(light, put, seen_from, field or 90.0)
-        before = audit(light, turn)
+        before = light.audit(turn)
         result, orientation = light, None
         if for_ is not None:
             result, orientation = _laid_out(light if turn is None else light.rotated(turn), for_, size)
@@ -188,8 +188,8 @@ def convert(
         if orientation is not None:
             written.attributes["orientation"] = orientation
         paths = _write(out, to, written, encoding)
-        after = audit(_read_back(paths, to))
-        told = losses(before, after)
+        after = _read_back(paths, to).audit()
+        told = before.losses(after)
         shown = float(result.mapping.solid_angles(result.size).sum())
         whole = shown > 4 * math.pi * 0.999
         if not whole:
@@ -249,9 +249,7 @@ def _fine_enough(light: EnvironmentMap, mapping: Mapping) -> int:
     """Rows as fine as the light's, rounded up: to a power of two a cube's face, else to a multiple of 64."""
     import math
 
-    from relume.sphere.mappings.matching_size import matching_size
-
-    rows = matching_size(light, mapping)
+    rows = light.matching_size(mapping)
     if mapping == light.mapping:
         return rows
     faces = getattr(mapping, "grid", (1, 1))[0] if mapping.name in CUBES else 0
@@ -260,17 +258,17 @@ def _fine_enough(light: EnvironmentMap, mapping: Mapping) -> int:
 
 
 def _laid_out(light: EnvironmentMap, host: str, size: int | None) -> tuple[EnvironmentMap, str]:
-    from relume.sphere.orientation import orientation_named, oriented
+    from relume.sphere.mappings.orientation import orient_for, orientation_named
 
     orientation = orientation_named(host)
     rows = size or _fine_enough(light, orientation.mapping)
-    return oriented(light, orientation, rows), orientation.name
+    return orient_for(light, orientation, rows), orientation.name
 
 
 def _cropped(light: EnvironmentMap, rotation: np.ndarray | None, field: float, pixels: str) -> RadianceMap:
     import numpy as np
 
-    from relume.sphere.perspective import perspective_view
+    from relume.sphere.mappings.perspective import perspective_view
 
     try:
         width, height = (int(word) for word in pixels.lower().split("x"))
@@ -285,7 +283,7 @@ def _filled_in(light: EnvironmentMap, path: Path, rotation: np.ndarray | None, f
     import numpy as np
 
     from relume.image import files
-    from relume.sphere.perspective import with_view
+    from relume.sphere.mappings.perspective import insert_view
 
     picture = files.read_radiance(path)
     angle = float(np.radians(field))
@@ -297,7 +295,7 @@ def _filled_in(light: EnvironmentMap, path: Path, rotation: np.ndarray | None, f
             raise ValueError(
                 f"--put {path}: the file does not remember where it was cropped from; give --view too"
             ) from None
-    return with_view(light, picture, rotation, angle)
+    return insert_view(light, picture, rotation, angle)
 
 
 def _outputs(out: Path, to: str | None) -> list[Path]:
@@ -325,4 +323,4 @@ def _write(out: Path, to: str | None, picture: RadianceMap, encoding: Encoding |
 
 def _read_back(paths: list[Path], to: str | None) -> EnvironmentMap:
     """What was written, as any reader will find it, but in our frame."""
-    return read_faces(paths, False, None) if to == "faces" else read_light(paths[0])
+    return read_faces(paths, False, None) if to == "faces" else rl.read_environment(paths[0])

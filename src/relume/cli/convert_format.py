@@ -105,10 +105,10 @@ def change_format(
     """Write what a file holds in the format that `out` names, read it back, and tell how much of it was kept."""
     from relume.cli.arguments import refuse_input, require_files, require_suffix
     from relume.cli.convert_input import refuse_paintings
-    from relume.cli.light_input import light_only
     from relume.image import files
     from relume.image.files.encodings import SUFFIXES, suffix_of
     from relume.image.radiance import RadianceMap
+    from relume.sphere.environment_files import require_light
 
     suffix = suffix_of(out)
     require_suffix(out, *dict.fromkeys([*SUFFIXES, *PHOTOGRAPHS]))
@@ -134,7 +134,7 @@ def change_format(
             warnings.warn(f"{out}: does not keep the {' and '.join(held)} of {path.name}", stacklevel=2)
         told = {"written": [str(out)], "size": list(image.size), "bits": 8 * image.pixels.itemsize}
         return {**told, "kept": kept_codes(image, files.read_photograph(out, reading))}
-    image = exposed(light_only(path, image, True) if clamp else image, stops)
+    image = exposed(require_light(path, image, clamp=True) if clamp else image, stops)
     files.write(out, image, encoding)
     again = replace(reading, float_size=image.size, float_order=None)
     back = files.read_radiance(out, again)
@@ -153,11 +153,10 @@ def _blocks_of_others(path: Path) -> list[str]:
 
 def _audited(before: RadianceMap, after: RadianceMap) -> dict[str, object]:
     """The energy of a light map as it was and as it is written; nothing for any other picture."""
-    from relume.sphere.audit import audit
-    from relume.sphere.environment_map import as_environment
+    from relume.sphere.environment_files import as_environment
 
     try:
-        return {"before": audit(as_environment(before)).facts(), "after": audit(as_environment(after)).facts()}
+        return {"before": as_environment(before).audit().facts(), "after": as_environment(after).audit().facts()}
     except ValueError:
         return {}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from relume.cli.light_input import read_light, read_picture
+import relume as rl
 from relume.errors import UnreadableFile
 from relume.image.files.read_options import ReadOptions
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def read_mapping(text: str, option: str) -> Mapping:
-    from relume.sphere.mappings.mapping import mapping_named
+    from relume.sphere.mappings.names import mapping_named
 
     try:
         return mapping_named("strip" if text == "faces" else text)
@@ -48,7 +48,7 @@ def read_input(
     if from_ == "faces":
         raise ValueError("--from faces: give the six files +X −X +Y −Y +Z −Z; one file with all of them is a strip")
     refuse_paintings(paths[0])
-    return read_light(paths[0], told, clamp=clamp, reading=reading)
+    return rl.read_environment(paths[0], told, clamp=clamp, options=reading)
 
 
 def refuse_paintings(path: Path) -> None:
@@ -88,9 +88,9 @@ def read_faces(
     import numpy as np
 
     from relume.image.radiance import RadianceMap
-    from relume.sphere.environment_map import as_environment
+    from relume.sphere.environment_files import as_environment, read_light_pixels
 
-    pictures = [read_picture(path, clamp=clamp, reading=reading) for path in paths]
+    pictures = [read_light_pixels(path, clamp=clamp, options=reading) for path in paths]
     first, side = pictures[0], pictures[0].size[1]
     for path, picture in zip(paths, pictures, strict=True):
         if picture.size != (side, side) or picture.unit != first.unit:

@@ -80,7 +80,7 @@ def _edit(
     source: Path, out: Path, told_mapping: str | None, steps: list[Step], dry_run: bool, output: OutputOptions
 ) -> None:
     from relume.image import files
-    from relume.sphere.mappings.mapping import mapping_named
+    from relume.sphere.mappings.names import mapping_named
 
     mapping = None if told_mapping is None else mapping_named(told_mapping).name
     if dry_run:

@@ -122,7 +122,7 @@ def soften(picture: RadianceMap, sigma: float, share: float) -> RadianceMap:
 
 def spin(picture: RadianceMap, angle: float) -> RadianceMap:
     """Motion blur of a light map, turned by `angle` in radians, in our frame: only there the vertical is upright."""
-    from relume.sphere.environment_map import as_environment, as_radiance_map
+    from relume.sphere.environment_files import as_environment, as_radiance_map
     from relume.sphere.resampling.blur import spun
 
     light = _light(picture, as_environment)
@@ -146,7 +146,7 @@ def blur_sphere(picture: RadianceMap, sigma: float, share: float) -> RadianceMap
 
 def _as_laid_out(picture: RadianceMap) -> EnvironmentMap:
     """The light as it stands in the file, whatever program it is for: enough for what is alike in all directions."""
-    from relume.sphere.environment_map import as_environment
+    from relume.sphere.environment_files import as_environment
 
     # Turned back, it would have to be resampled, and the file would no longer be for that program.
     attributes = {key: text for key, text in picture.attributes.items() if key not in ("orientation", "mirror")}
@@ -187,22 +187,20 @@ def energy(picture: RadianceMap, when: str) -> dict[str, object]:
 
 def note_losses(before: RadianceMap, after: RadianceMap) -> None:
     """Warn of light that a step lost which should have lost none."""
-    from relume.sphere.audit import losses
 
     audits = _audit(before), _audit(after)
     if audits[0] is not None and audits[1] is not None:
-        for line in losses(audits[0], audits[1]):
+        for line in audits[0].losses(audits[1]):
             warnings.warn(line, stacklevel=2)
 
 
 def _audit(picture: RadianceMap) -> Audit | None:
     """The energy of a light map; None for any other map, and one that holds what is no light."""
-    from relume.sphere.audit import audit
-    from relume.sphere.environment_map import as_environment
+    from relume.sphere.environment_files import as_environment
 
     if "mapping" not in picture.attributes:
         return None
     try:
-        return audit(as_environment(picture))
+        return as_environment(picture).audit()
     except ValueError:
         return None

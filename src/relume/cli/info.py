@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+import relume as rl
 from relume.cli.console import OutputOptions, print_facts, refuse, version, warnings_as_notes
 from relume.cli.reading_options import ReadingOptions
 from relume.errors import RelumeError
@@ -81,7 +82,8 @@ def _direction(facts: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, 
 
     import numpy as np
 
-    from relume.sphere.mappings.mapping import LatLong, mapping_named
+    from relume.sphere.mappings.mapping import LatLong
+    from relume.sphere.mappings.names import mapping_named
 
     try:
         mapping = mapping_named(told["mapping"]) if "mapping" in told else LatLong()
@@ -89,7 +91,7 @@ def _direction(facts: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, 
             return None
         view = mapping
         if "orientation" in told:
-            from relume.sphere.orientation import orientation_named
+            from relume.sphere.mappings.orientation import orientation_named
 
             view = orientation_named(told["orientation"])
     except ValueError:  # of another program, or of another time
@@ -108,15 +110,14 @@ def _direction(facts: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, 
 
 def _draw(paths: list[Path], out: Path, from_: str | None, reading: ReadOptions) -> None:
     from relume.cli.arguments import require_suffix
-    from relume.cli.light_input import read_light
     from relume.image import files
     from relume.report.light_plot import light_plot
-    from relume.sphere.mappings.mapping import mapping_named
+    from relume.sphere.mappings.names import mapping_named
 
     if len(paths) != 1:
         raise ValueError(f"--draw shows one map; {len(paths)} files are named")
     require_suffix(out, ".png", option="--draw")
-    light = read_light(paths[0], None if from_ is None else mapping_named(from_), reading=reading)
+    light = rl.read_environment(paths[0], None if from_ is None else mapping_named(from_), options=reading)
     with files.replacing(out) as temporary:
         temporary.write_bytes(light_plot(light, paths[0].name))
 

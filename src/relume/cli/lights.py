@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
+import relume as rl
 from relume.cli.arguments import DryRun, require_files, require_suffix
 from relume.cli.console import OutputOptions, note, print_facts, warnings_as_notes
-from relume.cli.light_input import Clamp, read_light
+from relume.cli.light_input import Clamp
 from relume.cli.lights_places import Places, by_second, on_walls, read_second
 from relume.errors import DoubtfulResult, UnreadableFile
 
@@ -89,9 +90,9 @@ def lights(
     from relume.errors import SunNotFound
     from relume.image import files
     from relume.light.constellations.constellation import irradiance_error
-    from relume.sphere.environment_map import as_radiance_map
-    from relume.sphere.mappings.mapping import LatLong, mapping_named
-    from relume.sphere.mappings.matching_size import matching_size
+    from relume.sphere.environment_files import as_radiance_map
+    from relume.sphere.mappings.mapping import LatLong
+    from relume.sphere.mappings.names import mapping_named
 
     with warnings_as_notes(output):
         require_files([light_map])
@@ -103,7 +104,7 @@ def lights(
             mapping = None if from_ is None else mapping_named(from_)
         except ValueError as error:
             raise ValueError(f"--from: {error}") from None
-        light = read_light(light_map, mapping, clamp=clamp)
+        light = rl.read_environment(light_map, mapping, clamp=clamp)
         if not light.radiance.any():
             raise UnreadableFile(f"{light_map}: black all over; there is no light to make lights of")
         second = read_second(places, light, mapping, clamp)
@@ -116,7 +117,7 @@ def lights(
             note(
                 output, f"{light_map}: a {light.mapping.name} map, resampled to lat-long, which the residual has to be"
             )
-            light = light.remapped(LatLong(), matching_size(light, LatLong()))
+            light = light.remapped(LatLong(), light.matching_size(LatLong()))
         try:
             found, rest, made = _divided(light, count, suns, residual is not None, contrast, _method(method))
         except SunNotFound as error:

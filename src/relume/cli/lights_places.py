@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Group, Parameter
 
+import relume as rl
 from relume.cli.arguments import read_point, require_files
-from relume.cli.light_input import read_light
 from relume.errors import RelumeError
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ def read_second(places: Places, first: EnvironmentMap, mapping: Mapping | None, 
     """The second map, to be compared with the first; None where none is told."""
     if places.second is None:
         return None
-    light = read_light(places.second, mapping, clamp=clamp)
+    light = rl.read_environment(places.second, mapping, clamp=clamp)
     if light.unit != first.unit:
         raise ValueError(
             f"--second {places.second}: its unit is {light.unit} and the first map's {first.unit}; intensities are "

@@ -102,7 +102,7 @@ def panorama(
     from relume.probe.panorama.matching import Matching
     from relume.probe.panorama.sources import read_sources
     from relume.probe.panorama.stitching import mosaic
-    from relume.sphere.environment_map import as_radiance_map
+    from relume.sphere.environment_files import as_radiance_map
 
     with warnings_as_notes(output):
         require_suffix(out, ".exr", ".hdr")
@@ -263,7 +263,6 @@ def _view(
 
 def _facts(result: Panorama, listed: bool) -> dict[str, object]:
     """What was found; the views as a list for machines, else a line each."""
-    from relume.sphere.audit import audit
 
     views = [_view_facts(*each) for each in zip(result.views, result.gains, strict=True)]
     if listed:
@@ -276,7 +275,7 @@ def _facts(result: Panorama, listed: bool) -> dict[str, object]:
             }
             for number, (name, view) in enumerate(zip(names, views, strict=True), start=1)
         }
-    light = audit(result.light).facts()
+    light = result.light.audit().facts()
     return {
         "size": f"{2 * result.light.size}×{result.light.size}",
         **shown,

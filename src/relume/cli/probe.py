@@ -301,7 +301,7 @@ def _write(out: Path, result: Probe) -> None:
     import numpy as np
 
     from relume.image import files
-    from relume.sphere.environment_map import as_radiance_map
+    from relume.sphere.environment_files import as_radiance_map
 
     picture = as_radiance_map(result.light)
     if out.suffix.lower() == ".hdr":

@@ -9,12 +9,11 @@ from typing import Any
 from relume.cli.console import OutputOptions, note
 from relume.probe.ball.blending import Probe
 from relume.probe.ball.unwrapping import BallView
-from relume.sphere.audit import audit
 
 
 def remark(result: Probe, output: OutputOptions, count: int) -> None:
     """Notes on what no view saw and what was saturated, as the map's marks have it."""
-    measured = audit(result.light)
+    measured = result.light.audit()
     if measured.unseen > 0:
         again = "photograph from a second side" if count == 1 else "photograph from one more side"
         note(output, f"{measured.unseen:.3g} sr are seen by no view and were filled from beside; {again}")
@@ -46,7 +45,7 @@ def facts_of(views: Sequence[BallView], result: Probe, told: bool, output: Outpu
             ]
     else:
         facts["turned by registration"] = ["0.00°"]
-    return facts | audit(result.light).facts()
+    return facts | result.light.audit().facts()
 
 
 def _ball(view: BallView) -> dict[str, Any]:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 from cyclopts import Parameter
 
+import relume as rl
 from relume.cli.arguments import DryRun, made_folder, require_files
 from relume.cli.console import OutputOptions, note, print_facts, progress, warnings_as_notes
-from relume.cli.light_input import read_light
 from relume.errors import OutputNotWritten
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def reflect(
         _check(out, rows, cube, mirror, normalisation, sheet, exposure, bool(brdf))
         tables, glossy = _tables(lobe or [], bool(brdf)), {f"glossy_{_name(w)}": _brdf(w) for w in brdf or []}
         picture = None if sheet is None else (sheet[0] if sheet else out / "sheet.png")
-        light, divided = read_light(light_map), Normalisation(normalisation)
+        light, divided = rl.read_environment(light_map), Normalisation(normalisation)
         written = [out / f"{name}.exr" for name in (*tables, *glossy)] + [out / "harmonics.json"]
         if dry_run:
             written += [] if cube is None else _cube_paths(out, _cube_names(lobe, tables), cube, cube_format)

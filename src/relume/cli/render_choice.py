@@ -147,7 +147,7 @@ def read_file(path: Path, light: Path | None, size: str | None) -> SceneFile:
     """The scene file, or the mesh as one, under this light and in this size where they are given."""
     from relume.image import files
     from relume.project.scene_file.scene_file import SIZE, read_scene, scene_of_mesh
-    from relume.sphere.environment_map import as_environment
+    from relume.sphere.environment_files import as_environment
 
     require_files([path, *([light] if light is not None else [])])
     if path.suffix.lower() == ".bpt":

@@ -26,7 +26,7 @@ def write_environment(
     from relume.image import files
     from relume.renderers.environment_probe import environment
     from relume.sphere.directions import UP
-    from relume.sphere.environment_map import as_radiance_map
+    from relume.sphere.environment_files import as_radiance_map
 
     point = read_point(place, "--environment")
     width, rows = (2 * ROWS, ROWS) if size is None else read_size(size)

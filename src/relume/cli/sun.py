@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+import relume as rl
 from relume.cli.arguments import DryRun, read_point, require_files, require_suffix
 from relume.cli.console import OutputOptions, note, print_facts, warnings_as_notes
-from relume.cli.light_input import Clamp, read_light
+from relume.cli.light_input import Clamp
 from relume.errors import DoubtfulResult, UnreadableFile
 
 if TYPE_CHECKING:
@@ -80,16 +81,15 @@ def sun(
     from relume.image import files
     from relume.light.suns.clipped_regions import Disc, Spread
     from relume.light.suns.clipped_sun import recover_sun
-    from relume.sphere.audit import audit
-    from relume.sphere.environment_map import as_radiance_map
-    from relume.sphere.mappings.mapping import mapping_named
+    from relume.sphere.environment_files import as_radiance_map
+    from relume.sphere.mappings.names import mapping_named
 
     with warnings_as_notes(output):
         require_suffix(out, ".exr", ".hdr")
         require_files([light_map, *(path for path in (grey_ball, chart) if path)])
         if (grey_ball is None) == (chart is None):
             raise ValueError("give --grey-ball with --albedo, or --chart with --patch")
-        light = read_light(light_map, None if from_ is None else mapping_named(from_), clamp=clamp)
+        light = rl.read_environment(light_map, None if from_ is None else mapping_named(from_), clamp=clamp)
         if grey_ball is not None:
             readings = _of_ball(grey_ball, albedo, read_point(camera, "--camera"), radius, pick)
         else:
@@ -116,8 +116,8 @@ def sun(
                     for source in found.sources
                 ],
                 "residual": float(f"{found.residual:.3g}"),
-                "before": audit(light).facts(),
-                "after": audit(found.light).facts(),
+                "before": light.audit().facts(),
+                "after": found.light.audit().facts(),
             },
         )
         _doubt(out, found, accept, output)

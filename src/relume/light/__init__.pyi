@@ -1,6 +1,9 @@
 from .constellations.constellation import Constellation as Constellation
 from .constellations.residual import key_lights as key_lights
 from .constellations.variance_minimisation import VarianceMinimisation as VarianceMinimisation
+from .harmonics.spherical_harmonics import SphericalHarmonics as SphericalHarmonics
+from .harmonics.spherical_harmonics import project_sh as project_sh
 from .reflection.reflection_map import ReflectionMap as ReflectionMap
 from .reflection.reflection_map import reflection_map as reflection_map
+from .sampling import EnvironmentSampler as EnvironmentSampler
 from .suns.clipped_sun import recover_sun as recover_sun

@@ -8,7 +8,7 @@ import numpy as np
 
 from relume.image.colour import luminance
 from relume.image.radiance import OUTSIDE, SATURATED
-from relume.sphere.audit import AXES, Audit, audit
+from relume.sphere.audit import AXES, Audit
 from relume.sphere.environment_map import EnvironmentMap
 from relume.virtual_camera.film.film import Film, develop
 
@@ -26,7 +26,7 @@ def light_plot(light: EnvironmentMap, title: str) -> bytes:
     """
     from matplotlib.figure import Figure
 
-    measured = audit(light)
+    measured = light.audit()
     mean = float(luminance(measured.total)) / float(light.mapping.solid_angles(light.size).sum())
     rows, columns = light.radiance.shape[:2]
     step = max(1, -(-columns // _WIDEST))

@@ -1,15 +1,18 @@
-"""An illumination map: radiance as a function of direction, in one of the mappings."""
+"""An environment map (HDRI): radiance as a function of direction, in one of the mappings."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from relume.image.bilinear import bilinear
-from relume.image.radiance import RadianceMap
 from relume.sphere.directions import required_rotation
-from relume.sphere.mappings.mapping import LatLong, Mapping, mapping_named, pixel_directions
+from relume.sphere.mappings.mapping import LatLong, Mapping, matching_size, pixel_directions
+
+if TYPE_CHECKING:
+    from relume.sphere.audit import Audit
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +25,7 @@ class EnvironmentMap:
     clipped : (rows, columns) uint8, what no photograph could measure, in the codes of `RadianceMap`: where it is
         SATURATED radiance is a lower bound, where it is OUTSIDE no view saw and radiance is filled in; None where
         nothing is known of that
-    attributes : what else the map's file told (text), as where its sun was recovered from; conversions carry them
+    attributes : other text from the map's file, as where its sun was recovered from; conversions keep it
     """
 
     radiance: np.ndarray
@@ -88,67 +91,31 @@ class EnvironmentMap:
 
         rotation : turned by it as well, in one step, which blurs less than two
         """
-        from relume.sphere.mappings.matching_size import matching_size
         from relume.sphere.resampling.resampling import resampled
 
         turn = np.eye(3) if rotation is None else required_rotation(rotation)
-        rows = matching_size(self, mapping) if size is None else size
-        return replace(resampled(self, mapping, rows, turn), attributes=self.attributes)
+        rows = self.matching_size(mapping) if size is None else size
+        radiance, clipped = resampled(self.radiance, self.clipped, (self.mapping, self.size), (mapping, rows), turn)
+        if radiance is self.radiance:
+            return self
+        return EnvironmentMap(radiance, mapping, self.unit, clipped, self.attributes)
+
+    def matching_size(self, mapping: Mapping) -> int:
+        """Rows of a map in `mapping` with at least as many pixels a steradian, on average."""
+        return matching_size(self.mapping, self.size, mapping)
 
     def rotated(self, rotation: np.ndarray) -> EnvironmentMap:
         """The light turned by an active rotation: what came from ω comes from `rotation` @ ω; energy kept."""
         return self.remapped(self.mapping, self.size, rotation)
 
+    def audit(self, rotation: np.ndarray | None = None) -> Audit:
+        """The map's energy: total, irradiance, brightest pixel, and what is clipped or unseen.
 
-def as_environment(picture: RadianceMap, mapping: Mapping | None = None) -> EnvironmentMap:
-    """Read a radiance map as light: by the mapping told, else the one its file remembers, else by its shape.
+        rotation : active; the audit is of the light turned by it, without resampling
+        """
+        from relume.sphere.audit import audit
 
-    2:1 is lat-long, 6:1 a strip of cube faces; 4:3 and 3:4 are crosses where the cells beside the faces are empty.
-
-    A map that `relume convert --for` laid out for another program is turned back into our frame.
-
-    Raises ValueError when nothing tells: a square map may be an angular map, a mirrored ball or more.
-    """
-    if mapping is None:
-        told = picture.attributes.get("mapping")
-        mapping = mapping_named(told) if told else _mapping_of_shape(picture)
-    kept = {key: text for key, text in picture.attributes.items() if key not in _LAYOUT}
-    light = EnvironmentMap(picture.radiance, mapping, picture.unit, picture.clipped, kept)
-    if "mirror" in picture.attributes:
-        from relume.sphere.mip_cube import mirrored_strip
-
-        light = mirrored_strip(light, picture.attributes["mirror"])
-    if "orientation" in picture.attributes:
-        from relume.sphere.orientation import orientation_named, restored
-
-        return restored(light, orientation_named(picture.attributes["orientation"]))
-    return light
-
-
-_LAYOUT = ("mapping", "envmap", "orientation", "mirror", "face", "view")
-"""Attributes that tell where a file's pixels look."""
-
-
-def as_radiance_map(light: EnvironmentMap) -> RadianceMap:
-    """The light as a picture that remembers its mapping, ready to be written to a file."""
-    attributes = {**light.attributes, "mapping": light.mapping.name}
-    return RadianceMap(light.radiance.astype(np.float32), None, light.clipped, light.unit, attributes)
-
-
-def _mapping_of_shape(picture: RadianceMap) -> Mapping:
-    width, height = picture.size
-    shapes = {(2, 1): "latlong", (6, 1): "strip", (4, 3): "cross", (3, 4): "cross-vertical"}
-    for (across, down), name in shapes.items():
-        if width * down != height * across:
-            continue
-        mapping = mapping_named(name)
-        beside = picture.radiance[mapping.solid_angles(height) == 0]
-        # A photograph may be 4:3 too, but it does not leave the same cells empty.
-        if beside.size == 0 or np.all(beside == beside[0]):
-            return mapping
-    raise ValueError(
-        f"a map of {width}×{height} pixels does not tell its mapping; a lat-long map is twice as wide as high"
-    )
+        return audit(self.radiance, self.mapping, self.clipped, self.unit, rotation)
 
 
 def _article(name: str) -> str:

@@ -18,7 +18,7 @@ from relume.lightstage.novel_view.direct_light_view import direct_light_view
 from relume.lightstage.novel_view.source_views import SourceView
 from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import Mesh
-from relume.sphere.environment_map import as_environment
+from relume.sphere.environment_files import as_environment
 
 SHARED = Path(__file__).resolve().parents[4] / "shared"
 HEAD = SHARED / "stages" / "head"

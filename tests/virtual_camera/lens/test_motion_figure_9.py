@@ -10,9 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from relume.image.files import read_radiance
 from relume.image.response import Response
-from relume.sphere.environment_map import EnvironmentMap, as_environment
+from relume.sphere.environment_files import as_environment
+from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong
-from relume.sphere.perspective import perspective_view
+from relume.sphere.mappings.perspective import perspective_view
 from relume.virtual_camera.film.film import Film, developed_values
 from relume.virtual_camera.lens.motion.path import TurningCamera
 from relume.virtual_camera.lens.motion.straight import StraightMotion

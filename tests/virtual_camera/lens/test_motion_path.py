@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from naive_motion import averaged, through
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong
-from relume.sphere.perspective import perspective_view
+from relume.sphere.mappings.perspective import perspective_view
 from relume.virtual_camera.lens.motion.path import HomographyPath, TurningCamera
 from relume.virtual_camera.lens.motion.shutter import Shutter
 from relume.virtual_camera.lens.motion.straight import StraightMotion

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
+import relume as rl
 from relume.cli.arguments import DryRun, read_rotation, require_files, require_suffix
 from relume.cli.console import OutputOptions, print_facts, warnings_as_notes
-from relume.cli.light_input import read_light
 from relume.cli.stage.options import Camera, Stage
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def drive(
                 output, {"would write": str(out), "lights": len(field.lights), "primaries": list(primaries.names)}
             )
             return
-        wanted = read_light(light)
+        wanted = rl.read_environment(light)
         if rotate is not None:
             wanted = wanted.rotated(read_rotation(rotate, "--rotate"))
         chosen = (

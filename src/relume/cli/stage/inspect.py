@@ -7,9 +7,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+import relume as rl
 from relume.cli.arguments import DryRun, made_folder, require_files
 from relume.cli.console import OutputOptions, note, print_facts, progress, warnings_as_notes
-from relume.cli.light_input import read_light
 from relume.cli.stage.options import Camera, Stage, work_of
 from relume.cli.stage.output import require_output_folder
 
@@ -60,7 +60,7 @@ def inspect(
         if out is None or dry_run:
             print_facts(output, facts if out is None else {"would write": str(out), **facts})
             return
-        maps = {path.name: read_light(path) for path in light or []}
+        maps = {path.name: rl.read_environment(path) for path in light or []}
         with progress(output) as report:
             report("report", 0.0)
             made_folder(out)

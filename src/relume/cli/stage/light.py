@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+import relume as rl
 from relume.cli.arguments import read_rotation, require_files
-from relume.cli.light_input import Clamp, read_light
+from relume.cli.light_input import Clamp
 from relume.errors import UnreadableFile
 
 if TYPE_CHECKING:
@@ -130,7 +131,7 @@ class Light:
         if frames is None:
             units = set()
             for index, path in enumerate(self._listed()):
-                light = read_light(path, clamp=self.clamp)
+                light = rl.read_environment(path, clamp=self.clamp)
                 units.add(light.unit)
                 if len(units) > 1:
                     raise ValueError(f"{path}: in {light.unit}, the maps before it not; a sequence has one unit")
@@ -157,7 +158,7 @@ class Light:
     def maps(self) -> list[EnvironmentMap]:
         """The maps of --light, not turned."""
         paths = [path for path in self.light or [] if path.suffix.lower() != ".json"]
-        maps = [read_light(path, clamp=self.clamp) for path in paths]
+        maps = [rl.read_environment(path, clamp=self.clamp) for path in paths]
         units = {each.unit for each in maps}
         if len(units) > 1:
             raise ValueError("--light: one map is in cd/m² and another relative; they cannot be summed")

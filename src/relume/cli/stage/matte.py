@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+import relume as rl
 from relume.cli.arguments import DryRun, read_rotation, refuse_input, require_files, require_suffix
 from relume.cli.console import OutputOptions, print_facts, progress, warnings_as_notes
-from relume.cli.light_input import read_light
 from relume.cli.stage.output import require_picture, write_picture
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ def _in_environment(matte: EnvironmentMatte, light: Path, stage: Path, text: str
         x, y, z, width, height = (float(word) for word in text.replace(",", " ").split())
     except ValueError:
         raise ValueError(f'--backdrop: "{text}" is no place and size; write X,Y,Z,WIDTH,HEIGHT in metres') from None
-    environment = read_light(light)
+    environment = rl.read_environment(light)
     if rotate is not None:
         environment = environment.rotated(read_rotation(rotate, "--rotate"))
     standing = Backdrop.facing(np.array([x, y, z]), field.camera.position, width, height)

@@ -23,7 +23,7 @@ from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Infinite
 from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.shapes.shapes import Mesh
-from relume.sphere.environment_map import as_radiance_map
+from relume.sphere.environment_files import as_radiance_map
 
 SENSOR = 36.0
 """Millimetres across: with a full frame the focal length is the one photographers know."""

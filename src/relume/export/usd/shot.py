@@ -18,7 +18,7 @@ from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Infinite
 from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.shapes.shapes import Mesh
-from relume.sphere.environment_map import as_radiance_map
+from relume.sphere.environment_files import as_radiance_map
 
 USE = """shot.usda refers to light.usda (lights, dome) and to the images. What USD has no words for is in attributes of
 its own:

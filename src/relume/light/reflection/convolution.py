@@ -11,11 +11,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from scipy.fft import irfft, rfft
 
+from relume.light.harmonics.transform import analysed, synthesised, wigner
 from relume.light.reflection.lobes import Lambert, Lobe, SelfLuminous, quadrature
 from relume.sphere.environment_map import EnvironmentMap
-from relume.sphere.harmonics.transform import analysed, synthesised, wigner
 from relume.sphere.mappings.mapping import LatLong
-from relume.sphere.mappings.matching_size import matching_size
 
 TOLERANCE = 1e-4
 """Zonal harmonics are used where their error is surely below this share of every table entry."""
@@ -131,4 +130,4 @@ def as_latlong(light: EnvironmentMap) -> EnvironmentMap:
     """The light as a lat-long map, energy kept; itself where it is one, else of as many rows, or more to be as fine."""
     if isinstance(light.mapping, LatLong):
         return light
-    return light.remapped(LatLong(), max(light.size, matching_size(light, LatLong())))
+    return light.remapped(LatLong(), max(light.size, light.matching_size(LatLong())))

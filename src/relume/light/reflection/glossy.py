@@ -12,11 +12,11 @@ from functools import cached_property
 
 import numpy as np
 
+from relume.light.harmonics.transform import analysed, synthesised, wigner
 from relume.light.reflection.brdf import Reflectance
 from relume.light.reflection.convolution import as_latlong, cut_up
 from relume.light.reflection.lobes import quadrature
 from relume.sphere.environment_map import EnvironmentMap
-from relume.sphere.harmonics.transform import analysed, synthesised, wigner
 
 AZIMUTHS = 8
 """Mean errors of a fifth of a per cent under a sunset sky; with 5 the lobes of a bare low sun leave streaks at rims."""
@@ -62,7 +62,7 @@ class GlossyMap:
         """Reflected radiance (…, 3) for unit normals and unit directions to the eye (…, 3)."""
         from relume.light.reflection.glossy_lookup import lookup
 
-        return lookup(self, normals, views)
+        return lookup(self.padded, self.tilts, normals, views)
 
 
 def glossy_map(

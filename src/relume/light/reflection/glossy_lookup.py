@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from relume._kernel import in_threads, inlined, kernel
 from relume.sphere.bilinear_kernels import cell, polar_point
 
-if TYPE_CHECKING:
-    from relume.light.reflection.glossy import GlossyMap
 
+def lookup(padded: np.ndarray, tilts: np.ndarray, normals: np.ndarray, views: np.ndarray) -> np.ndarray:
+    """Reflected radiance (…, 3) float32 for unit normals and unit directions to the eye (…, 3).
 
-def lookup(table: GlossyMap, normals: np.ndarray, views: np.ndarray) -> np.ndarray:
-    """Reflected radiance (…, 3) float32 for unit normals and unit directions to the eye (…, 3)."""
+    padded, tilts : of a `GlossyMap`
+    """
     shape = np.broadcast_shapes(np.shape(normals), np.shape(views))
     facing, towards = (
         np.ascontiguousarray(np.broadcast_to(vectors, shape).reshape(-1, 3), np.float32) for vectors in (normals, views)
     )
-    seen, tilts = np.empty_like(facing), table.tilts.astype(np.float32)
-    in_threads(lambda begin, end: _look_up(table.padded, tilts, facing, towards, seen, begin, end), len(seen))
+    seen, leans = np.empty_like(facing), tilts.astype(np.float32)
+    in_threads(lambda begin, end: _look_up(padded, leans, facing, towards, seen, begin, end), len(seen))
     return seen.reshape(shape)
 
 

@@ -12,8 +12,8 @@ import json
 
 import numpy as np
 
+from relume.light.harmonics.spherical_harmonics import SphericalHarmonics, cosine_factors, project_sh
 from relume.sphere.environment_map import EnvironmentMap
-from relume.sphere.harmonics.spherical_harmonics import Harmonics, cosine_factors, project
 
 ORDER = ((0, 0), (1, -1), (1, 0), (1, 1), (2, -2), (2, -1), (2, 0), (2, 1), (2, 2))
 COSINE = np.repeat(cosine_factors(2), [1, 3, 5])
@@ -29,7 +29,7 @@ def irradiance_harmonics(light: EnvironmentMap) -> np.ndarray:
 
     Summed over the directions of the pixels' middles by their solid angles, as `EnvironmentMap.irradiance` does.
     """
-    return project(light, 2).coefficients
+    return project_sh(light, 2).coefficients
 
 
 def irradiance_from_harmonics(coefficients: np.ndarray, normals: np.ndarray) -> np.ndarray:
@@ -38,7 +38,7 @@ def irradiance_from_harmonics(coefficients: np.ndarray, normals: np.ndarray) -> 
     A light from one direction, E = 1 on a surface that faces it, gives 1.0625 there and 0.09375 at 90°: nine harmonics
     blur it. Raises ValueError for coefficients that are not (9, 3).
     """
-    return Harmonics(_checked(coefficients)).irradiance(normals)
+    return SphericalHarmonics(_checked(coefficients)).irradiance(normals)
 
 
 def as_json(coefficients: np.ndarray, unit: str) -> str:

@@ -19,7 +19,8 @@ from relume.probe.ball.blending import Probe, assemble
 from relume.probe.ball.unwrapping import unwrap_ball
 from relume.project.shot_file.shot import BallPhotographs, Shot
 from relume.project.stages import Arrays
-from relume.sphere.environment_map import EnvironmentMap, as_environment
+from relume.sphere.environment_files import as_environment
+from relume.sphere.environment_map import EnvironmentMap
 
 WHITE = 255
 """Photographs are balanced at their white (see `Response.balanced_at`)."""

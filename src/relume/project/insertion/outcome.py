@@ -17,7 +17,7 @@ from relume.probe.ball.blending import Probe
 from relume.renderers.results import Change
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.fit import CameraFit
-from relume.sphere.environment_map import as_radiance_map
+from relume.sphere.environment_files import as_radiance_map
 from relume.surface.reflectance import RecoveredLocal
 from relume.virtual_camera.plate_matching.matching import Match
 

@@ -25,7 +25,8 @@ from relume.scene.lights import (
 )
 from relume.scene.motion.moving_objects import columns_turned
 from relume.sphere.directions import UP, rotation_about
-from relume.sphere.environment_map import EnvironmentMap, as_environment
+from relume.sphere.environment_files import as_environment
+from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong
 
 EVEN_ROWS = 4

@@ -6,5 +6,16 @@ from .discs import Fisheye as Fisheye
 from .discs import Hemispheres as Hemispheres
 from .discs import MirrorBall as MirrorBall
 from .mapping import LatLong as LatLong
+from .mapping import Mapping as Mapping
+from .mapping import pixel_directions as pixel_directions
+from .names import mapping_named as mapping_named
+from .orientation import ORIENTATIONS as ORIENTATIONS
+from .orientation import Orientation as Orientation
+from .orientation import orient_back as orient_back
+from .orientation import orient_for as orient_for
+from .orientation import orientation_named as orientation_named
+from .orientation_chart import orientation_chart as orientation_chart
+from .perspective import insert_view as insert_view
+from .perspective import perspective_view as perspective_view
 from .squares import EqualArea as EqualArea
 from .squares import Octahedral as Octahedral

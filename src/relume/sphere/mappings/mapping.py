@@ -1,4 +1,4 @@
-"""Mappings between directions and points of an image: what every one tells, lat-long, and the names files remember.
+"""What every mapping between directions and image points offers, and the equirectangular (lat-long) one.
 
 Image points (…, 2) are (u, v) in [0, 1]², u to the right and v down; the centre of pixel (column i, row j) of an image
 of W × H pixels is ((i + ½)/W, (j + ½)/H). `size` is always the number of rows.
@@ -43,7 +43,7 @@ class Mapping(Protocol):
 
 @dataclass(frozen=True)
 class LatLong:
-    """Latitude–longitude: row 0 is +Y, the centre is −Z and +X lies to its right, as seen from inside."""
+    """Equirectangular (lat-long): row 0 is +Y, the centre is −Z and +X lies to its right, as seen from inside."""
 
     name = "latlong"
 
@@ -95,22 +95,19 @@ def refuse_size(size: int, name: str, factor: int = 1) -> None:
         raise ValueError(f"a {name} map of {size} rows; expected {several}, like {256 * factor}")
 
 
-def mapping_named(text: str) -> Mapping:
-    """The mapping a file remembers by `text`: "latlong", "cross", "fisheye:equisolid:180", …
+_TRIAL = 384
+"""Rows of which every mapping has an image."""
 
-    Raises ValueError that names all there are.
+
+def matching_size(mapping: Mapping, size: int, other: Mapping) -> int:
+    """Rows of an image in `other` with at least as many pixels a steradian, on average, as `size` rows of `mapping`.
+
+    `size` itself where both mappings are the same.
     """
-    from relume.sphere.mappings.cubes import CubeCross, Strip, VerticalCubeCross
-    from relume.sphere.mappings.discs import Angular, Fisheye, Hemispheres, MirrorBall
-    from relume.sphere.mappings.squares import EqualArea, Octahedral
-
-    plain: tuple[Mapping, ...] = (
-        LatLong(), Angular(), MirrorBall(), CubeCross(), VerticalCubeCross(), Strip(), Octahedral(), EqualArea(),
-        Hemispheres(),
-    )  # fmt: skip
-    known = {mapping.name: mapping for mapping in plain}
-    if text in known:
-        return known[text]
-    if text.partition(":")[0] == "fisheye":
-        return Fisheye.named(text)
-    raise ValueError(f'there is no mapping "{text}"; there are {", ".join(known)} and fisheye')
+    if other == mapping:
+        return size
+    here, there = mapping.solid_angles(size), other.solid_angles(_TRIAL)
+    density = np.count_nonzero(here) / here.sum()
+    rows = _TRIAL * np.sqrt(density * there.sum() / np.count_nonzero(there))
+    grid = getattr(other, "grid", (1, 1))[0]
+    return grid * max(1, int(np.ceil(rows / grid - 0.01)))

@@ -23,7 +23,6 @@ from relume.image.blurring import streak_kernel
 from relume.image.filtering import Spread, spread_clipped
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong
-from relume.sphere.mappings.matching_size import matching_size
 
 _FAINT = 37.0
 """−ln of the share of the peak beyond which the kernel is left out: double precision's own."""
@@ -80,7 +79,7 @@ def _on(light: EnvironmentMap, of_latlong: Callable[[int], Spread]) -> Spread:
     """A spread of lat-long fields by their rows, as one of fields in the light's own mapping."""
     if isinstance(light.mapping, LatLong):
         return of_latlong(light.size)
-    rows = matching_size(light, LatLong())
+    rows = light.matching_size(LatLong())
     blur = of_latlong(rows)
 
     def there_and_back(field: np.ndarray) -> np.ndarray:

@@ -14,7 +14,6 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from relume._kernel import in_threads
-from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.kernels import found, grain, toward, turned
 from relume.sphere.mappings.layouts import LAT_LONG, Layout, Planes, layout
 from relume.sphere.mappings.mapping import LatLong, Mapping
@@ -48,25 +47,33 @@ _LINES, _PIXELS, _CELLS = 32, 1 << 20, 1 << 17
 """Lines a thread takes at a time, pixels it scales, and cells it looks up."""
 
 
-def resampled(light: EnvironmentMap, mapping: Mapping, size: int, rotation: np.ndarray) -> EnvironmentMap:
-    """The light in another mapping and size, turned by `rotation`: what came from ω comes from `rotation` @ ω.
+def resampled(
+    radiance: np.ndarray,
+    clipped: np.ndarray | None,
+    here: tuple[Mapping, int],
+    there: tuple[Mapping, int],
+    rotation: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Light in another mapping and size, turned by `rotation`: what came from ω comes from `rotation` @ ω.
 
-    light : in any mapping
-    size : rows of the result
+    radiance, clipped : (rows, columns, 3) and (rows, columns) or None, in `here`
+    here, there : the mapping and rows of what is given, and of the result
     rotation : (3, 3), active
 
     Each channel's total is kept, unless one of the mappings shows a part of the sphere only: light that falls outside
     is lost then, and what no pixel showed stays 0 and is marked OUTSIDE. Constant light stays constant. Marks in
     `clipped` travel: a pixel is SATURATED when any of the pixels it is made from is, else marked when all of them are.
-    Raises ValueError for a size no such map has.
+    The arrays themselves come back where nothing changes. Raises ValueError for a size no such map has.
     """
     rotation = np.asarray(rotation, np.float64)
-    if (rolled := _rolled(light, mapping, size, rotation)) is not None:
-        return rolled
-    target = layout(mapping, size)
-    source = layout(light.mapping, light.size)
-    radiance, marks, _ = moved(light.radiance, light.clipped, source, target, rotation)
-    return EnvironmentMap(radiance, mapping, light.unit, marks)
+    columns = _whole_columns(here, there, rotation)
+    if columns is not None:
+        if columns == 0:
+            return radiance, clipped
+        marks = None if clipped is None else np.roll(clipped, -columns, axis=1)
+        return np.roll(radiance, -columns, axis=1), marks
+    moved_radiance, marks, _ = moved(radiance, clipped, layout(*here), layout(*there), rotation)
+    return moved_radiance, marks
 
 
 def moved(
@@ -188,17 +195,14 @@ def _caps(light: np.ndarray, source: Layout) -> np.ndarray:
     return caps
 
 
-def _rolled(light: EnvironmentMap, mapping: Mapping, size: int, rotation: np.ndarray) -> EnvironmentMap | None:
-    """The light where nothing has to be looked up: not turned at all, or a lat-long about +Y by whole pixels."""
-    if mapping != light.mapping or size != light.size:
+def _whole_columns(here: tuple[Mapping, int], there: tuple[Mapping, int], rotation: np.ndarray) -> int | None:
+    """Columns by which to roll a lat-long map, if that is all: 0 for no turn in any mapping, None otherwise."""
+    if here != there:
         return None
+    mapping, rows = here
     if np.abs(rotation - np.eye(3)).max() < 1e-12:
-        return light
+        return 0
     if not isinstance(mapping, LatLong) or abs(rotation[1, 1] - 1) > 1e-12:
         return None
-    columns = light.radiance.shape[1]
-    turn = np.arctan2(rotation[0, 2], rotation[0, 0]) * columns / (2 * np.pi)
-    if abs(turn - round(turn)) > 1e-6:
-        return None
-    marks = None if light.clipped is None else np.roll(light.clipped, -round(turn), axis=1)
-    return EnvironmentMap(np.roll(light.radiance, -round(turn), axis=1), mapping, light.unit, marks)
+    turn = np.arctan2(rotation[0, 2], rotation[0, 0]) * 2 * rows / (2 * np.pi)
+    return round(turn) if abs(turn - round(turn)) <= 1e-6 else None

@@ -33,7 +33,7 @@ def perspective_view(light: EnvironmentMap, rotation: np.ndarray, field: float, 
     return RadianceMap(radiance, clipped=marks, unit=light.unit, attributes=attributes)
 
 
-def with_view(
+def insert_view(
     light: EnvironmentMap, picture: RadianceMap, rotation: np.ndarray, field: float, feather: float = 0.0
 ) -> EnvironmentMap:
     """The light with a perspective picture put in: the inverse of `perspective_view`.

@@ -14,8 +14,8 @@ from typing import Protocol
 
 import numpy as np
 
+from relume.light.harmonics.transform import analysed, synthesised
 from relume.sphere.environment_map import EnvironmentMap
-from relume.sphere.harmonics.transform import analysed, synthesised
 from relume.sphere.mappings.mapping import LatLong, Mapping, pixel_directions
 
 HIGHEST_DEGREE = 1000
@@ -49,7 +49,7 @@ class Lanczos:
 
 
 @dataclass(frozen=True, eq=False)
-class Harmonics:
+class SphericalHarmonics:
     """The coefficients L_lm = ∫ L Y_lm dω of a light.
 
     coefficients : ((L + 1)², 3) float64, (l, m) in row l² + l + m, in `unit` times steradians
@@ -75,11 +75,11 @@ class Harmonics:
         blocks = [self.coefficients.T @ each for each in _blocks(flat, self.degree)]
         return np.concatenate([np.empty((3, 0)), *blocks], axis=1).T.reshape(np.shape(directions))
 
-    def rotated(self, rotation: np.ndarray) -> Harmonics:
+    def rotated(self, rotation: np.ndarray) -> SphericalHarmonics:
         """The light turned by an active rotation (3, 3): what came from ω comes from `rotation` @ ω; exact."""
-        from relume.sphere.harmonics.rotation import turned
+        from relume.light.harmonics.rotation import turned
 
-        return Harmonics(turned(self.coefficients, rotation), self.unit)
+        return SphericalHarmonics(turned(self.coefficients, rotation), self.unit)
 
     def irradiance(self, normals: np.ndarray) -> np.ndarray:
         """E = Σ Â_l L_lm Y_lm on surfaces of unit normals (…, 3): (…, 3), π·L under constant light.
@@ -93,7 +93,7 @@ class Harmonics:
         starts = np.arange(self.degree + 1) ** 2
         return np.add.reduceat(self.coefficients**2, starts, axis=0)
 
-    def windowed(self, window: Window = Hann()) -> Harmonics:
+    def windowed(self, window: Window = Hann()) -> SphericalHarmonics:
         """Blurred, so that it does not ring where degrees above L are missing: round a sun, for one.
 
         window : `Hann()`, because light must not be negative; `Lanczos()` where sharpness matters more
@@ -116,8 +116,8 @@ class Harmonics:
             )
         return EnvironmentMap(np.maximum(radiance, 0).astype(np.float32), mapping, self.unit)
 
-    def _weighted(self, factors: np.ndarray) -> Harmonics:
-        return Harmonics(self.coefficients * _degrees(factors)[:, None], self.unit)
+    def _weighted(self, factors: np.ndarray) -> SphericalHarmonics:
+        return SphericalHarmonics(self.coefficients * _degrees(factors)[:, None], self.unit)
 
     def _in(self, mapping: Mapping, size: int) -> np.ndarray:
         shown = mapping.solid_angles(size)[..., None] > 0
@@ -137,7 +137,7 @@ class Harmonics:
         return synthesised(turned, kernel[None], 0, rows)[0].real
 
 
-def project(light: EnvironmentMap, degree: int = 2) -> Harmonics:
+def project_sh(light: EnvironmentMap, degree: int = 2) -> SphericalHarmonics:
     """The harmonics of a light up to a degree: Σ L · Y_lm(middle) · solid angle over the pixels of its map.
 
     light : in any mapping; lat-long ones are summed by transforms along the longitude, in a fraction of the time
@@ -151,13 +151,13 @@ def project(light: EnvironmentMap, degree: int = 2) -> Harmonics:
     _check_degree(degree)
     flux = light.radiance * light.mapping.solid_angles(light.size)[..., None]
     if isinstance(light.mapping, LatLong):
-        return Harmonics(_of_latlong(flux, degree), light.unit)
+        return SphericalHarmonics(_of_latlong(flux, degree), light.unit)
     lit = flux.any(-1)
     directions, flux = pixel_directions(light.mapping, light.size)[lit], flux[lit]
     coefficients = np.zeros(((degree + 1) ** 2, 3))
     for begin, each in zip(range(0, len(flux), _BLOCK), _blocks(directions, degree), strict=True):
         coefficients += each @ flux[begin : begin + _BLOCK]
-    return Harmonics(coefficients, light.unit)
+    return SphericalHarmonics(coefficients, light.unit)
 
 
 def basis(directions: np.ndarray, degree: int) -> np.ndarray:
@@ -237,4 +237,4 @@ def _of_latlong(flux: np.ndarray, degree: int) -> np.ndarray:
         both = complex_ones[l, 1 : l + 1] * (np.sqrt(2) * (-1.0) ** orders)[:, None]
         middle = l * l + l
         real[middle], real[middle + orders], real[middle - orders] = complex_ones[l, 0].real, both.real, both.imag
-    return Harmonics(real).rotated(_UPRIGHT.T).coefficients
+    return SphericalHarmonics(real).rotated(_UPRIGHT.T).coefficients

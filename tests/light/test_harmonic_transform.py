@@ -6,8 +6,8 @@ from scipy.special import sph_harm_y
 
 import naive
 from lights import lone, spiky
+from relume.light.harmonics.transform import analysed, synthesised, wigner
 from relume.light.reflection.lobes import quadrature
-from relume.sphere.harmonics.transform import analysed, synthesised, wigner
 from relume.sphere.mappings.mapping import LatLong
 
 ANGLES = np.array([0.0, 0.3, 1.1, np.pi / 2, 2.5, 3.1, np.pi])

@@ -7,7 +7,8 @@ import naive
 from lights import NAMED, SIMPLE, fitting
 from relume.image.radiance import RadianceMap
 from relume.sphere.directions import normalised, rotation_about
-from relume.sphere.environment_map import EnvironmentMap, as_environment, as_radiance_map
+from relume.sphere.environment_files import as_environment, as_radiance_map
+from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.discs import Angular, Fisheye, MirrorBall
 from relume.sphere.mappings.mapping import LatLong, pixel_points
 
@@ -319,7 +320,7 @@ def test_a_picture_twice_as_wide_as_high_is_a_lat_long():
 
 @pytest.mark.parametrize(("height", "width"), [(6, 6), (4, 9)])
 def test_a_picture_of_another_shape_does_not_tell_its_mapping(height, width):
-    with pytest.raises(ValueError, match=f"{width}×{height} pixels does not tell its mapping"):
+    with pytest.raises(ValueError, match=f"{width}×{height} pixels does not say its mapping"):
         as_environment(RadianceMap(np.ones((height, width, 3), np.float32)))
 
 

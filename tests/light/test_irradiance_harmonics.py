@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lights import SIMPLE
+from relume.light.harmonics.spherical_harmonics import basis
 from relume.light.reflection.irradiance_harmonics import (
     COSINE,
     as_json,
@@ -14,7 +15,6 @@ from relume.light.reflection.irradiance_harmonics import (
 )
 from relume.sphere.directions import normalised
 from relume.sphere.environment_map import EnvironmentMap
-from relume.sphere.harmonics.spherical_harmonics import basis
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
 from relume.sphere.mip_cube import directions as cube_directions
 from relume.sphere.mip_cube import solid_angles as cube_solid_angles

@@ -56,7 +56,7 @@ _STROKES: dict[str, tuple[tuple[float, float, float, float], ...]] = {
 """Lines from (x, y) to (x, y) in a square of ±1."""
 
 
-def labelled_probe(size: int = 512) -> EnvironmentMap:
+def orientation_chart(size: int = 512) -> EnvironmentMap:
     """A lat-long map of `size` rows whose six axes are named and coloured; radiance is relative and at most 1.
 
     The very direction of an axis shows the colour of its disc: the letters leave the middle free.

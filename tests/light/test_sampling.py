@@ -5,13 +5,13 @@ import pytest
 from scipy import stats
 
 from lights import WHOLE, fitting
+from relume.light.sampling import EnvironmentSampler, _pixels, pixel_boxes
 from relume.sphere.directions import normalised
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.cubes import CubeCross
 from relume.sphere.mappings.discs import Angular, Fisheye, MirrorBall
 from relume.sphere.mappings.mapping import LatLong, pixel_points
 from relume.sphere.mappings.squares import Octahedral
-from relume.sphere.sampling import Sampler, _pixels, pixel_boxes
 
 EVERY = (*WHOLE, Fisheye(np.pi), Fisheye(1.0))
 MAPPINGS = pytest.mark.parametrize("mapping", EVERY, ids=[f"{m.name} {k}" for k, m in enumerate(EVERY)])
@@ -60,14 +60,14 @@ def p_value(sampler, u, cells=2):
 
 @MAPPINGS
 def test_what_is_drawn_is_what_the_density_says(mapping):
-    sampler = Sampler(spiky(mapping, fitting(mapping, 12)))
+    sampler = EnvironmentSampler(spiky(mapping, fitting(mapping, 12)))
     assert p_value(sampler, numbers(40_000)) > LEVEL
 
 
 @pytest.mark.slow
 @MAPPINGS
 def test_a_million_drawn_are_what_the_density_says(mapping):
-    sampler = Sampler(spiky(mapping, fitting(mapping, 40)))
+    sampler = EnvironmentSampler(spiky(mapping, fitting(mapping, 40)))
     assert p_value(sampler, numbers(1_000_000), 3) > 1 - (1 - LEVEL) ** (1 / len(EVERY))
 
 
@@ -76,7 +76,7 @@ def test_a_million_drawn_are_what_the_density_says(mapping):
 def test_the_fewest_pixels_are_drawn_evenly_too(mapping, rows):
     size = fitting(mapping, rows)
     light = EnvironmentMap(np.ones((*mapping.shape(size), 3), np.float32), mapping)
-    assert p_value(Sampler(light), numbers(20_000), 8) > LEVEL
+    assert p_value(EnvironmentSampler(light), numbers(20_000), 8) > LEVEL
 
 
 def test_chi_squared_finds_directions_that_bunch_within_pixels():
@@ -86,7 +86,7 @@ def test_chi_squared_finds_directions_that_bunch_within_pixels():
     j, i = _pixels(LatLong(), directions, 8, 16)
     counts, areas = np.bincount(j * 16 + i, minlength=128), LatLong().solid_angles(8).ravel()
     assert chi_squared(counts, 50_000 * areas / (4 * np.pi)) < 1e-9
-    assert p_value(Sampler(light), numbers(50_000)) > LEVEL
+    assert p_value(EnvironmentSampler(light), numbers(50_000)) > LEVEL
 
 
 @MAPPINGS
@@ -113,27 +113,29 @@ def test_the_density_integrates_to_one(mapping):
     light = spiky(mapping, fitting(mapping, 12))
     middles = mapping.directions(pixel_points(mapping, light.size))
     seen = ~np.isnan(middles[..., 0])
-    density, areas = Sampler(light).pdf(middles[seen]), mapping.solid_angles(light.size)[seen]
-    cut = float((mapping.solid_angles(light.size)[~seen] * Sampler(light)._density[~seen]).sum())
+    density, areas = EnvironmentSampler(light).pdf(middles[seen]), mapping.solid_angles(light.size)[seen]
+    cut = float((mapping.solid_angles(light.size)[~seen] * EnvironmentSampler(light)._density[~seen]).sum())
     assert density @ areas + cut == pytest.approx(1, abs=1e-12)
     # By directions from everywhere, which know nothing of pixels.
-    values = Sampler(light).pdf(uniform(20_000)) * 4 * np.pi
+    values = EnvironmentSampler(light).pdf(uniform(20_000)) * 4 * np.pi
     assert abs(values.mean() - 1) < 4 * values.std() / np.sqrt(20_000)
 
 
 def test_beside_what_a_map_shows_there_is_no_density():
     light = EnvironmentMap(np.ones((8, 8, 3), np.float32), Fisheye(np.pi))
-    assert Sampler(light).pdf(np.array([[0, 0, 1.0], [0, 0, -1.0]])) == pytest.approx([0, 1 / (2 * np.pi)], rel=1e-2)
+    assert EnvironmentSampler(light).pdf(np.array([[0, 0, 1.0], [0, 0, -1.0]])) == pytest.approx(
+        [0, 1 / (2 * np.pi)], rel=1e-2
+    )
 
 
 def test_one_bright_pixel_gets_all():
     radiance = np.zeros((16, 32, 3), np.float32)
     radiance[5, 20] = 3
-    directions, density = Sampler(EnvironmentMap(radiance)).sample(numbers(1000))
+    directions, density = EnvironmentSampler(EnvironmentMap(radiance)).sample(numbers(1000))
     points = LatLong().image_points(directions)
     assert np.all((points * (32, 16)).astype(int) == (20, 5))
     assert density == pytest.approx(np.full(1000, 1 / LatLong().solid_angles(16)[5, 20]))
-    assert Sampler(EnvironmentMap(radiance)).pdf(-directions) == pytest.approx(0)
+    assert EnvironmentSampler(EnvironmentMap(radiance)).pdf(-directions) == pytest.approx(0)
 
 
 def test_the_ends_of_the_numbers_fall_into_bright_pixels():
@@ -141,17 +143,17 @@ def test_the_ends_of_the_numbers_fall_into_bright_pixels():
     radiance[1:3, 2:5] = np.random.default_rng(0).random((2, 3, 3)) + 0.1
     last = np.nextafter(1, 0)
     ends = np.array([[0, 0], [last, last], [0, last], [last, 0], [0.5, 0.5]])
-    _, density = Sampler(EnvironmentMap(radiance)).sample(ends)
+    _, density = EnvironmentSampler(EnvironmentMap(radiance)).sample(ends)
     assert np.all(density > 0)
 
 
 def test_density_is_in_proportion_to_luminance():
     radiance = np.zeros((2, 4, 3), np.float32)
     radiance[0, 0], radiance[1, 2] = (1, 0, 0), (0, 1, 0)
-    sampler = Sampler(EnvironmentMap(radiance))
+    sampler = EnvironmentSampler(EnvironmentMap(radiance))
     red, green = sampler.pdf(LatLong().directions(np.array([[1 / 8, 1 / 4], [5 / 8, 3 / 4]])))
     assert green / red == pytest.approx(0.7152 / 0.2126, rel=1e-6)
-    brightest = Sampler(EnvironmentMap(radiance), lambda radiance: radiance.max(-1))
+    brightest = EnvironmentSampler(EnvironmentMap(radiance), lambda radiance: radiance.max(-1))
     assert brightest.pdf(LatLong().directions(np.array([1 / 8, 1 / 4]))) == pytest.approx(1 / np.pi, rel=1e-6)
 
 
@@ -165,7 +167,7 @@ def test_irradiance_summed_over_what_is_drawn_is_unbiased_and_far_less_noisy(map
     light = EnvironmentMap(radiance, mapping)
     towards = mapping.directions(np.array([column + 0.5, row + 0.5]) / mapping.shape(size)[::-1])
     normal, count = normalised(towards + np.array([0.3, 0.2, 0.4])), 40_000
-    directions, density = Sampler(light).sample(numbers(count))
+    directions, density = EnvironmentSampler(light).sample(numbers(count))
 
     def values(directions, density):
         j, i = _pixels(mapping, directions, *mapping.shape(size))
@@ -182,7 +184,7 @@ def test_irradiance_summed_over_what_is_drawn_is_unbiased_and_far_less_noisy(map
 
 def test_the_same_numbers_give_the_same_directions_also_one_by_one():
     for mapping in (LatLong(), Angular()):
-        sampler = Sampler(spiky(mapping, 12))
+        sampler = EnvironmentSampler(spiky(mapping, 12))
         u = numbers(50)
         together, _ = sampler.sample(u)
         for k in range(50):
@@ -190,18 +192,18 @@ def test_the_same_numbers_give_the_same_directions_also_one_by_one():
 
 
 def test_no_number_gives_no_direction():
-    directions, density = Sampler(spiky(Angular(), 8)).sample(np.empty((0, 2)))
+    directions, density = EnvironmentSampler(spiky(Angular(), 8)).sample(np.empty((0, 2)))
     assert directions.shape == (0, 3) and density.shape == (0,)
 
 
 def test_a_wrong_call_is_told():
     light = EnvironmentMap(np.ones((2, 4, 3), np.float32))
     with pytest.raises(ValueError, match="black all over"):
-        Sampler(EnvironmentMap(np.zeros((2, 4, 3), np.float32)))
+        EnvironmentSampler(EnvironmentMap(np.zeros((2, 4, 3), np.float32)))
     with pytest.raises(ValueError, match="brightness is negative"):
-        Sampler(light, lambda radiance: radiance[..., 0] - 2)
+        EnvironmentSampler(light, lambda radiance: radiance[..., 0] - 2)
     with pytest.raises(ValueError, match=r"expected \(N, 2\)"):
-        Sampler(light).sample(np.zeros(2))
+        EnvironmentSampler(light).sample(np.zeros(2))
     for outside in (1.0, -1e-9):
         with pytest.raises(ValueError, match=r"expected \[0, 1\)"):
-            Sampler(light).sample(np.array([[0.5, outside]]))
+            EnvironmentSampler(light).sample(np.array([[0.5, outside]]))

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from relume._kernel import exact_kernel, exact_small, in_threads
 from relume.image.colour import luminance
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, Mapping
@@ -30,7 +31,7 @@ _WIDE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Sampler:
+class EnvironmentSampler:
     """Importance sampling of an illumination map, in any mapping.
 
     light : the map; pixels without brightness are never drawn
@@ -63,10 +64,7 @@ class Sampler:
             raise ValueError(f"u has shape {u.shape}; expected (N, 2)")
         if u.size and not (u.min() >= 0 and u.max() < 1):
             raise ValueError(f"u lies in [{u.min()}, {u.max()}]; expected [0, 1)")
-        # Numba is imported only where the kernel is used.
-        from relume.sphere.sampling_kernel import chosen_pixels
-
-        rows, columns, within = chosen_pixels(u, self._marginal, self._conditional)
+        rows, columns, within = _chosen_pixels(u, self._marginal, self._conditional)
         density = self._density[rows, columns]
         if isinstance(self.light.mapping, LatLong):
             return _within_latlong(rows, columns, within, self.light.size), density
@@ -188,3 +186,52 @@ def _hashed(numbers: np.ndarray, turn: int) -> np.ndarray:
         mixed = (mixed ^ (mixed >> np.uint64(shift))) * np.uint64(factor)
     mixed ^= mixed >> np.uint64(31)
     return (mixed >> np.uint64(11)) * 2.0**-53
+
+
+def _chosen_pixels(
+    u: np.ndarray, marginal: np.ndarray, conditional: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows and columns (N,) of the pixels, and the place within them (N, 2) in [0, 1), right and down.
+
+    u : (N, 2) in [0, 1); the first chooses the column, the second the row
+    marginal, conditional : (H + 1,) and (H, W + 1) running sums from 0 over rows and along each
+    """
+    rows, columns, within = np.empty(len(u), np.int64), np.empty(len(u), np.int64), np.empty((len(u), 2))
+    in_threads(lambda begin, end: _choose(u, marginal, conditional, rows, columns, within, begin, end), len(u))
+    return rows, columns, within
+
+
+# Sums must be compared as they are: a black pixel whose ends were rounded apart could be drawn.
+@exact_kernel
+def _choose(u, marginal, conditional, rows, columns, within, begin, end):
+    for n in range(begin, end):
+        value = u[n, 1] * marginal[-1]
+        row = _last_not_above(marginal, value)
+        rows[n] = row
+        within[n, 1] = _place(marginal, row, value)
+        value = u[n, 0] * conditional[row, -1]
+        column = _last_not_above(conditional[row], value)
+        columns[n] = column
+        within[n, 0] = _place(conditional[row], column, value)
+
+
+@exact_small
+def _last_not_above(sums, value):
+    """The last k with sums[k] ≤ value < sums[k + 1]: never a step without height."""
+    low, high = 0, len(sums) - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if sums[middle] <= value:
+            low = middle
+        else:
+            high = middle
+    # u·total may round up to the total; the last step with height is meant.
+    while low > 0 and sums[low + 1] <= sums[low]:
+        low -= 1
+    return low
+
+
+@exact_small
+def _place(sums, k, value):
+    """Where in the step the value lies, below 1 also after rounding."""
+    return min(max((value - sums[k]) / (sums[k + 1] - sums[k]), 0.0), 1 - 2.0**-53)

@@ -2,13 +2,13 @@
 
 Every program agrees that a lat-long map has the zenith on top; where its middle points is each one's own affair. An
 `Orientation` says where in *our* world (+Y up, right-handed) a program shows each point of a file that it loads with
-its default settings, and `oriented` lays light out so that it comes from where our world has it. The program's own
+its default settings, and `orient_for` lays light out so that it comes from where our world has it. The program's own
 axes are ours, number for number, unless `axes` says otherwise.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -55,37 +55,33 @@ class Orientation:
         return np.stack([1 - points[..., 0], points[..., 1]], axis=-1)
 
 
-def oriented(light: EnvironmentMap, orientation: Orientation, size: int | None = None) -> EnvironmentMap:
+def orient_for(light: EnvironmentMap, orientation: Orientation, size: int | None = None) -> EnvironmentMap:
     """The light laid out as a program reads it: loaded there with default settings, it comes from where it came here.
 
     light : in our frame and any mapping
     size : rows of the file; the present number unless given
 
     A lat-long map that is turned by whole columns keeps its pixels; any other is resampled, its energy kept. The result
-    is *for the program*: read by us it is light from elsewhere, until `restored` turns it back.
+    is *for the program*: read by us it is light from elsewhere, until `orient_back` turns it back.
     """
-    from relume.sphere.resampling.resampling import resampled
-
-    turned = resampled(light, orientation.mapping, size or light.size, orientation.rotation.T)
+    turned = light.remapped(orientation.mapping, size or light.size, orientation.rotation.T)
     return _flipped(turned) if orientation.mirrored else turned
 
 
-def restored(light: EnvironmentMap, orientation: Orientation) -> EnvironmentMap:
-    """A map that is laid out for a program, in our frame again (as a lat-long map): what `oriented` did, undone.
+def orient_back(light: EnvironmentMap, orientation: Orientation) -> EnvironmentMap:
+    """A map that is laid out for a program, in our frame again (as a lat-long map): what `orient_for` did, undone.
 
     Raises ValueError when the map's mapping is not the one the program reads.
     """
     if light.mapping.name != orientation.mapping.name:
         raise ValueError(f"a {light.mapping.name} map; {orientation.name} reads {orientation.mapping.name} maps only")
-    from relume.sphere.resampling.resampling import resampled
-
     straight = _flipped(light) if orientation.mirrored else light
-    return resampled(straight, LatLong(), light.size, orientation.rotation)
+    return straight.remapped(LatLong(), light.size, orientation.rotation)
 
 
 def _flipped(light: EnvironmentMap) -> EnvironmentMap:
     clipped = None if light.clipped is None else np.ascontiguousarray(light.clipped[:, ::-1])
-    return EnvironmentMap(np.ascontiguousarray(light.radiance[:, ::-1]), light.mapping, light.unit, clipped)
+    return replace(light, radiance=np.ascontiguousarray(light.radiance[:, ::-1]), clipped=clipped)
 
 
 _SAME = "its axes are ours"
