@@ -38,7 +38,7 @@ from relume.virtual_camera.tone.pattanaik.pattanaik import Pattanaik
 from relume.virtual_camera.tone.reinhard import Reinhard
 from relume.virtual_camera.tone.reinhard_local import ReinhardLocal
 from relume.virtual_camera.tone.tumblin_rushmeier import TumblinRushmeier
-from relume.virtual_camera.virtual_camera import VirtualCamera, developed
+from relume.virtual_camera.virtual_camera import VirtualCamera
 
 SIZE, GLARE_SIZE = (6000, 4000), (3840, 2160)
 TONES: dict[str, Any] = {
@@ -84,7 +84,7 @@ def race() -> None:
     """Seconds of every step, and what the peers take."""
     picture = made(SIZE)
     radiance = picture.radiance
-    gain = developed(picture, VirtualCamera()).gain
+    gain = VirtualCamera().tone_map(picture).gain
     peer = cv2.createTonemapReinhard(gamma=1.0, intensity=0.0, light_adapt=0.0, color_adapt=0.0)
     works: dict[str, Callable[[], Any]] = {
         "table, exposure and sRGB": lambda: encoded(radiance, Srgb(), gain=gain),
@@ -93,9 +93,9 @@ def race() -> None:
     }
     for name, tone in TONES.items():
         camera = VirtualCamera(tone=tone)
-        works[name] = lambda camera=camera: developed(picture, camera).values
+        works[name] = lambda camera=camera: camera.tone_map(picture).values
     camera = VirtualCamera()
-    works["photograph: checked, metered, exposed, 8 bits"] = lambda: developed(picture, camera).photograph()
+    works["photograph: checked, metered, exposed, 8 bits"] = lambda: camera.tone_map(picture).photograph()
     print_times(f"{SIZE[0]}×{SIZE[1]}", by_turns(works))
 
 
@@ -161,10 +161,10 @@ def peak(name: str) -> None:
         part.applied(picture.radiance, view)
     else:
         camera = VirtualCamera(tone=TONES[name])
-        developed(RadianceMap(np.ones((64, 64, 3), np.float32), unit="cd/m²"), camera).photograph()
+        camera.tone_map(RadianceMap(np.ones((64, 64, 3), np.float32), unit="cd/m²")).photograph()
         before = status("VmRSS")
         restart_peak()
-        developed(picture, camera).photograph()
+        camera.tone_map(picture).photograph()
     grown = (status("VmHWM") - before) * 1024 + picture.radiance.nbytes
     print(f"  {name.ljust(48)} {grown / picture.radiance.nbytes:8.2f} pictures")
 

@@ -21,7 +21,7 @@ from relume.image.radiance import RadianceMap
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong
 from relume.sphere.mappings.perspective import insert_view, perspective_view
-from relume.virtual_camera.film.film import Film, developed_values
+from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.lens.motion.path import TurningCamera
 from relume.virtual_camera.view import View
 
@@ -56,9 +56,9 @@ def panels(picture: RadianceMap, film: Film) -> tuple[list[np.ndarray], np.ndarr
     truth = np.zeros(sharp.shape)
     for time in (np.arange(INSTANTS) + 0.5) / INSTANTS - 0.5:
         truth += perspective_view(sphere, turned(camera, time), SEEN, SIZE).radiance / INSTANTS
-    photograph = (developed_values(sharp, film) / 255).astype(np.float32)
+    photograph = (film.pixel_values(sharp) / 255).astype(np.float32)
     shown = [camera.applied(photograph, view)]
-    shown += [developed_values(light, film) / 255 for light in (camera.applied(sharp, view), truth)]
+    shown += [film.pixel_values(light) / 255 for light in (camera.applied(sharp, view), truth)]
     return shown, camera.known(sharp.shape[:2], view) > 0.999
 
 

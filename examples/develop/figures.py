@@ -17,8 +17,8 @@ from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.image.resizing import resized
 from relume.project.presets.preset import preset_of
+from relume.virtual_camera.developing import develop
 from relume.virtual_camera.tone.display.lettering import Words, lettered
-from relume.virtual_camera.virtual_camera import photograph
 
 PAGE, GAP, CAPTION = 28, 8, 24
 SIDE = 300
@@ -53,7 +53,7 @@ def lamps() -> RadianceMap:
 
 def developed(picture: RadianceMap, look: dict[str, Any], degrees: float) -> np.ndarray:
     camera = preset_of(look).camera
-    return photograph(picture, camera, camera.view(picture, field_of_view=float(np.radians(degrees)))).pixels
+    return develop(picture, camera, camera.view(picture, field_of_view=float(np.radians(degrees)))).pixels
 
 
 def page(cells: dict[str, np.ndarray], columns: int) -> Image.Image:

@@ -19,9 +19,9 @@ from relume.image.colour import luminance
 from relume.image.radiance import RadianceMap
 from relume.image.resizing import resized
 from relume.project.presets.preset import preset_of, preset_table
+from relume.virtual_camera.developing import develop
 from relume.virtual_camera.tone.display.lettering import Words, lettered
 from relume.virtual_camera.view import log_mean
-from relume.virtual_camera.virtual_camera import photograph
 
 HEIGHT = 170
 GAP, CAPTION, COLUMNS = 8, 24, 2
@@ -83,7 +83,7 @@ def looked(picture: RadianceMap, depth: np.ndarray | None, look: dict[str, Any])
         luminance_scale=(night or 100.0) / 0.18,
         depth=depth,
     )
-    shown = photograph(picture, camera, view).pixels
+    shown = develop(picture, camera, view).pixels
     linear = RadianceMap((shown / np.float32(255)) ** np.float32(2.2))
     width = round(shown.shape[1] * HEIGHT / shown.shape[0])
     return np.rint(255 * np.clip(resized(linear, width, HEIGHT).radiance, 0, 1) ** (1 / 2.2)).astype(np.uint8)

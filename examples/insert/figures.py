@@ -23,7 +23,8 @@ from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Box
 from relume.sphere.environment_files import as_environment
 from relume.sphere.environment_map import EnvironmentMap
-from relume.virtual_camera.film.film import Film, develop
+from relume.virtual_camera.developing import develop
+from relume.virtual_camera.film.film import Film
 
 ROOM = Path(__file__).parents[1] / "room" / "shot.toml"
 WIDE, GAP, NAME = 480, 6, 18

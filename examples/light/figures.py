@@ -25,7 +25,8 @@ from relume.report.light_plot import light_plot
 from relume.sphere.environment_files import as_environment
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.names import mapping_named
-from relume.virtual_camera.film.film import Film, develop
+from relume.virtual_camera.developing import develop
+from relume.virtual_camera.film.film import Film
 
 ROOM = Path(__file__).parents[1] / "room"
 MAPPINGS = {

@@ -14,7 +14,8 @@ from PIL import Image
 
 from relume.cli import main as relume
 from relume.image import files
-from relume.virtual_camera.film.film import Film, develop
+from relume.virtual_camera.developing import develop
+from relume.virtual_camera.film.film import Film
 
 ROOM = Path(__file__).parents[1] / "room"
 GAP = 6

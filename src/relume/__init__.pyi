@@ -83,17 +83,10 @@ from .surface.reflectance import recover as recover
 from .virtual_camera import film as film
 from .virtual_camera import lens as lens
 from .virtual_camera import tone as tone
+from .virtual_camera.developing import develop as develop
+from .virtual_camera.developing import develop_frames as develop_frames
 from .virtual_camera.film.film import Film as Film
-from .virtual_camera.film.film import develop as develop
-from .virtual_camera.film.film import virtual_photograph as virtual_photograph
-from .virtual_camera.inverse import radiance_of as radiance_of
-from .virtual_camera.inverse import undone_all as undone_all
-from .virtual_camera.plate_matching.matched_film import matched_film as matched_film
-from .virtual_camera.steps import Screen as Screen
 from .virtual_camera.tone.reinhard import Reinhard as Reinhard
 from .virtual_camera.virtual_camera import VirtualCamera as VirtualCamera
-from .virtual_camera.virtual_camera import developed as developed
-from .virtual_camera.virtual_camera import developed_frames as developed_frames
-from .virtual_camera.virtual_camera import photograph as photograph
 
 __version__: str

@@ -13,7 +13,8 @@ from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED
 from relume.image.response import Response
-from relume.virtual_camera.film.film import Film, develop
+from relume.virtual_camera.developing import develop
+from relume.virtual_camera.film.film import Film
 from synthetic import NOISELESS, NOISY, STOPS, wide_scene
 
 WEIGHTINGS = pytest.mark.parametrize("weighting", [Hat(), InverseVariance()], ids=["hat", "inverse variance"])

@@ -9,7 +9,8 @@ from relume.capture.exposure.bracket import read_bracket
 from relume.capture.merging import merge
 from relume.capture.response.calibration import recover_response
 from relume.image.response import Response
-from relume.virtual_camera.film.film import Film, develop
+from relume.virtual_camera.developing import develop
+from relume.virtual_camera.film.film import Film
 from synthetic import NOISELESS, wide_scene
 
 

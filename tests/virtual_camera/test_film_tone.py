@@ -9,11 +9,10 @@ from relume.image.colour import decode_srgb, encode_srgb
 from relume.image.photograph import Exposure
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
+from relume.virtual_camera.developing import develop
 from relume.virtual_camera.film.film import (
     SATURATED,
     Film,
-    develop,
-    developed_values,
     srgb_response,
     virtual_photograph,
 )
@@ -49,7 +48,7 @@ def shown_values(film: Film, light: np.ndarray) -> np.ndarray:
 def test_the_display_is_given_the_films_own_pixel_values(own):
     light = wide_scene(96, 64).astype(np.float32)
     film = Film(1 / 12, own)
-    values = developed_values(light, film)
+    values = film.pixel_values(light)
     np.testing.assert_allclose(shown_values(film, light), values, atol=1e-3)
     tie = np.abs(values % 1 - 0.5) < 1e-3
     pixels = np.rint(shown_values(film, light)).astype(int)
@@ -72,7 +71,7 @@ def test_grain_is_drawn_with_the_views_seed_in_the_films_pixel_values():
     light = np.full((1200, 60, 3), 0.2, np.float32)
     film = Film(1.0, None, white_grain(3.0))
     values = shown_values(film, light)
-    noise = values - developed_values(light, Film())
+    noise = values - Film().pixel_values(light)
     # 72,000 values a channel: 3 ± 0.03 at four deviations; so are the rows where squares of noise meet.
     assert noise.std() == pytest.approx(3.0, abs=0.03) and abs(noise.mean()) < 0.05
     assert noise[218:234].std() == pytest.approx(3.0, rel=0.07)
@@ -134,7 +133,7 @@ def test_no_finite_light_overflows():
 def test_a_standard_camera_makes_118_of_what_its_iso_number_promises():
     # ISO 12232: 10 / 100 lx·s = 0.65 L t / N², L = 0.1 · 64 / (0.65 / 100) = 984.6 cd/m² at f/8, 1/100 s, ISO 100.
     film = Film.of(Exposure(1 / 100, 8.0, 100.0))
-    assert developed_values(np.full((1, 1, 3), 984.615), film)[0, 0] == pytest.approx(118, abs=0.01)
+    assert film.pixel_values(np.full((1, 1, 3), 984.615))[0, 0] == pytest.approx(118, abs=0.01)
     assert Film.of(Exposure(1 / 50, 8.0, 100.0)).exposure == pytest.approx(2 * film.exposure)
     assert Film.of(Exposure(1 / 100, 4.0, 200.0)).exposure == pytest.approx(8 * film.exposure)
     with pytest.raises(NotABracket, match="tells no ISO"):
@@ -151,7 +150,7 @@ def test_a_camera_at_its_settings_takes_the_photograph_that_virtual_photograph_t
     candelas = light * np.array(scale.factor, np.float32)
     taken = virtual_photograph(RadianceMap(candelas, unit="cd/m²"), own, exposure, scale=scale)
     film = Film.of(exposure, own, scale=scale)
-    assert np.abs(developed_values(candelas, film) - taken.pixels).max() <= 0.5 + 1e-6
+    assert np.abs(film.pixel_values(candelas) - taken.pixels).max() <= 0.5 + 1e-6
     assert film.exposure == pytest.approx(exposure.factor / scale.luminance)
 
 
@@ -178,7 +177,7 @@ def test_the_srgb_response_is_the_curve():
     own = srgb_response()
     np.testing.assert_allclose(np.exp(own.log_exposure[1, [255, 118, 10]]), [1.0, 0.18116, 0.0030353], rtol=1e-4)
     light = wide_scene(48, 36) / 40
-    lit = developed_values(light, Film()) >= 1
-    same = developed_values(light, Film(1.0, own)) - developed_values(light, Film())
+    lit = Film().pixel_values(light) >= 1
+    same = Film(1.0, own).pixel_values(light) - Film().pixel_values(light)
     assert np.abs(same[lit]).max() < 0.05
     assert srgb_response(65536).levels == 65536

@@ -13,7 +13,7 @@ from relume.image import files
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
-from relume.virtual_camera.film.film import Film, developed_values
+from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.film.grain import Grain, bracket_grain, photograph_grain, radiance_grain
 from synthetic import VirtualCamera, wide_scene
 
@@ -219,7 +219,7 @@ def test_the_grain_of_the_room_is_what_its_photograph_has_beside_the_truth(share
     # The third is the one that the developed picture sits in; noise of the others is in the difference to some part.
     for index, most in ((1, 1.05), (2, 1.26)):
         film = Film(float(bracket.exposures[index]), response)
-        right = photograph_grain(bracket.photographs[index], clean=developed_values(truth, film))
+        right = photograph_grain(bracket.photographs[index], clean=film.pixel_values(truth))
         found = bracket_grain(bracket, index, response)
         assert right is not None and found is not None
         ratio = found.deviation_at(right.values.T) / right.deviation.T

@@ -10,8 +10,10 @@ from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 from relume.image.response import Response
-from relume.virtual_camera.film.film import Film, develop, srgb_response
-from relume.virtual_camera.inverse import AllButEnds, radiance_of, undoable, undone_all
+from relume.virtual_camera.developing import develop
+from relume.virtual_camera.film.film import Film, srgb_response
+from relume.virtual_camera.film.undeveloping import AllButEnds, undevelop
+from relume.virtual_camera.lens.undoing import undo_optics, undoable
 from relume.virtual_camera.lens.vignetting import MeasuredVignetting
 from relume.virtual_camera.view import View
 from synthetic import NOISELESS, wide_scene
@@ -37,7 +39,7 @@ def test_developed_and_undone_radiance_returns_to_within_half_a_step(own):
     light = wide_scene(96, 64).astype(np.float32)
     film = Film(1 / 8, own)
     photograph = develop(light, film)
-    back = radiance_of(photograph, film)
+    back = undevelop(photograph, film)
     measured = (photograph.pixels > 0) & (photograph.pixels < 255)
     allowed = half_steps(own or srgb_response(), photograph.pixels)
     # sRGB is no straight line over ln exposure between two values: a hundredth of a step beside the half.
@@ -51,7 +53,7 @@ def test_what_was_white_or_black_is_flagged_and_bounded():
     light[40:] /= 3000
     film = Film(1 / 8, response())
     photograph = develop(light, film)
-    back = radiance_of(photograph, film)
+    back = undevelop(photograph, film)
     white, black = (photograph.pixels == 255).any(2), (photograph.pixels == 0).any(2)
     assert white.any() and black.any()
     np.testing.assert_array_equal(back.clipped == SATURATED, white)
@@ -67,7 +69,7 @@ def test_the_variance_is_that_of_the_responses_deviation():
     own = response()
     noisy = Response(own.log_exposure, np.full(3, 2.0))
     pixels = np.full((4, 4, 3), 120, np.uint8)
-    back = radiance_of(Photograph(pixels), Film(0.5, noisy))
+    back = undevelop(Photograph(pixels), Film(0.5, noisy))
     slope = (own.log_exposure[:, 121] - own.log_exposure[:, 119]) / 2
     expected = (2.0 * slope * back.radiance[0, 0]) ** 2
     assert back.variance is not None
@@ -77,26 +79,26 @@ def test_the_variance_is_that_of_the_responses_deviation():
 
 def test_the_films_exposure_counts_and_not_the_files():
     photograph = Photograph(np.full((4, 4, 3), 188, np.uint8), exposure=Exposure(8.0))
-    assert radiance_of(photograph, Film(0.25)).radiance[0, 0, 0] == pytest.approx(4 * 0.5029, rel=1e-3)
+    assert undevelop(photograph, Film(0.25)).radiance[0, 0, 0] == pytest.approx(4 * 0.5029, rel=1e-3)
     deep = Photograph(np.full((4, 4, 3), 188 * 257, np.uint16))
-    assert radiance_of(deep, Film()).radiance[0, 0, 0] == pytest.approx(0.5029, rel=1e-3)
+    assert undevelop(deep, Film()).radiance[0, 0, 0] == pytest.approx(0.5029, rel=1e-3)
 
 
 def test_values_that_jpeg_spoils_can_be_left_out():
     pixels = np.full((20, 20, 3), 100, np.uint8)
     pixels[0], pixels[1] = 252, 3
     film = Film(1.0, response())
-    assert not np.any(radiance_of(Photograph(pixels), film).clipped)
-    guarded = radiance_of(Photograph(pixels), film, weighting=AllButEnds(5)).clipped
+    assert not np.any(undevelop(Photograph(pixels), film).clipped)
+    guarded = undevelop(Photograph(pixels), film, weighting=AllButEnds(5)).clipped
     assert guarded is not None
     assert guarded[:3, 0].tolist() == [SATURATED, BLACK, 0]
 
 
 def test_a_response_of_another_depth_and_a_white_photograph_are_refused():
     with pytest.raises(NotABracket, match="65536"):
-        radiance_of(Photograph(np.full((4, 4, 3), 300, np.uint16)), Film(1.0, response()))
+        undevelop(Photograph(np.full((4, 4, 3), 300, np.uint16)), Film(1.0, response()))
     with pytest.raises(NotABracket, match="saturated in every photograph"):
-        radiance_of(Photograph(np.full((4, 4, 3), 255, np.uint8)), Film())
+        undevelop(Photograph(np.full((4, 4, 3), 255, np.uint8)), Film())
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,7 @@ def test_optics_are_undone_the_last_first():
     for step in optics:
         through = step.applied(through, VIEW)
     variance = np.full_like(light, 0.04)
-    back = undone_all(RadianceMap(through, variance), optics, VIEW)
+    back = undo_optics(RadianceMap(through, variance), optics, VIEW)
     np.testing.assert_allclose(back.radiance[:, :-2], light[:, :-2], rtol=1e-5)
     # The other way round the fall-off would be divided out beside its place.
     shape = Vignetting((-0.3,)).falloff((10, 6))[..., None]
@@ -155,7 +157,7 @@ def test_clipped_marks_go_with_their_light():
     clipped = np.zeros((6, 10), np.uint8)
     clipped[2, 5], clipped[3, 6], clipped[4, 0] = SATURATED, BLACK, OUTSIDE
     variance = np.where(clipped == 0, np.float32(1), np.float32(np.inf))[..., None].repeat(3, axis=2)
-    back = undone_all(RadianceMap(light, variance, clipped), (Gain(4.0), Shift(2)), VIEW)
+    back = undo_optics(RadianceMap(light, variance, clipped), (Gain(4.0), Shift(2)), VIEW)
     assert back.clipped is not None and back.variance is not None
     expected = np.zeros_like(clipped)
     expected[2, 3], expected[3, 4], expected[:, -2:] = SATURATED, BLACK, OUTSIDE
@@ -167,7 +169,7 @@ def test_clipped_marks_go_with_their_light():
 def test_optics_that_cannot_be_undone_stay_and_are_named():
     light = np.ones((6, 10, 3), np.float32)
     with pytest.warns(UserWarning, match="^Blur cannot be undone; it is left in the picture$"):
-        back = undone_all(RadianceMap(light), (Gain(2.0), Blur()), VIEW)
+        back = undo_optics(RadianceMap(light), (Gain(2.0), Blur()), VIEW)
     np.testing.assert_allclose(back.radiance, 0.5)
     assert back.clipped is None and back.variance is None
     assert undoable((Gain(2.0), Blur(), Shift(1))) == (Shift(1), Gain(2.0))
@@ -178,7 +180,7 @@ def test_the_whole_camera_backwards():
     falloff = MeasuredVignetting(Vignetting((-0.4, 0.05)))
     film = Film(1 / 8, response())
     photograph = develop(falloff.applied(light, VIEW), film)
-    back = undone_all(radiance_of(photograph, film), (falloff,), VIEW)
+    back = undo_optics(undevelop(photograph, film), (falloff,), VIEW)
     assert back.clipped is not None
     measured = back.clipped == 0
     allowed = half_steps(response(), photograph.pixels)

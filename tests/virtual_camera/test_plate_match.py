@@ -13,9 +13,9 @@ from relume.image.colour import decode_srgb, encode_srgb, luminance
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
-from relume.virtual_camera.film.film import Film, developed_values
+from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.film.grain import photograph_grain
-from relume.virtual_camera.inverse import radiance_of
+from relume.virtual_camera.film.undeveloping import undevelop
 from relume.virtual_camera.lens.vignetting import MeasuredVignetting
 from relume.virtual_camera.plate_matching.matched_film import Softness, matched_film
 from relume.virtual_camera.plate_matching.sharpness import Sharpness, measured_sharpness
@@ -45,7 +45,7 @@ def board() -> np.ndarray:
 def clean() -> np.ndarray:
     """Pixel values, not rounded, of the board through a lens of 1.1 pixels."""
     soft = gaussian_filter(np.repeat(np.repeat(board(), 4, axis=0), 4, axis=1), (4.4, 4.4, 0))
-    return developed_values(soft.reshape(160, 4, 220, 4, 3).mean((1, 3)), Film.of(TOLD, response()))
+    return Film.of(TOLD, response()).pixel_values(soft.reshape(160, 4, 220, 4, 3).mean((1, 3)))
 
 
 @cache
@@ -71,8 +71,8 @@ def test_what_is_developed_looks_as_the_plate_does():
     difference = again.pixels.astype(int) - plate().pixels
     # Both have noise of two values, so their difference 2.8 and its mean over 35,000 pixels hardly any.
     assert np.abs(difference.mean((0, 1))).max() < 0.15 and difference.std() == pytest.approx(2.85, abs=0.25)
-    found, grain = measured_sharpness(radiance_of(again, camera.film)), photograph_grain(again, clean=clean())
-    wanted = measured_sharpness(radiance_of(plate(), camera.film))
+    found, grain = measured_sharpness(undevelop(again, camera.film)), photograph_grain(again, clean=clean())
+    wanted = measured_sharpness(undevelop(plate(), camera.film))
     assert found is not None and wanted is not None and grain is not None
     assert found.sigma == pytest.approx(wanted.sigma, abs=0.1) and found.sigma == pytest.approx(1.1, abs=0.15)
     assert grain.deviation_at(np.full(3, 120.0)).mean() == pytest.approx(2.0, abs=0.2)
@@ -124,7 +124,7 @@ def test_a_picture_in_candelas_takes_it_by_the_profiles_scale_or_by_the_iso_numb
 )
 def test_where_no_exposure_holds_the_picture_is_metered_and_that_is_said(photograph, unit, why):
     camera = matched_film(photograph, replace(DIM, unit=unit))
-    assert developed_values(np.full((1, 1, 3), 30.0), camera.film)[0, 0] == pytest.approx(118, abs=0.05)
+    assert camera.film.pixel_values(np.full((1, 1, 3), 30.0))[0, 0] == pytest.approx(118, abs=0.05)
     fact = next(line for line in camera.facts if line.startswith("exposure"))
     assert fact.startswith("exposure: metered, the picture's log mean becomes 118 of 255") and why in fact
     assert any(line.startswith("response: sRGB, for no profile was given") for line in camera.facts)
@@ -149,7 +149,7 @@ def test_a_profiles_balance_is_undone_before_the_response():
     film = matched_film(SMALL, LIT, profile).film
     balanced = np.full((1, 1, 3), 1.0) * np.array(profile.balance)
     plain = Film(film.exposure, response())
-    np.testing.assert_allclose(developed_values(balanced, film), developed_values(np.ones((1, 1, 3)), plain))
+    np.testing.assert_allclose(film.pixel_values(balanced), plain.pixel_values(np.ones((1, 1, 3))))
 
 
 def test_a_plate_that_shows_nothing_says_so():

@@ -8,7 +8,9 @@ import pytest
 
 from relume.image.photograph import Exposure
 from relume.image.radiance import RadianceMap
+from relume.virtual_camera.developing import develop, develop_frames
 from relume.virtual_camera.film.darkroom import Darkroom
+from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.film.stocks import black_and_white_negative, paper
 from relume.virtual_camera.lens.glare.camera import CameraGlare
 from relume.virtual_camera.lens.glare.eye import EyeGlare
@@ -25,7 +27,7 @@ from relume.virtual_camera.tone.reinhard import Reinhard
 from relume.virtual_camera.tone.reinhard_local import ReinhardLocal
 from relume.virtual_camera.tone.tumblin_rushmeier import TumblinRushmeier
 from relume.virtual_camera.view import View, log_mean, view_of
-from relume.virtual_camera.virtual_camera import IN_ORDER, VirtualCamera, developed, developed_frames, photograph
+from relume.virtual_camera.virtual_camera import IN_ORDER, VirtualCamera
 
 
 def lamp(height: int = 24, width: int = 48, *, brightness: float = 50.0) -> RadianceMap:
@@ -50,19 +52,17 @@ def test_light_meets_every_part_in_physical_order():
     passed: list = []
     parts: dict[str, Any] = {name: Noted(name, passed) for name in reversed(IN_ORDER)}
     camera = VirtualCamera(**parts)
-    photograph(lamp(), camera)
+    develop(lamp(), camera)
     assert passed == ["motion", "defocus", "soft_focus", "glare", "geometry", "vignetting"]
 
 
 def test_plain_pixels_are_those_of_srgb():
     ramp = np.array([[[0, 0.0031308, 0.18], [0.5, 1, 4]]], np.float32)
-    assert photograph(RadianceMap(ramp), VirtualCamera(tone=Fixed())).pixels.tolist() == [
-        [[0, 10, 118], [188, 255, 255]]
-    ]
+    assert develop(RadianceMap(ramp), VirtualCamera(tone=Fixed())).pixels.tolist() == [[[0, 10, 118], [188, 255, 255]]]
 
 
 def test_blur_comes_before_saturation_whatever_was_written_first():
-    blurred = photograph(lamp(), VirtualCamera(tone=Fixed(), motion=StraightMotion(9, 0))).pixels
+    blurred = develop(lamp(), VirtualCamera(tone=Fixed(), motion=StraightMotion(9, 0))).pixels
     # 50 over 9 pixels is far above white: as many pixels saturate; a lamp cut off at 1 first would leave none.
     assert np.count_nonzero(blurred[12, :, 0] == 255) == 9
 
@@ -71,12 +71,12 @@ def test_a_stop_is_a_factor_of_two_behind_every_tone():
     picture = RadianceMap(np.full((4, 4, 3), 0.09, np.float32))
     for tone in (Fixed(), Metered(percentile=None)):
         camera = VirtualCamera(tone=tone)
-        values = developed(picture, camera).displayed
-        assert np.allclose(developed(picture, replace(camera, stops=1.5)).displayed, values * 2**1.5, rtol=1e-6)
+        values = camera.tone_map(picture).display_values
+        assert np.allclose(replace(camera, stops=1.5).tone_map(picture).display_values, values * 2**1.5, rtol=1e-6)
     # The adaptation stays where it was, so that Reinhard's curve is entered further up.
     camera = VirtualCamera(tone=Reinhard(key=0.18, white=np.inf))
-    assert np.allclose(developed(picture, camera).displayed, 0.18 / 1.18, rtol=1e-5)
-    assert np.allclose(developed(picture, replace(camera, stops=1)).displayed, 0.36 / 1.36, rtol=1e-5)
+    assert np.allclose(camera.tone_map(picture).display_values, 0.18 / 1.18, rtol=1e-5)
+    assert np.allclose(replace(camera, stops=1).tone_map(picture).display_values, 0.36 / 1.36, rtol=1e-5)
 
 
 @pytest.mark.parametrize("tone", [Metered(percentile=None), Reinhard(white=np.inf)])
@@ -85,7 +85,7 @@ def test_a_flickering_sequence_is_steadied(tone):
     camera = VirtualCamera(tone=tone)
 
     def greys(settling: float) -> np.ndarray:
-        made = developed_frames(frames, camera, frames_per_second=24, settling=settling)
+        made = camera.tone_map_frames(frames, frames_per_second=24, settling=settling)
         return np.array([each.adaptation.values[0] for each in made])
 
     alone, steady = greys(0), greys(1.0)
@@ -96,7 +96,7 @@ def test_a_flickering_sequence_is_steadied(tone):
 
 def test_adaptation_arrives_after_its_settling():
     frames = [RadianceMap(np.full((4, 4, 3), level, np.float32)) for level in [1.0] + [8.0] * 24]
-    values = [each.adaptation.values[0] for each in developed_frames(frames, VirtualCamera(), settling=1.0)]
+    values = [each.adaptation.values[0] for each in VirtualCamera().tone_map_frames(frames, settling=1.0)]
     assert (values[0] - values[-1]) / np.log(8) == pytest.approx(1 - np.exp(-1), rel=1e-3)
 
 
@@ -104,7 +104,7 @@ def test_a_sequence_knows_its_luminance_from_the_first_frame():
     camera = VirtualCamera(tone=Absolute())
     frames = [RadianceMap(np.full((4, 4, 3), level, np.float32)) for level in (1.0, 2.0)]
     with pytest.warns(UserWarning, match="100 cd/m²") as told:
-        made = [each.adaptation.values[0] for each in developed_frames(frames, camera, settling=0)]
+        made = [each.adaptation.values[0] for each in camera.tone_map_frames(frames, settling=0)]
     assert len(told) == 1 and made == pytest.approx([100, 200], rel=1e-5)
 
 
@@ -125,22 +125,44 @@ def test_bad_radiance_never_becomes_a_picture():
     picture = lamp()
     picture.radiance[3, 4] = np.nan
     with pytest.raises(ValueError, match="x 4, y 3"):
-        photograph(picture)
+        develop(picture)
     with pytest.raises(ValueError, match="frame 2: the radiance at x 4, y 3"):
-        list(developed_frames([lamp(), picture], VirtualCamera()))
+        list(VirtualCamera().tone_map_frames([lamp(), picture]))
 
 
 def test_files_are_for_their_display(tmp_path):
-    made = developed(lamp(), VirtualCamera(tone=Fixed(), display=DisplayP3()))
-    clipping = made.written(tmp_path / "a.png")
+    made = VirtualCamera(tone=Fixed(), display=DisplayP3()).tone_map(lamp())
+    clipping = made.write(tmp_path / "a.png")
     assert max(clipping.above) == pytest.approx(1 / (24 * 48))
     with pytest.raises(ValueError, match=r"written to \.avif"):
-        developed(lamp(), VirtualCamera(display=HLG())).written(tmp_path / "a.png")
+        VirtualCamera(display=HLG()).tone_map(lamp()).write(tmp_path / "a.png")
     # In memory P3 carries its profile, or its codes would be taken for sRGB; what only a file can hold is refused.
     assert made.photograph().profile == profile_of(DisplayP3())
     for display in (HLG(), PQ(), HdrGainMap()):
-        with pytest.raises(ValueError, match=f"a picture for {type(display).__name__} is a file's"):
-            photograph(lamp(), VirtualCamera(display=display))
+        with pytest.raises(ValueError, match=f"only a file can hold a picture for {type(display).__name__}"):
+            develop(lamp(), VirtualCamera(display=display))
+
+
+def test_a_tone_operator_or_a_film_alone_is_a_camera_without_a_lens():
+    picture = lamp()
+    for tone in (Fixed(), Metered(), Reinhard()):
+        assert np.array_equal(develop(picture, tone).pixels, develop(picture, VirtualCamera(tone=tone)).pixels)
+    film = Film(2.0)
+    assert np.array_equal(develop(picture, film).pixels, develop(picture.radiance, VirtualCamera(tone=film)).pixels)
+
+
+def test_a_developed_sequence_is_photographs_with_one_adaptation():
+    frames = [RadianceMap(np.full((4, 4, 3), level, np.float32)) for level in (1.0, 8.0)]
+    first, second = develop_frames(frames, Metered(percentile=None), settling=1.0)
+    assert np.array_equal(first.pixels, develop(frames[0], Metered(percentile=None)).pixels)
+    assert second.pixels.mean() > first.pixels.mean() + 50 and second.name == "frame 2"
+
+
+def test_a_film_alone_refuses_what_is_not_a_number():
+    bad = np.ones((2, 3, 3), np.float32)
+    bad[1, 2] = np.nan
+    with pytest.raises(ValueError, match="x 2, y 1"):
+        develop(bad, Film())
 
 
 def test_the_view_is_checked():
@@ -167,7 +189,7 @@ def test_the_view_is_checked():
 def test_the_corners_darken_by_the_fourth_power():
     view = view_of(lamp(), field_of_view=np.pi / 2)
     even = RadianceMap(np.ones((24, 48, 3), np.float32))
-    made = developed(even, VirtualCamera(tone=Fixed(), vignetting=CosineFourth()), view).displayed
+    made = VirtualCamera(tone=Fixed(), vignetting=CosineFourth()).tone_map(even, view).display_values
     across, down = 23.5 / 24, 11.5 / 24
     assert made[0, 0, 0] == pytest.approx((1 + across**2 + down**2) ** -2, rel=1e-5)
 
@@ -206,11 +228,11 @@ def test_what_models_an_eye_or_a_real_exposure_says_so_of_a_relative_map(camera,
 def test_grain_is_another_in_every_frame_and_the_eyes_needles_stay():
     grey = RadianceMap(np.full((48, 48, 3), 0.18, np.float32))
     film = VirtualCamera(tone=Darkroom(black_and_white_negative(), paper()))
-    first, second = (each.displayed for each in developed_frames([grey, grey], film))
+    first, second = (each.display_values for each in film.tone_map_frames([grey, grey]))
     assert not np.array_equal(first, second)
-    assert np.array_equal(first, developed(grey, film).displayed)
+    assert np.array_equal(first, film.tone_map(grey).display_values)
     eye = VirtualCamera(tone=Fixed(), glare=EyeGlare(adaptation=10.0))
-    first, second = (each.displayed for each in developed_frames([lamp(), lamp()], eye))
+    first, second = (each.display_values for each in eye.tone_map_frames([lamp(), lamp()]))
     assert np.array_equal(first, second)
 
 
@@ -225,18 +247,18 @@ def test_an_eyes_own_adaptation_settles_over_a_sequence():
 
     glare = Eye([])
     frames = [RadianceMap(np.full((4, 4, 3), level, np.float32), unit="cd/m²") for level in (1.0, 100.0)]
-    list(developed_frames(frames, VirtualCamera(tone=Fixed(), glare=glare), settling=1.0))
+    list(VirtualCamera(tone=Fixed(), glare=glare).tone_map_frames(frames, settling=1.0))
     assert glare.seen == pytest.approx([1.0, 100 ** (1 - np.exp(-1 / 24))], rel=1e-5)
 
 
 def test_a_fade_to_black_keeps_its_adaptation():
     black = RadianceMap(np.zeros((4, 4, 3), np.float32))
     grey = RadianceMap(np.full((4, 4, 3), 0.5, np.float32))
-    made = list(developed_frames([black, grey, black, grey], VirtualCamera()))
-    assert [float(each.displayed.max()) for each in made] == pytest.approx([0, 1, 0, 1], rel=1e-2)
+    made = list(VirtualCamera().tone_map_frames([black, grey, black, grey]))
+    assert [float(each.display_values.max()) for each in made] == pytest.approx([0, 1, 0, 1], rel=1e-2)
 
 
 def test_every_frame_has_its_view():
     view = VirtualCamera().view(lamp())
     with pytest.raises(ValueError, match="frame 2 has no view"):
-        list(developed_frames([lamp(), lamp()], VirtualCamera(), [view]))
+        list(VirtualCamera().tone_map_frames([lamp(), lamp()], [view]))

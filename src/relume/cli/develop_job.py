@@ -23,7 +23,7 @@ from relume.virtual_camera.tone.display.writing import require_suffix_for
 from relume.virtual_camera.tone.metered import Fixed, Metered
 from relume.virtual_camera.validation import sound
 from relume.virtual_camera.view import View
-from relume.virtual_camera.virtual_camera import IN_ORDER, developed, developed_frames
+from relume.virtual_camera.virtual_camera import IN_ORDER
 
 if TYPE_CHECKING:
     from relume.capture.response.camera_profile import CameraProfile
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from relume.virtual_camera.steps import Optics
     from relume.virtual_camera.tone.display.clipping import Clipping
     from relume.virtual_camera.tone.display.displays import Display
-    from relume.virtual_camera.virtual_camera import Developed, VirtualCamera
+    from relume.virtual_camera.virtual_camera import ToneMapped, VirtualCamera
 
 Advance = Callable[[str, float], None]
 _NO_VIEW = View(1.0)
@@ -133,9 +133,9 @@ def picture(
     # The lens once, for what is written beside the picture is of the light that it drew.
     image = replace(read, radiance=camera.image(read.radiance, view)) if camera.optics else read
     sensor = replace(camera, **dict.fromkeys(IN_ORDER))
-    made = developed(image, sensor, view)
+    made = sensor.tone_map(image, view)
     advance("developing", 1.0)
-    clipping = made.written(out)
+    clipping = made.write(out)
     if made.gain != 1:
         facts["display values per unit of radiance"] = made.gain
     facts = {"written": str(out), **facts, "white": max(clipping.above), "black": max(clipping.below)}
@@ -149,7 +149,7 @@ def _write_extras(
     extras: Extras,
     scene: RadianceMap,
     image: RadianceMap,
-    made: Developed,
+    made: ToneMapped,
     sensor: VirtualCamera,
     view: View,
     facts: dict[str, object],
@@ -163,7 +163,7 @@ def _write_extras(
         shown_by = replace(sensor, display=Srgb())
 
         def at(radiance: np.ndarray) -> Photograph:
-            return developed(RadianceMap(radiance), shown_by, view, adaptation=made.adaptation).photograph()
+            return shown_by.tone_map(RadianceMap(radiance), view, adaptation=made.adaptation).photograph()
 
         files.write(extras.sheet, stops_sheet(image, extras.stops, at))
         facts["sheet"] = str(extras.sheet)
@@ -211,9 +211,8 @@ def frames(
             yield _read(path, reading, repair, lit=False)
 
     view = scene.view(first, camera, preset)
-    made = developed_frames(
-        each(), camera, repeat(view), frames_per_second=rate.frames_per_second, settling=rate.settling
-    )
+    fps, settling = rate.frames_per_second, rate.settling
+    made = camera.tone_map_frames(each(), repeat(view), frames_per_second=fps, settling=settling)
     worst = [0.0, 0.0]
     if movie:
         from relume.image.files.video import Movie
@@ -227,7 +226,7 @@ def frames(
         made_folder(out)
         for count, target in enumerate(targets):
             try:
-                worst = _worse(worst, next(made).written(target))
+                worst = _worse(worst, next(made).write(target))
             except (ValueError, UnreadableFile) as error:
                 raise type(error)(f"{error}; {count} frames before it are in {out}") from None
     advance("developing", 1.0)
@@ -260,7 +259,8 @@ def undo(
     dry_run: bool,
 ) -> dict[str, object]:
     """Take a photograph's camera out of it again; facts to tell."""
-    from relume.virtual_camera.inverse import radiance_of, undone_all
+    from relume.virtual_camera.film.undeveloping import undevelop
+    from relume.virtual_camera.lens.undoing import undo_optics
 
     require_suffix(out, *SUFFIXES)
     if len(paths) != 1:
@@ -277,8 +277,8 @@ def undo(
     facts["exposure per unit of radiance"] = film.exposure
     if dry_run:
         return {"would write": str(out), **facts}
-    radiance = replace(radiance_of(photograph, film), unit=unit)
-    radiance = undone_all(radiance, camera.optics, scene.view(radiance, replace(camera, tone=Fixed()), preset))
+    radiance = replace(undevelop(photograph, film), unit=unit)
+    radiance = undo_optics(radiance, camera.optics, scene.view(radiance, replace(camera, tone=Fixed()), preset))
     files.write(out, radiance)
     flags = radiance.clipped
     shares = {} if flags is None else {"white": float(np.mean(flags == 1)), "black": float(np.mean(flags == 2))}

@@ -128,7 +128,7 @@ def write_picture(out: Path, picture: Render, film: Film, unit: str) -> None:
 
     from relume.image import files
     from relume.image.radiance import RadianceMap
-    from relume.virtual_camera.film.film import develop
+    from relume.virtual_camera.developing import develop
 
     suffix = out.suffix.lower()
     if suffix == ".exr":
@@ -145,7 +145,7 @@ def write_picture(out: Path, picture: Render, film: Film, unit: str) -> None:
 
 def write_frames(out: Path, pictures: Iterator[Render], film: Film, unit: str) -> None:
     """Write a movie, or numbered pictures into a folder, as they are rendered."""
-    from relume.virtual_camera.film.film import develop
+    from relume.virtual_camera.developing import develop
 
     if out.suffix.lower() == ".mp4":
         from relume.image.files.video import Movie as MovieFile

@@ -20,7 +20,8 @@ from relume.scene.distant import Infinite
 from relume.scene.lights import AmbientLight, DistantLight, Light, PointLight, SphereLight, SquareLaw
 from relume.scene.scene import Scene
 from relume.sphere.environment_map import EnvironmentMap
-from relume.virtual_camera.film.film import Film, develop
+from relume.virtual_camera.developing import develop
+from relume.virtual_camera.film.film import Film
 
 WHITE_PERCENTILE = 99
 """Of a plate without a film: the radiance that is put just below white, as `insert` does."""

@@ -10,7 +10,8 @@ import numpy as np
 from relume.image.colour import luminance
 from relume.probe.ball.silhouette import Cone
 from relume.probe.ball.unwrapping import BallView
-from relume.virtual_camera.film.film import Film, develop
+from relume.virtual_camera.developing import develop
+from relume.virtual_camera.film.film import Film
 
 MARGIN = 0.25
 """Radii shown beside the ball: enough to see what is behind it go on."""

@@ -10,7 +10,8 @@ from relume.image.colour import luminance
 from relume.light.constellations.constellation import Constellation
 from relume.light.constellations.residual import glow_level
 from relume.sphere.environment_map import EnvironmentMap
-from relume.virtual_camera.film.film import Film, develop
+from relume.virtual_camera.developing import develop
+from relume.virtual_camera.film.film import Film
 
 WIDE = 1600
 """Pixels across the picture, about."""

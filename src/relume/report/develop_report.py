@@ -12,11 +12,12 @@ from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.report import plots
 from relume.report.page import figure, heading, main_heading, note, page, paragraph, side_by_side, slide, table
+from relume.virtual_camera.developing import develop
 from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.tone.display.false_colour import false_colour
 from relume.virtual_camera.tone.display.stops import stops_sheet
 from relume.virtual_camera.view import View
-from relume.virtual_camera.virtual_camera import VirtualCamera, developed, photograph
+from relume.virtual_camera.virtual_camera import VirtualCamera
 
 STOPS = (-6.0, -4.0, -2.0, 0.0, 2.0, 4.0)
 """Of the contact sheet: highlights to shadows."""
@@ -40,11 +41,11 @@ def write_develop_report(
     shown : the developed picture
     Raises OutputNotWritten.
     """
-    plain = photograph(scene, VirtualCamera(), view)
+    plain = develop(scene, VirtualCamera(), view)
     before, after = plots.encoded(plain.pixels), plots.encoded(shown.pixels)
     lens = [figure(after, "The picture.")]
     if image is not scene:
-        drawn = photograph(image, VirtualCamera(), view)
+        drawn = develop(image, VirtualCamera(), view)
         lens.insert(0, figure(plots.encoded(drawn.pixels), "What the lens drew, plainly exposed."))
     lens.insert(0, figure(before, "The scene, as a light meter exposes it."))
     parts = [
@@ -65,7 +66,7 @@ def write_develop_report(
 
 
 def _sheet(image: RadianceMap) -> np.ndarray:
-    settled = developed(image, VirtualCamera(), View(1.0)).gain
+    settled = VirtualCamera().tone_map(image, View(1.0)).gain
     return stops_sheet(image, STOPS, Film(settled)).pixels
 
 

@@ -10,7 +10,8 @@ from relume.image.colour import luminance
 from relume.image.radiance import OUTSIDE, SATURATED
 from relume.sphere.audit import AXES, Audit
 from relume.sphere.environment_map import EnvironmentMap
-from relume.virtual_camera.film.film import Film, develop
+from relume.virtual_camera.developing import develop
+from relume.virtual_camera.film.film import Film
 
 STOPS = (4, 0, -4)
 """Brightest first: what hides in the dark, the whole, and what the lamps are."""

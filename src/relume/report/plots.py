@@ -8,7 +8,8 @@ import numpy as np
 
 from relume.capture.response.calibration import Calibration
 from relume.image.files.photographs import png
-from relume.virtual_camera.film.film import Film, develop
+from relume.virtual_camera.developing import develop
+from relume.virtual_camera.film.film import Film
 
 CHANNELS = (("red", "#c0392b"), ("green", "#27803f"), ("blue", "#2c5fb3"))
 WIDEST = 1024

@@ -13,7 +13,8 @@ from relume.renderers.whitted.record import EYE, REFLECTED, REFRACTED, SHADOW
 from relume.scene.scene import Scene
 from relume.scene.shapes.patches import Patches
 from relume.scene.shapes.shapes import Plane, Shape, Sphere
-from relume.virtual_camera.film.film import Film, develop
+from relume.virtual_camera.developing import develop
+from relume.virtual_camera.film.film import Film
 
 COLOURS = {EYE: "#222222", REFLECTED: "#2c5fb3", REFRACTED: "#27803f", SHADOW: "#c98a00"}
 LABELS = {EYE: "from the eye", REFLECTED: "S, reflected", REFRACTED: "T, refracted", SHADOW: "L, towards a light"}

@@ -94,15 +94,82 @@ class VirtualCamera:
             absolute=self.is_absolute,
         )
 
+    def tone_map(
+        self, picture: RadianceMap, view: View | None = None, *, adaptation: Adaptation | None = None
+    ) -> ToneMapped:
+        """Take a radiance map through the lens and the tone operator, up to where it is encoded for a display.
+
+        view : the picture's lens, depth, motion and seed; `self.view(picture)` unless given
+        adaptation : what the operator has adapted to; unless given, it adapts to this picture
+        Raises ValueError for radiance that is not finite or black everywhere.
+        """
+        picture = sound(picture)
+        view = self.view(picture) if view is None else view
+        image = self.image(picture.radiance, view)
+        return self._tone_mapped(image, view, self.tone.adapted(image, view) if adaptation is None else adaptation)
+
+    def _tone_mapped(self, image: np.ndarray, view: View, adaptation: Adaptation) -> ToneMapped:
+        """What the tone operator makes of the radiance behind the lens."""
+        tone, factor = self.tone, 2.0**self.stops
+        if isinstance(tone, Linear):
+            return ToneMapped(image, tone.gain(adaptation, view) * factor, self.display, adaptation)
+        brighter = image if factor == 1 else image * np.float32(factor)
+        return ToneMapped(tone.displayed(brighter, view, adaptation), 1.0, self.display, adaptation)
+
+    def tone_map_frames(
+        self,
+        pictures: Iterable[RadianceMap],
+        views: Iterable[View] | None = None,
+        *,
+        frames_per_second: float = 24.0,
+        settling: float = 0.4,
+    ) -> Iterator[ToneMapped]:
+        """Tone map the frames of a sequence. The adaptation follows the light slowly, as an eye's: nothing flickers.
+
+        views : of the frames; unless given, all have the first frame's, so that the luminance assumed for a relative
+            map does not change from frame to frame. Every frame has its own grain
+        settling : seconds after which the adaptation has gone 63 % of its way to a new light. 0.4 is slower than the
+            cones (0.08 s, `ferwerda.INTO_LIGHT`), so that flashing lamps do not pump the picture, and fast enough to
+            follow a camera that goes through a door; 0 adapts to each frame alone
+        A black frame keeps the adaptation of the frames before it. Raises ValueError for a rate that is not above 0, a
+        negative settling or too few views, and as `tone_map`.
+        """
+        if not frames_per_second > 0 or not settling >= 0:
+            raise ValueError(
+                f"frames_per_second {frames_per_second} and settling {settling}; expected above 0, and 0 or more"
+            )
+        share = 1.0 if settling == 0 else 1 - float(np.exp(-1 / (frames_per_second * settling)))
+        each = None if views is None else iter(views)
+        view, settled, eye = None, None, None
+        for index, frame in enumerate(pictures):
+            name = f"frame {index + 1}"
+            frame = sound(frame, name=name, lit=False)
+            if each is not None and (view := next(each, None)) is None:
+                raise ValueError(f"{name} has no view; give one for each picture, or none at all")
+            if view is None:
+                view = self.view(frame)
+            lit = bool(frame.radiance.any())
+            # The eye before the lens, by whose luminance glare goes.
+            if lit:
+                seen = np.log(seen_luminance(frame.radiance, view))
+                eye = seen if eye is None else (1 - share) * eye + share * seen
+            now = replace(view, frame=view.frame + index, settled=None if eye is None else float(np.exp(eye)))
+            image = self.image(frame.radiance, now)
+            # What the tone operator has adapted to.
+            own = self.tone.adapted(image, now)
+            if lit:
+                settled = own if settled is None else settled.mixed(own, share)
+            yield self._tone_mapped(image, now, own if settled is None else settled)
+
 
 @dataclass(frozen=True, eq=False)
-class Developed:
+class ToneMapped:
     """A picture before it is encoded: `gain` × `values` are linear display values, Rec. 709, 1 the display's white.
 
-    values : (H, W, 3) float32, not clipped; of plain exposure the radiance itself, so that it is not copied
+    values : (H, W, 3) float32, not clipped; for plain exposure the radiance itself, so that it is not copied
     gain : factor on them
     display : what they were made for
-    adaptation : what the tone had settled on
+    adaptation : what the tone operator had adapted to
     """
 
     values: np.ndarray
@@ -111,100 +178,25 @@ class Developed:
     adaptation: Adaptation
 
     @property
-    def displayed(self) -> np.ndarray:
+    def display_values(self) -> np.ndarray:
         """The linear display values (H, W, 3) float32."""
         return self.values if self.gain == 1 else self.values * np.float32(self.gain)
 
     def photograph(self, name: str = "developed picture") -> Photograph:
         """The picture in memory, with its profile; what is beyond white or black saturates.
 
-        Raises ValueError for PQ, HLG and gain maps, which only a file can hold: use `written`.
+        Raises ValueError for PQ, HLG and gain maps, which only a file can hold: use `write`.
         """
         if not isinstance(self.display, Srgb | DisplayP3):
-            raise ValueError(f"a picture for {type(self.display).__name__} is a file's: write it, or develop for Srgb")
+            raise ValueError(
+                f"only a file can hold a picture for {type(self.display).__name__}: write "
+                "camera.tone_map(picture).write(path), or choose the display Srgb"
+            )
         pixels = encoded(self.values, self.display, gain=self.gain)
         return Photograph(
             pixels, name, profile=profile_of(self.display) if isinstance(self.display, DisplayP3) else None
         )
 
-    def written(self, path: str | os.PathLike[str]) -> Clipping:
-        """Write the picture for its display, and tell how much of it is white or black; raises as `write_display`."""
+    def write(self, path: str | os.PathLike[str]) -> Clipping:
+        """Write the picture for its display, and return how much of it is white or black; raises as `write_display`."""
         return write_display(path, self.values, self.display, gain=self.gain)
-
-
-def developed(
-    picture: RadianceMap, camera: VirtualCamera, view: View | None = None, *, adaptation: Adaptation | None = None
-) -> Developed:
-    """Take a radiance map through a virtual camera, up to where it is encoded for a display or a file.
-
-    view : the picture's lens, depth, motion and seed; `camera.view(picture)` unless given
-    adaptation : what the tone has settled on; what it settles on before this picture unless given
-    Raises ValueError for radiance that is not finite or black everywhere.
-    """
-    picture = sound(picture)
-    view = camera.view(picture) if view is None else view
-    image = camera.image(picture.radiance, view)
-    return _toned(image, camera, view, camera.tone.adapted(image, view) if adaptation is None else adaptation)
-
-
-def _toned(image: np.ndarray, camera: VirtualCamera, view: View, settled: Adaptation) -> Developed:
-    """What the tone makes of the light behind the lens."""
-    tone, stops = camera.tone, 2.0**camera.stops
-    if isinstance(tone, Linear):
-        return Developed(image, tone.gain(settled, view) * stops, camera.display, settled)
-    brighter = image if stops == 1 else image * np.float32(stops)
-    return Developed(tone.displayed(brighter, view, settled), 1.0, camera.display, settled)
-
-
-def photograph(picture: RadianceMap, camera: VirtualCamera = VirtualCamera(), view: View | None = None) -> Photograph:
-    """Photograph a radiance map by a virtual camera, in one call (Debevec & Malik 1997, §2.7).
-
-    view : the picture's lens, depth, motion and seed; `camera.view(picture)` unless given
-    Values beyond the display's white saturate, as in a camera. Raises ValueError as `developed`, and for the displays
-    that only a file can hold: write `developed(picture, camera)` for them.
-    """
-    return developed(picture, camera, view).photograph()
-
-
-def developed_frames(
-    pictures: Iterable[RadianceMap],
-    camera: VirtualCamera,
-    views: Iterable[View] | None = None,
-    *,
-    frames_per_second: float = 24.0,
-    settling: float = 0.4,
-) -> Iterator[Developed]:
-    """Develop frame after frame, with an adaptation that follows the light as steadily as an eye's: nothing flickers.
-
-    views : of the frames; the first frame's own for all unless given, so that a relative map's supposed luminance does
-        not change from frame to frame. Every frame draws other grain
-    settling : seconds after which the adaptation has gone 63 % of its way to a new light. 0.4 is slower than the cones
-        (0.08 s, `ferwerda.INTO_LIGHT`), so that lamps that flash do not pump the picture, and fast enough to follow a
-        camera that goes through a door; 0 settles on each frame alone
-    A black frame keeps the adaptation of those before it. Raises ValueError for a rate that is not above 0, a negative
-    settling or too few views, and as `developed`.
-    """
-    if not frames_per_second > 0 or not settling >= 0:
-        raise ValueError(
-            f"frames_per_second {frames_per_second} and settling {settling}; expected above 0, and 0 or more"
-        )
-    share = 1.0 if settling == 0 else 1 - float(np.exp(-1 / (frames_per_second * settling)))
-    each = None if views is None else iter(views)
-    view, settled, eye = None, None, None
-    for index, frame in enumerate(pictures):
-        name = f"frame {index + 1}"
-        frame = sound(frame, name=name, lit=False)
-        if each is not None and (view := next(each, None)) is None:
-            raise ValueError(f"{name} has no view; give one for each picture, or none at all")
-        if view is None:
-            view = camera.view(frame)
-        lit = bool(frame.radiance.any())
-        if lit:
-            seen = np.log(seen_luminance(frame.radiance, view))
-            eye = seen if eye is None else (1 - share) * eye + share * seen
-        now = replace(view, frame=view.frame + index, settled=None if eye is None else float(np.exp(eye)))
-        image = camera.image(frame.radiance, now)
-        own = camera.tone.adapted(image, now)
-        if lit:
-            settled = own if settled is None else settled.mixed(own, share)
-        yield _toned(image, camera, now, own if settled is None else settled)

@@ -14,7 +14,7 @@ from relume.sphere.environment_files import as_environment
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong
 from relume.sphere.mappings.perspective import perspective_view
-from relume.virtual_camera.film.film import Film, developed_values
+from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.lens.motion.path import TurningCamera
 from relume.virtual_camera.lens.motion.straight import StraightMotion
 from relume.virtual_camera.view import View
@@ -60,13 +60,13 @@ def experiment(light: EnvironmentMap, facing: np.ndarray, turn: np.ndarray, film
     def area(values: np.ndarray) -> float:
         return float(np.mean((values > SATURATED)[seen]))
 
-    photograph = (developed_values(sharp, film) / 255).astype(np.float32)
-    whole = area(developed_values(truth, film) / 255)
+    photograph = (film.pixel_values(sharp) / 255).astype(np.float32)
+    whole = area(film.pixel_values(truth) / 255)
     assert whole > 0.03
     return {
-        "radiance": area(developed_values(camera.applied(sharp, view), film) / 255) / whole,
+        "radiance": area(film.pixel_values(camera.applied(sharp, view)) / 255) / whole,
         "photograph": area(camera.applied(photograph, view)) / whole,
-        "straight": area(developed_values(StraightMotion(PIXELS).applied(sharp, view), film) / 255) / whole,
+        "straight": area(film.pixel_values(StraightMotion(PIXELS).applied(sharp, view)) / 255) / whole,
     }
 
 

@@ -54,7 +54,7 @@ def film_for(picture: RadianceMap, stops: float) -> Film:
 def write_picture(out: Path, picture: RadianceMap, stops: float) -> None:
     """Write a radiance map as it is, or developed where the suffix is a photograph's."""
     from relume.image import files
-    from relume.virtual_camera.film.film import develop
+    from relume.virtual_camera.developing import develop
 
     if out.suffix.lower() in (".exr", ".hdr"):
         files.write(out, picture)
@@ -65,7 +65,7 @@ def write_picture(out: Path, picture: RadianceMap, stops: float) -> None:
 def write_frames(out: Path, pictures: Iterator[RadianceMap], stops: float) -> int:
     """Write a movie, or a folder of frame_0001.exr and .png …; all are exposed as the first is. How many there were."""
     from relume.image import files
-    from relume.virtual_camera.film.film import develop
+    from relume.virtual_camera.developing import develop
 
     film, count = None, 0
     if out.suffix.lower() == ".mp4":

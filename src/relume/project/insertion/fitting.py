@@ -18,7 +18,8 @@ from relume.project.shot_file.shot import Shot
 from relume.project.stages import Arrays
 from relume.renderers.results import Change
 from relume.scene.cameras.camera import Camera
-from relume.virtual_camera.film.film import Film, develop, developed_values
+from relume.virtual_camera.developing import develop
+from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.film.grain import Grain, bracket_grain, radiance_grain
 from relume.virtual_camera.plate_matching.matching import Match, dimmed, grained, matched, sat_in
 from relume.virtual_camera.plate_matching.sharpness import Sharpness, measured_sharpness
@@ -143,5 +144,5 @@ def developed(
     grainy = grained(composite, matte, match)
     if photograph is None:
         return grainy, develop(grainy, film), develop(plate.radiance, film)
-    values = developed_values(composite, film), developed_values(plate.radiance, film)
+    values = film.pixel_values(composite), film.pixel_values(plate.radiance)
     return grainy, sat_in(photograph, *values, matte, match), photograph

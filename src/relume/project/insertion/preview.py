@@ -13,7 +13,8 @@ from relume.errors import OutputNotWritten
 from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.renderers.progressive.accumulators import Sums
-from relume.virtual_camera.film.film import Film, develop
+from relume.virtual_camera.developing import develop
+from relume.virtual_camera.film.film import Film
 
 
 @dataclass(frozen=True, eq=False)

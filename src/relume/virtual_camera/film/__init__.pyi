@@ -1,7 +1,9 @@
 from .darkroom import Darkroom as Darkroom
 from .film import Film as Film
+from .film import virtual_photograph as virtual_photograph
 from .stocks import black_and_white_negative as black_and_white_negative
 from .stocks import colour_negative as colour_negative
 from .stocks import colour_paper as colour_paper
 from .stocks import paper as paper
 from .stocks import slide as slide
+from .undeveloping import undevelop as undevelop

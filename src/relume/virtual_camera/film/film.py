@@ -30,8 +30,7 @@ class Film:
 
     exposure : sensor exposure per unit of radiance (`Exposure.factor` of a photograph to be matched)
     response : a camera's recovered response; None for the sRGB curve, on which exposure 1 is white
-    grain : that is added to the pixel values, 0 to 255, as a `Tone`; None for none. `develop` and `developed_values`
-        give the values without
+    grain : that is added to the pixel values, 0 to 255; None for none. `pixel_values` gives the values without
     """
 
     exposure: float = 1.0
@@ -74,6 +73,16 @@ class Film:
         """The same film exposed longer by `stops` factors of two."""
         return replace(self, exposure=self.exposure * 2.0**stops)
 
+    def pixel_values(self, radiance: np.ndarray, levels: int = 256) -> np.ndarray:
+        """The pixel values (H, W, 3) float64, 0 to levels − 1, of radiance (H, W, 3), neither rounded nor with grain.
+
+        Exposure beyond the film's range saturates at both ends, as it does in a camera.
+        """
+        exposed = np.asarray(radiance, np.float64) * self.exposure
+        if self.response is None:
+            return (levels - 1) * encode_srgb(np.clip(exposed, 0, 1))
+        return np.clip(self.response.pixel_values(exposed) * ((levels - 1) / (self.response.levels - 1)), 0, levels - 1)
+
     def adapted(self, radiance: np.ndarray, view: View) -> Adaptation:
         """Nothing: the exposure is the film's own."""
         return Adaptation(np.zeros(0))
@@ -115,22 +124,6 @@ def metered(light: EnvironmentMap) -> Film:
     return Film(0.5 / mean) if mean > 0 else Film()
 
 
-def develop(radiance: np.ndarray, film: Film) -> Photograph:
-    """Take a virtual photograph (H, W, 3) uint8 of radiance (H, W, 3) (Debevec & Malik 1997, §2.7, eq. 1).
-
-    Exposure beyond the film's range saturates at 0 and 255, as it does in a camera.
-    """
-    return Photograph(np.rint(developed_values(radiance, film)).astype(np.uint8), "developed picture")
-
-
-def developed_values(radiance: np.ndarray, film: Film) -> np.ndarray:
-    """The pixel values (H, W, 3) float64, 0 to 255, that `develop` rounds."""
-    exposed = np.asarray(radiance, np.float64) * film.exposure
-    if film.response is None:
-        return 255 * encode_srgb(np.clip(exposed, 0, 1))
-    return np.clip(film.response.pixel_values(exposed) * (255 / (film.response.levels - 1)), 0, 255)
-
-
 def virtual_photograph(
     picture: RadianceMap,
     response: Response,
@@ -160,8 +153,7 @@ def virtual_photograph(
             f"the map's unit is {picture.unit} and scale is {scale}; give the response's scale with a map in cd/m², "
             "and none with a relative one"
         )
-    light = picture.radiance.astype(np.float64)
-    values = response.pixel_values(light * (exposure.factor / np.array(1.0 if scale is None else scale.factor)))
+    values = Film.of(exposure, response, scale=scale).pixel_values(picture.radiance, response.levels)
     if noise is not None:
         values = _noisy(values, response, noise)
     outside = None if picture.clipped is None else picture.clipped == OUTSIDE

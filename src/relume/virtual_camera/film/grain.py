@@ -18,7 +18,7 @@ from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 from relume.virtual_camera.film.correlated_noise import Noise, noise_of
-from relume.virtual_camera.film.film import Film, developed_values
+from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.plate_matching.flat_patches import REACH, FlatPatches, flat_patches
 
 ROUNDING = 1 / 12
@@ -143,7 +143,7 @@ def bracket_grain(bracket: Bracket, index: int, response: Response) -> Grain | N
         return photograph_grain(photograph, response=response)
     white = float(np.iinfo(photograph.pixels.dtype).max)
     film = Film(float(bracket.exposures[index]), response)
-    clean = developed_values(merged.radiance, film) * (white / 255)
+    clean = film.pixel_values(merged.radiance) * (white / 255)
     if merged.clipped is not None:
         clean[merged.clipped != 0] = np.nan
     if photograph_grain(cut[index], clean=clean) is None:

@@ -11,6 +11,7 @@ from .motion.path import TurningCamera as TurningCamera
 from .motion.straight import StraightMotion as StraightMotion
 from .motion.vectors import MotionVectors as MotionVectors
 from .soft_focus import SoftFocus as SoftFocus
+from .undoing import undo_optics as undo_optics
 from .vignetting import CosineFourth as CosineFourth
 from .vignetting import MeasuredVignetting as MeasuredVignetting
 from .vignetting import PolynomialVignetting as PolynomialVignetting

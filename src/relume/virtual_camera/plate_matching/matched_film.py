@@ -17,7 +17,7 @@ from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 from relume.virtual_camera.film.film import Film, srgb_response
 from relume.virtual_camera.film.grain import Grain, photograph_grain
-from relume.virtual_camera.inverse import AllButEnds, radiance_of
+from relume.virtual_camera.film.undeveloping import AllButEnds, undevelop
 from relume.virtual_camera.lens.vignetting import MeasuredVignetting
 from relume.virtual_camera.plate_matching.camera_profile import profiled_response, profiled_scale, profiled_vignetting
 from relume.virtual_camera.plate_matching.sharpness import Sharpness, measured_sharpness
@@ -177,7 +177,7 @@ def _seen(photograph: Photograph, film: Film) -> RadianceMap | None:
     """What the plate shows, in the picture's unit; None where hardly any of it is neither white nor black."""
     guard = JPEG_GUARD if photograph.pixels.dtype == np.uint8 else 0
     try:
-        return radiance_of(photograph, film, weighting=AllButEnds(guard))
+        return undevelop(photograph, film, weighting=AllButEnds(guard))
     except NotABracket:
         return None
 

@@ -92,7 +92,7 @@ def sat_in(
 
     photograph : of the plate's bracket
     picture, before : (H, W, 3) values, 0 to 255 and not rounded, of the composite and of the plate, both without grain
-        and developed as that photograph (`develop.film.developed_values`)
+        and developed as that photograph (`Film.pixel_values`)
     matte : (H, W), the share of each pixel that objects cover
 
     Where nothing changed, the photograph's bytes stay. Elsewhere what it has beside the plate, its grain, is kept by

@@ -11,7 +11,8 @@ from relume.image.photograph import Photograph
 from relume.renderers.prefiltered.contact_sheet import Ball
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_points
-from relume.virtual_camera.film.film import Film, develop
+from relume.virtual_camera.developing import develop
+from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.tone.display.lettering import Words, lettered
 
 COLUMNS = 6

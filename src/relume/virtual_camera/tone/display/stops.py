@@ -9,7 +9,8 @@ import numpy as np
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.resizing import resized
-from relume.virtual_camera.film.film import Film, develop
+from relume.virtual_camera.developing import develop
+from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.tone.display.lettering import Words, lettered
 
 _PAGE, _GAP, _CAPTION, _POINTS = 28, 12, 26, 10.0

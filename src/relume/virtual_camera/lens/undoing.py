@@ -1,20 +1,14 @@
-"""The virtual camera backwards: from a photograph's pixel values to the radiance in front of the lens."""
+"""Taking a lens out of a picture again: `undo_optics` undoes what can be undone, the last part first."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from relume.capture.exposure.bracket import Bracket
-from relume.capture.merging import merge
-from relume.capture.weighting import Weighting
-from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
-from relume.image.response import Response
-from relume.virtual_camera.film.film import Film, srgb_response
 from relume.virtual_camera.steps import Optics, Undoable
 from relume.virtual_camera.view import View
 
@@ -22,49 +16,16 @@ TAINTED = 0.01
 """Share of a pixel's light from clipped pixels above which it counts as clipped too, as `image.filtering` has it."""
 
 
-@dataclass(frozen=True)
-class AllButEnds:
-    """Every value counts but the first and the last `guard` + 1, for photographs that no JPEG went through.
-
-    guard : values beside the very ends that say nothing either; saturated patches of a JPEG file hold 250 to 254
-    """
-
-    guard: int = 0
-
-    def table(self, response: Response) -> np.ndarray:
-        """Weights (3, levels)."""
-        inner = np.ones((3, response.levels))
-        inner[:, : self.guard + 1] = inner[:, response.levels - 1 - self.guard :] = 0
-        return inner
-
-
-def radiance_of(photograph: Photograph, film: Film, *, weighting: Weighting = AllButEnds()) -> RadianceMap:
-    """The radiance that this film would have made the photograph of (Debevec & Malik 1997, eq. 5, of one photograph).
-
-    film : its exposure and response; the photograph's own EXIF exposure does not count. None as response stands for
-        sRGB at the photograph's depth
-    weighting : which pixel values count; for one photograph weights say no more
-
-    What is white is flagged SATURATED with a lower bound, what is black BLACK with an upper bound; the variance is that
-    of the response's deviation. Of what was developed without noise, radiance is told to half a step of the response:
-    |Δ ln L| ≤ max(g(z + 1) − g(z)) / 2. Raises NotABracket where hardly any pixel is measured, and for a response of
-    another depth than the photograph's.
-    """
-    levels = int(np.iinfo(photograph.pixels.dtype).max) + 1
-    response = srgb_response(levels) if film.response is None else film.response
-    return merge(Bracket((replace(photograph, exposure=Exposure(film.exposure)),)), response, weighting=weighting)
-
-
 def undoable(optics: Sequence[Optics]) -> tuple[Undoable, ...]:
-    """Those of the optics that `undone_all` undoes, in the order in which it does: the last that light passed first."""
+    """The optics that `undo_optics` can undo, in its order: the last that light passed first."""
     return tuple(step for step in reversed(optics) if isinstance(step, Undoable))
 
 
-def undone_all(picture: RadianceMap, optics: Sequence[Optics], view: View) -> RadianceMap:
-    """The radiance before it passed the optics: those that can be are undone, the last first.
+def undo_optics(picture: RadianceMap, optics: Sequence[Optics], view: View) -> RadianceMap:
+    """The radiance before it passed the optics. Parts that can be undone are undone, the last first.
 
     optics : in the order in which light passed them. What cannot be undone is left in, with a warning that names it;
-        `undoable(optics)` tells the rest
+        `undoable(optics)` lists the others
 
     What the picture does not show becomes OUTSIDE. Clipped marks go where their light goes. Deviations are taken back
     as light is: exactly where it is multiplied, and to an upper bound where it is resampled, for noise averages out.

@@ -1,0 +1,63 @@
+"""The way back from a photograph to radiance: `undevelop`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from relume.capture.exposure.bracket import Bracket
+from relume.capture.merging import merge
+from relume.capture.weighting import Weighting
+from relume.image.photograph import Exposure, Photograph
+from relume.image.radiance import RadianceMap
+from relume.image.response import Response
+from relume.virtual_camera.film.film import Film, srgb_response
+from relume.virtual_camera.lens.undoing import undo_optics
+from relume.virtual_camera.steps import Optics
+from relume.virtual_camera.view import View, view_of
+
+
+@dataclass(frozen=True)
+class AllButEnds:
+    """Every value counts but the first and the last `guard` + 1, for photographs that no JPEG went through.
+
+    guard : values beside the very ends that say nothing either; saturated patches of a JPEG file hold 250 to 254
+    """
+
+    guard: int = 0
+
+    def table(self, response: Response) -> np.ndarray:
+        """Weights (3, levels)."""
+        inner = np.ones((3, response.levels))
+        inner[:, : self.guard + 1] = inner[:, response.levels - 1 - self.guard :] = 0
+        return inner
+
+
+def undevelop(
+    photograph: Photograph,
+    film: Film,
+    optics: Sequence[Optics] = (),
+    view: View | None = None,
+    *,
+    weighting: Weighting = AllButEnds(),
+) -> RadianceMap:
+    """The radiance that this film recorded, before it passed the optics (Debevec & Malik 1997, eq. 5, one photograph).
+
+    film : its exposure and response; the photograph's own EXIF exposure does not count. Without a response it is sRGB
+        at the photograph's depth
+    optics : of the lens, in the order in which light passed them; see `undo_optics`
+    view : the photograph's field of view, for the optics; 50° across unless given
+    weighting : which pixel values count; for one photograph weights have no other effect
+
+    White pixels are flagged SATURATED with a lower bound, black ones BLACK with an upper bound; the variance is that of
+    the response's deviation. For a photograph without noise the radiance is exact to half a step of the response:
+    |Δ ln L| ≤ max(g(z + 1) − g(z)) / 2. Raises NotABracket where hardly any pixel is measured, and for a response of
+    another depth than the photograph's.
+    """
+    levels = int(np.iinfo(photograph.pixels.dtype).max) + 1
+    response = srgb_response(levels) if film.response is None else film.response
+    bracket = Bracket((replace(photograph, exposure=Exposure(film.exposure)),))
+    picture = merge(bracket, response, weighting=weighting)
+    return undo_optics(picture, optics, view_of(picture) if view is None else view) if optics else picture
