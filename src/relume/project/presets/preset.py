@@ -29,7 +29,7 @@ from relume.virtual_camera.view import FIELD_OF_VIEW
 from relume.virtual_camera.virtual_camera import VirtualCamera
 
 WHAT = "preset"
-HERE = Path(__file__).with_name("presets")
+HERE = Path(__file__).with_name("builtin")
 
 
 class DisplayTable(Step):
