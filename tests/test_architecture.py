@@ -12,14 +12,15 @@ import re
 import subprocess
 import sys
 import tomllib
-from collections.abc import Callable, Iterator
-from functools import cache
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-REPOSITORY = Path(__file__).resolve().parents[1]
-PACKAGE = REPOSITORY / "src" / "relume"
+from architecture.lengths import functions_too_long, functions_without_steps
+from architecture.reached import unreached
+from architecture.tree import PACKAGE, REPOSITORY, called_name, imported_modules, imports, listed, modules
+from architecture.words import lines_too_long, private_words
 
 # The light's way through the package: a folder imports itself and those before it (docs/decisions/0001).
 ORDER = [
@@ -125,45 +126,10 @@ HEAVY = [
 # What a module says
 
 
-def modules(package: Path) -> Iterator[tuple[str, ast.Module]]:
-    """Every module of the package: its path inside it, and its syntax tree."""
-    for file in sorted(package.rglob("*.py")):
-        yield file.relative_to(package).as_posix(), parsed(file.read_text(encoding="utf-8"))
-
-
-@cache
-def parsed(text: str) -> ast.Module:
-    """Each rule looks at every module; no rule changes what it looks at."""
-    return ast.parse(text)
-
-
-def open_pictures(path: str) -> str:
+def folder_of(path: str) -> str:
     """The part of the package a path belongs to: its folder, or the module's name at the top ("" for __init__)."""
     top = path.split("/")[0].removesuffix(".py")
     return "" if top == "__init__" else top
-
-
-def imports(path: str, tree: ast.Module, package: str = "relume") -> Iterator[tuple[int, str]]:
-    """The line and full dotted name of everything a module imports, wherever in the module and however spelt."""
-    own_package = [package, *path.split("/")[:-1]]
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            for alias in node.names:
-                yield node.lineno, alias.name
-        elif isinstance(node, ast.ImportFrom):
-            base = own_package[: len(own_package) - node.level + 1] if node.level else []
-            base += node.module.split(".") if node.module else []
-            for alias in node.names:
-                yield node.lineno, ".".join([*base, alias.name])
-        elif isinstance(node, ast.Call) and called_name(node) in ("import_module", "__import__") and node.args:
-            target = node.args[0]
-            if isinstance(target, ast.Constant) and isinstance(target.value, str):
-                yield node.lineno, target.value
-
-
-def called_name(call: ast.Call) -> str:
-    """The last name in what is called: `imread` of `cv2.imread(…)`."""
-    return call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
 
 
 def is_within(path: str, *places: str) -> bool:
@@ -176,9 +142,9 @@ def is_within(path: str, *places: str) -> bool:
 def imports_against_the_light(package: Path) -> list[str]:
     """Imports of a folder that lies further down the light's way, of the whole package, or from an unknown folder."""
     faults = []
-    parts = {open_pictures(path) for path, _ in modules(package)} - {""}
+    parts = {folder_of(path) for path, _ in modules(package)} - {""}
     for path, tree in modules(package):
-        here = open_pictures(path)
+        here = folder_of(path)
         if here in ABOVE_ALL:
             continue
         if here not in ORDER + BELOW_ALL:
@@ -204,7 +170,7 @@ def inner_modules_behind_the_public_names(package: Path) -> list[str]:
     return [
         f"{path}:{line}: {name}"
         for path, tree in modules(package)
-        if open_pictures(path) in USERS_OF_THE_PUBLIC_API and path not in NOT_YET_ON_THE_PUBLIC_NAMES
+        if folder_of(path) in USERS_OF_THE_PUBLIC_API and path not in NOT_YET_ON_THE_PUBLIC_NAMES
         for line, name in imports(path, tree)
         if re.match(r"relume\.\w+\.", name)
         and not is_within(name, *(f"relume.{user}." for user in USERS_OF_THE_PUBLIC_API))
@@ -213,27 +179,22 @@ def inner_modules_behind_the_public_names(package: Path) -> list[str]:
 
 def circles(package: Path) -> list[str]:
     """Modules that import each other, directly or by way of others, wherever the import stands."""
-    names = {"relume." + path.removesuffix(".py").replace("/", "."): path for path, _ in modules(package)}
-    names = {name.removesuffix(".__init__"): path for name, path in names.items()}
-    arrows: dict[str, set[str]] = {}
-    for path, tree in modules(package):
-        targets = set()
-        for _, name in imports(path, tree):
-            found = next((each for each in (name, name.rpartition(".")[0]) if each in names), None)
-            if found and not names[found].endswith("__init__.py"):
-                targets.add(names[found])
-        arrows[path] = targets - {path}
-    faults = []
+    arrows = imported_modules(package)
+    faults: dict[frozenset[str], str] = {}
     for start in arrows:
-        reached, waiting = set(), list(arrows[start])
-        while waiting:
-            here = waiting.pop()
-            if here not in reached:
-                reached.add(here)
-                waiting += arrows[here]
-        if start in reached:
-            faults.append(start)
-    return faults
+        # The shortest way back to where it starts.
+        came_from, waiting = {}, [start]
+        while waiting and start not in came_from:
+            here = waiting.pop(0)
+            for there in sorted(arrows[here] - set(came_from)):
+                came_from[there] = here
+                waiting.append(there)
+        if start in came_from:
+            way = [came_from[start]]
+            while way[-1] != start:
+                way.append(came_from[way[-1]])
+            faults.setdefault(frozenset(way), " → ".join([*reversed(way), start]))
+    return list(faults.values())
 
 
 def folders_too_full(package: Path) -> list[str]:
@@ -284,7 +245,7 @@ def talk_outside_the_command_line(package: Path) -> list[str]:
     """Calls in the library that print or end the program: that is for the command line alone."""
     faults = []
     for path, tree in modules(package):
-        if open_pictures(path) in ("cli", "__main__"):
+        if folder_of(path) in ("cli", "__main__"):
             continue
         for node in ast.walk(tree):
             if (
@@ -388,6 +349,30 @@ def test_no_module_is_longer_than_a_reader_can_hold():
     assert modules_too_long(PACKAGE) == []
 
 
+def test_no_place_uses_a_private_word():
+    not_yet = listed("words")
+    assert [fault for fault in private_words(REPOSITORY) if fault.split(":")[0] not in not_yet] == []
+
+
+def test_no_line_of_a_document_is_too_long():
+    not_yet = listed("long_lines")
+    assert [fault for fault in lines_too_long(REPOSITORY) if fault.split(":")[0] not in not_yet] == []
+
+
+def test_everything_is_reached_by_a_command_or_a_public_name():
+    assert sorted(set(unreached(PACKAGE)) - listed("unreached")) == []
+
+
+def test_no_function_is_longer_than_a_screen_or_two():
+    not_yet = listed("long_functions")
+    assert [fault for fault in functions_too_long(PACKAGE) if fault.split(": ")[0] not in not_yet] == []
+
+
+def test_a_long_function_names_its_steps():
+    not_yet = listed("bare_functions")
+    assert [fault for fault in functions_without_steps(PACKAGE) if fault.split(": ")[0] not in not_yet] == []
+
+
 def test_every_exception_to_a_rule_is_still_needed_and_says_why():
     for path, reason in {**MAY_OPEN_IMAGES, **MAY_BE_LONGER}.items():
         assert (PACKAGE / path).is_file(), f"{path} is gone; take it off the list"
@@ -430,8 +415,14 @@ def planted(root: Path, files: dict[str, str]) -> Path:
         "renderers/__init__.py": '"""Renders."""\nfrom relume import errors\nfrom ..image import files\n',
         "renderers/mitsuba/variant.py": '"""Variant."""\nimport drjit\nimport mitsuba as mi\n',
         "cli/__init__.py": '"""Commands."""\nimport sys\nimport relume as rl\nprint(rl)\nsys.exit(0)\n',
+        "cli/info.py": '"""A command."""\nfrom relume.cli import lines\ndef info():\n    return lines.line()\n',
+        "cli/lines.py": '"""Lines."""\ndef line():\n    return 1\n',
+        "sphere/__init__.pyi": "from .c import f as f\n",
+        "sphere/__init__.py": '"""The names of its stub."""\n',
+        "sphere/c.py": SPHERE,
+        "../../README.md": "| " + "a table " * 20 + "\n[an address](https://" + "a" * 120 + ")\n",
     }
-    package = root / "relume"
+    package = root / "src" / "relume"
     for path, text in {**sound, **files}.items():
         (package / path).parent.mkdir(parents=True, exist_ok=True)
         (package / path).write_text(text, encoding="utf-8")
@@ -440,6 +431,14 @@ def planted(root: Path, files: dict[str, str]) -> Path:
 
 def undeclared(package: Path) -> list[str]:
     return undeclared_imports(package, {"openexr", "pillow", "mitsuba", "drjit"})
+
+
+def private_words_near(package: Path) -> list[str]:
+    return private_words(package.parents[1])
+
+
+def lines_too_long_near(package: Path) -> list[str]:
+    return lines_too_long(package.parents[1])
 
 
 def heavy_after_import(package: Path) -> list[str]:
@@ -459,9 +458,30 @@ RULES: list[Callable[[Path], list[str]]] = [
     modules_too_long,
     undeclared,
     heavy_after_import,
+    private_words_near,
+    lines_too_long_near,
+    functions_too_long,
+    functions_without_steps,
+    unreached,
 ]
 
 NO_DOCSTRING = "x = 1\n"
+LINE = "  x = 1\n"
+SPHERE = f'''"""A castellated, retold sphere."""
+from relume.sphere.e import x
+
+
+def f():
+    return D
+
+
+@kernel
+def D():
+    # One.
+    # Two.
+    # Three.
+{LINE * 100}
+'''
 FAULTS: dict[str, tuple[Callable[[Path], list[str]], str, str]] = {
     "image imports renderers": (imports_against_the_light, "image/a.py", "from relume.renderers import x"),
     "image imports renderers relatively": (imports_against_the_light, "image/a.py", "from ..renderers import x"),
@@ -492,6 +512,12 @@ FAULTS: dict[str, tuple[Callable[[Path], list[str]], str, str]] = {
         "image/a.py",
         "from relume.image.b import x",
     ),
+    "two modules import each other inside functions": (
+        circles,
+        "image/a.py",
+        "def f():\n    from relume.image import b",
+    ),
+    "two modules import each other by a stub's name": (circles, "sphere/e.py", "from relume.sphere import f"),
     "a folder outside the order": (imports_against_the_light, "extra/a.py", ""),
     "a composite opens an image": (images_opened_elsewhere, "composite/a.py", "import OpenEXR"),
     "a composite opens an image by hand": (
@@ -510,6 +536,23 @@ FAULTS: dict[str, tuple[Callable[[Path], list[str]], str, str]] = {
     "a module without a docstring": (modules_without_a_docstring, "image/a.py", NO_DOCSTRING),
     "a module too long": (modules_too_long, "image/a.py", "x = 1\n" * LONGEST),
     "a part nobody declared": (undeclared, "image/a.py", "import numpy"),
+    "a function nobody calls": (unreached, "image/a.py", "def f():\n    pass"),
+    "a circle that nobody enters": (unreached, "image/a.py", "def f():\n    return g()\n\n\ndef g():\n    return f()"),
+    "a constant nobody reads": (unreached, "image/files/a.py", "MOST = 3"),
+    "a function too long": (functions_too_long, "image/a.py", f"def f():\n{LINE * 100}"),
+    "a method too long": (functions_too_long, "image/a.py", f"class A:\n def f(self):\n{LINE * 100}"),
+    "a function without steps": (functions_without_steps, "image/a.py", f"def f():\n{LINE * 50}"),
+    "a function with notes to tools alone": (
+        functions_without_steps,
+        "image/a.py",
+        f"def f():\n{LINE * 50}{LINE.rstrip()}  # noqa\n{LINE.rstrip()}  # fmt: skip\n    # a step",
+    ),
+    "a kernel without steps": (functions_without_steps, "image/a.py", f"@kernel\ndef f():\n{LINE * 50}"),
+    "a private word in a sentence": (private_words_near, "image/a.py", "# Told by the header."),
+    "a private word in a name": (private_words_near, "image/a.py", "is_told = True"),
+    "a private word in a class": (private_words_near, "image/a.py", "class FilmTold:\n    pass"),
+    "a private word in a document": (private_words_near, "../../docs/a.md", "The header tells it."),
+    "a long line in a document": (lines_too_long_near, "../../README.md", "word " * 25),
     "a heavy import at the top": (heavy_after_import, "__init__.py", "import numpy"),
 }
 
