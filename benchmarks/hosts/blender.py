@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from trial import LIGHTS, POINTS, background, finish, report_axes, report_irradiance, run_inside, write_oriented_probe
 
-from relume.export.light_formats import FORMATS
+from relume.export.light_files import FORMATS
 from relume.image import files
 from relume.sphere.environment_files import as_radiance_map
 from relume.sphere.mappings.orientation_chart import orientation_chart

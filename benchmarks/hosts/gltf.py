@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from trial import LIGHTS, POINTS, finish
 
-from relume.export.light_formats import FORMATS
+from relume.export.light_files import FORMATS
 from relume.light.constellations.constellation import Constellation
 
 VALIDATE = """

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from trial import LIGHTS, NORMALS, POINTS, background, finish, report_axes, report_irradiance, write_oriented_probe
 
-from relume.export.light_formats import FORMATS
+from relume.export.light_files import FORMATS
 from relume.image import files
 from relume.light.constellations.constellation import Constellation
 from relume.sphere.environment_files import as_radiance_map

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from trial import LIGHTS, NORMALS, POINTS, finish, report_axes, run_inside, write_oriented_probe
 
-from relume.export.light_formats import FORMATS
+from relume.export.light_files import FORMATS
 
 
 def main(python: str, three: Path, chromium: str, folder: Path) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from trial import LIGHTS, POINTS, background, finish, run_inside
 
-from relume.export.light_formats import FORMATS
+from relume.export.light_files import FORMATS
 from relume.image import files
 from relume.sphere.environment_files import as_radiance_map
 

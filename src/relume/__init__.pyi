@@ -20,6 +20,8 @@ from .composite.differential import Ratio as Ratio
 from .composite.differential import differential as differential
 from .errors import RelumeError as RelumeError
 from .errors import UnreadableFile as UnreadableFile
+from .export.light_files import LightFiles as LightFiles
+from .export.light_files import write_lights as write_lights
 from .image import files as files
 from .image.files import ReadOptions as ReadOptions
 from .image.files import read as read
@@ -55,6 +57,7 @@ from .renderers.renderer import Renderer as Renderer
 from .renderers.renderer import render as render
 from .renderers.results import Render as Render
 from .renderers.whitted.whitted import Whitted as Whitted
+from .report.constellation_plot import draw_lights as draw_lights
 from .scene.cameras.camera import Camera as Camera
 from .scene.cameras.files import read_camera as read_camera
 from .scene.cameras.grid import camera_from_grid as camera_from_grid

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from relume.export.lamps import Lamp, beside, figure, lamps
-from relume.export.light_formats import FORMATS
+from relume.export.light_files import FORMATS
 from relume.image import files
 from relume.light.constellations.constellation import Constellation
 from relume.renderers.mitsuba.path_tracer import _mitsuba

@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from relume.export.light_formats import FORMATS
+from relume.export.light_files import FORMATS
 from relume.light.constellations.constellation import Constellation
 from relume.light.constellations.placement import PlacedLights
 from relume.renderers.mitsuba.path_tracer import _mitsuba

@@ -1,8 +1,15 @@
 from .constellations.constellation import Constellation as Constellation
+from .constellations.k_means import KMeans as KMeans
+from .constellations.median_cut import MedianCut as MedianCut
 from .constellations.residual import key_lights as key_lights
 from .constellations.variance_minimisation import VarianceMinimisation as VarianceMinimisation
 from .harmonics.spherical_harmonics import SphericalHarmonics as SphericalHarmonics
 from .harmonics.spherical_harmonics import project_sh as project_sh
+from .light_set import LightSet as LightSet
+from .light_set import LightSettings as LightSettings
+from .light_set import Room as Room
+from .light_set import SecondProbe as SecondProbe
+from .light_set import make_lights as make_lights
 from .reflection.reflection_map import ReflectionMap as ReflectionMap
 from .reflection.reflection_map import reflection_map as reflection_map
 from .sampling import EnvironmentSampler as EnvironmentSampler

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import io
+from pathlib import Path
 
 import numpy as np
 
+from relume.image import files
 from relume.image.colour import luminance
 from relume.light.constellations.constellation import Constellation
 from relume.light.constellations.residual import glow_level
+from relume.light.light_set import LightSet
 from relume.sphere.environment_map import EnvironmentMap
 from relume.virtual_camera.developing import develop
 from relume.virtual_camera.film.film import Film
@@ -19,6 +22,12 @@ LARGEST = 900.0
 """Square points of the strongest light's disc."""
 CAPTION = 0.35
 """Inches above the map."""
+
+
+def draw_lights(path: Path, made: LightSet, title: str = "") -> None:
+    """Write a picture of a map with its regions and lights to a .png."""
+    with files.replacing(path) as temporary:
+        temporary.write_bytes(lights_plot(made.light, made.lights, title))
 
 
 def lights_plot(light: EnvironmentMap, lights: Constellation, title: str = "") -> bytes:
