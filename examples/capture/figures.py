@@ -12,8 +12,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from relume.capture.brackets.merging import merge_brackets
+from relume.capture.brackets.result import MergedBracket
+from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import Bracket, read_bracket
-from relume.capture.measurement import Measured, MergeSettings, measure
 from relume.image.colour import encode_srgb
 from relume.report import capture_plots, plots
 
@@ -25,7 +27,7 @@ def picture(png: bytes) -> Image.Image:
     return Image.open(io.BytesIO(png)).convert("RGB")
 
 
-def crop(measured: Measured) -> Image.Image:
+def crop(measured: MergedBracket) -> Image.Image:
     """The ball in the radiance map, enlarged."""
     radiance = measured.picture.radiance[125:205, 20:180]
     shown = encode_srgb(np.clip(radiance / np.percentile(radiance, 99), 0, 1))
@@ -58,10 +60,10 @@ def row(*images: Image.Image) -> Image.Image:
 
 def main(out: Path) -> None:
     bracket = read_bracket(sorted((ROOM / "plate_handheld").glob("*.jpg")))
-    found = measure(bracket)
+    found = merge_brackets(bracket)
     assert found.calibration is not None
-    measured = found.measured[0]
-    plain = measure(bracket, treatment=MergeSettings(aligned=False, consistency=None)).measured[0]
+    measured = found.brackets[0]
+    plain = merge_brackets(bracket, settings=MergeSettings(align=False, deghost=False)).brackets[0]
     picture(plots.response_plot(found.calibration)).save(out / "capture_response.png")
     row(crop(plain), crop(measured)).save(out / "capture_aligned.jpg", quality=90)
     row(
@@ -69,8 +71,8 @@ def main(out: Path) -> None:
     ).save(out / "capture_certain.jpg", quality=88)
     tripod = read_bracket(sorted((ROOM / "plate").glob("*.jpg")))
     moving = walked_through(tripod)
-    with_ghosts = measure(moving, response=found.response, treatment=MergeSettings(consistency=None)).measured[0]
-    without = measure(moving, response=found.response).measured[0]
+    with_ghosts = merge_brackets(moving, profile=found.response, settings=MergeSettings(deghost=False)).brackets[0]
+    without = merge_brackets(moving, profile=found.response).brackets[0]
     assert without.deghosted is not None
     white = float(np.percentile(without.picture.radiance, 99))
     row(

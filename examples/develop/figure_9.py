@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from relume.capture.brackets.merging import merge_brackets
 from relume.capture.exposure.bracket import read_bracket
-from relume.capture.measurement import measure
 from relume.image.radiance import RadianceMap
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong
@@ -64,8 +64,8 @@ def panels(picture: RadianceMap, film: Film) -> tuple[list[np.ndarray], np.ndarr
 
 def main(bracket: Path, out: Path) -> None:
     paths = sorted(path for path in bracket.iterdir() if path.suffix.lower() in (".png", ".jpg"))
-    found = measure(read_bracket(paths))
-    picture = found.measured[0].picture
+    found = merge_brackets(read_bracket(paths))
+    picture = found.brackets[0].picture
     middle = float(np.median(picture.radiance.mean(-1)))
     shown, known = panels(picture, Film(0.5 / middle, found.response))
     areas = [float(np.mean((values > SATURATED)[known])) for values in shown]

@@ -6,10 +6,10 @@ from . import probe as probe
 from . import renderers as renderers
 from . import scene as scene
 from .capture.alignment.alignment import align as align
+from .capture.brackets.merging import merge_brackets as merge_brackets
 from .capture.exposure.bracket import Bracket as Bracket
 from .capture.exposure.bracket import read_bracket as read_bracket
 from .capture.ghosts.deghosting import deghost as deghost
-from .capture.measurement import measure as measure
 from .capture.merging import merge as merge
 from .capture.raw.merging import merge_raw as merge_raw
 from .capture.response.calibration import recover_response as recover_response

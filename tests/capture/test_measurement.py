@@ -11,16 +11,18 @@ from scipy.ndimage import map_coordinates
 
 from handheld import FINE, MARGIN, luminance, stack, unplaced
 from moving_scenes import CAMERA, known_response, moving_scene
+from relume.capture.brackets.merging import merge_brackets
+from relume.capture.brackets.photographs import _warn_of_an_odd_frame
+from relume.capture.brackets.result import MergeResult
+from relume.capture.brackets.settings import MergeSettings
 from relume.capture.clipping_report import extent
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.exposure.consistency import NOTHING_TO_DO, Doubt
 from relume.capture.ghosts.deghosting import Deghosted
 from relume.capture.lens.glare import Glare, diminish_glare
 from relume.capture.lens.vignetting import Vignetting, corrected
-from relume.capture.measurement import Measurement, MergeSettings, _warn_of_an_odd_frame, measure
 from relume.capture.merging import merge
 from relume.capture.response.calibration import DOUBTFUL_MISFIT
-from relume.capture.response.ratios import Ratios
 from relume.capture.scale.absolute import Scale, calibrated, scale_from_spot
 from relume.capture.scale.luminaire import Balance, balanced
 from relume.capture.weighting import Hat
@@ -30,7 +32,7 @@ from relume.image.radiance import RadianceMap
 from shoots import MAKER, SECONDS, exposed, named, textured
 from synthetic import NOISELESS, wide_scene
 
-PLAIN = MergeSettings(refine=None, aligned=False, consistency=None)
+PLAIN = MergeSettings(refine=False, align=False, deghost=False)
 """Nothing but the response and the merge."""
 
 
@@ -45,9 +47,9 @@ def sound(scene) -> Bracket:
 
 
 @pytest.fixture(scope="module")
-def whole(sound) -> Measurement:
+def whole(sound) -> MergeResult:
     """`sound` with nothing known and nothing switched off."""
-    return measure(sound)
+    return merge_brackets(sound)
 
 
 def ratios(picture: RadianceMap, truth: np.ndarray) -> np.ndarray:
@@ -66,25 +68,25 @@ def told_wrong(bracket: Bracket, place: int, stops: float) -> Bracket:
 
 
 def test_a_sound_bracket_is_measured_and_nothing_is_said_against_it(scene, sound, whole):
-    (one,) = whole.measured
+    (one,) = whole.brackets
     found = ratios(one.picture, scene)
     assert (one.picture.clipped == 0).mean() > 0.99 and one.picture.unit == "relative"
     # White is neutral, so the channels' scales are one; what is left of each pixel is noise.
     assert np.median(found, axis=0) / np.median(found) == pytest.approx(np.ones(3), abs=0.01)
     assert np.percentile(found / np.median(found), (1, 99)) == pytest.approx((1, 1), abs=0.04)
-    assert whole.objections() == whole.notes() == whole.warnings == ()
-    assert whole.camera == MAKER and one.name == "frame_0.png … frame_7.png"
+    assert whole.warnings == whole.notes == whole.messages == ()
+    assert whole.camera.name == MAKER and one.name == "frame_0.png … frame_7.png"
     assert [frame.seconds for frame in one.frames] == pytest.approx(SECONDS, rel=0.02)
     assert one.aligned is not None and not one.aligned.moved
     assert one.deghosted is not None and not one.deghosted.ghosts.any()
     assert one.scale is None and one.balance is None
-    assert whole.calibration is not None and whole.calibration.response is whole.response
+    assert whole.camera.calibration is not None and whole.camera.calibration.response is whole.response
     assert one.extent == extent(one.picture)
 
 
 def test_the_steps_come_in_their_order_and_are_timed(sound, whole):
     told: list[str] = []
-    measure(sound, told=told.append)
+    merge_brackets(sound, progress=told.append)
     assert list(dict.fromkeys(told)) == ["check", "align", "response", "deghost", "merge"]
     assert told.index("response") > told.index("align") and told[-2:] == ["deghost", "merge"]
     assert list(whole.seconds) == ["check", "align", "response", "deghost", "merge"]
@@ -93,63 +95,65 @@ def test_the_steps_come_in_their_order_and_are_timed(sound, whole):
 
 def test_what_is_switched_off_is_not_done(sound):
     told: list[str] = []
-    found = measure(sound, response=known_response(), treatment=PLAIN, told=told.append)
+    found = merge_brackets(sound, profile=known_response(), settings=PLAIN, progress=told.append)
     assert told == ["check", "merge"]
-    (one,) = found.measured
-    assert one.aligned is None and one.deghosted is None and found.calibration is None
+    (one,) = found.brackets
+    assert one.aligned is None and one.deghosted is None and found.camera.calibration is None
     assert np.array_equal(one.picture.radiance, merge(sound, known_response()).radiance)
-    by_paper = measure(sound, response=known_response(), treatment=replace(PLAIN, weighting=Hat()))
+    by_paper = merge_brackets(sound, profile=known_response(), settings=replace(PLAIN, weighting=Hat()))
     wanted = merge(sound, known_response(), weighting=Hat()).radiance
-    assert np.array_equal(by_paper.measured[0].picture.radiance, wanted)
+    assert np.array_equal(by_paper.brackets[0].picture.radiance, wanted)
     assert not np.array_equal(wanted, one.picture.radiance)
 
 
 def test_a_photograph_alone_is_measured_by_a_known_response(scene):
     alone = Bracket(exposed(scene, [Exposure(0.01)]))
-    found = measure(alone, response=known_response())
-    assert found.measured[0].deghosted is None and found.objections() == ()
-    assert np.median(ratios(found.measured[0].picture, scene)) == pytest.approx(1, abs=0.01)
+    found = merge_brackets(alone, profile=known_response())
+    assert found.brackets[0].deghosted is None and found.warnings == ()
+    assert np.median(ratios(found.brackets[0].picture, scene)) == pytest.approx(1, abs=0.01)
     with pytest.raises(NotABracket, match="no two photographs differ in exposure"):
-        measure(alone)
+        merge_brackets(alone)
 
 
 def test_a_known_response_is_taken_as_it_is(scene, sound):
     response = known_response()
     wrong = told_wrong(sound, 3, 1 / 3)
-    found = measure(wrong, response=response)
-    assert found.response is response and found.calibration is None
-    assert [frame.seconds for frame in found.measured[0].frames] == wrong.exposures.tolist()
+    found = merge_brackets(wrong, profile=response)
+    assert found.response is response and found.camera.calibration is None
+    assert [frame.seconds for frame in found.brackets[0].frames] == wrong.exposures.tolist()
     # The scale is the response's own: the virtual camera's, whose radiance 1 is white at one second.
-    assert np.median(ratios(measure(sound, response=response).measured[0].picture, scene)) == pytest.approx(1, abs=0.01)
-    assert "frame_3.png" in found.objections()[0]
+    assert np.median(ratios(merge_brackets(sound, profile=response).brackets[0].picture, scene)) == pytest.approx(
+        1, abs=0.01
+    )
+    assert "frame_3.png" in found.warnings[0]
 
 
 def test_a_known_response_helps_to_doubt_the_exposures(scene):
     # Of three photographs a curve that must be fitted as well cannot say that the first is off by a third of a stop.
     wrong = told_wrong(Bracket(exposed(scene, [Exposure(t) for t in (1 / 256, 1 / 64, 1 / 16)])), 0, 1 / 3)
-    lines = measure(wrong, response=known_response(), treatment=PLAIN).objections()
+    lines = merge_brackets(wrong, profile=known_response(), settings=PLAIN).warnings
     assert len(lines) == 1 and "frame_0.png" in lines[0] and "a third of a stop" in lines[0]
 
 
 def test_a_wrong_exposure_is_corrected_or_told_where_that_is_switched_off(scene, sound):
     wrong = told_wrong(sound, 3, 1 / 3)
-    refined = measure(wrong, treatment=replace(PLAIN, refine=Ratios()))
-    assert [frame.seconds for frame in refined.measured[0].frames] == pytest.approx(SECONDS, rel=0.02)
-    found = ratios(refined.measured[0].picture, scene)
+    refined = merge_brackets(wrong, settings=replace(PLAIN, refine=True))
+    assert [frame.seconds for frame in refined.brackets[0].frames] == pytest.approx(SECONDS, rel=0.02)
+    found = ratios(refined.brackets[0].picture, scene)
     assert np.percentile(found / np.median(found), (1, 99)) == pytest.approx((1, 1), abs=0.05)
-    assert not any("a third of a stop" in line for line in refined.objections())
-    as_told = measure(wrong, treatment=PLAIN)
-    assert as_told.calibration is not None and as_told.calibration.ratios is None
-    assert [frame.seconds for frame in as_told.measured[0].frames] == wrong.exposures.tolist()
-    assert [line for line in as_told.objections() if "frame_3.png" in line and "a third of a stop" in line]
+    assert not any("a third of a stop" in line for line in refined.warnings)
+    as_told = merge_brackets(wrong, settings=PLAIN)
+    assert as_told.camera.calibration is not None and as_told.camera.calibration.ratios is None
+    assert [frame.seconds for frame in as_told.brackets[0].frames] == wrong.exposures.tolist()
+    assert [line for line in as_told.warnings if "frame_3.png" in line and "a third of a stop" in line]
 
 
 def test_a_hand_held_bracket_is_measured_as_its_reference_saw_it():
     size = (420, 300)
     light = luminance(*size, np.random.default_rng(5))
     shaken = stack(4, size=size, frames=5, scene=light)
-    whole = measure(shaken.bracket)
-    aligned = whole.measured[0].aligned
+    whole = merge_brackets(shaken.bracket)
+    aligned = whole.brackets[0].aligned
     assert aligned is not None and aligned.moved
     motions = np.array([[motion.dx, motion.dy, motion.angle] for motion in aligned.motions])
     assert shaken.errors(motions, aligned.reference)[0].max() < 0.25
@@ -161,12 +165,12 @@ def test_a_hand_held_bracket_is_measured_as_its_reference_saw_it():
     places = [(still[:, i] + n / 2 + MARGIN) * FINE - 0.5 for i, n in ((1, size[1]), (0, size[0]))]
     truth = np.maximum(map_coordinates(light, places, order=1), 1e-9).reshape(size[1], size[0])
 
-    def misfit(measurement: Measurement) -> float:
-        picture = measurement.measured[0].picture
+    def misfit(measurement: MergeResult) -> float:
+        picture = measurement.brackets[0].picture
         found = np.log(picture.radiance[..., 1] / truth)[picture.clipped == 0]
         return float(np.percentile(np.abs(found - np.median(found)), 90))
 
-    apart = measure(shaken.bracket, response=whole.response, treatment=PLAIN)
+    apart = merge_brackets(shaken.bracket, profile=whole.response, settings=PLAIN)
     # What is left is noise and the splines' own blur; doubled edges are ten times as much.
     assert misfit(whole) < 0.06
     assert misfit(apart) > 5 * misfit(whole)
@@ -175,8 +179,8 @@ def test_a_hand_held_bracket_is_measured_as_its_reference_saw_it():
 def test_what_moved_is_left_out_unless_that_is_switched_off():
     moving = moving_scene(1, shape=(200, 300))
     bracket, response = moving.bracket(), known_response()
-    with_ghosts = measure(bracket, response=response, treatment=PLAIN).measured[0]
-    without = measure(bracket, response=response, treatment=MergeSettings(aligned=False)).measured[0]
+    with_ghosts = merge_brackets(bracket, profile=response, settings=PLAIN).brackets[0]
+    without = merge_brackets(bracket, profile=response, settings=MergeSettings(align=False)).brackets[0]
     assert without.deghosted is not None and without.deghosted.ghosts.mean() > 0.01
     elsewhere = ~without.deghosted.ghosts
     assert np.array_equal(with_ghosts.picture.radiance[elsewhere], without.picture.radiance[elsewhere])
@@ -197,9 +201,9 @@ def test_brackets_of_one_camera_come_out_on_one_scale(scene):
     stopped = named(
         Bracket(exposed(scene, [Exposure(t, 8.0, 400.0) for t in (0.2, 0.8, 3.2)], seed=5)), "c_", camera=MAKER
     )
-    found = measure([short, long, stopped], treatment=MergeSettings(refine=Ratios()))
-    first, *others = (one.picture for one in found.measured)
-    assert [one.name[:2] for one in found.measured] == ["a_", "b_", "c_"]
+    found = merge_brackets([short, long, stopped], settings=MergeSettings(refine=True))
+    first, *others = (one.picture for one in found.brackets)
+    assert [one.name[:2] for one in found.brackets] == ["a_", "b_", "c_"]
     for other in others:
         both = (first.clipped == 0) & (other.clipped == 0)
         assert both.mean() > 0.5
@@ -209,12 +213,12 @@ def test_brackets_of_one_camera_come_out_on_one_scale(scene):
 def test_a_photograph_beside_a_bracket_of_its_camera_is_measured_by_their_response(scene):
     bracket = named(Bracket(exposed(scene, [Exposure(t) for t in SECONDS[1:7]])), "a_", camera=MAKER)
     alone = named(Bracket(exposed(scene, [Exposure(0.01)], seed=8)), "b_", camera=MAKER)
-    treatment = replace(PLAIN, refine=Ratios())
-    of_bracket, of_alone = (one.picture for one in measure([bracket, alone], treatment=treatment).measured)
+    settings = replace(PLAIN, refine=True)
+    of_bracket, of_alone = (one.picture for one in merge_brackets([bracket, alone], settings=settings).brackets)
     both = (of_bracket.clipped == 0) & (of_alone.clipped == 0)
     assert np.median((of_alone.radiance / of_bracket.radiance)[both]) == pytest.approx(1, abs=0.01)
-    with pytest.raises(ValueError, match="no brackets were given"):
-        measure([])
+    with pytest.raises(NotABracket, match="no photographs were given"):
+        merge_brackets([])
 
 
 def test_what_the_lens_did_is_undone_once_and_in_order(sound):
@@ -231,14 +235,14 @@ def test_what_the_lens_did_is_undone_once_and_in_order(sound):
 
         return maker
 
-    treatment = MergeSettings(
+    settings = MergeSettings(
         glare=given("glare", glare),
         vignetting=[vignetting],
         balance=given("balance", gains),
         scale=given("scale", scale),
     )
-    found = measure(sound, response=response, treatment=treatment)
-    one = found.measured[0]
+    found = merge_brackets(sound, profile=response, settings=settings)
+    one = found.brackets[0]
     merged = merge(sound, response)
     clear = diminish_glare(merged, glare).picture
     even = corrected(clear, vignetting)
@@ -258,20 +262,20 @@ def test_what_the_lens_did_is_undone_once_and_in_order(sound):
 def test_the_vignetting_of_the_photographs_aperture_counts(scene):
     stopped = Bracket(exposed(scene, [Exposure(t, 8.0) for t in (0.2, 0.8)]))
     wide, narrow = Vignetting((-0.5,), f_number=2.0), Vignetting((-0.1,), f_number=8.0)
-    treatment = replace(PLAIN, vignetting=(wide, narrow))
-    found = measure(stopped, response=known_response(), treatment=treatment)
+    settings = replace(PLAIN, vignetting=(wide, narrow))
+    found = merge_brackets(stopped, profile=known_response(), settings=settings)
     wanted = corrected(merge(stopped, known_response()), narrow)
-    assert np.array_equal(found.measured[0].picture.radiance, wanted.radiance)
+    assert np.array_equal(found.brackets[0].picture.radiance, wanted.radiance)
     # Where it is of another aperture that is said, in the result and not aloud.
-    found = measure([stopped, stopped], response=known_response(), treatment=replace(PLAIN, vignetting=(wide,)))
-    assert len(found.warnings) == 1 and "measured at f/2, the photographs are at f/8" in found.warnings[0]
-    assert found.notes() == found.warnings and found.objections() == ()
+    found = merge_brackets([stopped, stopped], profile=known_response(), settings=replace(PLAIN, vignetting=(wide,)))
+    assert len(found.messages) == 1 and "measured at f/2, the photographs are at f/8" in found.messages[0]
+    assert found.notes == found.messages and found.warnings == ()
 
 
 def test_the_caller_s_own_warnings_stay_his(sound):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        measure(sound, response=known_response(), treatment=PLAIN)
+        merge_brackets(sound, profile=known_response(), settings=PLAIN)
         warnings.warn("his own", stacklevel=1)
     assert [str(w.message) for w in caught] == ["his own"]
 
@@ -282,25 +286,25 @@ def test_what_degrades_is_an_objection_and_what_is_well_to_know_a_note(whole):
         Doubt("b.jpg", "the ISO varies", "switch it off", False),
         Doubt("c.jpg", "not in order", NOTHING_TO_DO, False),
     )
-    doubted = replace(whole, measured=(replace(whole.measured[0], doubts=doubts),), warnings=("the wall is uneven",))
-    assert doubted.objections() == ("a.jpg: is of another scene; leave it out",)
-    assert doubted.notes() == ("the wall is uneven", "b.jpg: the ISO varies; switch it off")
+    doubted = replace(whole, brackets=(replace(whole.brackets[0], doubts=doubts),), messages=("the wall is uneven",))
+    assert doubted.warnings == ("a.jpg: is of another scene; leave it out",)
+    assert doubted.notes == ("the wall is uneven", "b.jpg: the ISO varies; switch it off")
 
 
 def test_a_response_that_fits_badly_is_an_objection(whole):
-    def with_misfit(residual: float) -> Measurement:
-        calibration = replace(whole.calibration, residual=np.array([0.01, residual, 0.01]))
-        return replace(whole, calibration=calibration)
+    def with_misfit(residual: float) -> MergeResult:
+        calibration = replace(whole.camera.calibration, residual=np.array([0.01, residual, 0.01]))
+        return replace(whole, cameras={MAKER: replace(whole.camera, calibration=calibration)})
 
-    assert with_misfit(0.99 * DOUBTFUL_MISFIT).objections() == ()
-    (line,) = with_misfit(1.5 * DOUBTFUL_MISFIT).objections()
+    assert with_misfit(0.99 * DOUBTFUL_MISFIT).warnings == ()
+    (line,) = with_misfit(1.5 * DOUBTFUL_MISFIT).warnings
     assert f"the response fits badly (misfit {1.5 * DOUBTFUL_MISFIT:.2f} of ln exposure)" in line
 
 
 def test_times_in_a_wrong_order_are_objected_to(sound):
     seconds = [SECONDS[i] for i in (3, 0, 6, 1, 7, 2, 5, 4)]
     mixed = Bracket(tuple(replace(p, exposure=Exposure(t)) for p, t in zip(sound.photographs, seconds, strict=True)))
-    lines = measure(mixed, treatment=MergeSettings(consistency=None)).objections()
+    lines = merge_brackets(mixed, settings=MergeSettings(deghost=False)).warnings
     assert any("in another order" in line for line in lines) and any("fits badly" in line for line in lines)
 
 
@@ -309,7 +313,7 @@ def test_where_there_is_no_response_the_doubt_tells_why():
     pixels[:, ::7] += 3
     flat = Bracket(tuple(Photograph(pixels + i, f"flat_{i}.png", Exposure(0.1 * 2**i)) for i in range(3)))
     with pytest.raises(NotABracket) as caught:
-        measure(flat, treatment=MergeSettings(aligned=False))
+        merge_brackets(flat, settings=MergeSettings(align=False))
     assert "flat_" in str(caught.value) and "levels" in str(caught.value) and "\n" not in str(caught.value)
     assert isinstance(caught.value.__cause__, NotABracket)
 
@@ -319,40 +323,40 @@ def test_photographs_of_16_bits_and_a_response_of_8_are_refused_plainly(scene):
         replace(p, pixels=p.pixels.astype(np.uint16) * 257) for p in exposed(scene, [Exposure(t) for t in SECONDS[2:5]])
     ]
     with pytest.raises(NotABracket, match="65536"):
-        measure(Bracket(tuple(deep)), response=known_response())
+        merge_brackets(Bracket(tuple(deep)), profile=known_response())
 
 
 def test_grey_is_where_it_is_said_to_be(sound, whole):
     assert whole.response is not None
     assert np.ptp(whole.response.log_exposure[:, 255]) == pytest.approx(0, abs=1e-12)
-    film = measure(sound, treatment=replace(PLAIN, neutral=128))
+    film = merge_brackets(sound, settings=replace(PLAIN, neutral=128))
     assert film.response is not None
     assert np.ptp(film.response.log_exposure[:, 128]) == pytest.approx(0, abs=1e-12)
     assert np.ptp(film.response.log_exposure[:, 255]) > 0.01
     with pytest.raises(ValueError, match="neutral is 256; the photographs' pixel values are 0 to 255"):
-        measure(sound, treatment=replace(PLAIN, neutral=256))
+        merge_brackets(sound, settings=replace(PLAIN, neutral=256))
 
 
 def test_solid_angles_are_those_of_the_photographs_or_of_what_is_told(scene):
     photographs = exposed(scene, [Exposure(0.1)])
     told = Bracket(tuple(replace(p, focal_length=200.0) for p in photographs))
     response = known_response()
-    own = measure(told, response=response).measured[0].extent
-    given = measure(told, response=response, treatment=MergeSettings(focal_length=400.0)).measured[0].extent
-    unknown = measure(Bracket(photographs), response=response).measured[0].extent
+    own = merge_brackets(told, profile=response).brackets[0].extent
+    given = merge_brackets(told, profile=response, settings=MergeSettings(focal_length=400.0)).brackets[0].extent
+    unknown = merge_brackets(Bracket(photographs), profile=response).brackets[0].extent
     assert own.saturated == given.saturated == unknown.saturated > 100
     assert own.solid_angle is not None and given.solid_angle is not None and unknown.solid_angle is None
     assert own.solid_angle > 2 * given.solid_angle > 0
-    assert own == extent(measure(told, response=response).measured[0].picture, focal_length=200.0)
+    assert own == extent(merge_brackets(told, profile=response).brackets[0].picture, focal_length=200.0)
 
 
 def test_noise_is_carried_through(scene):
     """Normalised by their own variance, errors of a known camera have variance 1, whatever was done to the map."""
     bracket = Bracket(exposed(scene, [Exposure(t) for t in SECONDS], camera=CAMERA, seed=9))
-    treatment = MergeSettings(
+    settings = MergeSettings(
         balance=lambda _: Balance((2.0, 1.0, 0.5)), scale=lambda *_: Scale.grey(100.0, 0.0, "a test")
     )
-    picture = measure(bracket, response=known_response(), treatment=treatment).measured[0].picture
+    picture = merge_brackets(bracket, profile=known_response(), settings=settings).brackets[0].picture
     assert picture.variance is not None
     truth = scene * np.array([200.0, 100.0, 50.0])
     normalised = ((picture.radiance - truth) / np.sqrt(picture.variance))[picture.clipped == 0]
@@ -363,8 +367,8 @@ def test_a_reading_in_the_first_bracket_scales_them_all():
     """Two views of one shoot stay on one scale: what is read of the first is not read again of the second."""
     scene = wide_scene()
     brackets = [named(NOISELESS.bracket(scene), "first"), named(NOISELESS.bracket(3 * scene[:, ::-1]), "second")]
-    treatment = MergeSettings(scale=lambda picture, *_: scale_from_spot(picture, 90, 60, 100.0))
-    first, second = measure(brackets, treatment=treatment).measured
+    settings = MergeSettings(scale=lambda picture, *_: scale_from_spot(picture, 90, 60, 100.0))
+    first, second = merge_brackets(brackets, settings=settings).brackets
     assert first.scale == second.scale
     ratio = second.picture.radiance[:, ::-1] / first.picture.radiance
     assert np.median(ratio) == pytest.approx(3.0, rel=0.02)

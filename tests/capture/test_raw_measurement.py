@@ -10,14 +10,18 @@ import numpy as np
 import pytest
 
 from dng_files import RGGB, sensed
+from relume.capture.brackets.merging import merge_brackets
+from relume.capture.brackets.raws import preview
+from relume.capture.brackets.result import MergeResult
+from relume.capture.brackets.settings import MergeSettings
 from relume.capture.lens.vignetting import Vignetting, corrected
-from relume.capture.measurement import Measurement, MergeSettings
-from relume.capture.raw.measurement import measure_raw, preview
 from relume.capture.raw.merging import calibrate_raw, merge_raw
 from relume.capture.raw.noise import SensorNoise
 from relume.capture.raw.sensor import Sensor
+from relume.capture.response.camera_profile import CameraProfile
 from relume.capture.scale.absolute import Scale, calibrated, scale_from_saturation
 from relume.capture.scale.luminaire import Balance, balanced
+from relume.capture.scale.readings import SpotReading
 from relume.errors import NotABracket
 from relume.image.files import read_raw
 from relume.image.photograph import Exposure, Settings
@@ -40,8 +44,8 @@ def sound(light, tmp_path_factory) -> list[Path]:
 
 
 @pytest.fixture(scope="module")
-def whole(sound) -> Measurement:
-    return measure_raw(sound)
+def whole(sound) -> MergeResult:
+    return merge_brackets(sound)
 
 
 def raw(mosaic: np.ndarray, **fields) -> RawPhotograph:
@@ -49,14 +53,14 @@ def raw(mosaic: np.ndarray, **fields) -> RawPhotograph:
 
 
 def test_a_sound_bracket_is_measured_and_nothing_is_said_against_it(light, sound, whole):
-    (one,) = whole.measured
-    assert whole.objections() == whole.notes() == whole.warnings == ()
+    (one,) = whole.brackets
+    assert whole.warnings == whole.notes == whole.messages == ()
     assert np.array_equal(one.picture.radiance, merge_raw(sound).radiance)
     found = one.picture.radiance[..., 1][one.picture.clipped == 0] / light[one.picture.clipped == 0]
     # The virtual sensor gathers at f/4 what it gathers at f/1.
     assert np.median(found) / 16 == pytest.approx(1 / np.median(1 / (found / 16)), rel=0.01)
     assert np.percentile(found / np.median(found), (5, 95)) == pytest.approx((1, 1), abs=0.06)
-    assert whole.camera == "Virtual One" and whole.response is None and whole.calibration is None
+    assert whole.camera.name == "Virtual One" and whole.camera.response is None and whole.camera.calibration is None
     assert one.aligned is None and one.deghosted is None and one.scale is None
     assert [Path(frame.name).name for frame in one.frames] == [f"raw_{i}.dng" for i in range(4)]
     assert [frame.seconds for frame in one.frames] == pytest.approx(SECONDS, rel=1e-3)
@@ -65,7 +69,7 @@ def test_a_sound_bracket_is_measured_and_nothing_is_said_against_it(light, sound
 
 def test_a_frame_that_moved_is_doubted_by_how_far(light, tmp_path):
     moved = [light, light, np.roll(light, 3, axis=1), light]
-    doubts = measure_raw(raw_files(tmp_path, moved, SECONDS)).measured[0].doubts
+    doubts = merge_brackets(raw_files(tmp_path, moved, SECONDS)).brackets[0].doubts
     (doubt,) = [doubt for doubt in doubts if "pixels off the others" in doubt.what]
     assert doubt.degraded and doubt.frame.endswith("raw_2.dng")
     # Seen in a picture of half the size.
@@ -77,8 +81,8 @@ def test_a_thing_that_moved_is_doubted_by_its_share(light, tmp_path):
     instants = [light.copy() for _ in SECONDS]
     for index, instant in enumerate(instants):
         instant[100:180, 60 + 90 * index : 110 + 90 * index] = 2.5 * light.mean()
-    found = measure_raw(raw_files(tmp_path, instants, SECONDS))
-    (line,) = [line for line in found.objections() if "something moved" in line]
+    found = merge_brackets(raw_files(tmp_path, instants, SECONDS))
+    (line,) = [line for line in found.warnings if "something moved" in line]
     # Four places of 80 × 50 pixels, all but where one is too alike to the wall behind.
     share = float(line.split("something moved in ")[1].split(" %")[0])
     assert 0.7 * 100 * 4 * 80 * 50 / light.size < share < 1.3 * 100 * 4 * 80 * 50 / light.size
@@ -87,8 +91,8 @@ def test_a_thing_that_moved_is_doubted_by_its_share(light, tmp_path):
 
 def test_a_raw_alone_is_measured(light, tmp_path):
     (path,) = raw_files(tmp_path, [light], (1.0,))
-    found = measure_raw([path])
-    assert found.objections() == () and found.measured[0].name == str(path)
+    found = merge_brackets([path])
+    assert found.warnings == () and found.brackets[0].name == str(path)
 
 
 def test_what_the_lens_did_and_the_scale_count(sound):
@@ -102,9 +106,9 @@ def test_what_the_lens_did_and_the_scale_count(sound):
         return scale_from_saturation(known.saturation, known.exposures)
 
     vignetting, gains = Vignetting((-0.3,)), Balance((2.0, 1.0, 0.5))
-    treatment = MergeSettings(vignetting=[vignetting], balance=lambda _: gains, focal_length=500.0)
-    found = measure_raw(sound, scale=scale, treatment=treatment)
-    one = found.measured[0]
+    settings = MergeSettings(vignetting=[vignetting], balance=lambda _: gains, focal_length=500.0)
+    found = merge_brackets(sound, settings=replace(settings, scale=scale))
+    one = found.brackets[0]
     plain = balanced(corrected(merge_raw(sound), vignetting), gains)
     ((picture, known),) = seen
     assert np.array_equal(picture.radiance, plain.radiance)
@@ -112,25 +116,18 @@ def test_what_the_lens_did_and_the_scale_count(sound):
     assert one.scale == wanted and one.balance is gains
     assert np.array_equal(one.picture.radiance, calibrated(plain, wanted).radiance) and one.picture.unit == "cd/m²"
     assert one.picture.attributes["f_number"] == "4"
-    assert found.warnings == ("the meter is old",) and found.notes() == found.warnings
-    # The scale of the treatment is for photographs with a response, and no raw's.
-    treatment = MergeSettings(scale=lambda *_: Scale.grey(5.0, 0.1, "another"))
-    assert measure_raw(sound, treatment=treatment).measured[0].scale is None
+    assert found.messages == ("the meter is old",) and found.notes == found.messages
 
 
 def test_times_and_white_that_are_given_count(light, sound, whole):
-    doubled = measure_raw(sound, times=[2 * t for t in SECONDS])
+    doubled = merge_brackets(sound, times=[2 * t for t in SECONDS])
     # Given by hand, the times are the whole exposure: the f/4 of the files counts no more.
-    ratio = whole.measured[0].picture.radiance / doubled.measured[0].picture.radiance
+    ratio = whole.brackets[0].picture.radiance / doubled.brackets[0].picture.radiance
     assert np.median(ratio) == pytest.approx(2 * 16, rel=1e-4)
-    assert {frame.f_number for frame in doubled.measured[0].frames} == {None}
-    assert {frame.source for frame in doubled.measured[0].frames} == {"given"}
-    white = (1.0, 1.0, 2.0)
-    warm = measure_raw(sound, balance=white).measured[0].picture
-    assert np.array_equal(warm.radiance, merge_raw(sound, balance=white).radiance)
-    assert not np.array_equal(warm.radiance, whole.measured[0].picture.radiance)
+    assert {frame.f_number for frame in doubled.brackets[0].frames} == {None}
+    assert {frame.source for frame in doubled.brackets[0].frames} == {"given"}
     with pytest.raises(NotABracket, match="2 times were given for 4 photographs"):
-        measure_raw(sound, times=[1.0, 2.0])
+        merge_brackets(sound, times=[1.0, 2.0])
 
 
 def test_exposures_are_refined_unless_that_is_switched_off(light, tmp_path):
@@ -139,9 +136,8 @@ def test_exposures_are_refined_unless_that_is_switched_off(light, tmp_path):
         raw(sensed(light, t, seed=i), name=f"{i}.dng", exposure=Exposure(told))
         for i, (t, told) in enumerate(zip(short, SECONDS, strict=True))
     ]
-    as_told = measure_raw(photographs, refine=False).measured[0].frames
-    assert [frame.seconds for frame in as_told] == pytest.approx(SECONDS, rel=1e-12)
-    refined = np.array([frame.seconds for frame in measure_raw(photographs).measured[0].frames])
+    assert calibrate_raw(photographs, refine_exposures=False).factors == pytest.approx(SECONDS, rel=1e-12)
+    refined = np.array([frame.seconds for frame in merge_brackets(photographs).brackets[0].frames])
     assert refined / refined[0] == pytest.approx(np.array(short) / short[0], rel=3e-3)
 
 
@@ -181,10 +177,10 @@ def test_several_brackets_share_what_is_read_in_the_first(light, tmp_path):
         mean = picture.radiance.mean((0, 1))
         return Balance((2 * float(mean[1] / mean[0]), 1.0, float(mean[1] / mean[2])))
 
-    found = measure_raw([first, second], scale=scale, treatment=MergeSettings(balance=balance))
-    one, other = found.measured
+    found = merge_brackets([first, second], settings=MergeSettings(scale=scale, balance=balance))
+    one, other = found.brackets
     assert asked == [one.name] and one.scale is other.scale is not None and one.balance is other.balance is not None
-    assert [len(each.frames) for each in found.measured] == [3, 2] and found.objections() == ()
+    assert [len(each.frames) for each in found.brackets] == [3, 2] and found.warnings == ()
     assert {Path(name).parent.name for name in one.corrections} == {"a"}
     assert {Path(name).parent.name for name in other.corrections} == {"b"}
     assert one.picture.clipped is not None and other.picture.clipped is not None
@@ -192,24 +188,27 @@ def test_several_brackets_share_what_is_read_in_the_first(light, tmp_path):
     ratio = (other.picture.radiance[::-1] / one.picture.radiance)[both]
     assert np.median(ratio) == pytest.approx(1, abs=2e-3)
     # Times that are given go bracket after bracket.
-    times = measure_raw([first, second], times=[1, 4, 16, 2, 8]).measured
+    times = merge_brackets([first, second], times=[1, 4, 16, 2, 8]).brackets
     assert [[frame.seconds for frame in each.frames] for each in times] == [
         pytest.approx((1, 4, 16), rel=1e-2), pytest.approx((2, 8), rel=1e-2)
     ]  # fmt: skip
     with pytest.raises(NotABracket, match="2 times were given for 5 photographs"):
-        measure_raw([first, second], times=[1, 4])
+        merge_brackets([first, second], times=[1, 4])
     with pytest.raises(ValueError, match="photographs and brackets of them together"):
-        measure_raw([first, second[0]])  # type: ignore[list-item]
-    with pytest.raises(NotABracket, match="no raw photographs"):
-        measure_raw([])
+        merge_brackets([first, second[0]])  # type: ignore[list-item]
+    with pytest.raises(NotABracket, match="no photographs"):
+        merge_brackets([])
 
 
-def test_brackets_of_two_cameras_are_refused(light):
+def test_brackets_of_two_cameras_are_merged_apart_but_not_by_a_reading_in_one_of_them(light):
     def bracket(camera: str) -> list[RawPhotograph]:
         return [raw(sensed(light, t), name=f"{camera} {t}", exposure=Exposure(t), camera=camera) for t in (0.25, 1.0)]
 
-    with pytest.raises(NotABracket, match=r"Two 0\.25 … Two 1\.0: of Two, the others of One; merge them apart"):
-        measure_raw([bracket("One"), bracket("Two")])
+    both = [bracket("One"), bracket("Two")]
+    found = merge_brackets(both)
+    assert list(found.cameras) == [each.camera for each in found.brackets] == ["One", "Two"]
+    with pytest.raises(NotABracket, match=r"spot .* several cameras \(One, Two\)"):
+        merge_brackets(both, settings=MergeSettings(scale=SpotReading(20, 20, 100.0)))
 
 
 def test_what_was_measured_of_the_sensor_is_told_and_used_again(light):
@@ -217,7 +216,7 @@ def test_what_was_measured_of_the_sensor_is_told_and_used_again(light):
         raw(np.minimum(sensed(light, t, seed=i), 13600), name=f"{i}.dng", exposure=Exposure(t, 2.0, 200.0))
         for i, t in enumerate(SECONDS)
     ]
-    told = measure_raw(photographs).sensor
+    told = merge_brackets(photographs).camera.sensor
     assert told is not None and told.noise is not None
     assert (told.black, told.white, told.noise.iso) == ((512.0,) * 4, 16383.0, 200.0)
     assert told.saturation == pytest.approx((13600 - 512) / 15871, abs=1e-3)
@@ -228,7 +227,7 @@ def test_what_was_measured_of_the_sensor_is_told_and_used_again(light):
 
     def saturated(iso: float, sensor: Sensor | None) -> int:
         taken = [replace(longest[0], exposure=Exposure(SECONDS[-1], 2.0, iso))]
-        (one,) = measure_raw(taken, sensor=sensor).measured
+        (one,) = merge_brackets(taken, profile=sensor and CameraProfile("", sensor=sensor)).brackets
         assert one.picture.clipped is not None
         return int((one.picture.clipped == SATURATED).sum())
 
@@ -247,7 +246,10 @@ def test_noise_that_is_known_counts_at_the_photographs_own_sensitivity(light):
         # Times that are given tell no sensitivity; what is measured is of the files' own.
         measured = calibrate_raw(photographs, times=times).sensor.noise
         assert measured is not None and measured.iso == 800 and 1 / measured.shot == pytest.approx(20_000, rel=0.05)
-    plain, noisy = (measure_raw(photographs, sensor=s).measured[0].picture for s in (None, known))
+    plain, noisy = (
+        merge_brackets(photographs, profile=s and CameraProfile("", sensor=s)).brackets[0].picture
+        for s in (None, known)
+    )
     assert plain.variance is not None and noisy.variance is not None
     lit = (plain.clipped == 0) & (light > np.median(light))
     assert np.median(noisy.variance[lit] / plain.variance[lit]) == pytest.approx(8, rel=0.06)
@@ -256,8 +258,9 @@ def test_noise_that_is_known_counts_at_the_photographs_own_sensitivity(light):
 def test_levels_that_are_not_the_profile_s_are_told(light):
     photographs = [raw(sensed(light, t, seed=i), name=f"{i}.dng", exposure=Exposure(t)) for i, t in enumerate(SECONDS)]
     known = Sensor((512.0, 512.0, 512.0, 512.0), 16383.0, 1.0, SensorNoise(5e-5, 1.5e-4))
-    assert measure_raw(photographs, sensor=known).notes() == ()
-    (line,) = measure_raw(photographs, sensor=replace(known, black=(512.0, 512.0, 512.0, 600.0), white=16000.0)).notes()
+    assert merge_brackets(photographs, profile=CameraProfile("", sensor=known)).notes == ()
+    other = replace(known, black=(512.0, 512.0, 512.0, 600.0), white=16000.0)
+    (line,) = merge_brackets(photographs, profile=CameraProfile("", sensor=other)).notes
     assert line.startswith(
         "0.dng: its black is 512 and its white 16383, those of the profile 512, 512, 512, 600 and 16000"
     )
@@ -276,7 +279,7 @@ def test_noise_that_could_not_be_told_is_kept_by_no_profile():
 def test_raws_that_do_not_go_together_are_refused(sound, light):
     others = raw(sensed(light[:100], 1.0), name="small.dng", exposure=Exposure(1.0), camera="Virtual One")
     with pytest.raises(NotABracket, match=r"small\.dng: its size is 480×100"):
-        measure_raw([sound[0], others])
+        merge_brackets([sound[0], others])
 
 
 def test_a_preview_is_linear_from_black_to_saturation():
@@ -319,7 +322,7 @@ def test_a_sensor_that_is_full_below_its_white_does_not_look_as_if_things_moved(
         raw(np.minimum(sensed(light, t, seed=i), 13600), name=f"{i}.dng", exposure=Exposure(t))
         for i, t in enumerate(SECONDS)
     ]
-    found = measure_raw(photographs)
-    assert found.objections() == ()
-    assert any("saturated at" in line for line in found.warnings)
-    assert found.notes() == found.warnings
+    found = merge_brackets(photographs)
+    assert found.warnings == ()
+    assert any("saturated at" in line for line in found.messages)
+    assert found.notes == found.messages

@@ -5,20 +5,22 @@ import json
 import numpy as np
 import pytest
 
+from relume.capture.brackets.merging import merge_brackets
+from relume.capture.brackets.result import MergedBracket
+from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import read_bracket
-from relume.capture.measurement import Measured, MergeSettings, measure
 from relume.capture.scale.absolute import scale_from_spot
 from relume.image import files
 
 
-def measured(shared, folder: str) -> tuple[Measured, dict]:
+def measured(shared, folder: str) -> tuple[MergedBracket, dict]:
     """A bracket of the room with the spot meter's reading; the facts beside it."""
     room = shared / "shoots" / "room"
     facts = json.loads((room / "truth" / "shoot.json").read_text())
     (x, y), reading = facts["spot_meter"]["pixel_xy"], facts["spot_meter"]["luminance_cd_m2"]
-    treatment = MergeSettings(scale=lambda picture, *_: scale_from_spot(picture, x, y, reading))
+    settings = MergeSettings(scale=lambda picture, *_: scale_from_spot(picture, x, y, reading))
     bracket = read_bracket(sorted((room / folder).glob("*.jpg")))
-    return measure(bracket, treatment=treatment).measured[0], facts
+    return merge_brackets(bracket, settings=settings).brackets[0], facts
 
 
 def test_a_spot_metered_plate_is_in_candelas(shared):

@@ -12,18 +12,25 @@ import pytest
 
 from command_line import refused
 from moving_scenes import known_response
-from relume.capture.ghosts.deghosting import Consistency
+from relume.capture.brackets.settings import MergeSettings
 from relume.capture.lens.vignetting import Vignetting
-from relume.capture.measurement import MergeSettings
 from relume.capture.raw.noise import SensorNoise
 from relume.capture.raw.sensor import Sensor
 from relume.capture.response.camera_profile import CameraProfile, read_profile, write_profile
 from relume.capture.response.debevec_malik import DebevecMalik
 from relume.capture.response.mitsunaga_nayar import MitsunagaNayar
-from relume.capture.response.ratios import Ratios
 from relume.capture.response.robertson import Robertson
 from relume.capture.scale.absolute import THIRD_OF_A_STOP
-from relume.capture.weighting import Hat, InverseVariance
+from relume.capture.scale.readings import (
+    DarkPlace,
+    ExposureScale,
+    LuminaireReading,
+    LuxReading,
+    Rectangle,
+    SpotReading,
+    WhiteCard,
+)
+from relume.capture.weighting import Hat
 from relume.cli import main
 from relume.cli.merge import targets
 from relume.errors import NotABracket
@@ -132,46 +139,39 @@ def test_the_example_s_plate_is_merged_and_told_as_lines(tmp_path, capsys):
 
 
 SWITCHES = {
-    "": lambda t: t.refine is None,
-    "--method debevec-malik": lambda t: t.method == DebevecMalik(),
-    "--method mitsunaga-nayar": lambda t: t.method == MitsunagaNayar(),
-    "--method robertson": lambda t: t.method == Robertson(),
-    "--refine": lambda t: t.refine == Ratios(),
-    "--no-align": lambda t: t.aligned is False,
-    "--no-deghost": lambda t: t.consistency is None,
-    "--deghost": lambda t: t.consistency == Consistency(),
-    "--paper-weights": lambda t: t.weighting == Hat(),
-    "--neutral 128": lambda t: t.neutral == 128,
-    "--focal-length 900": lambda t: t.focal_length == 900.0,
-    "--absolute": lambda t: t.scale is not None,
-    "--glare 1,2,3,4": lambda t: t.glare is not None,
-    "--white 1,2,3,4": lambda t: t.balance is not None,
+    "": {},
+    "--method debevec-malik": {"method": DebevecMalik()},
+    "--method mitsunaga-nayar": {"method": MitsunagaNayar()},
+    "--method robertson": {"method": Robertson()},
+    "--refine": {"refine": True},
+    "--no-align": {"align": False},
+    "--no-deghost": {"deghost": False},
+    "--deghost": {},
+    "--paper-weights": {"weighting": Hat()},
+    "--neutral 128": {"neutral": 128},
+    "--focal-length 900": {"focal_length": 900.0},
+    "--absolute": {"scale": ExposureScale()},
+    "--spot 1,2,3": {"scale": SpotReading(1, 2, 3.0)},
+    "--lux 1,2,3,4,500,0.18": {"scale": LuxReading(Rectangle(1, 2, 3, 4), 500.0, 0.18)},
+    "--luminaire 1,2,3,4,5,6,7": {"scale": LuminaireReading(Rectangle(1, 2, 3, 4), (5.0, 6.0, 7.0))},
+    "--glare 1,2,3,4": {"glare": DarkPlace(Rectangle(1, 2, 3, 4))},
+    "--white 1,2,3,4": {"balance": WhiteCard(Rectangle(1, 2, 3, 4))},
 }
 
 
 @pytest.mark.parametrize("words", SWITCHES)
-def test_every_switch_changes_the_treatment_and_nothing_else(words, shoot, tmp_path, monkeypatch, capsys):
+def test_every_switch_changes_its_setting_and_nothing_else(words, shoot, tmp_path, monkeypatch, capsys):
     import relume.cli.merge_job
 
     given = {}
 
-    def measure(brackets, **options):
+    def merge_brackets(brackets, **options):
         given.update(options, brackets=brackets)
         raise NotABracket("seen enough")
 
-    monkeypatch.setattr(relume.cli.merge_job, "measure", measure)
+    monkeypatch.setattr(relume.cli.merge_job, "merge_brackets", merge_brackets)
     refused(["merge", *shoot, "-o", str(tmp_path / "a.exr"), *words.split()], capsys)
-    assert SWITCHES[words](given["treatment"])
-    plain, name = MergeSettings(), words.split()[0] if words else ""
-    meant = {
-        "--method": "method", "--refine": "refine", "--no-align": "aligned",
-        "--no-deghost": "consistency", "--deghost": "consistency", "--paper-weights": "weighting",
-        "--neutral": "neutral", "--focal-length": "focal_length", "--absolute": "scale", "--glare": "glare",
-        "--white": "balance",
-    }.get(name)  # fmt: skip
-    others = [field for field in vars(plain) if field != meant]
-    assert [field for field in others if getattr(given["treatment"], field) != getattr(plain, field)] == []
-    assert given["response"] is None and plain.weighting == InverseVariance()
+    assert given["settings"] == MergeSettings(**SWITCHES[words]) and given["profile"] is None
     assert [p.name for p in given["brackets"][0].photographs] == shoot
 
 
@@ -448,7 +448,7 @@ def test_each_camera_has_its_own_response_and_profile(scene, tmp_path, capsys):
     assert [bracket["camera"] for bracket in facts["brackets"]] == [MAKER, "Other Two"]
     # A reading belongs to one camera.
     line = refused([*words[:-2], "--spot", "60,40,500"], capsys)
-    assert f"--spot is read in one bracket, and these are of several cameras ({MAKER}, Other Two)" in line
+    assert f"spot is read in one bracket, and these are of several cameras ({MAKER}, Other Two)" in line
     one, two = (read_radiance(path).radiance for path in sorted(maps.iterdir()))
     ratio = one / two
     assert np.percentile(ratio / np.median(ratio), (5, 95)) == pytest.approx((1, 1), abs=0.06)
@@ -478,24 +478,24 @@ WRONG = {
     "--spot 1.5,2,100": "--spot: 1.5 is no whole number",
     "--spot 1,2,nan": '"1,2,nan" is not 3 or 4 numbers',
     "--spot 900,2,100": "900",
-    "--spot 20,20,-100": "--spot: the reading in cd/m² is -100; it must be above 0",
-    "--spot 20,20,100,0": "--spot: the radius in pixels is 0",
+    "--spot 20,20,-100": "spot: luminance is -100",
+    "--spot 20,20,100,0": "spot: radius is 0",
     "--lux 1,2,3,4": '--lux: "1,2,3,4" is not 6 numbers',
-    "--lux 1,2,3,4,100,18": "--lux: the reflectance is 18; it lies above 0 and up to 1 (write 0.18 for 18 %)",
-    "--lux 1,2,3,4,100,0": "--lux: the reflectance is 0; it lies above 0 and up to 1",
-    "--lux 1,2,3,4,-1,0.18": "--lux: the reading in lux is -1",
+    "--lux 1,2,3,4,100,18": "(write 0.18 for 18 %)",
+    "--lux 1,2,3,4,100,0": "lux: reflectance is 0",
+    "--lux 1,2,3,4,-1,0.18": "lux: illuminance is -1",
     "--luminaire 1,2,3,4,5": '--luminaire: "1,2,3,4,5" is not 7 numbers',
-    "--luminaire 1,2,3,4,5,6,0": "--luminaire: a channel in cd/m² is 0",
+    "--luminaire 1,2,3,4,5,6,0": "luminaire: blue is 0",
     "--glare 1,2,3": '--glare: "1,2,3" is not 4 numbers',
-    "--glare 1e30,2,3,4": "--glare: the rectangle",
-    "--glare 1,2,0,4": "--glare: 1,2,0,4 is no rectangle",
-    "--white=-1,2,3,4": "--white: -1,2,3,4 is no rectangle",
-    "--focal-length 0": "--focal-length: the focal length in pixels is 0",
-    "--focal-length nan": "--focal-length: the focal length in pixels is nan",
-    "--neutral -1": "--neutral: -1 is no pixel value",
+    "--glare 1e30,2,3,4": "glare: the rectangle",
+    "--glare 1,2,0,4": "1,2,0,4 is not a rectangle",
+    "--white=-1,2,3,4": "-1,2,3,4 is not a rectangle",
+    "--focal-length 0": "focal_length: 0 pixels",
+    "--focal-length nan": "focal_length: nan",
+    "--neutral -1": "neutral: -1 is not a pixel value",
     "--white 1,2,3,x": '--white: "1,2,3,x" is not 4 numbers',
-    "--white 170,2,30,4": "--white: the rectangle 170, 2, 30×4 is not in a picture of 180×120",
-    "--absolute --spot 1,2,3": "--absolute and --spot both tell the scale",
+    "--white 170,2,30,4": "white: the rectangle 170, 2, 30×4 is not in a picture of 180×120",
+    "--absolute --spot 1,2,3": "--absolute and --spot both",
     "--method magic": "magic",
     "--neutral white": "white",
     "--flat-field none.exr": "none.exr",
@@ -676,19 +676,6 @@ def test_a_raw_bracket_that_moved_exits_with_4(tmp_path, capsys):
     assert main([*words, "--accept"]) == 0
 
 
-def test_steps_are_told_as_they_begin(shoot, profile, tmp_path):
-    from relume.cli.merge_job import Job, Reading, results_of
-    from relume.cli.merge_options import Readings
-
-    job = Job(
-        [[Path(path) for path in shoot]], [tmp_path / "a.exr"], Reading(None, None, False), read_profile(profile),
-        MergeSettings(aligned=False), Readings(), False,
-    )  # fmt: skip
-    steps: list[str] = []
-    (result,) = results_of(job, steps.append)
-    assert steps == ["read", "check", "deghost", "merge"] and result.targets == (tmp_path / "a.exr",)
-
-
 def test_a_profile_s_scale_holds_only_for_exposures_that_tell_the_same(shoot, tmp_path, capsys):
     """Without f-number and ISO relative radiance is in another unit: the scale would be wrong by their factor."""
     profile = str(tmp_path / "p.json")
@@ -731,7 +718,7 @@ def test_several_brackets_are_told_a_block_each(scene, tmp_path, profile, capsys
     assert [line.split() for line in lines if line.split()[0] == "moved"] == [["moved", "1", "photograph"]]
     assert lines[-1].split() == ["report", str(tmp_path / "r.html")]
     # Where the reading was taken is told.
-    notes = [line for line in captured.err.splitlines() if "--spot" in line]
+    notes = [line for line in captured.err.splitlines() if "spot: read in" in line]
     assert len(notes) == 1 and "a_0.png" in notes[0] and "the first of 2 brackets" in notes[0]
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import io
 import re
-from collections.abc import Sequence
 from dataclasses import replace
 from html import unescape
 from itertools import pairwise
@@ -16,14 +15,15 @@ import pytest
 from PIL import Image
 
 from moving_scenes import known_response
+from relume.capture.brackets.merging import merge_brackets
+from relume.capture.brackets.result import MergedCamera, MergeResult
+from relume.capture.brackets.settings import MergeSettings
 from relume.capture.clipping_report import Extent
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.exposure.consistency import NOTHING_TO_DO, Doubt
 from relume.capture.lens.vignetting import Vignetting
-from relume.capture.measurement import Measurement, MergeSettings, measure
 from relume.capture.noise import Noise
-from relume.capture.raw.measurement import measure_raw
-from relume.capture.response.ratios import Ratios
+from relume.capture.response.calibration import Calibration
 from relume.capture.scale.absolute import Scale
 from relume.capture.scale.luminaire import Balance
 from relume.errors import OutputNotWritten
@@ -38,7 +38,7 @@ SECONDS = (1 / 256, 1 / 128, 1 / 64, 1 / 32, 1 / 16, 1 / 8)
 
 
 @pytest.fixture(scope="module")
-def eventful() -> Measurement:
+def eventful() -> MergeResult:
     """A bracket that has everything: one frame told wrong, one shifted, a thing that moved, a lamp, a border."""
     scene = 16 * textured(240, 160)
     scene[20:30, 200:215] = 50_000.0
@@ -52,21 +52,21 @@ def eventful() -> Measurement:
     wrong = photographs[4].exposure
     assert wrong is not None
     photographs[4] = replace(photographs[4], exposure=replace(wrong, seconds=wrong.seconds * 1.3))
-    found = measure(Bracket(tuple(photographs)), treatment=MergeSettings(refine=Ratios()))
+    found = merge_brackets(Bracket(tuple(photographs)), settings=MergeSettings(refine=True))
     doubts = (
         Doubt("frame_9.png", "is <strange>", "leave it out", True),
         Doubt("frame_8.png", "is late", "wait", False),
         Doubt("all", "not in order", NOTHING_TO_DO, False),
     )
-    one = replace(found.measured[0], doubts=doubts)
-    return replace(found, measured=(one,), warnings=("the wall is uneven",))
+    one = replace(found.brackets[0], doubts=doubts)
+    return replace(found, brackets=(one,), messages=("the wall is uneven",))
 
 
 @pytest.fixture(scope="module")
-def plain() -> Measurement:
+def plain() -> MergeResult:
     """One in which nothing moved and nothing is amiss."""
     bracket = Bracket(exposed(textured(), [Exposure(t) for t in SECONDS]))
-    return measure(bracket, response=known_response(), treatment=MergeSettings(aligned=True))
+    return merge_brackets(bracket, profile=known_response(), settings=MergeSettings(align=True))
 
 
 @pytest.fixture(scope="module")
@@ -74,9 +74,13 @@ def eventful_page(eventful, tmp_path_factory) -> str:
     return report(eventful, tmp_path_factory.mktemp("report"))
 
 
-def report(measurements: Measurement | Sequence[Measurement], folder: Path) -> str:
+def _calibrated(result: MergeResult, calibration: Calibration) -> dict[str, MergedCamera]:
+    return {MAKER: replace(result.camera, calibration=calibration)}
+
+
+def report(result: MergeResult, folder: Path) -> str:
     path = folder / "report.html"
-    write_capture_report([measurements] if isinstance(measurements, Measurement) else measurements, path)
+    write_capture_report(result, path)
     return path.read_text()
 
 
@@ -126,13 +130,13 @@ def test_a_bracket_that_has_everything_shows_everything(eventful_page):
 
 
 def test_the_tables_hold_the_measurement_s_numbers(eventful, eventful_page):
-    text, one = eventful_page, eventful.measured[0]
+    text, one = eventful_page, eventful.brackets[0]
     table = {row[0]: row for row in rows(text)}
     assert table["photograph"] == [
         "photograph", "time used", "aperture", "ISO", "stops", "told by", "corrected by", "moved by", "ghosts",
     ]  # fmt: skip
-    assert eventful.calibration is not None and eventful.calibration.ratios is not None
-    ratios, aligned, deghosted = eventful.calibration.ratios, one.aligned, one.deghosted
+    assert eventful.camera.calibration is not None and eventful.camera.calibration.ratios is not None
+    ratios, aligned, deghosted = eventful.camera.calibration.ratios, one.aligned, one.deghosted
     assert aligned is not None and deghosted is not None
     for index, frame in enumerate(one.frames):
         row = table[frame.name]
@@ -155,7 +159,7 @@ def test_the_tables_hold_the_measurement_s_numbers(eventful, eventful_page):
         assert table[step] == [step, f"{seconds:.2f} s"]
     for words, value in clipped_facts(one.extent, "relative"):
         assert table[words] == [words, value]
-    residual = ", ".join(f"{r:.3f}" for r in eventful.calibration.residual)
+    residual = ", ".join(f"{r:.3f}" for r in eventful.camera.calibration.residual)
     assert f"Misfit of ln exposure {residual}" in text
     assert f"{one.extent.orders:.1f} orders of magnitude" in text
     assert f"{100 * deghosted.ghosts.mean():.2g} % of the picture" in text
@@ -188,50 +192,60 @@ def test_a_quiet_bracket_says_so(plain, tmp_path):
 
 
 def test_what_was_switched_off_has_no_section(plain, tmp_path):
-    picture = replace(plain.measured[0].picture, variance=None)
-    one = replace(plain.measured[0], aligned=None, deghosted=None, picture=picture)
-    text = report(replace(plain, measured=(one,)), tmp_path)
+    picture = replace(plain.brackets[0].picture, variance=None)
+    one = replace(plain.brackets[0], aligned=None, deghosted=None, picture=picture)
+    text = report(replace(plain, brackets=(one,)), tmp_path)
     assert headings(text)[1:] == ["Exposures", "What no photograph measured", "Timings"]
     assert {row[0]: row for row in rows(text)}["frame_3.png"][6:] == ["–", "–", "–"]
 
 
 def test_camera_raws_are_reported_without_a_response(tmp_path):
     light = textured(240, 160).mean(2) / 8
-    found = measure_raw(raw_files(tmp_path / "raws", [light] * 3, (0.25, 1.0, 4.0)))
+    found = merge_brackets(raw_files(tmp_path / "raws", [light] * 3, (0.25, 1.0, 4.0)))
     text = report(found, tmp_path)
     assert headings(text)[1:] == ["Exposures", "What no photograph measured", "How sure it is", "Timings"]
-    assert found.measured[0].extent.saturated > 0
-    frames, table = found.measured[0].frames, {row[0]: row for row in rows(text)}
+    assert found.brackets[0].extent.saturated > 0
+    frames, table = found.brackets[0].frames, {row[0]: row for row in rows(text)}
     assert table["response"][1] == "none needed: camera raws are linear"
     assert table["switched off"][1] == "alignment and deghosting: camera raws are merged as they lie"
     for name, frame in zip(("raw_0.dng", "raw_1.dng", "raw_2.dng"), frames, strict=True):
         assert table[name][1:4] == [seconds_in_words(frame.seconds), "f/4", "100"]
-        stops, error = found.measured[0].corrections[frame.name]
+        stops, error = found.brackets[0].corrections[frame.name]
         assert table[name][6] == f"{stops:+.3f} ± {error:.3f}" and 0 < abs(stops) < 0.01
     assert len(pictures(text)) == 6
 
 
 def test_each_camera_has_its_own_part(plain, eventful, tmp_path):
-    text = report([plain, replace(eventful, measured=())], tmp_path)
-    assert headings(text).count("Timings") == 2 and headings(text).count("The camera's response") == 1
+    other = replace(plain.brackets[0], camera="Other Two")
+    both = replace(
+        eventful,
+        brackets=(*eventful.brackets, other),
+        cameras={MAKER: eventful.camera, "Other Two": replace(plain.camera, name="Other Two")},
+    )
+    text = report(both, tmp_path)
+    assert text.count("<td>Other Two</td>") == 1 and headings(text).count("The camera's response") == 1
     with pytest.raises(OutputNotWritten):
-        write_capture_report([plain], tmp_path / "nowhere" / "report.html")
+        write_capture_report(plain, tmp_path / "nowhere" / "report.html")
 
 
 def test_a_photograph_alone_is_reported(tmp_path):
     alone = Bracket(exposed(textured(), [Exposure(0.01)]))
-    found = measure(
-        alone, response=known_response(), treatment=MergeSettings(balance=lambda _: Balance((1.0, 1.0, 2.0)))
+    found = merge_brackets(
+        alone, profile=known_response(), settings=MergeSettings(balance=lambda _: Balance((1.0, 1.0, 2.0)))
     )
     assert "Alignment" not in headings(report(found, tmp_path)) and "Ghosts" not in headings(report(found, tmp_path))
 
 
 def test_noise_that_was_measured_is_told(eventful, tmp_path):
     noise = Noise(np.array([1e-4, 2e-4, 3e-4]), np.array([0.01, 0.02, 0.03]))
-    changed = replace(eventful, measured=(), calibration=replace(eventful.calibration, noise=noise))
+    changed = replace(
+        eventful, brackets=(), cameras=_calibrated(eventful, replace(eventful.camera.calibration, noise=noise))
+    )
     words = "shot noise (0.0001, 0.0002, 0.0003), read noise (0.01, 0.02, 0.03) of the exposure at white"
     assert words in report(changed, tmp_path)
-    silent = replace(eventful, measured=(), calibration=replace(eventful.calibration, noise=None))
+    silent = replace(
+        eventful, brackets=(), cameras=_calibrated(eventful, replace(eventful.camera.calibration, noise=None))
+    )
     assert "shot noise" not in report(silent, tmp_path)
 
 
@@ -336,7 +350,7 @@ def test_what_a_bracket_is_is_told_at_its_top(eventful, plain, tmp_path):
     assert table["unit"] == ["relative units"] and table["scale"] == ["none; radiance is relative"]
     assert table["balance"] == ["the camera's own"] and table["response"] == ["recovered from 1 bracket"]
     assert table["switched off"] == ["nothing"] and table["left in, for not measured"] == ["vignetting, glare"]
-    clipped = eventful.measured[0].picture.clipped
+    clipped = eventful.brackets[0].picture.clipped
     saturated, outside = (100 * float((clipped == mark).mean()) for mark in (SATURATED, OUTSIDE))
     assert saturated > 0 and outside == pytest.approx(6.25)
     words = f"saturated {saturated:.2g} %, black 0 %, outside {outside:.2g} %"
@@ -345,10 +359,11 @@ def test_what_a_bracket_is_is_told_at_its_top(eventful, plain, tmp_path):
     assert "relative units is white" in report(eventful, tmp_path)
 
     scale = Scale.grey(7.0, 0.05, "a lux reading")
-    one = replace(plain.measured[0], scale=scale, balance=Balance((1.0, 1.0, 2.0)))
-    off = MergeSettings(aligned=False, consistency=None, vignetting=(Vignetting((-0.3,)),))
+    one = replace(plain.brackets[0], scale=scale, balance=Balance((1.0, 1.0, 2.0)))
+    off = MergeSettings(align=False, deghost=False, vignetting=(Vignetting((-0.3,)),))
     path = tmp_path / "off.html"
-    write_capture_report([replace(plain, measured=(one,), camera="")], path, treatment=off, profile="known.json")
+    unnamed = replace(plain, brackets=(replace(one, camera=""),), cameras={"": replace(plain.camera, name="")})
+    write_capture_report(unnamed, path, settings=off, profile="known.json")
     table = {row[0]: row[1:] for row in rows(path.read_text())}
     assert table["camera"] == ["unknown"] and table["response"] == ["given by known.json"]
     assert table["scale"] == ["7 cd/m² ± 5 % per relative unit, from a lux reading"]

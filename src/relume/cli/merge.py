@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from relume.cli.arguments import DryRun, read_times, require_suffix
 from relume.cli.console import OutputOptions, finish, note, print_facts, progress, warnings_as_notes
-from relume.cli.merge_options import Lens, Readings, Steps, numbers, places, treatment_of, whole
+from relume.cli.merge_options import Lens, Readings, Steps, numbers, settings_of, whole
 from relume.errors import NotABracket, OutputNotWritten
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def merge(
     from relume.capture.exposure.grouping import group_files
     from relume.capture.response.camera_profile import read_profile
     from relume.cli import merge_facts
-    from relume.cli.merge_job import Job, Reading, forecast, results_of, write
+    from relume.cli.merge_job import Job, Reading, forecast, merged, write
     from relume.image.files.signatures import kind_of
 
     notes: list[str] = []
@@ -112,33 +112,29 @@ def merge(
                 f"--profile {profile}: a profile of {kinds[not raws]}, and these are {kinds[bool(raws)]}; save one of "
                 "such as these with --save-profile"
             )
-        treatment = treatment_of(steps, lens, readings, known)
+        settings = settings_of(steps, lens, readings)
         idle = without_effect(steps, raw=bool(raws), profile=known, ignore=ignore, true_shutter=true_shutter)
         if idle:
             why = "camera raws are merged as they are" if raws else "the profile's response is taken as it is"
             noted(f"without effect: {', '.join(idle)}; {why}")
         name = "" if profile is None else profile.name
-        job = Job(groups, targets(groups, out), reading, known, treatment, readings, bool(raws), name)
-        given = places(lens, readings)
-        if given and len(groups) > 1:
-            require_one_camera(groups, given[0])
+        job = Job(groups, targets(groups, out), reading, known, settings, bool(raws), name)
+        if settings.placed and len(groups) > 1:
+            require_one_camera(groups, settings.placed[0])
         if dry_run:
             plans = forecast(job)
             say(output, merge_facts.planned_numbers(plans, notes), merge_facts.planned_blocks(plans))
             return
         with progress(output) as advance:
-            results = results_of(job, lambda step: advance(step, 0.0))
-        for line in (line for result in results for line in result.measurement.notes()):
+            result = merged(job, lambda step: advance(step, 0.0))
+        for line in result.notes:
             noted(line)
-        if given and len(groups) > 1:
-            first = results[0].measurement.measured[0].name
-            noted(f"{', '.join(given)}: read in {first}, the first of {len(groups)} brackets, and used for all")
-        doubts = [line for result in results for line in result.measurement.objections()]
-        written = write(job, results, save_profile=save_profile, report=report)
+        doubts = result.warnings
+        written = write(job, result, save_profile=save_profile, report=report)
         say(
             output,
-            merge_facts.numbers(results, profile=written, report=report, doubts=doubts, notes=notes),
-            merge_facts.blocks(results, profile=written, report=report),
+            merge_facts.numbers(result, job.targets, profile=written, report=report, notes=notes),
+            merge_facts.blocks(result, job.targets, profile=written, report=report),
         )
         finish(output, doubts, accept=accept)
 

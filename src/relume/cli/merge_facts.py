@@ -9,20 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from relume.capture.measurement import Measured, Measurement
+from relume.capture.brackets.result import MergedBracket, MergeResult
 from relume.image.photograph import Exposure
 from relume.report.capture_report import clipped_facts, counted, in_words, seconds_in_words
 
 Block = tuple[str, dict[str, object]]
 """A title and lines under it, by their first words."""
-
-
-@dataclass(frozen=True, eq=False)
-class Result:
-    """The measurement of one camera, and where each of its maps goes."""
-
-    measurement: Measurement
-    targets: tuple[Path, ...]
 
 
 @dataclass(frozen=True)
@@ -35,27 +27,24 @@ class Plan:
 
 
 def numbers(
-    results: Sequence[Result],
+    result: MergeResult,
+    targets: Sequence[Path],
     *,
     profile: Mapping[str, str],
     report: Path | None,
-    doubts: Sequence[str],
     notes: Sequence[str],
 ) -> dict[str, object]:
     """All of it for a machine; what is not known is None.
 
     profile : the file written for each camera
-    doubts, notes : a line each
+    notes : a line each
     """
-    calibrated = [r.measurement for r in results if r.measurement.calibration is not None]
     return {
-        "brackets": [
-            _bracket(measured, r.measurement.camera, target)
-            for r in results
-            for measured, target in zip(r.measurement.measured, r.targets, strict=True)
-        ],
-        "misfit": {m.camera: m.calibration.residual.tolist() for m in calibrated if m.calibration},
-        "doubts": list(doubts),
+        "brackets": [_bracket(*each) for each in zip(result.brackets, targets, strict=True)],
+        "misfit": {
+            name: camera.calibration.residual.tolist() for name, camera in result.cameras.items() if camera.calibration
+        },
+        "doubts": list(result.warnings),
         "notes": list(notes),
         "report": None if report is None else str(report),
         "profile": dict(profile),
@@ -76,27 +65,29 @@ def planned_numbers(plans: Sequence[Plan], notes: Sequence[str]) -> dict[str, ob
     return {"brackets": brackets, "misfit": {}, "doubts": [], "notes": list(notes), "report": None, "profile": {}}
 
 
-def blocks(results: Sequence[Result], *, profile: Mapping[str, str], report: Path | None) -> list[Block]:
+def blocks(
+    result: MergeResult, targets: Sequence[Path], *, profile: Mapping[str, str], report: Path | None
+) -> list[Block]:
     """All of it for a person: a block a bracket, titled with its map where there are several."""
-    found = [(measured, t) for r in results for measured, t in zip(r.measurement.measured, r.targets, strict=True)]
-    told: list[Block] = []
-    for measured, target in found:
-        lines = _words(measured)
-        told.append((str(target), lines) if len(found) > 1 else ("", {"written": str(target), **lines}))
+    found: list[Block] = []
+    for bracket, target in zip(result.brackets, targets, strict=True):
+        lines = _words(bracket)
+        several = len(targets) > 1
+        found.append((str(target), lines) if several else ("", {"written": str(target), **lines}))
     last: dict[str, object] = {}
-    for measurement in (r.measurement for r in results):
-        of = f" of {measurement.camera or 'an unknown camera'}" if len(results) > 1 else ""
-        if measurement.calibration is not None:
-            last[f"misfit of ln exposure{of}"] = ", ".join(f"{r:.2g}" for r in measurement.calibration.residual)
-        if measurement.camera in profile:
-            last[f"profile{of}"] = profile[measurement.camera]
+    for name, camera in result.cameras.items():
+        of = f" of {name or 'an unknown camera'}" if len(result.cameras) > 1 else ""
+        if camera.calibration is not None:
+            last[f"misfit of ln exposure{of}"] = ", ".join(f"{r:.2g}" for r in camera.calibration.residual)
+        if name in profile:
+            last[f"profile{of}"] = profile[name]
     if report is not None:
         last["report"] = str(report)
     if len(found) > 1 and last:
-        told.append(("all together", last))
+        found.append(("all together", last))
     else:
-        told[-1][1].update(last)
-    return told
+        found[-1][1].update(last)
+    return found
 
 
 def planned_blocks(plans: Sequence[Plan]) -> list[Block]:
@@ -132,7 +123,7 @@ def _exposure(told: Any, stops: float) -> dict[str, Any]:
     return {"seconds": told.seconds, "f_number": told.f_number, "iso": told.iso, "stops": stops, "source": told.source}
 
 
-def _bracket(measured: Measured, camera: str, target: Path) -> dict[str, Any]:
+def _bracket(measured: MergedBracket, target: Path) -> dict[str, Any]:
     found, scale, deghosted = measured.extent, measured.scale, measured.deghosted
     bounds: dict[str, Any] = {}
     if found.saturated:
@@ -144,7 +135,7 @@ def _bracket(measured: Measured, camera: str, target: Path) -> dict[str, Any]:
         }
     return _BRACKET | bounds | {
         "written": str(target),
-        "camera": camera,
+        "camera": measured.camera,
         "unit": measured.picture.unit,
         "frames": _frames(measured),
         "saturated": found.saturated, "black": found.black, "outside": found.outside, "pixels": found.pixels,
@@ -154,7 +145,7 @@ def _bracket(measured: Measured, camera: str, target: Path) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _frames(measured: Measured) -> list[dict[str, Any]]:
+def _frames(measured: MergedBracket) -> list[dict[str, Any]]:
     told: dict[str, dict[str, Any]] = {frame.name: {} for frame in measured.frames}
     for name, (stops, _) in measured.corrections.items():
         told[name]["corrected_stops"] = stops
@@ -171,12 +162,12 @@ def _frames(measured: Measured) -> list[dict[str, Any]]:
     ]
 
 
-def _moved(measured: Measured) -> int | None:
+def _moved(measured: MergedBracket) -> int | None:
     """How many photographs were moved onto the others; None where that was switched off."""
     return None if measured.aligned is None else sum(motion != type(motion)() for motion in measured.aligned.motions)
 
 
-def _words(measured: Measured) -> dict[str, object]:
+def _words(measured: MergedBracket) -> dict[str, object]:
     times = {Path(f.name).name: f"{seconds_in_words(f.seconds)} ({f.source})" for f in measured.frames}
     found: dict[str, object] = {"exposures": times, "unit": in_words(measured.picture.unit)}
     if measured.scale is not None:

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
+from relume.capture.brackets.merging import measured_profile, merge_brackets
+from relume.capture.brackets.result import MergeResult
+from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import Bracket, read_bracket
-from relume.capture.exposure.consistency import Doubt
-from relume.capture.measurement import Measurement, MergeSettings, measure
-from relume.capture.raw.measurement import measure_raw
-from relume.capture.response.camera_profile import CameraProfile, profile_of, write_profile
-from relume.cli.merge_facts import Plan, Result
-from relume.cli.merge_options import Readings, tells
+from relume.capture.response.camera_profile import CameraProfile, write_profile
+from relume.cli.merge_facts import Plan
 from relume.errors import NotABracket, OutputNotWritten
 from relume.image import files
 from relume.image.photograph import Exposure
@@ -42,60 +39,19 @@ class Job:
     targets: Sequence[Path]
     reading: Reading
     profile: CameraProfile | None
-    treatment: MergeSettings
-    readings: Readings
+    settings: MergeSettings
     raw: bool
     profile_name: str = ""
 
 
-def results_of(job: Job, told: Callable[[str], None]) -> list[Result]:
-    """A result for each camera."""
+def merged(job: Job, progress: Callable[[str], None]) -> MergeResult:
+    """The result of all brackets."""
     if job.raw:
-        return _of_raws(job, told)
-    told("read")
-    by_camera: dict[str, list[tuple[Bracket, Path]]] = {}
-    for bracket, target in zip(read_brackets(job), job.targets, strict=True):
-        by_camera.setdefault(bracket.photographs[0].camera, []).append((bracket, target))
-    response = job.profile.response if job.profile else None
-    results = []
-    for taken in by_camera.values():
-        brackets, targets = zip(*taken, strict=True)
-        found = measure(brackets, response=response, treatment=job.treatment, told=told)
-        results.append(Result(_compared(found, job.profile), targets))
-    return results
-
-
-def _of_raws(job: Job, told: Callable[[str], None]) -> list[Result]:
-    by_camera: dict[str, list[tuple[Sequence[Path], Path]]] = {}
-    for group, target in zip(job.groups, job.targets, strict=True):
-        by_camera.setdefault(files.read_facts(group[0]).camera, []).append((group, target))
-    results = []
-    for taken in by_camera.values():
-        groups, targets = zip(*taken, strict=True)
-        found = measure_raw(
-            groups,
-            times=_raw_times(job),  # where times are given there is one bracket
-            scale=job.readings.raw_scale(job.profile),
-            sensor=job.profile.sensor if job.profile else None,
-            treatment=job.treatment,
-            told=told,
+        return merge_brackets(
+            job.groups, profile=job.profile, times=_raw_times(job), settings=job.settings, progress=progress
         )
-        results.append(Result(_compared(found, job.profile), targets))
-    return results
-
-
-def _compared(found: Measurement, profile: CameraProfile | None) -> Measurement:
-    """The measurement, doubted where the profile is of another camera."""
-    if profile is None or not profile.camera or not found.camera or found.camera == profile.camera:
-        return found
-    first, *others = found.measured
-    doubt = Doubt(
-        first.name,
-        f"of the camera {found.camera}, and the profile of {profile.camera}",
-        "recover a profile of their own camera",
-        degraded=True,
-    )
-    return replace(found, measured=(replace(first, doubts=(*first.doubts, doubt)), *others))
+    progress("read")
+    return merge_brackets(read_brackets(job), profile=job.profile, settings=job.settings, progress=progress)
 
 
 def read_brackets(job: Job) -> list[Bracket]:
@@ -124,47 +80,23 @@ def forecast(job: Job) -> list[Plan]:
     return plans
 
 
-def write(job: Job, results: Sequence[Result], *, save_profile: Path | None, report: Path | None) -> dict[str, str]:
+def write(job: Job, result: MergeResult, *, save_profile: Path | None, report: Path | None) -> dict[str, str]:
     """Write the maps, and the profile and the report where asked for; the profile's file of each camera."""
-    for result in results:
-        for measured, target in zip(result.measurement.measured, result.targets, strict=True):
-            try:
-                target.parent.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                raise OutputNotWritten(
-                    f"{target.parent}: cannot be made ({error.strerror}); choose another -o"
-                ) from None
-            files.write(target, measured.picture)
-    written = {} if save_profile is None else _write_profiles(results, job, save_profile)
-    if report is not None:
-        found = [result.measurement for result in results]
-        write_capture_report(found, report, treatment=job.treatment, profile=job.profile_name)
-    return written
-
-
-def _write_profiles(results: Sequence[Result], job: Job, path: Path) -> dict[str, str]:
-    """The profile of each camera, the second as NAME_1.json and so on."""
+    for bracket, target in zip(result.brackets, job.targets, strict=True):
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputNotWritten(f"{target.parent}: cannot be made ({error.strerror}); choose another -o") from None
+        files.write(target, bracket.picture)
     written: dict[str, str] = {}
-    for index, measurement in enumerate(result.measurement for result in results):
-        calibration, first = measurement.calibration, measurement.measured[0]
-        if calibration is None:
-            profile = CameraProfile(measurement.camera, sensor=measurement.sensor)
-        else:
-            profile = profile_of(calibration, measurement.camera, brackets=len(measurement.measured))
-        vignetting = job.treatment.vignetting[0].to_dict() if job.treatment.vignetting else None
-        scale, deviation, balance = None, None, np.ones(3)
-        if first.balance is not None:
-            balance *= first.balance.gains
-        if first.scale is not None:
-            # A luminaire of known colour scales each channel by itself: luminance is the scale, the rest is balance.
-            scale, deviation = first.scale.luminance, first.scale.deviation
-            balance *= np.array(first.scale.factor) / scale
-        gains = (float(balance[0]), float(balance[1]), float(balance[2]))
-        target = path if index == 0 else path.with_stem(f"{path.stem}_{index}")
-        profile = replace(profile, vignetting=vignetting, scale=scale, scale_deviation=deviation, balance=gains)
-        profile = replace(profile, scale_exposure=None if scale is None else tells(first.frames[0]))
-        write_profile(target, profile)
-        written[measurement.camera] = str(target)
+    for index, name in enumerate(result.cameras if save_profile is not None else ()):
+        # The profile of the second camera is NAME_1.json, and so on.
+        assert save_profile is not None
+        target = save_profile if index == 0 else save_profile.with_stem(f"{save_profile.stem}_{index}")
+        write_profile(target, measured_profile(result, name, job.settings))
+        written[name] = str(target)
+    if report is not None:
+        write_capture_report(result, report, settings=job.settings, profile=job.profile_name)
     return written
 
 

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from relume.capture.brackets.merging import merge_brackets
 from relume.capture.exposure.bracket import Bracket, read_bracket, require_told
 from relume.capture.exposure.exposures import exposed
 from relume.capture.exposure.folder import name_order, pictures_in
-from relume.capture.measurement import MergeSettings, measure
 from relume.capture.response.camera_profile import CameraProfile
 from relume.errors import UnreadableFile
 from relume.image import files
@@ -123,19 +123,14 @@ def read_pictures(
             brackets[index] = _bracket(group.paths, given, told)
     if len(groups) > 1:
         require_told(brackets.values())
-    by_camera: dict[str, list[int]] = {}
-    for index, bracket in brackets.items():
-        by_camera.setdefault(bracket.photographs[0].camera, []).append(index)
-    response = None if profile is None else profile.response
-    for indices in by_camera.values():
-        measurement = measure([brackets[i] for i in indices], response=response, treatment=MergeSettings())
-        for line in measurement.notes():
+    if brackets:
+        merged = merge_brackets(list(brackets.values()), profile=profile)
+        for line in merged.notes:
             told(line)
-        for line in measurement.objections():
+        for line in merged.warnings:
             doubted(line)
-        for index, measured in zip(indices, measurement.measured, strict=True):
-            bracket = brackets[index]
-            picture, count = in_the_colour_beside(measured.picture)
+        for index, bracket in zip(brackets, merged.brackets, strict=True):
+            picture, count = in_the_colour_beside(bracket.picture)
             if count:
                 told(
                     f"{bracket.name}: {count} pixels are saturated in some channels only; those were lowered to the "

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from relume.capture.brackets.result import MergedBracket, MergeResult
+from relume.capture.brackets.settings import MergeSettings
 from relume.capture.clipping_report import Extent
-from relume.capture.measurement import Measured, Measurement, MergeSettings
 from relume.capture.response.calibration import Calibration
 from relume.image import files
 from relume.report import capture_plots, plots
@@ -19,44 +19,41 @@ GRID = (6, 8)
 
 
 def write_capture_report(
-    measurements: Sequence[Measurement], path: Path, *, treatment: MergeSettings = MergeSettings(), profile: str = ""
+    result: MergeResult, path: Path, *, settings: MergeSettings = MergeSettings(), profile: str = ""
 ) -> None:
     """Write one page: doubts, exposures, radiance, false colour, response, noise, alignment, ghosts, what was clipped.
 
-    measurements : one for each camera
-    treatment : what they were made with; it tells what was switched off and what of the lens was not undone
+    settings : what the result was made with; the page lists what was switched off and what of the lens was not undone
     profile : the name of the one that was given
     Raises OutputNotWritten.
     """
-    parts = ["<h1>relume merge</h1>"]
-    for measurement in measurements:
-        parts += [note(line) for line in measurement.objections()]
-        parts += [note(line) for line in measurement.warnings]
-        for measured in measurement.measured:
-            parts += _bracket(measured, _summary(measured, measurement, treatment, profile))
-        if measurement.calibration is not None:
-            parts += [heading("The camera's response"), _response(measurement.calibration)]
-        rows = [(step, f"{seconds:.2f} s") for step, seconds in measurement.seconds.items()]
-        parts += [heading("Timings"), table(rows)]
+    parts = ["<h1>relume merge</h1>", *map(note, result.warnings), *map(note, result.messages)]
+    for camera in result.cameras.values():
+        for bracket in (each for each in result.brackets if each.camera == camera.name):
+            parts += _bracket(bracket, _summary(bracket, result, settings, profile))
+        if camera.calibration is not None:
+            parts += [heading("The camera's response"), _response(camera.calibration)]
+    rows = [(step, f"{seconds:.2f} s") for step, seconds in result.seconds.items()]
+    parts += [heading("Timings"), table(rows)]
     files.write_text(path, page("relume merge", parts))
 
 
-def _bracket(measured: Measured, summary: str) -> list[str]:
-    picture = measured.picture
+def _bracket(bracket: MergedBracket, summary: str) -> list[str]:
+    picture = bracket.picture
     parts = [
-        heading(_title(measured)),
+        heading(_title(bracket)),
         summary,
-        *(note(doubt.line) for doubt in measured.doubts if not doubt.degraded),
-        _pictures(measured),
+        *(note(doubt.line) for doubt in bracket.doubts if not doubt.degraded),
+        _pictures(bracket),
         figure(
             capture_plots.false_colour(picture),
-            f"Luminance in false colour: {measured.extent.orders:.1f} orders of magnitude between the darkest "
+            f"Luminance in false colour: {bracket.extent.orders:.1f} orders of magnitude between the darkest "
             "thousandth and the brightest ten-thousandth.",
         ),
         heading("Exposures"),
-        _exposures(measured),
+        _exposures(bracket),
         heading("What no photograph measured"),
-        _clipped(measured),
+        _clipped(bracket),
     ]
     if picture.variance is not None:
         parts += [
@@ -66,27 +63,27 @@ def _bracket(measured: Measured, summary: str) -> list[str]:
                 "Standard error of the radiance. White: measured by no photograph.",
             ),
         ]
-    return parts + _alignment(measured) + _ghosts(measured)
+    return parts + _alignment(bracket) + _ghosts(bracket)
 
 
-def _title(measured: Measured) -> str:
-    names = [Path(frame.name).name for frame in measured.frames]
+def _title(bracket: MergedBracket) -> str:
+    names = [Path(frame.name).name for frame in bracket.frames]
     return names[0] if len(names) == 1 else f"{names[0]} … {names[-1]}"
 
 
-def _summary(measured: Measured, measurement: Measurement, treatment: MergeSettings, profile: str) -> str:
+def _summary(bracket: MergedBracket, result: MergeResult, settings: MergeSettings, profile: str) -> str:
     """What it is and what was done, and of which nothing was measured."""
-    found, (width, height) = measured.extent, measured.picture.size
-    scale, balance = measured.scale, measured.balance
+    found, (width, height) = bracket.extent, bracket.picture.size
+    scale, balance = bracket.scale, bracket.balance
     rows = [
-        ("camera", measurement.camera or "unknown"),
-        ("photographs", f"{len(measured.frames)} of {width} × {height} pixels"),
-        ("unit", in_words(measured.picture.unit)),
+        ("camera", bracket.camera or "unknown"),
+        ("photographs", f"{len(bracket.frames)} of {width} × {height} pixels"),
+        ("unit", in_words(bracket.picture.unit)),
         ("scale", "none; radiance is relative" if scale is None else str(scale)),
         ("balance", "the camera's own" if balance is None else f"channels multiplied by {triple(balance.gains)}"),
-        ("response", _origin(measurement, profile)),
-        ("switched off", ", ".join(_switched_off(measured, measurement, treatment)) or "nothing"),
-        ("left in, for not measured", ", ".join(_unmeasured(treatment)) or "nothing"),
+        ("response", _origin(bracket, result, profile)),
+        ("switched off", ", ".join(_switched_off(bracket, result, settings)) or "nothing"),
+        ("left in, for not measured", ", ".join(_unmeasured(settings)) or "nothing"),
         (
             "measured by no photograph",
             f"saturated {percent(found.saturated, found.pixels)}, black {percent(found.black, found.pixels)}, "
@@ -96,49 +93,51 @@ def _summary(measured: Measured, measurement: Measurement, treatment: MergeSetti
     return table(rows)
 
 
-def _origin(measurement: Measurement, profile: str) -> str:
-    if measurement.response is None:
+def _origin(bracket: MergedBracket, result: MergeResult, profile: str) -> str:
+    camera = result.cameras[bracket.camera]
+    if camera.response is None:
         return "none needed: camera raws are linear" + (f"; sensor given by {profile}" if profile else "")
-    if measurement.calibration is None:
+    if camera.calibration is None:
         return f"given by {profile}" if profile else "given"
-    return f"recovered from {counted(len(measurement.measured), 'bracket')}"
+    count = sum(each.camera == bracket.camera for each in result.brackets)
+    return f"recovered from {counted(count, 'bracket')}"
 
 
-def _switched_off(measured: Measured, measurement: Measurement, treatment: MergeSettings) -> list[str]:
-    if measurement.response is None:
+def _switched_off(bracket: MergedBracket, result: MergeResult, settings: MergeSettings) -> list[str]:
+    if result.cameras[bracket.camera].response is None:
         return ["alignment and deghosting: camera raws are merged as they lie"]
-    off = [] if treatment.aligned else ["alignment"]
-    return off if treatment.consistency is not None else [*off, "deghosting"]
+    off = [] if settings.align else ["alignment"]
+    return off if settings.deghost else [*off, "deghosting"]
 
 
-def _unmeasured(treatment: MergeSettings) -> list[str]:
+def _unmeasured(settings: MergeSettings) -> list[str]:
     """What the lens does that nothing told of."""
-    known = {"vignetting": bool(treatment.vignetting), "glare": treatment.glare is not None}
+    known = {"vignetting": bool(settings.vignetting), "glare": settings.glare is not None}
     return [name for name, is_known in known.items() if not is_known]
 
 
-def _pictures(measured: Measured) -> str:
-    light = measured.picture.radiance
+def _pictures(bracket: MergedBracket) -> str:
+    light = bracket.picture.radiance
     seen = light[light > 0]
     whites = np.percentile(seen, (75, 98, 99.95)) if seen.size else np.ones(3)
     words = ("dark places", "as a photograph", "lights")
     return side_by_side(
         [
-            figure(plots.exposed(light, float(w)), f"{word}: {w:.3g} {in_words(measured.picture.unit)} is white")
+            figure(plots.exposed(light, float(w)), f"{word}: {w:.3g} {in_words(bracket.picture.unit)} is white")
             for w, word in zip(whites, words, strict=True)
         ]
     )
 
 
-def _exposures(measured: Measured) -> str:
-    found = {name: f"{stops:+.3f} ± {error:.3f}" for name, (stops, error) in measured.corrections.items()}
+def _exposures(bracket: MergedBracket) -> str:
+    found = {name: f"{stops:+.3f} ± {error:.3f}" for name, (stops, error) in bracket.corrections.items()}
     motions, shares = {}, {}
-    if measured.aligned is not None:
-        for photograph, motion in zip(measured.aligned.bracket.photographs, measured.aligned.motions, strict=True):
+    if bracket.aligned is not None:
+        for photograph, motion in zip(bracket.aligned.bracket.photographs, bracket.aligned.motions, strict=True):
             motions[photograph.name] = f"{motion.dx:+.2f}, {motion.dy:+.2f} px, {np.degrees(motion.angle):+.3f}°"
-    if measured.deghosted is not None:
-        names = [p.name for p in measured.deghosted.bracket.photographs]
-        shares = {name: f"{100 * s:.2g} %" for name, s in zip(names, measured.deghosted.shares, strict=True)}
+    if bracket.deghosted is not None:
+        names = [p.name for p in bracket.deghosted.bracket.photographs]
+        shares = {name: f"{100 * s:.2g} %" for name, s in zip(names, bracket.deghosted.shares, strict=True)}
     rows = [
         (
             Path(frame.name).name,
@@ -151,7 +150,7 @@ def _exposures(measured: Measured) -> str:
             motions.get(frame.name, "–"),
             shares.get(frame.name, "–"),
         )
-        for frame in measured.frames
+        for frame in bracket.frames
     ]
     head = ("photograph", "time used", "aperture", "ISO", "stops", "told by", "corrected by", "moved by", "ghosts")
     return table(rows, head=head)
@@ -180,13 +179,13 @@ def percent(part: int, whole: int) -> str:
     return f"{share:.2g} %" if part == 0 or share >= 0.01 else "below 0.01 %"
 
 
-def _clipped(measured: Measured) -> str:
-    found = measured.extent
+def _clipped(bracket: MergedBracket) -> str:
+    found = bracket.extent
     if found.saturated == found.black == found.outside == 0:
         return paragraph("Nothing: every pixel was measured by at least one photograph.")
-    rows = clipped_facts(found, measured.picture.unit)
+    rows = clipped_facts(found, bracket.picture.unit)
     return figure(
-        capture_plots.clipped_marks(measured.picture),
+        capture_plots.clipped_marks(bracket.picture),
         f"Red: saturated in every photograph, a lower bound ({percent(found.saturated, found.pixels)}). Blue: black in "
         f"every one, an upper bound ({percent(found.black, found.pixels)}). Green: outside "
         f"({percent(found.outside, found.pixels)}).",
@@ -221,13 +220,13 @@ def _response(calibration: Calibration) -> str:
     return figure(plots.response_plot(calibration), words + " (red, green, blue).")
 
 
-def _alignment(measured: Measured) -> list[str]:
-    aligned = measured.aligned
+def _alignment(bracket: MergedBracket) -> list[str]:
+    aligned = bracket.aligned
     if aligned is None or len(aligned.motions) == 1:
         return []
     if not aligned.moved:
         return [heading("Alignment"), paragraph("All photographs lay on one another; none was moved.")]
-    height, width = measured.picture.radiance.shape[:2]
+    height, width = bracket.picture.radiance.shape[:2]
     y, x = np.meshgrid(*((np.arange(n) + 0.5) / n for n in GRID), indexing="ij")
     places = np.stack([(x - 0.5) * width, (y - 0.5) * height], axis=-1)
     fields = [
@@ -239,14 +238,14 @@ def _alignment(measured: Measured) -> list[str]:
     return [
         heading("Alignment"),
         figure(
-            capture_plots.arrows(measured.picture.radiance, fields),
+            capture_plots.arrows(bracket.picture.radiance, fields),
             f"From where a point is in {reference} to where each photograph shows it.",
         ),
     ]
 
 
-def _ghosts(measured: Measured) -> list[str]:
-    found = measured.deghosted
+def _ghosts(bracket: MergedBracket) -> list[str]:
+    found = bracket.deghosted
     if found is None:
         return []
     if not found.ghosts.any():
@@ -256,7 +255,7 @@ def _ghosts(measured: Measured) -> list[str]:
     return [
         heading("Ghosts"),
         figure(
-            capture_plots.marked(measured.picture.radiance, marks),
+            capture_plots.marked(bracket.picture.radiance, marks),
             f"Where something moved, {share:.2g} % of the picture: there the radiance is that of the photographs which "
             "agree, not of all.",
         ),

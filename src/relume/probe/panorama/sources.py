@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from relume.capture.brackets.merging import merge_brackets
 from relume.capture.exposure.bracket import read_bracket, require_told
 from relume.capture.exposure.folder import pictures_in
-from relume.capture.measurement import measure
 from relume.errors import UnreadableFile
 from relume.image import files
 from relume.image.files.signatures import kind_of
@@ -55,9 +55,9 @@ def read_sources(paths: Sequence[Path], *, response: Response | None = None) -> 
         brackets = [read_bracket(group) for group in groups]
         if len(brackets) > 1:
             require_told(brackets)
-        found = measure(brackets, response=response).measured
-        for folder, bracket, measured in zip(folders, brackets, found, strict=True):
-            of_folders[folder] = Source(measured.picture, bracket.focal_length, folder.name)
+        merged = merge_brackets(brackets, profile=response)
+        for folder, bracket in zip(folders, merged.brackets, strict=True):
+            of_folders[folder] = Source(bracket.picture, bracket.focal_length, folder.name)
     sources = []
     for path in paths:
         if path in of_folders:

@@ -1,0 +1,134 @@
+"""The steps from camera raws of one camera to radiance maps: exposures and noise, check, merge, lens."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from relume.capture.alignment.alignment import align
+from relume.capture.brackets.lens_steps import LensSteps, Steps
+from relume.capture.brackets.result import MergedBracket, MergedCamera
+from relume.capture.brackets.settings import MergeSettings
+from relume.capture.clipping_report import extent
+from relume.capture.exposure.bracket import Bracket
+from relume.capture.exposure.consistency import Doubt, check
+from relume.capture.ghosts.deghosting import deghost
+from relume.capture.raw.merging import RawCalibration, RawSource, calibrate_raw, merge_raw, opened
+from relume.capture.raw.sensor import Sensor
+from relume.image.photograph import Photograph
+from relume.image.raw import RawPhotograph
+from relume.image.response import Response
+
+PREVIEW = 1600
+"""Pixels, about, of a preview's longer side: enough to see a shift of half a pixel of the raw."""
+LEVELS = 65536
+MOVED = 0.5
+"""Pixels of the raw by which a frame may lie off before it is doubted: sharp detail is smeared from there on."""
+
+
+def merge_raws(
+    brackets: Sequence[Sequence[RawSource]],
+    times: Sequence[float] | None,
+    sensor: Sensor | None,
+    settings: MergeSettings,
+    steps: Steps,
+) -> tuple[list[MergedBracket], MergedCamera]:
+    """Radiance maps of the raw brackets of one camera, merged photosite by photosite, on one scale.
+
+    times : exposure time of each raw in seconds, bracket after bracket, in place of the whole EXIF exposure
+    sensor : of the camera, where it was measured before; see `calibrate_raw`
+
+    Frames that moved against each other, and things that moved in them, are found in small pictures of them and
+    become doubts. The ratios of the exposures are always measured from the pixels: without a curve to recover,
+    nothing else could explain the differences. Raises UnreadableFile, NotABracket; warns.
+    """
+    response, begin = _linear(), 0
+    lens, merged, sensors = LensSteps(settings, steps), [], []
+    for sources in brackets:
+        with steps.step("exposures and noise"):
+            own = None if times is None else times[begin : begin + len(sources)]
+            known = calibrate_raw(sources, times=own, sensor=sensor)
+        begin += len(sources)
+        with steps.step("check"):
+            bracket, shrunk = _previews(sources, known)
+            doubts = (*check(bracket, response), *_movement(bracket, response, shrunk))
+        with steps.step("merge"):
+            picture = merge_raw(sources, calibration=known)
+        picture, balance, scale = lens.applied(picture, bracket, known.exposures, known)
+        focal_length = settings.focal_length or bracket.focal_length
+        merged.append(MergedBracket(
+            picture, bracket.name, bracket.photographs[0].camera, bracket.exposure_table, doubts, None, None,
+            extent(picture, focal_length=focal_length), focal_length, scale, balance, known.corrections(),
+        ))  # fmt: skip
+        sensors.append(known.sensor)
+    with_noise = [one for one in sensors if one.noise is not None] or sensors
+    return merged, MergedCamera(merged[0].camera, None, None, with_noise[0])
+
+
+def _previews(photographs: Sequence[RawSource], known: RawCalibration) -> tuple[Bracket, int]:
+    """Small linear pictures of the raws, their focal length the raws' own, and how many raw pixels theirs are wide."""
+    frames, shrunk = [], 2
+    for raw, factor, exposure in zip(opened(photographs), known.factors, known.exposures, strict=True):
+        shrunk = 2 * max(1, max(raw.size) // (2 * PREVIEW))
+        told = replace(exposure, seconds=exposure.seconds * float(factor) / exposure.factor)
+        frames.append(replace(preview(raw, shrunk, known.saturation), exposure=told, focal_length=raw.focal_length))
+    return Bracket(tuple(frames)), shrunk
+
+
+def preview(raw: RawPhotograph, shrunk: int, saturation: float = 1.0) -> Photograph:
+    """The raw as a small linear picture of 16 bits in camera colours, black at 0 and saturation at 65535.
+
+    shrunk : even; raw pixels along the side of one of its pixels. One that holds a saturated photosite is saturated
+    saturation : as in `RawCalibration`; as white is written in the file unless given
+    """
+    width, height = (side // shrunk * shrunk for side in raw.size)
+    pixels = np.empty((height // shrunk, width // shrunk, 3), np.uint16)
+    for channel in range(3):
+        planes, saturated = [], []
+        for row, column in zip(*np.nonzero(raw.pattern == channel), strict=True):
+            sites = raw.mosaic[row:height:2, column:width:2]
+            blocks = sites.reshape(height // shrunk, shrunk // 2, width // shrunk, shrunk // 2)
+            black = raw.black[row, column]
+            planes.append((blocks.mean((1, 3), dtype=np.float32) - black) / (raw.white - black))
+            saturated.append(blocks.max((1, 3)) > black + saturation * (raw.white - black) - 0.5)
+        mean = np.where(np.any(saturated, axis=0), 1.0, np.mean(planes, axis=0))
+        pixels[..., channel] = np.rint(np.clip(mean, 0, 1) * (LEVELS - 1))
+    focal_length = raw.focal_length and raw.focal_length / shrunk
+    return Photograph(pixels, raw.name, raw.exposure, raw.camera, focal_length, settings=raw.settings)
+
+
+def _linear() -> Response:
+    """Values as they are; a preview's noise is small beside 1 % of its value."""
+    values = np.arange(LEVELS) + 0.5
+    return Response(np.tile(np.log(values / LEVELS), (3, 1)), np.tile(8 + 0.01 * values, (3, 1)))
+
+
+def _movement(bracket: Bracket, response: Response, shrunk: int) -> list[Doubt]:
+    if len(bracket.photographs) == 1:
+        return []
+    aligned = align(bracket)
+    doubts = []
+    for photograph, motion in zip(aligned.bracket.photographs, aligned.motions, strict=True):
+        moved = motion.displacement(photograph.size) * shrunk
+        if moved > MOVED:
+            doubts.append(
+                Doubt(
+                    photograph.name,
+                    f"lies {moved:.1f} pixels off the others, and raws are merged as they lie",
+                    "develop the raws to 16-bit TIFF with a known curve and merge those, or photograph from a tripod",
+                    True,
+                )
+            )
+    share = float(deghost(aligned.bracket, response).ghosts.mean())
+    if share > 1e-3:
+        doubts.append(
+            Doubt(
+                bracket.name,
+                f"something moved in {100 * share:.2g} % of the picture, and raws are merged without taking it out",
+                "develop the raws to 16-bit TIFF with a known curve and merge those, or leave out the frames it is in",
+                True,
+            )
+        )
+    return doubts
