@@ -9,6 +9,7 @@ import numpy as np
 import PIL
 import pytest
 
+import naive_logluv
 from relume.image.files import read_radiance as read
 from relume.image.files import write
 from relume.image.files.encodings import LogLuv
@@ -101,7 +102,7 @@ def test_libtiff_has_the_same_cells(tmp_path):
     stored = b"".join((768 << 14 | code).to_bytes(3, "big") for code in range(2**14))
     path.write_bytes(path.read_bytes()[:8] + stored + path.read_bytes()[8 + len(stored) :])
     theirs = by_libtiff(path, 2**14, 1, 3)
-    u, v = logluv_codes.chromaticity(theirs[0].astype(np.float64))
+    u, v = naive_logluv.chromaticity(theirs[0].astype(np.float64))
     np.testing.assert_allclose(np.stack([u, v], axis=-1), logluv_codes.chromaticities(24), rtol=0, atol=2e-7)
 
 

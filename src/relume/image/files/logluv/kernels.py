@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from relume._kernel import exact_kernel
-from relume.image.files.logluv.gamut import CELL, LOWEST, NEUTRAL
+from relume.image.files.logluv.codes import CELL, LOWEST, NEUTRAL
 
 GRID = 410.0  # eq. 5
 _SIGN = 2**15
@@ -149,19 +149,6 @@ def paint(words: Any, luminances: Any, colours: Any, picture: Any) -> None:
             luminance, colour = luminances[word >> 16], word & mask
             for channel in range(3):
                 picture[row, column, channel] = luminance * colours[colour, channel]
-
-
-@exact_kernel
-def tone(words: Any, luminances: Any, colours: Any, picture: Any) -> None:
-    """As `paint`, rounded to 8 bits."""
-    mask = np.uint32(colours.shape[0] - 1)
-    half, white = np.float32(0.5), np.float32(255)
-    for row in range(picture.shape[0]):
-        for column in range(picture.shape[1]):
-            word = words[row, column]
-            luminance, colour = luminances[word >> 16], word & mask
-            for channel in range(3):
-                picture[row, column, channel] = min(luminance * colours[colour, channel] + half, white)
 
 
 @exact_kernel

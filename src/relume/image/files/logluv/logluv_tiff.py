@@ -20,7 +20,7 @@ from relume.image.files.logluv import blocks as logluv_blocks
 from relume.image.files.logluv import codes as logluv_codes
 from relume.image.files.logluv import runs as logluv_runs
 from relume.image.files.logluv.blocks import Blocks, blocks_of
-from relume.image.files.logluv.gamut import lines
+from relume.image.files.logluv.codes import lines
 from relume.image.files.metadata.attributes import warn_of_losses
 from relume.image.files.photographs.orientation import ORIENTATION, UPRIGHT
 from relume.image.files.read_options import ReadOptions

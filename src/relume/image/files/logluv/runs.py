@@ -14,7 +14,7 @@ import numpy as np
 
 from relume.errors import FormatError
 from relume.image.files.logluv.blocks import FORMAT, Blocks, span
-from relume.image.files.logluv.gamut import CODES
+from relume.image.files.logluv.codes import CODES
 from relume.image.files.read_options import OR_SALVAGE, ReadOptions
 
 _WORDS = 2**16  # of a piece of work: 256 KiB, which stay in a core's own cache
