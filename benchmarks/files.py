@@ -31,7 +31,7 @@ import numpy as np
 import relume as rl
 from relume.errors import RelumeError
 from relume.image import files
-from relume.image.files.encodings import PFM, Encoding, FloatTIFF, GainMap, LogLuv, OpenEXR, RadianceHDR, RawFloat
+from relume.image.files.encodings import PFM, Encoding, FloatTIFF, LogLuv, OpenEXR, RadianceHDR, RawFloat
 
 oiio: Any = None
 with suppress(ImportError):
@@ -81,7 +81,6 @@ FORMATS = (
         opencv_reads=True,
     ),
     Format("float TIFF, flat", "l.tif", FloatTIFF(compressed=False), oiio=("float", {"compression": "none"})),
-    Format("gain map", "m.jpg", GainMap(), "dull", oiio_reads=False),
 )
 
 

@@ -16,6 +16,7 @@ from relume.cli.info_lines import lines_of, number
 from relume.cli.reading_options import ReadingOptions
 from relume.image.files import write
 from relume.image.files.description import describe
+from relume.image.files.gain_map import gain_map
 from relume.image.files.ktx2 import write_cube
 from relume.image.files.read_options import ReadOptions
 from relume.image.photograph import Exposure, Photograph, Settings
@@ -122,14 +123,13 @@ def test_a_camera_raw_and_a_cube_are_told(shared: Path, tmp_path: Path, capsys: 
     assert lines["luminance"] == "0.5 to 0.5, mean 0.5" and "percentiles" not in lines
 
 
-def test_a_gain_map_is_told_without_its_light(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_gain_map_is_shown_without_its_light(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     ramp = np.geomspace(0.1, 3, 64 * 64, dtype=np.float32).reshape(64, 64, 1)
-    with pytest.warns(UserWarning, match="a gain map keeps"):
-        write(tmp_path / "a.jpg", RadianceMap(np.repeat(ramp, 3, axis=-1)))
+    gain_map.write_rendition(tmp_path / "a.jpg", np.repeat(ramp, 3, axis=-1), np.full((64, 64, 3), 200, np.uint8))
     assert main(["info", str(tmp_path / "a.jpg")]) == 0
     captured = capsys.readouterr()
-    told = next(line for line in captured.out.splitlines() if line.startswith("  gain map "))
-    assert re.fullmatch(r"  gain map +\d\.\d stops, .+", told) and captured.err == ""
+    line = next(line for line in captured.out.splitlines() if line.startswith("  gain map "))
+    assert re.fullmatch(r"  gain map +\d\.\d stops, .+", line) and "made for displays" in captured.err
 
 
 @pytest.mark.parametrize(

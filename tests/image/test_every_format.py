@@ -17,7 +17,6 @@ from relume.image.files.encodings import (
     PFM,
     Encoding,
     FloatTIFF,
-    GainMap,
     LogLuv,
     OpenEXR,
     RadianceHDR,
@@ -52,7 +51,6 @@ FORMATS = {
     "pfm big": Format("a.pfm", PFM(big_endian=True), 0.0, "PFM", unit=False, attributes=False),
     "float": Format("a.float", RawFloat(), 0.0, "raw float", unit=False, attributes=False),
     "float gz": Format("a.float.gz", RawFloat(big_endian=True), 0.0, "raw float", unit=False, attributes=False),
-    "gain map": Format("a.jpg", GainMap(quality=100), 0.1, "JPEG"),
 }
 EVERY = pytest.mark.parametrize("form", FORMATS.values(), ids=FORMATS.keys())
 

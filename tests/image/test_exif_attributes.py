@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
-from relume.image.files.metadata.exif import tags
-from relume.image.files.metadata.exif_attributes import attributes_of, encoded, told, typed
+from relume.image.files.metadata.exif_attributes import attributes_of, told, typed
 
 
 @pytest.mark.parametrize(
@@ -50,21 +48,6 @@ def test_a_tag_holds_what_it_can(name, text, value):
 )
 def test_values_mean_a_text_or_nothing(name, values, text):
     assert told(name, values) == text
-
-
-def test_exif_of_a_jpeg_comes_back_and_leaves_out_what_it_cannot_hold(tmp_path):
-    attributes = {"exposure_time": "0.25", "iso": "100", "camera": "M", "lens": "L", "view": "x", "owner": "Ü"}
-    attributes |= {"copyright": "© B", "latitude": "47.5", "longitude": "-0.000000001"}
-    left_out = {"comments": "a\0b", "software": "x" * 5000, "f_number": "many"}
-    exif = Image.Exif()
-    exif.load(encoded({**attributes, **left_out}))
-    folder = exif.get_ifd(0x8769)
-    assert (dict(exif)[0x0110], sorted(folder), folder[0x829A]) == ("M", [0x829A, 0x8827, 0xA434], 0.25)
-    assert exif[0x013B].encode("latin-1") == b"\xc3\x9c"  # UTF-8, which Pillow takes for Latin-1
-    Image.new("RGB", (8, 8)).save(tmp_path / "a.jpg", exif=encoded({**attributes, **left_out}))
-    told = attributes_of(tags(tmp_path / "a.jpg", "JPEG"))
-    assert told == {name: attributes[name] for name in attributes if name != "view"}
-    assert encoded({**left_out, "latitude": "91", "longitude": "east"}) == b""
 
 
 def test_senseless_values_of_others_are_left_out():

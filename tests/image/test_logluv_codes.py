@@ -82,7 +82,8 @@ def test_luminance_is_off_by_at_most_half_a_step_and_not_biased(scale, largest):
 
 
 def test_luminances_beyond_the_scale_are_0_below_and_past_its_codes_above():
-    assert luminance_codes(logluv_codes.SHORT, np.array([0.0, 2.0**-12, 2.0**-11.9, 15.999, 16.0, 1e9, -1.0])).tolist() == [
+    short = np.array([0.0, 2.0**-12, 2.0**-11.9, 15.999, 16.0, 1e9, -1.0])
+    assert luminance_codes(logluv_codes.SHORT, short).tolist() == [
         0, 0, 6, 1023, 1024, 1024, 0,
     ]  # fmt: skip
     assert luminance_codes(logluv_codes.LONG, np.array([1e-30, 1e30, -1.0, -1e-30])).tolist() == [

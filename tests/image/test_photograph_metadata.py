@@ -220,7 +220,7 @@ def test_a_limit_of_channels_is_heeded(tmp_path, suffix, mode):
     assert read_photograph(path, ReadOptions(channels=4)).size == (8, 8)
 
 
-@pytest.mark.parametrize("suffix", [".exr", ".tif", ".hdr", ".jpg"])
+@pytest.mark.parametrize("suffix", [".exr", ".tif", ".hdr"])
 def test_a_radiance_map_keeps_the_same_facts_by_the_same_names(tmp_path, suffix):
     attributes = {
         "camera": "NIKON D700",
@@ -233,13 +233,12 @@ def test_a_radiance_map_keeps_the_same_facts_by_the_same_names(tmp_path, suffix)
     }
     path = tmp_path / f"a{suffix}"
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message=".*(luminance|gain map|light)")
+        warnings.filterwarnings("ignore", message=".*luminance")
         write(path, RadianceMap(np.ones((16, 16, 3), np.float32), attributes=attributes))
     assert read_radiance(path).attributes == attributes
-    if suffix in (".tif", ".jpg"):
-        data = path.read_bytes()
+    if suffix == ".tif":
         exif = Image.Exif()
-        exif.load(data[data.index(b"Exif\0\0") :] if suffix == ".jpg" else data)
+        exif.load(path.read_bytes())
         place = exif.get_ifd(0x8825)
         assert (place[1], place[3], exif[0x8298].encode("latin-1").decode()) == ("S", "E", "© 2026")
     elif suffix == ".hdr":

@@ -53,8 +53,8 @@ def convert(
         Path,
         Parameter(
             alias="-o",
-            help="The file to write; its ending tells the format: .exr, .hdr, .tif, .pfm, .float, .float.gz or .jpg "
-            "(with a gain map) for radiance, .png, .tif or .jpg for a photograph. Faces become OUT_px, OUT_nx, ….",
+            help="The file to write; its ending tells the format: .exr, .hdr, .tif, .pfm, .float or .float.gz "
+            "for radiance, .png, .tif or .jpg for a photograph. Faces become OUT_px, OUT_nx, ….",
         ),
     ],
     from_: Annotated[

@@ -38,30 +38,23 @@ class FormatOptions:
         ),
     ] = False
     as_: Annotated[
-        Literal["xyze", "logluv32", "logluv24", "logl16", "grey", "gainmap"] | None,
+        Literal["xyze", "logluv32", "logluv24", "logl16", "grey"] | None,
         Parameter(
             name="--as",
             group=FORMAT,
             help="xyze: a .hdr in CIE XYZ. logluv32, logluv24, logl16: a .tif of log luminance. grey: a .pfm of one "
-            "channel. gainmap: a .jpg with its light, also of another such .jpg.",
+            "channel.",
         ),
     ] = None
     roi: Annotated[
         str | None, Parameter(group=FORMAT, help="Keep the rectangle X,Y,WIDTH,HEIGHT of the input, in pixels.")
     ] = None
-    tolerance: Annotated[
-        float | None,
-        Parameter(
-            group=FORMAT, help="Error of luminance, in percent, that a .jpg with a gain map may have; 5 unless given."
-        ),
-    ] = None
 
     def encoding(self, out: Path) -> Encoding | None:
         """How the output is written; None as its name says. Raises ValueError for options that do not fit it."""
-        from relume.image.files.encodings import PFM, GainMap, LogLuv, OpenEXR, RadianceHDR, suffix_of
+        from relume.image.files.encodings import PFM, LogLuv, OpenEXR, RadianceHDR, suffix_of
 
-        radiance, tiff, jpeg = (".hdr", ".pic", ".rgbe", ".xyze"), (".tif", ".tiff"), (".jpg", ".jpeg")
-        share = 0.05 if self.tolerance is None else self.tolerance / 100
+        radiance, tiff = (".hdr", ".pic", ".rgbe", ".xyze"), (".tif", ".tiff")
         choices: dict[str, tuple[bool, Callable[[], Encoding | None], tuple[str, ...]]] = {
             "--half": (self.half, lambda: OpenEXR(half=True), (".exr",)),
             "--float": (self.float_, lambda: None, FLOATS),
@@ -70,11 +63,9 @@ class FormatOptions:
             "--as logluv24": (self.as_ == "logluv24", lambda: LogLuv(24), tiff),
             "--as logl16": (self.as_ == "logl16", lambda: LogLuv(16), tiff),
             "--as grey": (self.as_ == "grey", lambda: PFM(grey=True), (".pfm",)),
-            "--as gainmap": (self.as_ == "gainmap", lambda: GainMap(tolerance=share), jpeg),
-            "--tolerance": (self.tolerance is not None, lambda: GainMap(tolerance=share), jpeg),
         }
         asked = {option: choice for option, choice in choices.items() if choice[0]}
-        if len(asked) > 1 and asked.keys() != {"--as gainmap", "--tolerance"}:
+        if len(asked) > 1:
             raise ValueError(f"{' and '.join(asked)} contradict each other; keep one")
         for option, (_, encoding, fits) in asked.items():
             if suffix_of(out) not in fits:
@@ -121,7 +112,7 @@ def change_format(
     as_photograph = suffix in PHOTOGRAPHS and encoding is None and not form.float_
     wants_light = files.has_radiance(path) and not (files.kind_of(path) == "JPEG" and as_photograph)
     if wants_light and suffix not in SUFFIXES:
-        raise ValueError(f"{path}: radiance, which {suffix} does not hold; develop it for a photograph")
+        raise ValueError(f"{path}: radiance, which {suffix} does not hold; make a picture of it with relume develop")
     if not wants_light and (stops or clamp or encoding is not None or form.float_):
         raise ValueError(f"{path}: a photograph; --exposure, --clamp, --float and formats of radiance are not for it")
     if dry_run:

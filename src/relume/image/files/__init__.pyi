@@ -4,7 +4,6 @@ from .atomic import write_text as write_text
 from .encodings import PFM as PFM
 from .encodings import Encoding as Encoding
 from .encodings import FloatTIFF as FloatTIFF
-from .encodings import GainMap as GainMap
 from .encodings import LogLuv as LogLuv
 from .encodings import OpenEXR as OpenEXR
 from .encodings import RadianceHDR as RadianceHDR

@@ -79,30 +79,7 @@ class RawFloat:
     big_endian: bool = False
 
 
-@dataclass(frozen=True)
-class GainMap:
-    """A JPEG that every program shows, with a gain map that makes it radiance again (Ultra HDR, ISO 21496-1).
-
-    quality : of the base picture, 1 to 100, and of the gain map where that is enough; 95 shows no blocks
-    exposure : stops that the base is brightened by, −100 to 100; None sets the mean of the logarithms to middle grey
-    tolerance : the largest error accepted, as a share of the luminance, in 99 of 100 pixels and in the sum of all
-        light; more is refused
-    """
-
-    quality: int = 95
-    exposure: float | None = None
-    tolerance: float = 0.05
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.quality, int) or not 1 <= self.quality <= 100:
-            raise ValueError(f"quality is {self.quality}; give a whole number, 1 to 100")
-        if self.exposure is not None and not abs(self.exposure) <= 100:
-            raise ValueError(f"exposure is {self.exposure}; give stops, -100 to 100, or None")
-        if not self.tolerance > 0:
-            raise ValueError(f"tolerance is {self.tolerance}; give a share above 0, like 0.05")
-
-
-Encoding = OpenEXR | RadianceHDR | FloatTIFF | LogLuv | PFM | RawFloat | GainMap
+Encoding = OpenEXR | RadianceHDR | FloatTIFF | LogLuv | PFM | RawFloat
 
 SUFFIXES: dict[str, Encoding] = {
     ".exr": OpenEXR(),
@@ -115,8 +92,6 @@ SUFFIXES: dict[str, Encoding] = {
     ".pfm": PFM(),
     ".float": RawFloat(),
     ".float.gz": RawFloat(),
-    ".jpg": GainMap(),
-    ".jpeg": GainMap(),
 }
 
 

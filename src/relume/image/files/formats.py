@@ -46,7 +46,6 @@ _WRITERS = {
     encodings.RawFloat: "raw_float",
     encodings.FloatTIFF: "tiff.float_tiff",
     encodings.LogLuv: "logluv.logluv_tiff",
-    encodings.GainMap: "gain_map.gain_map",
 }
 
 
@@ -145,7 +144,7 @@ def write(path: str | os.PathLike[str], image: RadianceMap | Photograph, encodin
     """Write an image, whole or not at all, in the format that `encoding` or else its suffix names.
 
     A radiance map goes to .exr (float32, everything kept), .hdr or .pic (RGBE, an error of up to 1/256 of a pixel's
-    largest channel), .tif (float32), .pfm, .float and .float.gz, or .jpg (with a gain map); see
+    largest channel), .tif (float32), .pfm, .float and .float.gz; see
     `relume.image.files.encodings` for what else there is, such as LogLuv. A photograph goes to .png or .tif (8 or 16
     bits) or .jpg (8 bits, quality 95, full colour resolution), with its EXIF. What the format does not keep is said in
     a warning.
@@ -157,8 +156,8 @@ def write(path: str | os.PathLike[str], image: RadianceMap | Photograph, encodin
         chosen = encoding or encodings.SUFFIXES.get(suffix)
         if chosen is None:
             raise ValueError(
-                f'{path} ends in "{suffix}"; a radiance map goes to .exr, .hdr, .tif, .pfm or .float: develop it for a '
-                "photograph"
+                f'{path} ends in "{suffix}"; a radiance map goes to .exr, .hdr, .tif, .pfm or .float; develop it for a '
+                "photograph, or for a JPEG with a gain map (relume develop --display gain-map)"
             )
         wanted = [ending for ending, known in encodings.SUFFIXES.items() if _home(known) == _home(chosen)]
         if suffix not in wanted:

@@ -1,4 +1,4 @@
-"""A gain map applied to its base picture: the arithmetic of reading, and of measuring what writing loses."""
+"""A gain map applied to its base picture: the arithmetic of reading."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def pictures(
 ) -> Pictures:
     """Decoded pictures with the meaning their ICC profiles give them; warns of a profile that is not understood."""
     profile = _profile(path, base_profile)
-    # The map's own profile tells its primaries where the gains are not for the base's (ISO 21496-1, 5.2.4).
+    # The map's own profile names its primaries where the gains are not for the base's (ISO 21496-1, 5.2.4).
     gains = profile if metadata.in_base_primaries or map_profile is None else _profile(path, map_profile)
     return Pictures(base, codes, profile.curves, profile.primaries, gains.primaries, metadata)
 
@@ -72,30 +72,6 @@ def bright(given: Pictures) -> np.ndarray:
 
     in_threads(work, height, chunk=_ROWS)
     return result
-
-
-def losses(given: Pictures, wanted: np.ndarray, scale: float) -> tuple[np.ndarray, float, float]:
-    """What a gain map loses of the picture it was made of.
-
-    wanted : (H, W, 3) float32, the picture; scale : that makes 1 of the base's white
-    returns : float32 |error of luminance| / luminance of the pixels that are not black; the error of all luminance
-        together, as a share of it; and the largest luminance that a black pixel gets, in `wanted`'s unit
-    """
-    height, width = given.base.shape[:2]
-    tables = _tables(given)
-
-    def work(begin: int, end: int) -> tuple[np.ndarray, float, float, float]:
-        rows = np.empty((end - begin, width, 3), np.float32)
-        _rows(given, tables, begin, end, rows)
-        found, true = luminance(rows) / np.float32(scale), luminance(wanted[begin:end])
-        seen = true > 0
-        with np.errstate(over="ignore"):  # light of 1e-40 may come back as any number of times as much
-            shares = np.minimum(np.abs(found[seen] / true[seen] - 1), np.finfo(np.float32).max)
-        return shares, float(found.sum(dtype=float)), float(true.sum(dtype=float)), float(found[~seen].max(initial=0))
-
-    parts = in_threads(work, height, chunk=_ROWS)
-    shares, found, true, dark = zip(*parts, strict=True)
-    return np.concatenate(shares), abs(sum(found) / sum(true) - 1) if sum(true) else 0.0, max(dark)
 
 
 def luminance(pixels: np.ndarray) -> np.ndarray:

@@ -1,8 +1,11 @@
 """JPEGs with a gain map: an ordinary picture that every program shows, and beside it what makes it radiance.
 
-Ultra HDR 1.1 (parameters in XMP) and ISO 21496-1 (a binary block), read and written. Files of others were graded for a
-display: their light is read at full strength, relative to the base's white, and marked as `rendition: display`. Files
-written here carry the factor that their radiance was multiplied by, and give it back.
+Ultra HDR 1.1 (parameters in XMP) and ISO 21496-1 (a binary block), read and written. They are graded for a display:
+their light is read at full strength, relative to the base's white, and marked as `rendition: display`. Files in which
+relume once wrote radiance carry the factor that it was multiplied by, and give it back.
+
+libultrahdr 1.4 (imagecodecs) reads a phone's file alike (99 of 100 pixels within 2 %), and refuses one of Adobe's,
+whose base has no hdrgm:Version; so the reader is our own.
 """
 
 from __future__ import annotations
@@ -15,12 +18,10 @@ import numpy as np
 
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files.atomic import replacing
-from relume.image.files.encodings import GainMap
 from relume.image.files.gain_map import layout as gain_map_layout
 from relume.image.files.gain_map.hdrgm_xmp import LARGEST_SCALE, SCALE, UNIT
 from relume.image.files.gain_map.layout import Layout
 from relume.image.files.metadata import xmp
-from relume.image.files.metadata.attributes import warn_of_losses
 from relume.image.files.photographs import jpeg_segments
 from relume.image.files.read_options import ReadOptions, refuse_absurd_amount, refuse_absurd_size
 from relume.image.files.signatures import one_line
@@ -52,8 +53,8 @@ def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) 
 def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RadianceMap:
     """The bright picture of a JPEG with a gain map, upright, in Rec. 709 primaries, 1 = the base's white.
 
-    Of a file written here it is the radiance that was written, in its unit. Warns of a file made for displays, of
-    other primaries, and of a profile that is not understood, which is taken for sRGB.
+    Of a file in which relume wrote radiance it is that, in its unit. Warns of a file made for displays, of other
+    primaries, and of a profile that is not understood, which is taken for sRGB.
     Raises UnreadableFile for a file without a gain map, damaged ones, and those whose base is the bright picture: that
     has a curve which 8 bits of sRGB are not.
     """
@@ -100,35 +101,12 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
     return RadianceMap(np.ascontiguousarray(upright), unit=unit, attributes=attributes)
 
 
-def write(path: str | os.PathLike[str], image: RadianceMap, encoding: GainMap = GainMap()) -> None:
-    """Write a JPEG with a gain map, and say in a warning how much luminance it loses.
-
-    The base is the picture at `encoding.exposure`, its highlights rolled off. Where `encoding.quality` loses more than
-    5 %, the gain map alone is written at 98 or 100. Black stays black but for the least step of gain; the
-    warning tells what it becomes. Other programs may stop at 10,000 cd/m² for a base white of 203 (libultrahdr does).
-    Attributes named "unit" and "gain_map_scale" are not kept: the file has its own.
-
-    Raises ValueError for negative, NaN and infinite pixels (counted), for a picture so bright or dark that its base is
-    more than 100 stops away, and where more than `encoding.tolerance` of the luminance is lost in more than one pixel
-    of a hundred or in all together; OutputNotWritten.
-    """
-    from relume.image.files.gain_map import encoding as gain_map_encoding
-
-    written = gain_map_encoding.encoded(path, image, encoding)
-    with replacing(path) as temporary:
-        temporary.write_bytes(written.file)
-    warn_of_losses(path, image, written.attributes)
-    warnings.warn(f"{path}: {written.losses}", stacklevel=3)
-
-
-def write_rendition(
-    path: str | os.PathLike[str], bright: np.ndarray, base: np.ndarray, quality: int = GainMap().quality
-) -> None:
+def write_rendition(path: str | os.PathLike[str], bright: np.ndarray, base: np.ndarray, quality: int = 95) -> None:
     """Write a JPEG of a picture made for displays, with a gain map from it to the same for brighter ones.
 
     bright : (H, W, 3) float32, linear Rec. 709, 1 = the base's white; base : (H, W, 3) uint8 sRGB
 
-    Warns where more than 5 % of the bright one's luminance is lost, in 1 pixel of 100 or in all light together.
+    Warns where more than 5 % of the bright one's luminance is lost in 1 pixel of 100.
     Raises ValueError for negative, NaN and infinite pixels (counted), OutputNotWritten.
     """
     from relume.image.files.gain_map import encoding as gain_map_encoding

@@ -12,7 +12,6 @@ import numpy as np
 
 from relume.image.files.metadata import gps
 from relume.image.files.metadata.attributes import EXIF
-from relume.image.files.tiff.writing import EXIF_FOLDER, Tags, exif_block
 
 ASCII, SHORT, RATIONAL = 2, 3, 5  # TIFF 6.0, section 2
 HEAD = b"Exif\0\0"
@@ -102,20 +101,3 @@ def _text(name: str, value: object) -> str:
         return told(name, [float(value)])  # pyright: ignore[reportArgumentType]
     except (TypeError, ValueError, ZeroDivisionError, OverflowError):
         return ""
-
-
-def encoded(attributes: Mapping[str, str]) -> bytes:
-    """EXIF of those attributes that it has a tag for and that it can hold; b"" where there are none."""
-    main: dict[int, tuple[int, list[float] | bytes] | Tags] = {}
-    folder: dict[int, tuple[int, list[float] | bytes]] = {}
-    for name, tag in EXIF.items():
-        text = attributes.get(name, "")
-        value = typed(name, text)
-        if value is not None and "\0" not in text and len(text) <= _MOST_TEXT:
-            (folder if is_of_exif(tag) else main)[tag] = value
-    if folder:
-        main[EXIF_FOLDER] = folder
-    if position := gps.tags_of(**gps.of_texts(attributes)):
-        main[gps.FOLDER] = position
-    block = exif_block(main)
-    return HEAD + block if block else b""
