@@ -5,98 +5,64 @@ Paths are relative to the file; angles are degrees, lengths as each key says. An
 
 from __future__ import annotations
 
+import inspect
 import os
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Union, get_type_hints
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, create_model
 
-from relume.errors import InvalidShot
-from relume.project.presets.optics import (
-    DefocusTable,
-    GeometryTable,
-    GlareTable,
-    MotionTable,
-    SoftFocusTable,
-    VignettingTable,
-)
-from relume.project.presets.tones import Step, ToneTable
+from relume.errors import InvalidShot, RelumeError
+from relume.project.presets.kinds import TABLES, Make
 from relume.project.schema import Positive, Table, checked, read_toml
-from relume.virtual_camera.tone.display.displays import HLG, PQ, Display, DisplayP3, HdrGainMap, Srgb
-from relume.virtual_camera.tone.metered import Metered
+from relume.virtual_camera.steps import Screen
 from relume.virtual_camera.view import FIELD_OF_VIEW
 from relume.virtual_camera.virtual_camera import VirtualCamera
 
 WHAT = "preset"
-HERE = Path(__file__).with_name("builtin")
-
-
-class DisplayTable(Step):
-    """What the picture is encoded for, and the numbers of that kind."""
-
-    kind: Literal["srgb", "p3", "pq", "hlg", "gain-map"] = "srgb"
-    bits: Literal[8, 16] | None = None
-    peak: Positive | None = None
-    white: Positive | None = None
-    headroom: Annotated[float, Field(gt=0, le=16)] | None = None
-    quality: Annotated[int, Field(ge=1, le=100)] | None = None
-
-    def made(self) -> Display:
-        """The display; raises ValueError naming a key that its kind does not have."""
-        kinds = {"srgb": Srgb, "p3": DisplayP3, "pq": PQ, "hlg": HLG, "gain-map": HdrGainMap}
-        try:
-            return kinds[self.kind](**self.given())
-        except TypeError:
-            known = set(kinds[self.kind].__dataclass_fields__)
-            odd = next(key for key in self.given() if key not in known)
-            raise ValueError(
-                f"display.{odd}: not of the kind {self.kind}, which has {', '.join(sorted(known))}"
-            ) from None
+BUILTIN = Path(__file__).with_name("builtin")
 
 
 class ViewTable(Table):
-    """Of the scene: the angle seen across, degrees; cd/m² per unit of a relative map; what is drawn at random."""
+    """Of the scene: the angle seen across, degrees; cd/m² per unit of a relative map; the seed of all randomness."""
 
-    field_of_view: Annotated[float, Field(gt=0, lt=180)] = float(round(FIELD_OF_VIEW * 57.29577951308232, 6))
+    field_of_view: Annotated[float, Field(gt=0, lt=180)] = round(float(np.degrees(FIELD_OF_VIEW)), 6)
     luminance: Positive | None = None
     seed: Annotated[int, Field(ge=0)] = 0
 
 
-class Preset(Table):
-    """A preset as it is read; `folder` is where its relative paths start."""
+class ScreenTable(Table):
+    """The display's luminances, cd/m²; what is left out is that of the operator's own screen."""
+
+    white: Positive | None = None
+    black: Positive | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Preset:
+    """A camera from a preset's tables.
+
+    title : a line on it
+    camera : the virtual camera
+    view : what the preset says of the scene
+    has_tone : whether it chooses a tone operator or a film, in place of plain exposure
+    """
 
     title: str = ""
-    exposure: Annotated[float, Field(ge=-100, le=100)] = 0.0
+    camera: VirtualCamera = VirtualCamera()
     view: ViewTable = ViewTable()
-    motion: MotionTable | None = None
-    defocus: DefocusTable | None = None
-    soft_focus: SoftFocusTable | None = None
-    glare: GlareTable | None = None
-    geometry: GeometryTable | None = None
-    vignetting: VignettingTable | None = None
-    tone: ToneTable | None = None
-    display: DisplayTable = DisplayTable()
-    folder: Path = Field(default=Path("."), exclude=True)
-
-    @property
-    def camera(self) -> VirtualCamera:
-        """The camera; reads the files that the preset names. Raises ValueError or a RelumeError in one line."""
-        return VirtualCamera(
-            motion=None if self.motion is None else self.motion.made(),
-            defocus=None if self.defocus is None else self.defocus.made(),
-            soft_focus=None if self.soft_focus is None else self.soft_focus.made(),
-            glare=None if self.glare is None else self.glare.made(self.folder),
-            geometry=None if self.geometry is None else self.geometry.made(),
-            vignetting=None if self.vignetting is None else self.vignetting.made(self.folder),
-            tone=Metered() if self.tone is None else self.tone.made(self.folder),
-            stops=self.exposure,
-            display=self.display.made(),
-        )
+    has_tone: bool = False
 
 
 def read_preset(path: str | os.PathLike[str]) -> Preset:
-    """A preset from its TOML file, or one that comes along by its name, like "night"; raises InvalidShot."""
+    """A preset from its TOML file, or a built-in one by its name, like "night".
+
+    Raises InvalidShot naming file and key, and errors of the files that the preset names.
+    """
     table, place = preset_table(path)
     return preset_of(table, place)
 
@@ -108,14 +74,14 @@ def preset_table(path: str | os.PathLike[str]) -> tuple[dict[str, Any], Path]:
 
 
 def preset_file(path: str | os.PathLike[str]) -> Path:
-    """The file itself, or that of the preset of that name which comes along; raises InvalidShot."""
+    """The file itself, or that of the built-in preset of that name; raises InvalidShot."""
     place = Path(path)
     if place.is_file() or place.suffix:
         return place
     names = builtin_presets()
     if str(path) not in names:
         raise InvalidShot(f"{path}: no such preset; give a .toml, or one of {', '.join(names)}")
-    return HERE / f"{path}.toml"
+    return BUILTIN / f"{path}.toml"
 
 
 def preset_of(table: Mapping[str, Any], place: Path = Path()) -> Preset:
@@ -123,11 +89,66 @@ def preset_of(table: Mapping[str, Any], place: Path = Path()) -> Preset:
 
     place : the file they are from, for messages and relative paths; none for those of the command line
     """
-    return checked(
-        Preset, {**table, "folder": place.parent}, place if place.name else Path("the options"), WHAT, InvalidShot
-    )
+    origin = place if place.name else Path("the options")
+    table = dict(table)
+    if isinstance(table.get("display"), dict):
+        table["display"] = {"kind": "srgb", **table["display"]}
+    read: Any = checked(_schema(), table, origin, WHAT, InvalidShot)
+    parts: dict[str, Any] = {}
+    for name, kinds in TABLES.items():
+        given = getattr(read, name)
+        if given is None:
+            continue
+        make = kinds[given.kind] if isinstance(kinds, Mapping) else kinds
+        try:
+            parts[name] = _made(make, given, place.parent)
+        except RelumeError:
+            raise
+        except ValueError as error:
+            raise InvalidShot(f"{origin}: {name}: {error}") from None
+    return Preset(read.title, VirtualCamera(**parts, stops=read.exposure), read.view, "tone" in parts)
 
 
 def builtin_presets() -> dict[str, str]:
-    """The presets that come along: name → what it is, in a line."""
-    return {each.stem: read_toml(each, WHAT, InvalidShot)["title"] for each in sorted(HERE.glob("*.toml"))}
+    """The built-in presets: name → what it is, in a line."""
+    return {each.stem: read_toml(each, WHAT, InvalidShot)["title"] for each in sorted(BUILTIN.glob("*.toml"))}
+
+
+@cache
+def _schema() -> type[Table]:
+    """The preset as a pydantic model: a model for each kind of each table, from what its maker is called with."""
+    tables: dict[str, Any] = {}
+    for name, kinds in TABLES.items():
+        if isinstance(kinds, Mapping):
+            models = [_model(make, kind) for kind, make in kinds.items()]
+            tables[name] = (Annotated[Union[tuple(models)], Field(discriminator="kind")] | None, None)  # noqa: UP007
+        else:
+            tables[name] = (_model(kinds) | None, None)
+    stops = Annotated[float, Field(ge=-100, le=100)]
+    return create_model(
+        "PresetTables", __base__=Table, title=(str, ""), exposure=(stops, 0.0), view=(ViewTable, ViewTable()), **tables
+    )
+
+
+def _model(make: Make, kind: str | None = None) -> type[Table]:
+    """A table with the arguments of a function, or the fields of a dataclass, as keys."""
+    hints = get_type_hints(make)
+    keys: dict[str, Any] = {} if kind is None else {"kind": (Literal[kind], ...)}
+    for name, argument in inspect.signature(make).parameters.items():
+        if name == "folder":
+            continue
+        if hints[name] is Screen:
+            keys[name] = (ScreenTable, ScreenTable())
+        else:
+            keys[name] = (hints[name], ... if argument.default is argument.empty else argument.default)
+    return create_model(kind or make.__name__, __base__=Table, **keys)
+
+
+def _made(make: Make, table: Table, folder: Path) -> Any:
+    """The value that a checked table stands for: only its own keys are given, the rest keeps its default."""
+    given = {key: getattr(table, key) for key in table.model_fields_set if key != "kind"}
+    parameters = inspect.signature(make).parameters
+    if isinstance(screen := given.get("screen"), ScreenTable):
+        changes = {key: getattr(screen, key) for key in screen.model_fields_set}
+        given["screen"] = replace(parameters["screen"].default, **changes)
+    return make(**given, **({"folder": folder} if "folder" in parameters else {}))
