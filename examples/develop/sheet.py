@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from relume.cli.develop_planes import read_depth
 from relume.image import files
 from relume.image.colour import luminance
 from relume.image.radiance import RadianceMap
 from relume.image.resizing import resized
+from relume.project.developing.depth_and_motion import read_depth
 from relume.project.presets.preset import preset_of, preset_table
 from relume.virtual_camera.developing import develop
 from relume.virtual_camera.tone.display.lettering import Words, lettered

@@ -42,9 +42,13 @@ from .light.suns.extraction import extract_sun as extract_sun
 from .probe.ball.blending import assemble as assemble
 from .probe.ball.unwrapping import unwrap_ball as unwrap_ball
 from .probe.panorama.stitching import mosaic as mosaic
+from .project.developing.develop_files import DevelopSettings as DevelopSettings
+from .project.developing.develop_files import develop_file as develop_file
+from .project.developing.develop_files import develop_sequence as develop_sequence
+from .project.developing.develop_files import undevelop_file as undevelop_file
 from .project.insertion.insert import insert as insert
 from .project.insertion.outcome import Inserted as Inserted
-from .project.presets.preset import read_preset as read_preset
+from .project.presets.preset import Preset as Preset
 from .project.scene_file.scene_file import SceneFile as SceneFile
 from .project.scene_file.scene_file import read_scene as read_scene
 from .project.shot_file.shot import Shot as Shot
@@ -58,6 +62,7 @@ from .renderers.renderer import render as render
 from .renderers.results import Render as Render
 from .renderers.whitted.whitted import Whitted as Whitted
 from .report.constellation_plot import draw_lights as draw_lights
+from .report.develop_report import write_develop_report as write_develop_report
 from .scene.cameras.camera import Camera as Camera
 from .scene.cameras.files import read_camera as read_camera
 from .scene.cameras.grid import camera_from_grid as camera_from_grid

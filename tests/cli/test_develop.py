@@ -11,11 +11,11 @@ from command_line import refused
 from moving_scenes import known_response
 from relume.capture.response.camera_profile import CameraProfile, write_profile
 from relume.cli import main
-from relume.cli.develop_planes import read_depth, read_motion
 from relume.errors import UnreadableFile
 from relume.image import files
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
+from relume.project.developing.depth_and_motion import read_depth, read_motion
 
 
 def window(path: Path, brightness: float = 40.0, unit: str = "relative") -> Path:
@@ -26,7 +26,7 @@ def window(path: Path, brightness: float = 40.0, unit: str = "relative") -> Path
     return path
 
 
-def told(capsys: pytest.CaptureFixture[str]) -> dict:
+def printed(capsys: pytest.CaptureFixture[str]) -> dict:
     return json.loads(capsys.readouterr().out)
 
 
@@ -44,7 +44,7 @@ def test_a_picture_with_everything_beside_it(tmp_path, capsys):
     ]
     words += ["--false-colour", str(tmp_path / "false.png"), "--report", str(tmp_path / "report.html"), "--json"]
     assert main(["develop", str(room), "-o", str(tmp_path / "out.png"), *words]) == 0
-    facts = told(capsys)
+    facts = printed(capsys)
     assert facts["tone"] == "Reinhard" and facts["white"] == 0
     picture = files.read_photograph(tmp_path / "out.png").pixels
     assert picture.shape == (32, 48, 3) and picture[10, 22].min() > picture[0, 0].max() > 0
@@ -58,11 +58,11 @@ def test_absolute_exposure_by_shutter_aperture_and_iso(tmp_path, capsys):
     # ISO 12232, standard output: 10 · 4² / (0.65 · 100 · 0.5) = 4.923 cd/m² make 118, of which 0.2 are 0.00736.
     words = ["--shutter", "1/2", "--aperture", "4", "--iso", "100", "--json"]
     assert main(["develop", str(room), "-o", str(tmp_path / "a.png"), *words]) == 0
-    assert told(capsys)["white"] == pytest.approx(64 / (32 * 48))
+    assert printed(capsys)["white"] == pytest.approx(64 / (32 * 48))
     pixels = files.read_photograph(tmp_path / "a.png").pixels
     assert pixels[0, 0, 0] == round(255 * (1.055 * 0.00736 ** (1 / 2.4) - 0.055)) == 21
     assert main(["develop", str(room), "-o", str(tmp_path / "b.png"), *words, "--exposure", "-1"]) == 0
-    assert told(capsys)["white"] == 0
+    assert printed(capsys)["white"] == 0
 
 
 def test_the_way_back(tmp_path, capsys):
@@ -90,15 +90,15 @@ def test_a_sequence_is_steadied_and_keeps_its_names(tmp_path, capsys):
     assert alone[0] == alone[1] == alone[2]
 
 
-def test_presets_can_be_told_and_used(tmp_path, capsys):
+def test_presets_can_be_listed_and_used(tmp_path, capsys):
     assert main(["develop", "--list-presets", "--json"]) == 0
-    assert "night" in told(capsys)
+    assert "night" in printed(capsys)
     assert main(["develop", "--show-preset", "night"]) == 0
     shown = capsys.readouterr().out
     assert shown.startswith("title = ") and '[glare]\nkind = "eye"' in shown
     room = window(tmp_path / "room.exr")
     assert main(["develop", str(room), "-o", str(tmp_path / "a.png"), "--preset", "slide", "--dry-run", "--json"]) == 0
-    assert told(capsys)["tone"] == "Darkroom" and not (tmp_path / "a.png").exists()
+    assert printed(capsys)["tone"] == "Darkroom" and not (tmp_path / "a.png").exists()
 
 
 @pytest.mark.parametrize(
@@ -107,7 +107,7 @@ def test_presets_can_be_told_and_used(tmp_path, capsys):
         (["--tone", "reinhard", "--film", "slide"], "--tone and --film"),
         (["--focus", "2"], "--focus needs --aperture"),
         (["--iso", "100"], "--iso is the sensitivity of --shutter"),
-        (["--move", "a"], r'--move: "a"; write 2 numbers'),
+        (["--move", "a"], r'--move.*"a" is not of the form DX,DY'),
         (["--set", "tone"], "expected KEY=VALUE"),
         (["--set", "tone.kind='reinhart'"], "tone.kind: got 'reinhart'"),
         (["--preset", "nothing"], "no such preset"),
@@ -116,8 +116,8 @@ def test_presets_can_be_told_and_used(tmp_path, capsys):
         (["--stops", "x", "--sheet", "sheet.png"], "--stops"),
         (["--display", "pq", "--dry-run"], r"a picture for PQ is written to .avif"),
         (["--match", "a.png", "--tone", "reinhard"], "--match is a whole camera"),
-        (["--shutter", "abc", "--aperture", "4"], '--shutter: "abc" is no exposure time'),
-        (["--tone", "histogram", "--set", "tone.kind='reinhard'"], "make the picture; leave one out"),
+        (["--shutter", "abc", "--aperture", "4"], '--shutter.*"abc" is not of the form SECONDS'),
+        (["--tone", "histogram", "--set", "tone.kind='reinhard'"], "choose the tone; leave one out"),
         (["--fps", "30"], "--fps is of a sequence"),
         (["--stops", "1,2"], "--stops are of --sheet"),
         (["--lens", "50"], "--lens is the focal length of --focus"),
@@ -127,7 +127,7 @@ def test_presets_can_be_told_and_used(tmp_path, capsys):
         (["--preset", "old-lens", "--glare", "lamp.exr"], f"{Path.cwd()}/lamp.exr: no such file"),
         (["--seconds", "1"], "--seconds is the exposure on --response"),
         (["--field-of-view", "200"], "field_of_view is 200°"),
-        (["--soft", "2"], "soft_focus.share"),
+        (["--soft", "2"], "soft_focus: the share is 2"),
     ],
 )
 def test_what_cannot_be_is_one_line_and_no_file(tmp_path, capsys, words, message):
@@ -242,7 +242,7 @@ def test_a_plates_camera_makes_its_greys(tmp_path, capsys):
         )
         == 0
     )
-    assert any(line.startswith("exposure: metered") for line in told(capsys)["matched"])
+    assert any(line.startswith("exposure: metered") for line in printed(capsys)["matched"])
     # Metered: the log mean becomes 118, whatever the plate showed.
     again = files.read_photograph(tmp_path / "a.png").pixels.astype(float)
     assert np.median(again) == pytest.approx(118, abs=6) and np.median(plate) != pytest.approx(118, abs=2)
@@ -255,8 +255,8 @@ def test_a_profiles_balance_and_scale_go_both_ways(tmp_path, capsys):
     files.write(tmp_path / "grey.png", Photograph(np.full((8, 8, 3), 128, np.uint8), "grey"))
     undone = ["develop", str(tmp_path / "grey.png"), "-o", str(tmp_path / "grey.exr"), "--undo"]
     assert main([*undone, "--response", str(tmp_path / "camera.json"), "--seconds", "0.01", "--json"]) == 0
-    facts = told(capsys)
-    assert facts["unit"] == "relative", "the photograph tells no f-number: the scale does not hold"
+    facts = printed(capsys)
+    assert facts["unit"] == "relative", "the photograph has no f-number: the scale does not hold"
     red, green, blue = files.read_radiance(tmp_path / "grey.exr").radiance[4, 4]
     curves = np.exp(response.log_exposure[:, 128])
     assert (red / green, blue / green) == pytest.approx(
@@ -287,11 +287,11 @@ def test_nothing_that_was_given_or_made_is_written_over(tmp_path, capsys):
     assert not (tmp_path / "seq").exists()
 
 
-def test_a_movie_tells_its_worst_frame(tmp_path, capsys):
+def test_a_movie_reports_its_worst_frame(tmp_path, capsys):
     frames = [str(window(tmp_path / f"f{index}.exr", brightness=level)) for index, level in enumerate((0.1, 40.0))]
     words = ["--set", "tone.kind='fixed'", "--json"]
     assert main(["develop", *frames, "-o", str(tmp_path / "m.mp4"), *words]) == 0
-    assert told(capsys)["white in the worst frame"] == pytest.approx(64 / (32 * 48))
+    assert printed(capsys)["white in the worst frame"] == pytest.approx(64 / (32 * 48))
     assert (tmp_path / "m.mp4").stat().st_size > 0
 
 
@@ -309,7 +309,7 @@ def developed(picture: Path, out: Path, *words: str) -> np.ndarray:
     return files.read_photograph(out).pixels.astype(int)
 
 
-def test_a_frame_that_cannot_be_read_tells_what_there_is(tmp_path, capsys):
+def test_a_frame_that_cannot_be_read_keeps_those_before_it(tmp_path, capsys):
     frames = [str(window(tmp_path / f"f{index}.exr")) for index in range(2)]
     (tmp_path / "f2.exr").write_bytes(b"no picture")
     words = ["develop", *frames, str(tmp_path / "f2.exr"), "-o", str(tmp_path / "seq")]

@@ -27,8 +27,8 @@ def test_a_preset_of_a_camera_exposes_by_its_settings_response_and_scale(tmp_pat
     response = known_response()
     profile = CameraProfile("Maker One", response, scale=100.0, scale_exposure=(True, True))
     write_profile(tmp_path / "camera.json", profile)
-    told = "kind = 'camera'\nseconds = 0.25\nf_number = 2\niso = 200\nresponse = 'camera.json'\n"
-    (tmp_path / "camera.toml").write_text("[tone]\n" + told, encoding="utf-8")
+    table = "kind = 'camera'\nseconds = 0.25\nf_number = 2\niso = 200\nresponse = 'camera.json'\n"
+    (tmp_path / "camera.toml").write_text("[tone]\n" + table, encoding="utf-8")
     # ¼ s at f/2 and ISO 200 expose by ⅛ per relative unit, and one is 100 cd/m².
     lit = np.exp(response.log_exposure[:, 128]) * 100 / 0.125
     files.write(tmp_path / "grey.exr", RadianceMap(np.full((20, 30, 3), lit, np.float32), unit="cd/m²"))
@@ -37,7 +37,7 @@ def test_a_preset_of_a_camera_exposes_by_its_settings_response_and_scale(tmp_pat
     assert np.abs(files.read_photograph(tmp_path / "a.png").pixels.astype(int) - 128).max() <= 1
 
 
-def test_what_a_response_saturates_is_told_as_white(tmp_path, capsys):
+def test_what_a_response_saturates_is_table_as_white(tmp_path, capsys):
     write_profile(tmp_path / "camera.json", CameraProfile("Maker One", known_response()))
     scene = np.full((20, 30, 3), 0.2, np.float32)
     scene[:5] = 1e4

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from relume.image import files
-from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
+from relume.project.developing.develop_files import DevelopedFile
 from relume.report import plots
-from relume.report.page import figure, heading, main_heading, note, page, paragraph, side_by_side, slide, table
+from relume.report.page import figure, heading, main_heading, page, paragraph, side_by_side, slide, table
 from relume.virtual_camera.developing import develop
 from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.tone.display.false_colour import false_colour
@@ -24,57 +24,46 @@ STOPS = (-6.0, -4.0, -2.0, 0.0, 2.0, 4.0)
 
 
 def write_develop_report(
-    path: Path,
-    scene: RadianceMap,
-    image: RadianceMap,
-    shown: Photograph,
-    view: View,
-    *,
-    facts: Mapping[str, object],
-    notes: Sequence[str] = (),
-    title: str = "relume develop",
+    path: Path, made: DevelopedFile, *, facts: Mapping[str, object] | None = None, title: str = "relume develop"
 ) -> None:
-    """Write one page that shows a developed picture beside what it was made from.
+    """Write one page that shows a developed picture beside the radiance it was made from.
 
-    scene : radiance before the lens
-    image : as the lens drew it
-    shown : the developed picture
-    Raises OutputNotWritten.
+    facts : for its table; those of `made` unless given
+    Raises OutputNotWritten, and ValueError for a dry run.
     """
+    scene, image, view = made.scene, made.image, made.view
     plain = develop(scene, VirtualCamera(), view)
-    before, after = plots.encoded(plain.pixels), plots.encoded(shown.pixels)
-    lens = [figure(after, "The picture.")]
+    before, after = plots.encoded(plain.pixels), plots.encoded(made.photograph().pixels)
+    pictures = [figure(before, "The scene, as a light meter exposes it."), figure(after, "The picture.")]
     if image is not scene:
         drawn = develop(image, VirtualCamera(), view)
-        lens.insert(0, figure(plots.encoded(drawn.pixels), "What the lens drew, plainly exposed."))
-    lens.insert(0, figure(before, "The scene, as a light meter exposes it."))
+        pictures.insert(1, figure(plots.encoded(drawn.pixels), "The light that the lens drew, plainly exposed."))
     parts = [
         main_heading(title),
-        *(note(line) for line in notes),
         slide(before, after, "The scene, plainly exposed, to the left of the handle; the picture to the right."),
         heading("Side by side"),
-        side_by_side(lens),
+        side_by_side(pictures),
         heading("At several exposures"),
-        figure(plots.encoded(_sheet(image)), "What the lens drew, stops from plain exposure."),
+        figure(plots.encoded(_stops(image)), "The light that the lens drew, in stops from plain exposure."),
         heading("How bright it is"),
         figure(plots.encoded(false_colour(image).pixels), f"Luminance, {image.unit}."),
         heading("How it was made"),
-        table([(key, _told(value)) for key, value in facts.items()]),
-        paragraph("All but the tone is done in linear light, in the order in which light meets it."),
+        table([("picture", made.name), *((key, _words(value)) for key, value in (facts or made.facts).items())]),
+        paragraph("Everything before the tone operator is done in linear light, in the order in which light meets it."),
     ]
     files.write_text(path, page(title, parts))
 
 
-def _sheet(image: RadianceMap) -> np.ndarray:
-    settled = VirtualCamera().tone_map(image, View(1.0)).gain
-    return stops_sheet(image, STOPS, Film(settled)).pixels
+def _stops(image: RadianceMap) -> np.ndarray:
+    gain = VirtualCamera().tone_map(image, View(1.0)).gain
+    return stops_sheet(image, STOPS, Film(gain)).pixels
 
 
-def _told(value: object) -> str:
+def _words(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.5g}"
     if isinstance(value, Mapping):
-        return ", ".join(f"{key} {_told(each)}" for key, each in value.items()) or "none"
+        return ", ".join(f"{key} {_words(each)}" for key, each in value.items()) or "none"
     if isinstance(value, list | tuple | np.ndarray):
-        return ", ".join(_told(each) for each in value) or "none"
+        return ", ".join(_words(each) for each in value) or "none"
     return "none" if value is None else str(value)

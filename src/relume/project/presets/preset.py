@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
@@ -24,6 +25,8 @@ from relume.virtual_camera.view import FIELD_OF_VIEW
 from relume.virtual_camera.virtual_camera import VirtualCamera
 
 WHAT = "preset"
+PATHS = ("tone.config", "tone.response", "glare.picture", "vignetting.profile")
+"""Keys that name files."""
 BUILTIN = Path(__file__).with_name("builtin")
 
 
@@ -57,20 +60,29 @@ class Preset:
     view: ViewTable = ViewTable()
     has_tone: bool = False
 
+    @staticmethod
+    def read(path: str | os.PathLike[str] | None, *changes: Mapping[str, Any] | str) -> Preset:
+        """A preset from its TOML file, or a built-in one by its name, like "night"; None starts from plain exposure.
 
-def read_preset(path: str | os.PathLike[str]) -> Preset:
-    """A preset from its TOML file, or a built-in one by its name, like "night".
+        changes : put above the file one after another: tables of a preset, whose paths start at the working folder when
+            they are absolute, or words like "tone.key=0.36". A table of another kind replaces the one in the file
 
-    Raises InvalidShot naming file and key, and errors of the files that the preset names.
-    """
-    table, place = preset_table(path)
-    return preset_of(table, place)
+        Raises InvalidShot naming file and key, and errors of the files that the preset names.
+        """
+        table = {} if path is None else read_toml(preset_file(path), WHAT, InvalidShot)
+        for change in changes:
+            _put_above(table, _setting(change) if isinstance(change, str) else change)
+        return preset_of(table, Path() if path is None else preset_file(path))
 
+    @staticmethod
+    def builtin() -> dict[str, str]:
+        """The built-in presets: name → what it is, in a line."""
+        return {each.stem: read_toml(each, WHAT, InvalidShot)["title"] for each in sorted(BUILTIN.glob("*.toml"))}
 
-def preset_table(path: str | os.PathLike[str]) -> tuple[dict[str, Any], Path]:
-    """A preset's tables, unchecked, and the file they are from."""
-    place = preset_file(path)
-    return read_toml(place, WHAT, InvalidShot), place
+    @staticmethod
+    def text(path: str | os.PathLike[str]) -> str:
+        """The TOML of a preset, to start one's own from; raises InvalidShot."""
+        return preset_file(path).read_text(encoding="utf-8")
 
 
 def preset_file(path: str | os.PathLike[str]) -> Path:
@@ -78,7 +90,7 @@ def preset_file(path: str | os.PathLike[str]) -> Path:
     place = Path(path)
     if place.is_file() or place.suffix:
         return place
-    names = builtin_presets()
+    names = Preset.builtin()
     if str(path) not in names:
         raise InvalidShot(f"{path}: no such preset; give a .toml, or one of {', '.join(names)}")
     return BUILTIN / f"{path}.toml"
@@ -109,9 +121,35 @@ def preset_of(table: Mapping[str, Any], place: Path = Path()) -> Preset:
     return Preset(read.title, VirtualCamera(**parts, stops=read.exposure), read.view, "tone" in parts)
 
 
-def builtin_presets() -> dict[str, str]:
-    """The built-in presets: name → what it is, in a line."""
-    return {each.stem: read_toml(each, WHAT, InvalidShot)["title"] for each in sorted(BUILTIN.glob("*.toml"))}
+def _put_above(table: dict[str, Any], given: Mapping[str, Any]) -> None:
+    """Put `given` above a table: a table of another kind replaces the one that is there, else keys are added."""
+    for key, value in given.items():
+        there = table.get(key)
+        both = isinstance(there, dict) and isinstance(value, Mapping)
+        if both and value.get("kind", there.get("kind")) == there.get("kind"):
+            _put_above(there, value)
+        else:
+            table[key] = value
+
+
+def _setting(text: str) -> dict[str, Any]:
+    """KEY=VALUE as tables; a value that is no TOML is a word, and a path starts at the working folder."""
+    key, equals, value = text.partition("=")
+    for written in (value, f'"{value}"'):
+        try:
+            table = tomllib.loads(f"{key} = {written}") if equals and key.strip() else {}
+        except tomllib.TOMLDecodeError:
+            continue
+        if key.strip() in PATHS:
+            ((part, inner),) = table.items()
+            table = {part: {name: _from_here(path) for name, path in inner.items()}}
+        if table:
+            return table
+    raise InvalidShot(f'"{text}": expected KEY=VALUE, like tone.key=0.36')
+
+
+def _from_here(path: Any) -> Any:
+    return str(Path(path).resolve()) if isinstance(path, str) and not path.startswith("ocio://") else path
 
 
 @cache

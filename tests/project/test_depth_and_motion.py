@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from command_line import refused
-from relume.cli.develop_planes import read_depth, read_motion
 from relume.errors import UnreadableFile
 from relume.image import files
 from relume.image.files.exr.parts import Part, write_parts
 from relume.image.radiance import RadianceMap
+from relume.project.developing.depth_and_motion import read_depth, read_motion
 
 RIGHT, DOWN = np.full((6, 9), 3.5, np.float32), np.full((6, 9), -2.0, np.float32)
 DEPTH = np.full((6, 9), 7.0, np.float32)

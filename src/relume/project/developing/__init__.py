@@ -1,0 +1,1 @@
+"""Developing files: pictures, sequences, and the way back, as `relume develop` does."""

@@ -1,0 +1,348 @@
+"""Developing files: `develop_file` for a picture, `develop_sequence` for frames, `undevelop_file` for the way back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import repeat
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from relume.capture.response.camera_profile import CameraProfile, read_profile
+from relume.errors import OutputNotWritten, UnreadableFile
+from relume.image import files
+from relume.image.files.read_options import ReadOptions
+from relume.image.photograph import Photograph
+from relume.image.radiance import BLACK, SATURATED, RadianceMap
+from relume.project.developing.depth_and_motion import Along, read_depth, read_motion
+from relume.project.presets.preset import Preset
+from relume.virtual_camera.film.film import Film
+from relume.virtual_camera.film.undeveloping import undevelop
+from relume.virtual_camera.lens.undoing import undo_optics
+from relume.virtual_camera.lens.vignetting import MeasuredVignetting
+from relume.virtual_camera.plate_matching.camera_profile import (
+    profiled_response,
+    profiled_scale,
+    profiled_vignetting,
+)
+from relume.virtual_camera.plate_matching.matched_film import Softness, matched_film
+from relume.virtual_camera.steps import Optics, Undoable
+from relume.virtual_camera.tone.display.clipping import Clipping
+from relume.virtual_camera.tone.display.displays import HLG, PQ, HdrGainMap, Srgb
+from relume.virtual_camera.tone.display.encoding import encoded_and_clipped
+from relume.virtual_camera.tone.display.stops import stops_sheet
+from relume.virtual_camera.tone.display.writing import require_suffix_for
+from relume.virtual_camera.tone.metered import Fixed, Metered
+from relume.virtual_camera.validation import sound
+from relume.virtual_camera.view import View
+from relume.virtual_camera.virtual_camera import IN_ORDER, ToneMapped, VirtualCamera
+
+Progress = Callable[[str, float], None]
+"""Called with the name of a stage and the share of it that is done."""
+Facts = dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class DevelopSettings:
+    """How files are developed.
+
+    preset : lens, film or tone operator, and display
+    field_of_view : horizontal, degrees; the preset's unless given
+    luminance : cd/m² per unit of a relative map; the preset's unless given
+    depth, depth_along : an EXR with a layer of metres, and what they are along; see `read_depth`
+    vectors : an EXR of motion in pixels; see `read_motion`
+    seed : of grain and needles; the preset's unless given
+    response : a camera's profile or response, in place of a tone operator
+    exposure : per unit of radiance on that response, seconds × ISO/100 / N²; metered unless given
+    match : a photograph whose camera it shall be: exposure, vignetting, sharpness, grain
+    reading : how files are read
+    repair : replace NaN and infinite radiance by the pixels around it, with a warning
+    frames_per_second, settling : of sequences; see `VirtualCamera.tone_map_frames`
+    """
+
+    preset: Preset = field(default_factory=Preset)
+    field_of_view: float | None = None
+    luminance: float | None = None
+    depth: Path | None = None
+    depth_along: Along | None = None
+    vectors: Path | None = None
+    seed: int | None = None
+    response: Path | None = None
+    exposure: float | None = None
+    match: Path | None = None
+    reading: ReadOptions = ReadOptions()
+    repair: bool = False
+    frames_per_second: float = 24.0
+    settling: float = 0.4
+
+    def view(self, picture: RadianceMap, camera: VirtualCamera) -> View:
+        """The view of a picture; raises ValueError for planes of another size, UnreadableFile."""
+        preset = self.preset.view
+        degrees = preset.field_of_view if self.field_of_view is None else self.field_of_view
+        # A preset knows nothing of the picture; what is in cd/m² needs no scale.
+        preset_scale = None if picture.unit == "cd/m²" else preset.luminance
+        focal_length = picture.size[0] / 2 / np.tan(np.radians(degrees) / 2) if 0 < degrees < 180 else 1.0
+        return camera.view(
+            picture,
+            field_of_view=float(np.radians(degrees)),
+            luminance_scale=preset_scale if self.luminance is None else self.luminance,
+            depth=None if self.depth is None else read_depth(self.depth, float(focal_length), self.depth_along),
+            motion=None if self.vectors is None else read_motion(self.vectors),
+            seed=preset.seed if self.seed is None else self.seed,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class DevelopedFile:
+    """What `develop_file` made, for sheets and reports beside the picture.
+
+    name : of the file that was read
+    scene : its radiance
+    image : the radiance that the lens drew on the sensor; `scene` itself without a lens
+    camera : the camera without its lens
+    view : the picture's lens, unit, depth and motion
+    tone_mapped : the picture before it was encoded; None of a dry run
+    facts : what was done, by name; lists, numbers and words
+    """
+
+    name: str
+    scene: RadianceMap
+    image: RadianceMap
+    camera: VirtualCamera
+    view: View
+    tone_mapped: ToneMapped | None
+    facts: Facts
+
+    def photograph(self) -> Photograph:
+        """The picture as an sRGB screen shows it, whatever display it was developed for."""
+        return replace(self._developed, display=Srgb()).photograph()
+
+    def stops_sheet(self, stops: Sequence[float] = (-4, -2, 0, 2, 4)) -> Photograph:
+        """A contact sheet of the picture at several stops, with the adaptation of the picture."""
+        camera, adaptation = replace(self.camera, display=Srgb()), self._developed.adaptation
+
+        def shown(radiance: np.ndarray) -> Photograph:
+            return camera.tone_map(RadianceMap(radiance), self.view, adaptation=adaptation).photograph()
+
+        return stops_sheet(self.image, stops, shown)
+
+    @property
+    def _developed(self) -> ToneMapped:
+        if self.tone_mapped is None:
+            raise ValueError(f"{self.name} was not developed: it was a dry run")
+        return self.tone_mapped
+
+
+def develop_file(
+    path: Path,
+    out: Path | None,
+    settings: DevelopSettings = DevelopSettings(),
+    *,
+    dry_run: bool = False,
+    progress: Progress = lambda stage, share: None,
+) -> DevelopedFile:
+    """Develop a file of radiance into a picture.
+
+    out : the picture; its suffix fits the display: .png, .jpg or .tif, .avif for PQ and HLG, .jpg for gain maps. None
+        writes nothing
+    dry_run : reads and checks everything, and develops and writes nothing
+
+    Raises ValueError, UnreadableFile, OutputNotWritten.
+    """
+    if out is not None:
+        require_suffix_for(out, settings.preset.camera.display)
+    # Read, and choose the camera.
+    progress("reading", 0.0)
+    scene = _read(path, settings)
+    camera, facts = _camera(settings, scene)
+    view = settings.view(scene, camera)
+    facts |= _camera_facts(camera, scene, view)
+    progress("reading", 1.0)
+    sensor = replace(camera, **dict.fromkeys(IN_ORDER))
+    if dry_run:
+        return DevelopedFile(path.name, scene, scene, sensor, view, None, {"would write": str(out), **facts})
+    # The lens once: what is written beside the picture is of the light that it drew.
+    progress("developing", 0.0)
+    image = replace(scene, radiance=camera.image(scene.radiance, view)) if camera.optics else scene
+    made = sensor.tone_map(image, view)
+    progress("developing", 1.0)
+    if made.gain != 1:
+        facts["display values per unit of radiance"] = made.gain
+    # Write, and count what came out white or black.
+    if out is not None:
+        clipping = made.write(out)
+        facts = {"written": str(out), **facts, "white": max(clipping.above), "black": max(clipping.below)}
+    return DevelopedFile(path.name, scene, image, sensor, view, made, facts)
+
+
+def develop_sequence(
+    paths: Sequence[Path],
+    out: Path,
+    settings: DevelopSettings = DevelopSettings(),
+    *,
+    dry_run: bool = False,
+    progress: Progress = lambda stage, share: None,
+) -> Facts:
+    """Develop files as the frames of a sequence, whose adaptation follows the light; returns facts by name.
+
+    out : a folder for pictures, named as the frames are, or an .mp4 (sRGB)
+    Raises ValueError, UnreadableFile, OutputNotWritten.
+    """
+    movie = out.suffix.lower() == ".mp4"
+    if settings.depth is not None or settings.vectors is not None:
+        raise ValueError("depth and vectors are of one picture; develop the frames of a sequence one by one")
+    # Read the first frame, and choose the camera of all by it.
+    display = settings.preset.camera.display
+    suffix = ".avif" if isinstance(display, PQ | HLG) else ".jpg" if isinstance(display, HdrGainMap) else ".png"
+    targets = [] if movie else _targets(paths, out, suffix)
+    first = _read(paths[0], settings)
+    camera, facts = _camera(settings, first)
+    if movie and camera.display != Srgb():
+        raise ValueError("an .mp4 is for sRGB screens; leave the display out, or write pictures into a folder")
+    if dry_run:
+        return {"would write": str(out), "frames": len(paths), **facts}
+
+    def each() -> Iterator[RadianceMap]:
+        for index, path in enumerate(paths):
+            progress("developing", index / len(paths))
+            yield _read(path, settings, lit=False)
+
+    # Develop and write frame after frame.
+    fps = settings.frames_per_second
+    views = repeat(settings.view(first, camera))
+    made = camera.tone_map_frames(each(), views, frames_per_second=fps, settling=settings.settling)
+    clippings: list[Clipping] = []
+    if movie:
+        from relume.image.files.video import Movie
+
+        with Movie(out, fps) as file:
+            for frame in made:
+                pixels, clipping = encoded_and_clipped(frame.values, frame.display, gain=frame.gain)
+                file.add(pixels)
+                clippings.append(clipping)
+    else:
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputNotWritten(f"{out}: cannot be made a folder ({error.strerror}); choose another") from None
+        for count, target in enumerate(targets):
+            try:
+                clippings.append(next(made).write(target))
+            except (ValueError, UnreadableFile) as error:
+                raise type(error)(f"{error}; {count} frames before it are in {out}") from None
+    progress("developing", 1.0)
+    return {
+        "written": str(out),
+        "frames": len(paths),
+        **facts,
+        "white in the worst frame": max(max(each.above) for each in clippings),
+        "black in the worst frame": max(max(each.below) for each in clippings),
+    }
+
+
+def undevelop_file(
+    path: Path, out: Path | None, settings: DevelopSettings = DevelopSettings(), *, dry_run: bool = False
+) -> Facts:
+    """Take a photograph's film and lens out of it again, and write its radiance; returns facts by name.
+
+    settings : its preset's lens is undone; exposure and response are the photograph's own unless given
+    Raises ValueError, UnreadableFile, OutputNotWritten.
+    """
+    if settings.match is not None:
+        raise ValueError("a photograph is undeveloped by its own camera; leave match out")
+    photograph = files.read_photograph(path, settings.reading)
+    film, unit, falloff, facts = _film_of(photograph, settings)
+    camera = replace(settings.preset.camera, tone=Fixed())
+    if falloff is not None and camera.vignetting is None:
+        camera = replace(camera, vignetting=falloff)
+        facts["vignetting"] = "the profile's, divided out"
+    facts["undone"] = [type(part).__name__ for part in reversed(camera.optics) if isinstance(part, Undoable)]
+    facts["exposure per unit of radiance"] = film.exposure
+    if dry_run or out is None:
+        return {"would write": str(out), **facts}
+    radiance = replace(undevelop(photograph, film), unit=unit)
+    radiance = undo_optics(radiance, camera.optics, settings.view(radiance, camera))
+    files.write(out, radiance)
+    flags = radiance.clipped
+    if flags is not None:
+        facts |= {"white": float(np.mean(flags == SATURATED)), "black": float(np.mean(flags == BLACK))}
+    return {"written": str(out), "unit": unit, **facts}
+
+
+def _read(path: Path, settings: DevelopSettings, *, lit: bool = True) -> RadianceMap:
+    return sound(files.read_radiance(path, settings.reading), repair=settings.repair, name=path.name, lit=lit)
+
+
+def _targets(paths: Sequence[Path], folder: Path, suffix: str) -> list[Path]:
+    """The file of each frame; raises ValueError where two would have one name, or one is an input."""
+    targets = [folder / f"{path.stem}{suffix}" for path in paths]
+    for index, target in enumerate(targets):
+        if any(target.exists() and target.samefile(path) for path in paths):
+            raise ValueError(f"{target}: the input itself; choose another folder, so that the original is kept")
+        if target in targets[:index]:
+            raise ValueError(f"{paths[index]}: another frame is called {target.name} too; rename one of them")
+    return targets
+
+
+def _camera(settings: DevelopSettings, picture: RadianceMap) -> tuple[VirtualCamera, Facts]:
+    """The preset's camera, or the real one that is asked for; facts on it.
+
+    Without an exposure the picture is metered as for plain exposure, whose white is the response's value 248 of 255.
+    """
+    camera, preset = settings.preset.camera, settings.preset
+    if settings.match is not None:
+        profile = None if settings.response is None else read_profile(settings.response)
+        match = matched_film(files.read_photograph(settings.match), picture, profile)
+        for part in match.optics:
+            camera = replace(camera, **{"soft_focus" if isinstance(part, Softness) else "vignetting": part})
+        return replace(camera, tone=match.film), {"matched": list(match.facts)}
+    if settings.response is None:
+        if settings.exposure is not None:
+            raise ValueError("an exposure needs a response; give the camera's response too, or leave the exposure out")
+        return camera, {}
+    if preset.has_tone:
+        raise ValueError("a response takes the place of tone, film and shutter; leave them and the preset's tone out")
+    curve = profiled_response(_profile(settings.response))
+    exposure = settings.exposure
+    if exposure is None:
+        gain = float(np.exp(Metered().adapted(picture.radiance, View(1.0)).values[0]))
+        exposure = gain * float(np.exp(curve.log_exposure[:, 248 * curve.levels // 256].mean()))
+    return replace(camera, tone=Film(exposure, curve)), {"exposure": exposure * 2.0**camera.stops}
+
+
+def _film_of(photograph: Photograph, settings: DevelopSettings) -> tuple[Film, str, Optics | None, Facts]:
+    """The film that a photograph was taken on, the unit of its radiance, the lens's vignetting, and their sources."""
+    exposure = photograph.exposure
+    factor = settings.exposure or (1.0 if exposure is None else exposure.factor)
+    source = "given" if settings.exposure else "1: the photograph has none" if exposure is None else "EXIF"
+    facts: Facts = {"exposure from": source, "response": "sRGB"}
+    if settings.response is None:
+        return Film(factor), "relative", None, facts
+    profile = _profile(settings.response)
+    response, vignetting = profiled_response(profile), profiled_vignetting(profile)
+    facts["response"] = settings.response.name
+    falloff = None if vignetting is None else MeasuredVignetting(vignetting)
+    scale = profiled_scale(profile, exposure)
+    if scale is None and profile.scale is not None:
+        facts["scale"] = "the profile's needs f-number and ISO as it was measured with; not used"
+    if scale is None or exposure is None or settings.exposure:
+        return Film(factor, response), "relative", falloff, facts
+    return Film.of(exposure, response, scale=scale), "cd/m²", falloff, facts
+
+
+def _profile(path: Path) -> CameraProfile:
+    """A camera's profile that holds a response; raises ValueError naming the file of one of raws."""
+    profile = read_profile(path)
+    if profile.response is None:
+        raise ValueError(f"{path.name}: a profile of camera raws, which holds no response; give another")
+    return profile
+
+
+def _camera_facts(camera: VirtualCamera, picture: RadianceMap, view: View) -> Facts:
+    """What stands between the file's radiance and the picture."""
+    facts: Facts = {"lens": [type(part).__name__ for part in camera.optics], "tone": type(camera.tone).__name__}
+    if camera.is_absolute:
+        facts["cd/m² per unit"] = view.luminance_scale
+    return facts | {"unit": picture.unit, "stops": camera.stops, "seed": view.seed}
