@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, Union, get_type_hints
+from typing import Annotated, Any, Literal, Optional, Union, get_type_hints
 
 import numpy as np
 from pydantic import Field, create_model
@@ -125,8 +125,11 @@ def _put_above(table: dict[str, Any], given: Mapping[str, Any]) -> None:
     """Put `given` above a table: a table of another kind replaces the one that is there, else keys are added."""
     for key, value in given.items():
         there = table.get(key)
-        both = isinstance(there, dict) and isinstance(value, Mapping)
-        if both and value.get("kind", there.get("kind")) == there.get("kind"):
+        if (
+            isinstance(there, dict)
+            and isinstance(value, Mapping)
+            and value.get("kind", there.get("kind")) == there.get("kind")
+        ):
             _put_above(there, value)
         else:
             table[key] = value
@@ -159,7 +162,7 @@ def _schema() -> type[Table]:
     for name, kinds in TABLES.items():
         if isinstance(kinds, Mapping):
             models = [_model(make, kind) for kind, make in kinds.items()]
-            tables[name] = (Annotated[Union[tuple(models)], Field(discriminator="kind")] | None, None)  # noqa: UP007
+            tables[name] = (Optional[Annotated[Union[tuple(models)], Field(discriminator="kind")]], None)  # noqa: UP007, UP045
         else:
             tables[name] = (_model(kinds) | None, None)
     stops = Annotated[float, Field(ge=-100, le=100)]
