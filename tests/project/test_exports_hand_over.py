@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from relume.errors import OutputNotWritten, UnsupportedScene
-from relume.export import bundle as hand_over
 from relume.export.bundle import lamps_of, straightened
-from relume.export.shot_formats import FORMATS, HandOver
+from relume.export.shot_formats import FORMATS, HandOver, hand_over
 from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.light.constellations.constellation import Constellation

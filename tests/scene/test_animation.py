@@ -213,9 +213,7 @@ def test_a_damaged_file_is_told_in_one_line(tmp_path, change):
         header, blob = animated([(0, "rotation", [1, 3, 2], TURN, "LINEAR")])
     path = tmp_path / "bad.glb"
     path.write_bytes(b"glTF no" if change == "text" else as_glb(header, blob))
-    with pytest.raises(
-        UnreadableFile, match=r"bad.glb: its animation cannot be read \(.+\); export it again"
-    ) as caught:
+    with pytest.raises(UnreadableFile, match=r"bad.glb: .+ \(.+\); export it again") as caught:
         read_animation(path)
     assert "\n" not in str(caught.value)
 

@@ -9,9 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
-from relume.export import json_lights, radiance
+from relume.export import gltf, json_lights, radiance
 from relume.export.blender import lights as blender
-from relume.export.gltf import lights as gltf
 from relume.export.mitsuba import lights as mitsuba_xml
 from relume.export.usd import lights as usd
 from relume.image import files

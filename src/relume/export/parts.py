@@ -11,7 +11,7 @@ import numpy as np
 from relume.errors import UnsupportedScene
 from relume.renderers.mitsuba.distant import Walls, walls
 from relume.scene.distant import Dome
-from relume.scene.materials.materials import Diffuse, Material, Ward
+from relume.scene.materials.materials import Diffuse, Material, Ward, mean_colour
 from relume.scene.materials.reflective import Reflective
 from relume.scene.materials.whitted import WhittedMaterial
 from relume.scene.scene import Scene
@@ -42,6 +42,12 @@ class Part:
         assert isinstance(self.mesh.material, Material | Diffuse)
         return self.mesh.material
 
+    @property
+    def named_mesh(self) -> Mesh:
+        """The mesh and its material under the part's name."""
+        material = replace(self.material, name=self.name) if isinstance(self.material, Material) else self.material
+        return replace(self.mesh, name=self.name, material=material)
+
 
 def parts_of(scene: Scene) -> tuple[tuple[Part, ...], tuple[str, ...]]:
     """Every shape of the scene, real surfaces first, and notes on what is only nearly the same.
@@ -61,22 +67,6 @@ def parts_of(scene: Scene) -> tuple[tuple[Part, ...], tuple[str, ...]]:
             Part(f"{'real' if real else 'object'}_{number:02d}_{word}", replace(mesh, material=material), real)
         )
     return tuple(found), tuple(dict.fromkeys(notes))
-
-
-def mean_colour(value: Any) -> tuple[float, float, float]:
-    """A colour, or the mean of an image of them (H, W, 3)."""
-    red, green, blue = np.asarray(value, np.float64).reshape(-1, 3).mean(axis=0)
-    return float(red), float(green), float(blue)
-
-
-def mean_number(value: Any) -> float:
-    """A number, or the mean of an image of them."""
-    return float(np.mean(np.asarray(value, np.float64)))
-
-
-def is_image(value: Any) -> bool:
-    """Whether it is an image and not one number or colour."""
-    return np.ndim(value) > 1
 
 
 def base_colour(material: Material | Diffuse) -> Any:

@@ -117,8 +117,8 @@ def _tell_doubtful_level(maps: SurfaceMaps, known: np.ndarray) -> None:
 
 def _write_mesh(out: Path, mesh: Path, maps: SurfaceMaps, field: ReflectanceField) -> None:
     """The parts of the mesh that the maps know, with them as their material."""
-    from relume.lightstage.surface.glb_writing import write_glb
     from relume.lightstage.surface.material_export import textured
+    from relume.scene.gltf.writing import write_glb
     from relume.scene.shapes.meshes import read_meshes
 
     if field.camera is None:

@@ -13,15 +13,15 @@ import numpy as np
 from relume.export.blender import lights
 from relume.export.blender.script import SCRIPT
 from relume.export.bundle import HandOver, lamps_of, straightened
-from relume.export.gltf.glb import glb
-from relume.export.parts import Part, base_colour, is_image, parts_of
+from relume.export.parts import Part, base_colour, parts_of
 from relume.image import files
 from relume.image.colour import luminance
 from relume.image.radiance import RadianceMap
 from relume.renderers.mitsuba.distant import walls
 from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Infinite
-from relume.scene.materials.materials import Diffuse, Material
+from relume.scene.gltf.writing import glb
+from relume.scene.materials.materials import Diffuse, Material, is_image
 from relume.scene.shapes.shapes import Mesh
 from relume.sphere.environment_files import as_radiance_map
 
@@ -57,13 +57,13 @@ def write(value: HandOver, folder: Path) -> tuple[str, ...]:
     )  # fmt: skip
     real, added = [part for part in parts if part.real], [part for part in parts if not part.real]
     if added:
-        (folder / "objects.glb").write_bytes(glb(added))
+        (folder / "objects.glb").write_bytes(glb([part.named_mesh for part in added]))
     if real:
-        (folder / "real.glb").write_bytes(glb(real, images=False))
+        (folder / "real.glb").write_bytes(glb([part.named_mesh for part in real], images=False))
     steps: list[float] = []
     if finite:
         shining, steps = _walls(value, lamps.map.radiance)
-        (folder / "distant.glb").write_bytes(glb(shining, images=False))
+        (folder / "distant.glb").write_bytes(glb([part.named_mesh for part in shining], images=False))
     facts = {
         "camera": _camera(value.camera),
         "samples": value.samples,

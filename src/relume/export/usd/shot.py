@@ -9,14 +9,14 @@ import numpy as np
 
 from relume.export.bundle import HandOver, lamps_of, straightened
 from relume.export.lamps import figure, figures
-from relume.export.parts import Part, base_colour, is_image, mean_number, parts_of
+from relume.export.parts import Part, base_colour, parts_of
 from relume.export.usd import lights
 from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.renderers.mitsuba.distant import walls
 from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Infinite
-from relume.scene.materials.materials import Diffuse, Material
+from relume.scene.materials.materials import Diffuse, Material, is_image, mean_number
 from relume.scene.shapes.shapes import Mesh
 from relume.sphere.environment_files import as_radiance_map
 

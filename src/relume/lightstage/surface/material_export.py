@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from relume.lightstage.surface.glb_writing import write_glb
 from relume.lightstage.surface.surface_maps import SurfaceMaps
 from relume.scene.cameras.camera import Camera
+from relume.scene.gltf.writing import write_glb
 from relume.scene.materials.materials import Material
 from relume.scene.shapes.shapes import Mesh
 from relume.surface.projection import projected

@@ -13,7 +13,7 @@ from relume.scene.cameras.pose import UpAxis
 from relume.scene.cameras.usd import read_usd_camera
 from relume.scene.gltf.camera import read_gltf_camera
 
-KINDS = ".glb, .gltf, .usda, .usd, .fspy or .json"
+KINDS = ".glb, .gltf, .usd, .usda, .usdc, .usdz, .fspy or .json"
 
 
 def read_camera(
@@ -27,7 +27,7 @@ def read_camera(
 ) -> Camera:
     """Read a camera from a file of another program, by its suffix, for a picture of width × height pixels.
 
-    .glb, .gltf : a perspective camera of glTF; .usda, .usd : of USD's text form; .fspy : an fSpy project;
+    .glb, .gltf : a perspective camera of glTF; .usd, .usda, .usdc, .usdz : of USD; .fspy : an fSpy project;
     .json : fSpy's exported parameters, or what `blender_camera_script` writes in Blender
     name : of the camera, where a file of several kinds can hold more than one (glTF, USD)
     up : the axis of the file's frame that points up, "y" or "z"; what the format or the file says unless given

@@ -1,28 +1,19 @@
-"""The keys of an animated glTF file: nodes, what moves them, and cameras (glTF 2.0, §3.6, §3.10, §3.11).
-
-The reader of meshes does not read animations, so that JSON and buffers are read here.
-"""
+"""The keys of an animated glTF file: nodes, what moves them, and cameras (glTF 2.0, §3.6, §3.10, §3.11)."""
 
 from __future__ import annotations
 
-import base64
-import binascii
-import json
-import struct
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 
 from relume.errors import UnreadableFile
+from relume.scene.gltf.document import GltfDocument, read_document
 from relume.scene.motion.animation import Animation, Lens, Node
 from relume.scene.motion.keyframes import Interpolation, Linear, Slerp, Step, Tangents, Track
 
-_NUMBERS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5126: "<f4"}
-_WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
 _MOVING = {"translation": 3, "rotation": 4, "scale": 3}
 
 
@@ -34,63 +25,16 @@ def read_animation(path: str | Path) -> Animation | None:
     path = Path(path)
     if path.suffix.lower() not in (".glb", ".gltf"):
         return None
+    document = read_document(path)
     try:
-        header, blob = _parts(path)
-        if not header.get("animations"):
-            return None
-        return _animation(path, header, _Buffers(path, header, blob))
-    except (OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, struct.error) as error:
+        return _animation(document) if document.header.get("animations") else None
+    except (OSError, ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise UnreadableFile(f"{path}: its animation cannot be read ({reason}); export it again as .glb") from None
 
 
-def _parts(path: Path) -> tuple[dict[str, Any], bytes]:
-    data = path.read_bytes()
-    if path.suffix.lower() == ".gltf":
-        return json.loads(data), b""
-    if data[:4] != b"glTF" or len(data) < 20:
-        raise ValueError("no glTF header")
-    length = struct.unpack_from("<I", data, 12)[0]
-    return json.loads(data[20 : 20 + length]), data[28 + length :]
-
-
-class _Buffers:
-    def __init__(self, path: Path, header: dict[str, Any], blob: bytes) -> None:
-        self.path, self.header, self.blob = path, header, blob
-        self.read: dict[int, bytes] = {}
-
-    def accessor(self, index: int) -> np.ndarray:
-        """(count, width) float64; whole numbers stand for shares of their largest."""
-        table = self.header["accessors"][index]
-        if "sparse" in table or "bufferView" not in table:
-            raise ValueError("sparse keys are not read")
-        view = self.header["bufferViews"][table["bufferView"]]
-        kind, width = np.dtype(_NUMBERS[table["componentType"]]), _WIDTHS[table["type"]]
-        stride = view.get("byteStride", kind.itemsize * width)
-        start = view.get("byteOffset", 0) + table.get("byteOffset", 0)
-        values = np.ndarray(
-            (table["count"], width), kind, self._buffer(view["buffer"]), start, (stride, kind.itemsize)
-        ).astype(np.float64)
-        if kind.kind == "f":
-            return values
-        return np.maximum(values / np.iinfo(kind).max, -1.0)
-
-    def _buffer(self, index: int) -> bytes:
-        if index not in self.read:
-            uri = self.header["buffers"][index].get("uri")
-            if uri is None:
-                self.read[index] = self.blob
-            elif uri.startswith("data:"):
-                try:
-                    self.read[index] = base64.b64decode(uri.split(",", 1)[1], validate=True)
-                except binascii.Error:
-                    raise ValueError(f"buffer {index} is no base64") from None
-            else:
-                self.read[index] = (self.path.parent / unquote(uri)).read_bytes()
-        return self.read[index]
-
-
-def _animation(path: Path, header: dict[str, Any], buffers: _Buffers) -> Animation:
+def _animation(document: GltfDocument) -> Animation:
+    header, path = document.header, document.path
     chosen, *others = header["animations"]
     lost = [f"the animation {other.get('name', '')!r}" for other in others]
     tracks: dict[tuple[int, str], Track] = {}
@@ -99,7 +43,7 @@ def _animation(path: Path, header: dict[str, Any], buffers: _Buffers) -> Animati
         if node is None or what not in _MOVING:
             lost.append("morph targets" if what == "weights" else f"the motion of {what}")
             continue
-        tracks[node, what] = _track(what, chosen["samplers"][channel["sampler"]], buffers)
+        tracks[node, what] = _track(what, chosen["samplers"][channel["sampler"]], document)
     if any("skin" in node for node in header["nodes"]):
         lost.append("skins")
     if lost:
@@ -113,8 +57,8 @@ def _animation(path: Path, header: dict[str, Any], buffers: _Buffers) -> Animati
     return Animation(tuple(nodes), str(path))
 
 
-def _track(what: str, sampler: Mapping[str, Any], buffers: _Buffers) -> Track:
-    times, values = buffers.accessor(sampler["input"])[:, 0], buffers.accessor(sampler["output"])
+def _track(what: str, sampler: Mapping[str, Any], document: GltfDocument) -> Track:
+    times, values = document.accessor(sampler["input"])[:, 0], document.accessor(sampler["output"])
     if values.shape[1] != _MOVING[what] or not np.all(np.isfinite(values)):
         raise ValueError(f"the keys of {what} are not {_MOVING[what]} numbers each")
     kind = sampler.get("interpolation", "LINEAR")

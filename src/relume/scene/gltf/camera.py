@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import struct
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +10,7 @@ import numpy as np
 from relume.errors import UnreadableFile
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.pose import UpAxis, pose, warn_of_aspect
+from relume.scene.gltf.document import local_matrix, read_document
 
 DEEPEST = 1000
 """Nodes within nodes; more than that is a node within itself."""
@@ -34,7 +33,7 @@ def read_gltf_camera(
     Raises UnreadableFile where there is no such camera, or several to choose from. glTF 2.0, §3.10.
     """
     path = Path(path)
-    header = _header(path)
+    header = read_document(path).header
     try:
         placed = _placed(path, header)
     except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
@@ -56,22 +55,6 @@ def read_gltf_camera(
     return Camera(width, height, float(height / 2 / np.tan(lens["yfov"] / 2)), position, rotation)
 
 
-def _header(path: Path) -> dict[str, Any]:
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise UnreadableFile(f"{path}: cannot be read ({error.strerror or error}); check the path") from None
-    if data[:4] == b"glTF" and len(data) >= 20:
-        data = data[20 : 20 + struct.unpack_from("<I", data, 12)[0]]
-    try:
-        header = json.loads(data)
-    except (RecursionError, ValueError):
-        header = None
-    if not isinstance(header, dict):
-        raise UnreadableFile(f"{path}: not a readable glTF file; export it again as .glb")
-    return header
-
-
 def _placed(path: Path, header: dict[str, Any]) -> list[tuple[str, int, dict[str, Any], np.ndarray]]:
     """The scene's cameras: the node's name, the camera's number and description, and its matrix in the world."""
     nodes, cameras = header.get("nodes", []), header.get("cameras", [])
@@ -85,31 +68,8 @@ def _placed(path: Path, header: dict[str, Any]) -> list[tuple[str, int, dict[str
         if depth > DEEPEST:
             raise UnreadableFile(f"{path}: a node lies within itself; export it again")
         node = nodes[index]
-        matrix = above @ _local(node)
+        matrix = above @ local_matrix(node)
         if "camera" in node:
             found.append((str(node.get("name", "")), int(node["camera"]), cameras[node["camera"]], matrix))
         stack += [(child, matrix, depth + 1) for child in reversed(node.get("children", []))]
     return found
-
-
-def _local(node: dict[str, Any]) -> np.ndarray:
-    """A node's own matrix, of column vectors; glTF writes them column by column (§3.5.3)."""
-    if "matrix" in node:
-        return np.array(node["matrix"], np.float64).reshape(4, 4).T
-    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
-    matrix = np.eye(4)
-    matrix[:3, :3] = rotation_from_quaternion(w, x, y, z) * np.array(node.get("scale", (1.0, 1.0, 1.0)), np.float64)
-    matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
-    return matrix
-
-
-def rotation_from_quaternion(w: float, x: float, y: float, z: float) -> np.ndarray:
-    """The rotation (3, 3) of a quaternion of any length but 0."""
-    w, x, y, z = np.array([w, x, y, z], np.float64) / np.linalg.norm([w, x, y, z])
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from relume.image.colour import decode_srgb
+from relume.scene.gltf.document import GltfDocument
 from relume.scene.gltf.textures import Texture, read_texture
 from relume.scene.materials.checks import triple
 from relume.scene.materials.materials import Material
@@ -77,19 +77,19 @@ class GltfMaterial:
         return _with_images(self.numbers, self.description, images), uv, lost
 
 
-def read_materials(path: Path, header: dict[str, Any], binary: bytes) -> tuple[GltfMaterial, ...]:
+def read_materials(document: GltfDocument) -> tuple[GltfMaterial, ...]:
     """Every material of a glTF file; raises UnreadableFile where a picture of one cannot be had."""
     return tuple(
-        _read(path, header, binary, index, description) for index, description in enumerate(header.get("materials", []))
+        _read(document, index, description) for index, description in enumerate(document.header.get("materials", []))
     )
 
 
-def _read(path: Path, header: dict[str, Any], binary: bytes, index: int, description: dict[str, Any]) -> GltfMaterial:
+def _read(document: GltfDocument, index: int, description: dict[str, Any]) -> GltfMaterial:
     name = description.get("name", index)
     textures: dict[str, Texture] = {}
     for key, place in TEXTURES.items():
         if (info := _within(description, *place).get(key)) is not None:
-            textures[key] = read_texture(path, header, binary, info, f"{key} of its material {name!r}")
+            textures[key] = read_texture(document, info, f"{key} of its material {name!r}")
     extensions = description.get("extensions", {})
     lost = ({*description} - PARTS) | ({*extensions} - READ)
     lost |= {key for part, keys in UNREAD_TEXTURES.items() for key in keys if key in extensions.get(part, {})}

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import base64
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 
 from relume.errors import UnreadableFile
 from relume.image.files.texture_pixels import texture_pixels
+from relume.scene.gltf.document import GltfDocument
 
 CLAMP, MIRROR, REPEAT = 33071, 33648, 10497
 """How a texture goes on outside of 0 to 1 (glTF 2.0, §5.26)."""
@@ -39,13 +37,13 @@ class Texture:
         return bool(np.allclose(self.matrix, other.matrix, atol=1e-7))
 
 
-def read_texture(path: Path, header: dict[str, Any], binary: bytes, info: dict[str, Any], words: str) -> Texture:
+def read_texture(document: GltfDocument, info: dict[str, Any], words: str) -> Texture:
     """The texture that a textureInfo of the file means.
 
-    binary : the file's own buffer, b"" where it has none
     words : what it is, for messages, like: baseColorTexture of its material 'paint'
     Raises UnreadableFile when the picture is missing, damaged or of a kind that is not read.
     """
+    header, path = document.header, document.path
     try:
         texture = header["textures"][info["index"]]
         named = [texture["extensions"][name]["source"] for name in ENCODINGS if name in texture.get("extensions", {})]
@@ -54,7 +52,8 @@ def read_texture(path: Path, header: dict[str, Any], binary: bytes, info: dict[s
             raise UnreadableFile(f"{path}: the {words} is stored as {kinds}, which is not read; use PNG or JPEG")
         image = header["images"][(named or [texture.get("source")])[0]]
         sampler = header["samplers"][texture["sampler"]] if "sampler" in texture else {}
-        pixels = texture_pixels(_bytes(path, header, binary, image))
+        data = document.fetched(image["uri"]) if "uri" in image else document.view(image["bufferView"])
+        pixels = texture_pixels(data)
     except UnreadableFile:
         raise
     except Exception as error:  # a picture library raises whatever its parsers do
@@ -69,25 +68,6 @@ def read_texture(path: Path, header: dict[str, Any], binary: bytes, info: dict[s
         _matrix(transform),
         transform.get("texCoord", info.get("texCoord", 0)),
     )
-
-
-def _bytes(path: Path, header: dict[str, Any], binary: bytes, image: dict[str, Any]) -> bytes:
-    if "uri" in image:
-        return _fetched(path, image["uri"])
-    view = header["bufferViews"][image["bufferView"]]
-    buffer = header["buffers"][view["buffer"]]
-    data = _fetched(path, buffer["uri"]) if "uri" in buffer else binary
-    start = view.get("byteOffset", 0)
-    return data[start : start + view["byteLength"]]
-
-
-def _fetched(path: Path, uri: str) -> bytes:
-    if uri.startswith("data:"):
-        return base64.b64decode(uri.partition(",")[2])
-    beside = (path.parent / unquote(uri)).resolve()
-    if path.parent.resolve() not in beside.parents:
-        raise ValueError(f"{uri} lies outside of the file's folder")
-    return beside.read_bytes()
 
 
 def _matrix(transform: dict[str, Any]) -> np.ndarray:

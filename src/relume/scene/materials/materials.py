@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -222,3 +223,19 @@ class Ward:
             )
         for field in ("alpha_x", "alpha_y"):
             check_range(field, getattr(self, field), self.name, 1e-3, 1.0)
+
+
+def is_image(value: Any) -> bool:
+    """Whether it is an image and not one number or colour."""
+    return np.ndim(value) > 1
+
+
+def mean_colour(value: Any) -> tuple[float, float, float]:
+    """A colour, or the mean of an image of them (H, W, 3)."""
+    red, green, blue = np.asarray(value, np.float64).reshape(-1, 3).mean(axis=0)
+    return float(red), float(green), float(blue)
+
+
+def mean_number(value: Any) -> float:
+    """A number, or the mean of an image of them."""
+    return float(np.mean(np.asarray(value, np.float64)))

@@ -10,7 +10,7 @@ from math import tan
 import numpy as np
 
 from relume.scene.cameras.camera import Camera
-from relume.scene.motion.keyframes import Track, rotation, unit
+from relume.scene.motion.keyframes import Track
 from relume.scene.shapes.shapes import Mesh
 
 
@@ -46,14 +46,16 @@ class Node:
 
     def to_parent(self, time: float | None) -> np.ndarray:
         """(4, 4) at a time in seconds; None for the place where the file puts it at rest."""
+        from scipy.spatial.transform import Rotation
+
         if self.matrix is not None:
             return self.matrix
         held = {"translation": self.translation, "rotation": self.rotation, "scale": self.scale}
         if time is not None:
             held |= {what: track.at(time) for what, track in self.tracks.items()}
         result = np.eye(4)
-        # A cubic between two unit quaternions is none itself.
-        result[:3, :3] = rotation(unit(held["rotation"])) * held["scale"]
+        # A cubic between two unit quaternions is none itself; it is made one.
+        result[:3, :3] = Rotation.from_quat(held["rotation"]).as_matrix() * held["scale"]
         result[:3, 3] = held["translation"]
         return result
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-
-from relume.sphere.directions import rotation_about
 
 
 class Interpolation(Protocol):
@@ -77,15 +76,10 @@ class Slerp:
 
     def between(self, times: np.ndarray, values: np.ndarray, index: int, time: float) -> np.ndarray:
         """The value at `time`, a unit quaternion."""
-        share = (time - times[index]) / (times[index + 1] - times[index])
-        first, second = unit(values[index]), unit(values[index + 1])
-        cosine = float(first @ second)
-        if cosine < 0:  # the same rotation by the other sign, and nearer
-            second, cosine = -second, -cosine
-        angle = np.arccos(min(cosine, 1.0))
-        if angle < 1e-6:  # sines of so small angles are as their angles
-            return unit((1 - share) * first + share * second)
-        return unit((np.sin((1 - share) * angle) * first + np.sin(share * angle) * second) / np.sin(angle))
+        from scipy.spatial import transform
+
+        ends = slice(index, index + 2)
+        return transform.Slerp(times[ends], transform.Rotation.from_quat(values[ends]))(time).as_quat()
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,52 +141,14 @@ class Turning:
         pair = track.values[index : index + 2]
         if np.count_nonzero(pair[0] != pair[1]) <= 1 or isinstance(self.interpolation, Step):
             return track.at(time)
-        ends = _nearest_signs(np.stack([quaternion(rotation_of(each)) for each in track.values]))
+        from scipy.spatial.transform import Rotation
+
+        ends = _nearest_signs(Rotation.from_euler("xyz", track.values, degrees=True).as_quat())
         between = Slerp() if isinstance(self.interpolation, Linear) else self.interpolation
-        return degrees_of(rotation(Track(track.times, ends, between).at(time)))
-
-
-def rotation_of(degrees: np.ndarray) -> np.ndarray:
-    """(3, 3), active: by three angles about x, then y, then z."""
-    x, y, z = np.radians(degrees)
-    return rotation_about([0, 0, 1], z) @ rotation_about([0, 1, 0], y) @ rotation_about([1, 0, 0], x)
-
-
-def degrees_of(rotation: np.ndarray) -> np.ndarray:
-    """The angles that `rotation_of` makes it from; z is 0 where y is a right angle and both turn about one axis."""
-    sine = float(np.clip(-rotation[2, 0], -1, 1))
-    if abs(sine) > 1 - 1e-12:
-        about_x = np.arctan2(-rotation[1, 2], rotation[1, 1])
-        return np.degrees(np.array([about_x, np.arcsin(sine), 0.0]))
-    about_x, about_z = np.arctan2(rotation[2, 1], rotation[2, 2]), np.arctan2(rotation[1, 0], rotation[0, 0])
-    return np.degrees(np.array([about_x, np.arcsin(sine), about_z]))
-
-
-def rotation(quaternion: np.ndarray) -> np.ndarray:
-    """(3, 3) of a unit quaternion (x, y, z, w)."""
-    x, y, z, w = unit(quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
-def quaternion(rotation: np.ndarray) -> np.ndarray:
-    """The unit quaternion (x, y, z, w) of a rotation: the eigenvector of Bar-Itzhack (2000), stable for every angle."""
-    (a, b, c), (d, e, f), (g, h, i) = rotation
-    matrix = np.array(
-        [
-            [a - e - i, d + b, g + c, h - f],
-            [d + b, e - a - i, h + f, c - g],
-            [g + c, h + f, i - a - e, d - b],
-            [h - f, c - g, d - b, a + e + i],
-        ]
-    )
-    found = np.linalg.eigh(matrix / 3)[1][:, -1]
-    return found if found[3] >= 0 else -found
+        turn = Rotation.from_quat(Track(track.times, ends, between).at(time))
+        with warnings.catch_warnings():  # where y is a right angle, x and z turn about one axis: z is 0 then
+            warnings.simplefilter("ignore", UserWarning)
+            return turn.as_euler("xyz", degrees=True)
 
 
 def _nearest_signs(quaternions: np.ndarray) -> np.ndarray:
@@ -202,11 +158,6 @@ def _nearest_signs(quaternions: np.ndarray) -> np.ndarray:
         if result[index] @ result[index - 1] < 0:
             result[index] = -result[index]
     return result
-
-
-def unit(vector: np.ndarray) -> np.ndarray:
-    """The vector, of length 1."""
-    return vector / np.linalg.norm(vector)
 
 
 def _hermite(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import logging
-import struct
 import warnings
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,9 @@ from typing import Any
 import numpy as np
 
 from relume.errors import UnreadableFile
+from relume.scene.gltf.document import GltfDocument, read_document
 from relume.scene.gltf.materials import READ, GltfMaterial, read_materials
+from relume.scene.gltf.writing import glb_bytes
 from relume.scene.materials.materials import Material
 from relume.scene.materials.mtl import read_mtl_materials
 from relume.scene.materials.texture_mirroring import with_mirrored_apart
@@ -68,22 +69,26 @@ def _loaded(path: Path) -> tuple[Any, dict[str, GltfMaterial | Material], Lost]:
     from trimesh.resolvers import FilePathResolver
 
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)
-    kind, data = path.suffix.lower().lstrip("."), path.read_bytes()
+    kind = path.suffix.lower().lstrip(".")
     if kind not in ("glb", "gltf", "obj", "ply", "stl"):
         raise ValueError(f"files of kind .{kind} are not read; use .glb, .gltf, .obj, .ply or .stl")
     materials: dict[str, GltfMaterial | Material] = {}
     lost: Lost = {}
     if kind in ("glb", "gltf"):
-        header, binary, rest = _parts(data, kind)
+        document = read_document(path)
+        header = document.header
         _check_readable(header)
-        read = read_materials(path, header, binary)
+        read = read_materials(document)
         materials = {str(index): material for index, material in enumerate(read)}
         lost = {f'of material "{each.numbers.name}"': list(each.lost) for each in read if each.lost}
         if parts := _unread_primitives(header):
             lost["of its meshes"] = parts
-        data = _bare(header, read, kind, rest)
+        data = _bare(document, read)
+        kind = "gltf" if document.chunks is None else "glb"
         _check_readable(header)
-    elif kind == "obj":
+    else:
+        data = path.read_bytes()
+    if kind == "obj":
         found, missing = read_mtl_materials(path, data)
         materials = {**found}
         if missing:
@@ -93,22 +98,12 @@ def _loaded(path: Path) -> tuple[Any, dict[str, GltfMaterial | Material], Lost]:
     return scene, materials, lost
 
 
-def _parts(data: bytes, kind: str) -> tuple[dict[str, Any], bytes, bytes]:
-    """A glTF file's header, its own buffer, and everything after the header as stored."""
-    if kind == "gltf":
-        return json.loads(data), b"", b""
-    if data[:4] != b"glTF" or len(data) < 20:
-        raise ValueError("no glTF header")
-    length = struct.unpack_from("<I", data, 12)[0]
-    rest = data[20 + length :]
-    return json.loads(data[20 : 20 + length]), rest[8:], rest
-
-
-def _bare(header: dict[str, Any], materials: tuple[GltfMaterial, ...], kind: str, rest: bytes) -> bytes:
+def _bare(document: GltfDocument, materials: tuple[GltfMaterial, ...]) -> bytes:
     """The file without pictures, each material named by its index, each mesh with the coordinates it uses.
 
     trimesh keeps names of materials but not their extensions, and only the first set of texture coordinates.
     """
+    header = document.header
     for primitive in (p for mesh in header.get("meshes", []) for p in mesh["primitives"]):
         attributes = primitive["attributes"]
         used = materials[primitive["material"]].coordinates if "material" in primitive else 0
@@ -122,11 +117,7 @@ def _bare(header: dict[str, Any], materials: tuple[GltfMaterial, ...], kind: str
         header.pop(key, None)
     if materials:
         header["materials"] = [{"name": str(index)} for index in range(len(materials))]
-    text = json.dumps(header).encode()
-    if kind == "gltf":
-        return text
-    text += b" " * (-len(text) % 4)
-    return struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text) + len(rest), len(text), b"JSON") + text + rest
+    return json.dumps(header).encode() if document.chunks is None else glb_bytes(header, document.chunks)
 
 
 def _check_readable(header: dict[str, Any]) -> None:
