@@ -8,7 +8,7 @@ from scipy.spatial import KDTree
 from relume.capture.lens.vignetting import Vignetting
 from relume.image.radiance import RadianceMap
 from relume.probe.panorama.views import PanoramaView, orientation
-from relume.sphere.directions import normalised
+from relume.sphere.directions import normalised, rotation_angle
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_points
 
@@ -64,4 +64,4 @@ def all_round(jitter: float = 4.0, seed: int = 0) -> list[np.ndarray]:
 
 def turn_between(first: np.ndarray, second: np.ndarray) -> float:
     """Degrees."""
-    return float(np.degrees(np.arccos(np.clip((np.trace(first.T @ second) - 1) / 2, -1, 1))))
+    return float(np.degrees(rotation_angle(first.T @ second)))

@@ -4,6 +4,7 @@ from . import light as light
 from . import lightstage as lightstage
 from . import probe as probe
 from . import renderers as renderers
+from . import report as report
 from . import scene as scene
 from .capture.alignment.alignment import align as align
 from .capture.brackets.merging import merge_brackets as merge_brackets

@@ -13,6 +13,7 @@ import pytest
 from command_line import refused
 from moving_scenes import known_response
 from relume.capture.brackets.settings import MergeSettings
+from relume.capture.brackets.shoot import targets
 from relume.capture.lens.vignetting import Vignetting
 from relume.capture.raw.noise import SensorNoise
 from relume.capture.raw.sensor import Sensor
@@ -32,7 +33,6 @@ from relume.capture.scale.readings import (
 )
 from relume.capture.weighting import Hat
 from relume.cli import main
-from relume.cli.merge import targets
 from relume.errors import NotABracket
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.image.photograph import Exposure
@@ -161,7 +161,7 @@ SWITCHES = {
 
 @pytest.mark.parametrize("words", SWITCHES)
 def test_every_switch_changes_its_setting_and_nothing_else(words, shoot, tmp_path, monkeypatch, capsys):
-    import relume.cli.merge_job
+    import relume.capture.brackets.shoot as shoot_module
 
     given = {}
 
@@ -169,7 +169,7 @@ def test_every_switch_changes_its_setting_and_nothing_else(words, shoot, tmp_pat
         given.update(options, brackets=brackets)
         raise NotABracket("seen enough")
 
-    monkeypatch.setattr(relume.cli.merge_job, "merge_brackets", merge_brackets)
+    monkeypatch.setattr(shoot_module, "merge_brackets", merge_brackets)
     refused(["merge", *shoot, "-o", str(tmp_path / "a.exr"), *words.split()], capsys)
     assert given["settings"] == MergeSettings(**SWITCHES[words]) and given["profile"] is None
     assert [p.name for p in given["brackets"][0].photographs] == shoot
@@ -361,7 +361,7 @@ def test_options_that_do_nothing_are_told(merged, profile, tmp_path, capsys):
     assert main(["merge", *PLATE, "-o", str(tmp_path / "a.exr"), "--neutral", "128", "--dry-run"]) == 0
     assert capsys.readouterr().err == ""
     assert main(["merge", *PLATE, "-o", str(tmp_path / "b.exr"), "--profile", profile, "--dry-run", *words]) == 0
-    line = "without effect: --neutral, --method, --refine; the profile's response is taken as it is"
+    line = "without effect: neutral, method, refine; the profile's response is taken as it is"
     assert capsys.readouterr().err == f"relume: note: {line}\n"
     light = textured(240, 160).mean(2) / 30
     raws = [str(path) for path in raw_files(tmp_path / "raws", [light] * 2, (1.0, 4.0))]
@@ -371,7 +371,7 @@ def test_options_that_do_nothing_are_told(merged, profile, tmp_path, capsys):
     assert capsys.readouterr().err == ""
     words += ["--ignore", "0,0,255", "--true-shutter"]
     assert main(["merge", *raws, "-o", str(tmp_path / "with.exr"), *words]) == 0
-    line = "--neutral, --method, --no-align, --no-deghost, --paper-weights, --ignore, --true-shutter"
+    line = "neutral, method, align, deghost, weighting, ignore, true_shutter"
     assert capsys.readouterr().err == f"relume: note: without effect: {line}; camera raws are merged as they are\n"
     without, with_ = (read_radiance(tmp_path / f"{name}.exr") for name in ("plain", "with"))
     assert np.array_equal(with_.radiance, without.radiance)
@@ -467,33 +467,33 @@ def test_dry_runs_write_nothing(shoot, tmp_path, capsys):
 
 
 WRONG = {
-    "--times 1/x": '"1/x" is no exposure time',
-    "--times 1/2,0": '"0" is not above 0',
+    "--times 1/x": "1/x",
+    "--times 1/2,0": "1/2,0",
     "--times 1,2": "2 times were given for 5",
-    "--ignore 0,0": '--ignore: "0,0" is not 3 numbers',
-    "--ignore red": '--ignore: "red" is not 3 numbers',
-    "--ignore 0,0,254.5": "--ignore: 254.5 is no whole number",
-    "--ignore 0,0,inf": '"0,0,inf" is not 3 numbers',
-    "--spot 1,2": '--spot: "1,2" is not 3 or 4 numbers',
-    "--spot 1.5,2,100": "--spot: 1.5 is no whole number",
-    "--spot 1,2,nan": '"1,2,nan" is not 3 or 4 numbers',
+    "--ignore 0,0": '"0,0" is not of the form R,G,B',
+    "--ignore red": '"red" is not of the form',
+    "--ignore 0,0,254.5": '"0,0,254.5" is not',
+    "--ignore 0,0,inf": '"0,0,inf" is not',
+    "--spot 1,2": '"1,2" is not of the form X,Y,CD',
+    "--spot 1.5,2,100": '"1.5,2,100" is not',
+    "--spot 1,2,nan": '"1,2,nan" is not',
     "--spot 900,2,100": "900",
     "--spot 20,20,-100": "spot: luminance is -100",
     "--spot 20,20,100,0": "spot: radius is 0",
-    "--lux 1,2,3,4": '--lux: "1,2,3,4" is not 6 numbers',
+    "--lux 1,2,3,4": '"1,2,3,4" is not of the form X,Y,WIDTH,HEIGHT,LUX',
     "--lux 1,2,3,4,100,18": "(write 0.18 for 18 %)",
     "--lux 1,2,3,4,100,0": "lux: reflectance is 0",
     "--lux 1,2,3,4,-1,0.18": "lux: illuminance is -1",
-    "--luminaire 1,2,3,4,5": '--luminaire: "1,2,3,4,5" is not 7 numbers',
+    "--luminaire 1,2,3,4,5": '"1,2,3,4,5" is not',
     "--luminaire 1,2,3,4,5,6,0": "luminaire: blue is 0",
-    "--glare 1,2,3": '--glare: "1,2,3" is not 4 numbers',
+    "--glare 1,2,3": '"1,2,3" is not',
     "--glare 1e30,2,3,4": "glare: the rectangle",
     "--glare 1,2,0,4": "1,2,0,4 is not a rectangle",
     "--white=-1,2,3,4": "-1,2,3,4 is not a rectangle",
     "--focal-length 0": "focal_length: 0 pixels",
     "--focal-length nan": "focal_length: nan",
     "--neutral -1": "neutral: -1 is not a pixel value",
-    "--white 1,2,3,x": '--white: "1,2,3,x" is not 4 numbers',
+    "--white 1,2,3,x": '"1,2,3,x" is not',
     "--white 170,2,30,4": "white: the rectangle 170, 2, 30×4 is not in a picture of 180×120",
     "--absolute --spot 1,2,3": "--absolute and --spot both",
     "--method magic": "magic",

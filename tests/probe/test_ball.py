@@ -7,6 +7,7 @@ from relume.errors import BallNotFound
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.probe.ball.blending import Probe, assemble
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
+from relume.sphere.directions import angle_between as _angle_between
 from relume.sphere.mappings.mapping import LatLong, pixel_points
 from synthetic import CENTRE, LAMPS, RADIUS, lobes, photograph_ball, turned, unit
 
@@ -54,7 +55,7 @@ def peak_of(radiance: np.ndarray, towards: tuple[float, float, float], reach: fl
 
 
 def angle_between(a: np.ndarray, b: np.ndarray) -> float:
-    return float(np.degrees(np.arccos(np.clip(unit(a) @ unit(b), -1, 1))))
+    return float(np.degrees(_angle_between(unit(a), unit(b))))
 
 
 def test_a_photographed_mirror_ball_unwraps_to_the_light_it_was_rendered_under(both):

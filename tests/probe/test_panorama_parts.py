@@ -9,8 +9,7 @@ from panoramas import patchwork, photograph, turn_between
 from relume.image.radiance import RadianceMap
 from relume.probe.panorama.bundle_adjustment import levelling
 from relume.probe.panorama.coverage import continued, shrunk, view_in_map
-from relume.probe.panorama.matching import features_of, fitted_rotation, match
-from relume.probe.panorama.matching import turn_between as found_turn
+from relume.probe.panorama.matching import features_of, fitted_rotation, match, most_agreed_rotation
 from relume.probe.panorama.seams import sphere_graph
 from relume.probe.panorama.views import PanoramaView, angles_of, focal_length_of, orientation
 from relume.sphere.directions import normalised, rotation_from_vector
@@ -134,7 +133,7 @@ def test_the_turn_that_most_agree_with_is_found_among_wrong_matches():
     turn = rotation_from_vector(np.array([0.2, -0.5, 0.1]))
     a = b @ turn.T
     a[:50] = normalised(generator.normal(size=(50, 3)))
-    found, agreeing = found_turn(a, b, 0.01, generator)
+    found, agreeing = most_agreed_rotation(a, b, 0.01, generator)
     assert turn_between(found, turn) < 1e-6
     assert agreeing[50:].all() and agreeing[:50].sum() <= 1
     np.testing.assert_allclose(fitted_rotation(a[50:], b[50:]), turn, atol=1e-12)

@@ -9,7 +9,7 @@ from relume.errors import BallNotFound
 from relume.image.radiance import RadianceMap
 from relume.probe.ball.registration import ToldPlaces, UnknownTurns
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
-from relume.sphere.directions import look_at
+from relume.sphere.directions import look_at, rotation_angle
 from synthetic import CENTRE, lobes, photograph_ball, turned, unit
 
 FRONT = np.array([0.0, 0.17, 1.0])
@@ -27,7 +27,7 @@ def turn_of(camera: np.ndarray) -> np.ndarray:
 
 
 def degrees_between(first: np.ndarray, second: np.ndarray) -> float:
-    return float(np.degrees(np.arccos(np.clip((np.trace(first.T @ second) - 1) / 2, -1, 1))))
+    return float(np.degrees(rotation_angle(first.T @ second)))
 
 
 @pytest.fixture(scope="module")

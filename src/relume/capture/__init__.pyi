@@ -5,6 +5,11 @@ from .brackets.result import MergedCamera as MergedCamera
 from .brackets.result import MergeResult as MergeResult
 from .brackets.settings import RESPONSE_METHODS as RESPONSE_METHODS
 from .brackets.settings import MergeSettings as MergeSettings
+from .brackets.shoot import MergedShoot as MergedShoot
+from .brackets.shoot import MergePlan as MergePlan
+from .brackets.shoot import merge_shoot as merge_shoot
+from .brackets.shoot import plan_merge as plan_merge
+from .lens.vignetting import read_flat_fields as read_flat_fields
 from .response.calibration import Calibration as Calibration
 from .response.debevec_malik import DebevecMalik as DebevecMalik
 from .response.mitsunaga_nayar import MitsunagaNayar as MitsunagaNayar

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -102,3 +103,22 @@ def require_suffix(out: Path, *suffixes: str, option: str = "-o") -> None:
         raise ValueError(f"{option} {out}: the file must end in {' or '.join(suffixes)}")
     if not out.parent.is_dir():
         raise OutputNotWritten(f"{option} {out}: no folder {out.parent}; make it first or choose another")
+
+
+def numbers(text: str, option: str, *counts: int) -> list[float]:
+    """As many numbers as one of `counts` from text like "10,20,5.5"; raises ValueError naming the option."""
+    try:
+        values = [float(word) for word in text.replace(",", " ").split()]
+    except ValueError:
+        values = []
+    if len(values) not in counts or not all(map(isfinite, values)):
+        wanted = " or ".join(map(str, counts))
+        raise ValueError(f'{option}: "{text}" is not {wanted} numbers; write them with commas between')
+    return values
+
+
+def whole(values: Sequence[float], option: str) -> list[int]:
+    """Pixels and pixel values as integers; raises ValueError naming the option where one is a fraction."""
+    if broken := [value for value in values if not value.is_integer()]:
+        raise ValueError(f"{option}: {broken[0]:g} is no whole number; pixels and their values are")
+    return [int(value) for value in values]

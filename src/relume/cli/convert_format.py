@@ -75,7 +75,7 @@ class FormatOptions:
 
     def rectangle(self) -> tuple[int, int, int, int] | None:
         """Left, top, width and height of --roi."""
-        from relume.cli.merge_options import numbers, whole
+        from relume.cli.arguments import numbers, whole
 
         if self.roi is None:
             return None

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Group, Parameter
 
 from relume.cli import edit_steps
+from relume.cli.arguments import numbers, whole
 from relume.cli.edit_steps import Step
-from relume.cli.merge_options import numbers, whole
 
 if TYPE_CHECKING:
     from relume.image.radiance import RadianceMap

@@ -1,28 +1,30 @@
-"""What `relume merge` is told of the camera and the light, turned into a `MergeSettings`."""
+"""Options of `relume merge`: the steps, the lens, and the readings that give the scale to cd/m²."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Group, Parameter
 
+from relume.cli.option_types import numbers
+
 if TYPE_CHECKING:
-    from relume.capture.brackets.settings import MergeSettings
-    from relume.capture.lens.vignetting import Vignetting
-    from relume.capture.scale.readings import ScaleReading
+    import relume as rl
 
 Method = Literal["debevec-malik", "mitsunaga-nayar", "robertson"]
 STEPS, LENS, SCALE = Group("Steps", sort_key=1), Group("Lens", sort_key=2), Group("Absolute scale, one of", sort_key=3)
+Spot = tuple[int, int, float] | tuple[int, int, float, float]
+Lux = tuple[int, int, int, int, float, float]
+Luminaire = tuple[int, int, int, int, float, float, float]
+BOX = "X,Y,WIDTH,HEIGHT"
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Steps:
-    """How the photographs are treated."""
+    """What is done to the photographs."""
 
     method: Annotated[Method, Parameter(group=STEPS, help="How the response is recovered.")] = "debevec-malik"
     refine: Annotated[
@@ -30,9 +32,9 @@ class Steps:
     ] = False
     align: Annotated[bool, Parameter(group=STEPS, help="Bring photographs that moved onto one another.")] = True
     deghost: Annotated[bool, Parameter(group=STEPS, help="Leave out what moved between them.")] = True
-    paper_weights: Annotated[bool, Parameter(group=STEPS, negative="", help="Weigh as Debevec & Malik do (eq. 4).")] = (
-        False
-    )
+    paper_weights: Annotated[
+        bool, Parameter(group=STEPS, negative="", help="Weight as Debevec & Malik do (eq. 4).")
+    ] = False
     neutral: Annotated[
         int | None,
         Parameter(group=STEPS, help="Pixel value whose equal channels are grey; white unless given, 128 for film."),
@@ -45,8 +47,10 @@ class Lens:
     """What the lens did to the light."""
 
     glare: Annotated[
-        str | None,
-        Parameter(group=LENS, help="Diminish the veil that a black place X,Y,WIDTH,HEIGHT of the picture shows."),
+        tuple[int, int, int, int] | None,
+        numbers(
+            BOX, like="40,60,8,8", group=LENS, help="A black place of the picture: the veil of glare it shows goes."
+        ),
     ] = None
     flat_field: Annotated[
         list[Path] | None,
@@ -56,9 +60,10 @@ class Lens:
         ),
     ] = None  # fmt: skip
     white: Annotated[
-        str | None, Parameter(group=LENS, help="A white light or card in X,Y,WIDTH,HEIGHT that is to come out grey.")
+        tuple[int, int, int, int] | None,
+        numbers(BOX, like="40,60,8,8", group=LENS, help="A white light or card that is to come out grey."),
     ] = None
-    focal_length: Annotated[float | None, Parameter(group=LENS, help="In pixels, where the photographs tell none.")] = (
+    focal_length: Annotated[float | None, Parameter(group=LENS, help="In pixels, where the photographs hold none.")] = (
         None
     )
 
@@ -66,99 +71,63 @@ class Lens:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Readings:
-    """What ties the map to cd/m²."""
+    """What gives the map its scale to cd/m²."""
 
     absolute: Annotated[
         bool, Parameter(group=SCALE, negative="", help="From shutter, aperture and ISO; good to a third of a stop.")
     ] = False
     spot: Annotated[
-        str | None, Parameter(group=SCALE, help="A spot meter's reading X,Y,CD[,RADIUS]: cd/m² at pixel X,Y.")
+        Spot | None,
+        numbers("X,Y,CD[,RADIUS]", like="60,40,500", group=SCALE, help="A spot meter's reading: cd/m² at pixel X,Y."),
     ] = None
     lux: Annotated[
-        str | None,
-        Parameter(
-            group=SCALE, help="A lux meter's reading X,Y,WIDTH,HEIGHT,LUX,REFLECTANCE on a matt card in that rectangle."
+        Lux | None,
+        numbers(
+            f"{BOX},LUX,REFLECTANCE", like="20,30,16,8,1000,0.18", group=SCALE,
+            help="A lux meter's reading on a matt card in that rectangle.",
         ),
-    ] = None
+    ] = None  # fmt: skip
     luminaire: Annotated[
-        str | None,
-        Parameter(group=SCALE, help="A light of known cd/m² and colour, X,Y,WIDTH,HEIGHT,R,G,B (white: R = G = B)."),
-    ] = None
-
-    def scale(self) -> ScaleReading | None:
-        """The one that was given; None where none was. Raises ValueError for two, or for wrong numbers."""
-        from relume.capture.scale.readings import ExposureScale, LuminaireReading, LuxReading, Rectangle, SpotReading
-
-        given = [name for name in ("absolute", "spot", "lux", "luminaire") if getattr(self, name)]
-        if not given:
-            return None
-        if len(given) > 1:
-            raise ValueError(f"--{given[0]} and --{given[1]} both give the scale; give one")
-        if self.absolute:
-            return ExposureScale()
-        name, option = given[0], f"--{given[0]}"
-        values = numbers(getattr(self, name), option, *{"spot": (3, 4), "lux": (6,), "luminaire": (7,)}[name])
-        if name == "spot":
-            return SpotReading(*whole(values[:2], option), *values[2:])
-        place = Rectangle(*whole(values[:4], option))
-        if name == "lux":
-            return LuxReading(place, *values[4:])
-        return LuminaireReading(place, (values[4], values[5], values[6]))
+        Luminaire | None,
+        numbers(
+            f"{BOX},R,G,B", like="20,30,16,8,100,100,100", group=SCALE,
+            help="A light of known cd/m² and colour (white: R = G = B).",
+        ),
+    ] = None  # fmt: skip
 
 
-def settings_of(steps: Steps, lens: Lens, readings: Readings) -> MergeSettings:
-    """What the options ask for."""
-    from relume.capture.brackets.settings import RESPONSE_METHODS, MergeSettings
-    from relume.capture.scale.readings import DarkPlace, Rectangle, WhiteCard
-    from relume.capture.weighting import Hat, InverseVariance
+def settings_of(steps: Steps, lens: Lens, readings: Readings) -> rl.capture.MergeSettings:
+    """The settings that the options ask for."""
+    from relume import capture
 
-    dark, white = (
-        None if text is None else Rectangle(*whole(numbers(text, option, 4), option))
-        for text, option in ((lens.glare, "--glare"), (lens.white, "--white"))
-    )
-    return MergeSettings(
-        method=RESPONSE_METHODS[steps.method],
-        weighting=Hat() if steps.paper_weights else InverseVariance(),
+    return capture.MergeSettings(
+        method=capture.RESPONSE_METHODS[steps.method],
+        weighting=capture.Hat() if steps.paper_weights else capture.InverseVariance(),
         refine=steps.refine,
         align=steps.align,
         deghost=steps.deghost,
         neutral=steps.neutral,
-        glare=None if dark is None else DarkPlace(dark),
-        vignetting=flat_fields(lens.flat_field),
-        balance=None if white is None else WhiteCard(white),
-        scale=readings.scale(),
+        glare=None if lens.glare is None else capture.DarkPlace(capture.Rectangle(*lens.glare)),
+        vignetting=capture.read_flat_fields(lens.flat_field or ()),
+        balance=None if lens.white is None else capture.WhiteCard(capture.Rectangle(*lens.white)),
+        scale=_scale(readings),
         focal_length=lens.focal_length,
     )
 
 
-def numbers(text: str, option: str, *counts: int) -> list[float]:
-    """As many numbers as one of `counts` from text like "10,20,5.5"; raises ValueError naming the option."""
-    try:
-        values = [float(word) for word in text.replace(",", " ").split()]
-    except ValueError:
-        values = []
-    if len(values) not in counts or not all(map(isfinite, values)):
-        wanted = " or ".join(map(str, counts))
-        raise ValueError(f'{option}: "{text}" is not {wanted} numbers; write them with commas between')
-    return values
+def _scale(
+    readings: Readings,
+) -> rl.capture.ExposureScale | rl.capture.SpotReading | rl.capture.LuxReading | rl.capture.LuminaireReading | None:
+    """The reading that was given; raises ValueError for two."""
+    from relume import capture
 
-
-def whole(values: Sequence[float], option: str) -> list[int]:
-    """Pixels and pixel values as integers; raises ValueError naming the option where one is a fraction."""
-    if broken := [value for value in values if not value.is_integer()]:
-        raise ValueError(f"{option}: {broken[0]:g} is no whole number; pixels and their values are")
-    return [int(value) for value in values]
-
-
-def flat_fields(paths: Sequence[Path] | None) -> tuple[Vignetting, ...]:
-    """The vignetting that radiance maps of an even wall show; none without any."""
-    from relume.capture.lens.vignetting import recover_vignetting
-    from relume.image import files
-
-    if not paths:
-        return ()
-    walls = [files.read_radiance(path) for path in paths]
-    # `relume merge` writes the aperture into its maps.
-    apertures = {wall.attributes.get("f_number") for wall in walls}
-    told = apertures.pop() if len(apertures) == 1 else None
-    return (recover_vignetting(walls, f_number=float(told) if told else None),)
+    given = [name for name in ("absolute", "spot", "lux", "luminaire") if getattr(readings, name)]
+    if len(given) > 1:
+        raise ValueError(f"--{given[0]} and --{given[1]} both give the scale; give one")
+    if readings.spot is not None:
+        return capture.SpotReading(*readings.spot[:2], *readings.spot[2:])
+    if readings.lux is not None:
+        return capture.LuxReading(capture.Rectangle(*readings.lux[:4]), *readings.lux[4:])
+    if readings.luminaire is not None:
+        return capture.LuminaireReading(capture.Rectangle(*readings.luminaire[:4]), readings.luminaire[4:])
+    return capture.ExposureScale() if readings.absolute else None

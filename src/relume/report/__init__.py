@@ -1,1 +1,5 @@
-"""report."""
+"""Reports and plots of what the commands did: `relume.report`."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

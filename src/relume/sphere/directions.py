@@ -18,6 +18,19 @@ def normalised(vectors: ArrayLike) -> np.ndarray:
     return array / np.linalg.norm(array, axis=-1, keepdims=True)
 
 
+def angle_between(first: ArrayLike, second: ArrayLike) -> np.ndarray:
+    """Radians (…) between unit vectors (…, 3), as accurate for nearly equal ones as for any (Kahan 2006, §12)."""
+    first, second = np.asarray(first, np.float64), np.asarray(second, np.float64)
+    apart, together = np.linalg.norm(first - second, axis=-1), np.linalg.norm(first + second, axis=-1)
+    return 2 * np.arctan2(apart, together)
+
+
+def rotation_angle(rotation: np.ndarray) -> float:
+    """Radians by which a rotation matrix (3, 3) turns, 0 to π, accurate for small ones too."""
+    twice_sine = np.linalg.norm(rotation[[2, 0, 1], [1, 2, 0]] - rotation[[1, 2, 0], [2, 0, 1]])
+    return float(np.arctan2(twice_sine, np.trace(rotation) - 1))
+
+
 def rotation_about(axis: ArrayLike, angle: float) -> np.ndarray:
     """The active rotation by `angle` radians about `axis`, right-handed (Rodrigues' formula)."""
     x, y, z = normalised(axis)

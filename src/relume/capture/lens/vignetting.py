@@ -5,11 +5,13 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from relume.errors import NotABracket
+from relume.image import files
 from relume.image.radiance import OUTSIDE, RadianceMap
 
 TERMS = 3
@@ -149,6 +151,17 @@ def recover_vignetting(
         tuple(float(s) for s in sigma),
         f_number,
     )
+
+
+def read_flat_fields(paths: Sequence[str | Path]) -> tuple[Vignetting, ...]:
+    """The vignetting in radiance maps of an evenly lit wall by one lens; empty without any. Raises UnreadableFile."""
+    if not paths:
+        return ()
+    walls = [files.read_radiance(path) for path in paths]
+    # `relume merge` writes the aperture into its maps.
+    apertures = {wall.attributes.get("f_number") for wall in walls}
+    known = apertures.pop() if len(apertures) == 1 else None
+    return (recover_vignetting(walls, f_number=float(known) if known else None),)
 
 
 def corrected(

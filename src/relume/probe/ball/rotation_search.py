@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter
 from relume.image.colour import luminance
 from relume.probe.ball.unwrapping import BallView
 from relume.probe.ball.weights import trust
-from relume.sphere.directions import rotation_about
+from relume.sphere.directions import rotation_about, rotation_angle
 from relume.sphere.mappings.mapping import LatLong, pixel_points
 
 EDGES: Any = ("nearest", "wrap")
@@ -45,7 +45,7 @@ def likeliest_turns(reference: BallView, view: BallView, *, tilt: float) -> list
     scores.sort(key=lambda each: -each[0])
     peaks: list[np.ndarray] = []
     for _, turn in scores:
-        if all(_angle(turn, other) > 2.5 * SPACING for other in peaks):
+        if all(rotation_angle(turn.T @ other) > 2.5 * SPACING for other in peaks):
             peaks.append(turn)
         if len(peaks) == 2 * KEPT:
             break
@@ -117,7 +117,3 @@ def _leans(tilt: float) -> Sequence[np.ndarray]:
         turns = 2 * np.pi * np.arange(count) / count
         leans += [rotation_about((np.cos(turn), 0.0, np.sin(turn)), angle) for turn in turns]
     return leans
-
-
-def _angle(first: np.ndarray, second: np.ndarray) -> float:
-    return float(np.arccos(np.clip((np.trace(first.T @ second) - 1) / 2, -1, 1)))

@@ -20,7 +20,7 @@ from relume.probe.ball.edge_tracking import refined
 from relume.probe.ball.outline import find_outline
 from relume.probe.ball.reflectance import BallReflectance
 from relume.probe.ball.silhouette import Outline, cone_through
-from relume.sphere.directions import look_at, normalised, rotation_between
+from relume.sphere.directions import angle_between, look_at, normalised, rotation_between
 
 MOST_CUT = 0.02
 """The share of the ball that may lie beyond the picture's edge: crops drawn along the rim cut that much."""
@@ -151,7 +151,7 @@ class BallView:
         ball for a distant camera, 4/radius² (its pixels lie on 4π sr alike), and 0 in the blind cone.
         """
         local = np.asarray(directions, np.float64) @ self.world_from_pixels
-        beta = np.arccos(np.clip(-local @ self.axis, -1, 1))
+        beta = angle_between(local, -self.axis)
         gamma, normal = self._normal(local)
         alpha_rise, beta_rise = self._rises(gamma)
         alpha = np.arctan2(np.sin(gamma), self.distance - np.cos(gamma))
@@ -181,7 +181,7 @@ class BallView:
         sideways = np.divide(sideways, length, out=np.zeros_like(sideways), where=length > 0)
         gamma = np.linspace(0, np.arccos(1 / self.distance), 8192)
         beta = gamma + np.arctan2(self.distance * np.sin(gamma), self.distance * np.cos(gamma) - 1)
-        angle = np.interp(np.arccos(cosine), beta, gamma)
+        angle = np.interp(np.arctan2(length[..., 0], cosine), beta, gamma)
         return angle, np.cos(angle)[..., None] * back + np.sin(angle)[..., None] * sideways
 
     def _project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from relume.probe.ball.unwrapping import BallView
+from relume.sphere.directions import angle_between
 
 CAMERA_CONE = np.radians(14)
 """Half-angle round each camera that its own view must not show: tripod and photographer at arm's length of 1 m."""
@@ -33,15 +34,15 @@ def finest(view: BallView) -> float:
 
 def _angle_to_stand(camera: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """The angle of directions from the arc that begins at the camera and goes straight down."""
-    towards = np.arccos(np.clip(directions @ camera, -1, 1))
+    towards = angle_between(directions, camera)
     down = np.array([0.0, -1.0, 0.0]) + camera[1] * camera
     length = np.linalg.norm(down)
     if length < 1e-6:
         return towards
     down /= length
-    reach = min(float(TRIPOD), float(np.arccos(np.clip(-camera[1], -1, 1))))
+    reach = min(float(TRIPOD), float(angle_between(camera, (0.0, -1.0, 0.0))))
     end = np.cos(reach) * camera + np.sin(reach) * down
-    to_end = np.arccos(np.clip(directions @ end, -1, 1))
+    to_end = angle_between(directions, end)
     # Beside the arc the distance is that to its great circle, beyond its ends that to the nearer end.
     along = np.arctan2(directions @ down, directions @ camera)
     across = np.arcsin(np.clip(np.abs(directions @ np.cross(camera, down)), 0, 1))

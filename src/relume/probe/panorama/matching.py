@@ -9,7 +9,7 @@ import numpy as np
 
 from relume.image.colour import luminance
 from relume.probe.panorama.views import PanoramaView
-from relume.sphere.directions import normalised
+from relume.sphere.directions import angle_between, normalised
 
 STOPS = 8.0
 """Range of the logarithmic picture in which features are looked for, about its median."""
@@ -96,7 +96,7 @@ def features_of(view: PanoramaView, method: Matching = Matching()) -> Features:
     values = np.clip(127.5 + 255 / STOPS * stops, 0, 255).astype(np.float32)
     # Every pixel of the stereographic picture looked up in the perspective one.
     corner = view.rays(np.array([[0.0, 0.0]]))[0]
-    reach = 2 * np.tan(np.arccos(-corner[2]) / 2) / np.hypot(corner[0], corner[1])
+    reach = 2 * np.tan(np.arctan2(np.hypot(corner[0], corner[1]), -corner[2]) / 2) / np.hypot(corner[0], corner[1])
     across, up = (int(np.ceil(abs(reach * focal_length * c))) for c in corner[:2])
     # The sides bulge beyond the corners.
     half = [max(a, int(np.ceil(b))) for a, b in zip((across, up), _half_sides(view, focal_length), strict=True)]
@@ -161,7 +161,7 @@ def find_pairs(views: Sequence[PanoramaView], method: Matching = Matching()) -> 
                 continue
             points = np.stack([features[first].points[matches[:, 0]], features[second].points[matches[:, 1]]], axis=1)
             a, b = views[first].rays(points[:, 0]), views[second].rays(points[:, 1])
-            rotation, agreeing = turn_between(
+            rotation, agreeing = most_agreed_rotation(
                 a, b, method.tolerance, np.random.default_rng([method.seed, first, second])
             )
             # Brown & Lowe (2007), eq. 13, with a higher least, for repeated windows and tiles agree by chance.
@@ -180,7 +180,7 @@ def _in_both(first: PanoramaView, second: PanoramaView, a: np.ndarray, b: np.nda
     return int((inside[0] & inside[1]).sum())
 
 
-def turn_between(
+def most_agreed_rotation(
     a: np.ndarray, b: np.ndarray, tolerance: float, generator: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """The rotation that lays most of unit vectors b (N, 3) on a (N, 3) within `tolerance` radians, and which those are.
@@ -188,7 +188,7 @@ def turn_between(
     Random pairs of matches are tried (Fischler & Bolles 1981); the best is fitted to all that agree with it.
     """
     i, j = generator.integers(0, len(a), (2, TRIES))
-    between_a, between_b = (np.arccos(np.clip((v[i] * v[j]).sum(-1), -1, 1)) for v in (a, b))
+    between_a, between_b = (angle_between(v[i], v[j]) for v in (a, b))
     sound = (between_a > APART) & (np.abs(between_a - between_b) < 2 * tolerance)
     i, j = i[sound], j[sound]
     if not len(i):

@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import dijkstra
 from relume.image.bilinear import bilinear
 from relume.probe.panorama.coverage import Sight, sight
 from relume.probe.panorama.views import PanoramaView
+from relume.sphere.directions import angle_between
 from relume.sphere.mappings.mapping import LatLong, pixel_points
 
 ROWS = 192
@@ -130,7 +131,7 @@ def lay_seams(views: Sequence[PanoramaView], seen: Sight | None = None) -> Seams
         off_axis = directions[inside] @ view.axis
         # Parts that no front reaches, cut off by what is outside the picture, come after all that one reaches.
         within = dijkstra(graph[inside][:, inside], indices=int(off_axis.argmax()))
-        beyond = np.pi + np.arccos(np.clip(off_axis, -1, 1))
+        beyond = np.pi + angle_between(directions[inside], view.axis)
         reached[index, inside] = np.where(np.isfinite(within), within, beyond)
     first = reached.min(0)
     with np.errstate(invalid="ignore"):

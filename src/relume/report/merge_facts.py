@@ -1,0 +1,155 @@
+"""Facts of a merge: numbers for machines, and lines for a person."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from relume.capture.brackets.result import MergedBracket
+from relume.capture.brackets.shoot import MergedShoot, MergePlan
+from relume.report.capture_report import clipped_facts, counted, in_words, seconds_in_words
+
+Block = tuple[str, dict[str, object]]
+"""A title and lines under it, by their first words."""
+
+
+def merge_facts(shoot: MergedShoot) -> dict[str, object]:
+    """Everything for a machine; what is not known is None."""
+    cameras = shoot.result.cameras.items()
+    return {
+        "brackets": [_bracket(*each) for each in zip(shoot.result.brackets, shoot.targets, strict=True)],
+        "misfit": {name: camera.calibration.residual.tolist() for name, camera in cameras if camera.calibration},
+        "doubts": list(shoot.result.warnings),
+        "notes": list(shoot.result.notes),
+        "profile": {name: str(path) for name, path in shoot.profiles.items()},
+    }
+
+
+def plan_facts(plan: MergePlan) -> dict[str, object]:
+    """The same of a plan: nothing is written, so "would_write" is the map."""
+    brackets = []
+    for planned in plan.brackets():
+        factors = [e.factor for _, e in planned.frames if e]
+        frames = [
+            _FRAME | {"name": Path(name).name}
+            | ({} if e is None else _exposure(e, float(np.log2(e.factor / min(factors)))))
+            for name, e in planned.frames
+        ]  # fmt: skip
+        brackets.append(_BRACKET | {"would_write": str(planned.target), "camera": planned.camera, "frames": frames})
+    return {"brackets": brackets, "misfit": {}, "doubts": [], "notes": [], "profile": {}}
+
+
+def merge_summary(shoot: MergedShoot, *, report: Path | None = None) -> list[Block]:
+    """Everything for a person: a block a bracket, titled with its map where there are several."""
+    found: list[Block] = []
+    several = len(shoot.targets) > 1
+    for bracket, target in zip(shoot.result.brackets, shoot.targets, strict=True):
+        lines = _words(bracket)
+        found.append((str(target), lines) if several else ("", {"written": str(target), **lines}))
+    last: dict[str, object] = {}
+    for name, camera in shoot.result.cameras.items():
+        of = f" of {name or 'an unknown camera'}" if len(shoot.result.cameras) > 1 else ""
+        if camera.calibration is not None:
+            last[f"misfit of ln exposure{of}"] = ", ".join(f"{r:.2g}" for r in camera.calibration.residual)
+        if name in shoot.profiles:
+            last[f"profile{of}"] = str(shoot.profiles[name])
+    if report is not None:
+        last["report"] = str(report)
+    if several and last:
+        found.append(("all together", last))
+    else:
+        found[-1][1].update(last)
+    return found
+
+
+def plan_summary(plan: MergePlan) -> list[Block]:
+    """The lines of a dry run."""
+    return [
+        (
+            f"would write {planned.target}",
+            {
+                Path(name).name: f"{seconds_in_words(e.seconds)} ({e.source})" if e else "unknown"
+                for name, e in planned.frames
+            },
+        )
+        for planned in plan.brackets()
+    ]
+
+
+_FRAME: dict[str, Any] = dict.fromkeys(
+    (
+        "name", "seconds", "f_number", "iso", "stops", "source", "corrected_stops", "dx", "dy", "angle_degrees",
+        "ghost_share",
+    )
+)  # fmt: skip
+_BRACKET: dict[str, Any] = dict.fromkeys(
+    (
+        "written", "camera", "unit", "frames", "saturated", "black", "outside", "pixels", "solid_angle_sr",
+        "irradiance_at_least", "luminance_at_least", "light_share_at_least", "scale", "moved", "ghost_share",
+    )
+)  # fmt: skip
+
+
+def _exposure(known: Any, stops: float) -> dict[str, Any]:
+    """Of an `Exposure`, or of `FrameFacts`, which name the same."""
+    return {
+        "seconds": known.seconds, "f_number": known.f_number, "iso": known.iso, "stops": stops, "source": known.source,
+    }  # fmt: skip
+
+
+def _bracket(bracket: MergedBracket, target: Path) -> dict[str, Any]:
+    found, scale, deghosted = bracket.extent, bracket.scale, bracket.deghosted
+    bounds: dict[str, Any] = {}
+    if found.saturated:
+        bounds = {
+            "solid_angle_sr": found.solid_angle,
+            "irradiance_at_least": None if found.irradiance is None else list(found.irradiance),
+            "luminance_at_least": found.brightest,
+            "light_share_at_least": found.share,
+        }
+    return _BRACKET | bounds | {
+        "written": str(target),
+        "camera": bracket.camera,
+        "unit": bracket.picture.unit,
+        "frames": _frames(bracket),
+        "saturated": found.saturated, "black": found.black, "outside": found.outside, "pixels": found.pixels,
+        "scale": scale and {"factor": list(scale.factor), "deviation": scale.deviation, "source": scale.source},
+        "moved": _moved(bracket),
+        "ghost_share": None if deghosted is None else float(deghosted.ghosts.mean()),
+    }  # fmt: skip
+
+
+def _frames(bracket: MergedBracket) -> list[dict[str, Any]]:
+    facts: dict[str, dict[str, Any]] = {frame.name: {} for frame in bracket.frames}
+    for name, (stops, _) in bracket.corrections.items():
+        facts[name]["corrected_stops"] = stops
+    if (aligned := bracket.aligned) is not None:
+        for photograph, motion in zip(aligned.bracket.photographs, aligned.motions, strict=True):
+            degrees = float(np.degrees(motion.angle))
+            facts[photograph.name] |= {"dx": float(motion.dx), "dy": float(motion.dy), "angle_degrees": degrees}
+    if (deghosted := bracket.deghosted) is not None:
+        for photograph, share in zip(deghosted.bracket.photographs, deghosted.shares, strict=True):
+            facts[photograph.name]["ghost_share"] = float(share)
+    return [
+        _FRAME | {"name": Path(frame.name).name} | _exposure(frame, frame.stops) | facts[frame.name]
+        for frame in bracket.frames
+    ]
+
+
+def _moved(bracket: MergedBracket) -> int | None:
+    """How many photographs were moved onto the others; None where that was switched off."""
+    return None if bracket.aligned is None else sum(motion != type(motion)() for motion in bracket.aligned.motions)
+
+
+def _words(bracket: MergedBracket) -> dict[str, object]:
+    times = {Path(f.name).name: f"{seconds_in_words(f.seconds)} ({f.source})" for f in bracket.frames}
+    found: dict[str, object] = {"exposures": times, "unit": in_words(bracket.picture.unit)}
+    if bracket.scale is not None:
+        found["scale"] = str(bracket.scale)
+    if moved := _moved(bracket):
+        found["moved"] = counted(moved, "photograph")
+    if bracket.deghosted is not None and bracket.deghosted.ghosts.any():
+        found["ghosts"] = f"{100 * float(bracket.deghosted.ghosts.mean()):.2g} % of the picture"
+    return found | dict(clipped_facts(bracket.extent, bracket.picture.unit))
