@@ -82,7 +82,6 @@ NOT_YET_ON_THE_PUBLIC_NAMES: set[str] = {
     "cli/stage/relight.py",
     "cli/stage/separate.py",
     "cli/stage/view.py",
-    "cli/sun.py",
 }
 
 IMAGE_READERS = {"OpenEXR", "OpenImageIO", "PIL", "rawpy", "imageio", "imagecodecs", "tifffile"}

@@ -48,14 +48,14 @@ def test_a_chart_gives_the_sun_back_and_the_file_says_so(tmp_path: Path, capsys:
     source, options = scene(tmp_path)
     out = tmp_path / "out.exr"
     assert main(["sun", source, "-o", str(out), *options, "--level", "19.9", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    report = json.loads(capsys.readouterr().out)
     written = read_radiance(out)
     for normal in (*PATCHES.values(), (0.2, 0.5, -0.9)):
         there = as_environment(written).irradiance(normalised(normal))
         np.testing.assert_allclose(there, TRUTH.irradiance(normalised(normal)), rtol=0.02)
-    assert min(told["sources"][0]["factor"]) > 1.5
+    assert min(report["sources"][0]["factor"]) > 1.5
     assert written.attributes["sun_recovered"].startswith("from ")
-    assert told["after"]["total"][0] > 1.2 * told["before"]["total"][0]
+    assert report["after"]["total"][0] > 1.2 * report["before"]["total"][0]
 
 
 def test_a_chart_that_is_brighter_everywhere_is_doubtful(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -78,7 +78,7 @@ def test_a_patch_that_was_not_measured_is_not_believed(tmp_path: Path, capsys: p
         clipped[20:30, 20:40] = code
         write(chart, replace(picture, clipped=clipped))
         line = refused(words, capsys)
-        assert '"30,30,8=0.9@' in line and "104 of its 208 pixels are saturated, black or not seen" in line
+        assert "at (30, 30) of radius 8" in line and "104 of its 208 pixels are saturated, black or not seen" in line
     # One pixel of dust is left out.
     clipped = np.zeros((100, 100), np.uint8)
     clipped[30, 30] = SATURATED
@@ -89,14 +89,12 @@ def test_a_patch_that_was_not_measured_is_not_believed(tmp_path: Path, capsys: p
     assert json.loads(capsys.readouterr().out)["sources"] == unclipped
 
 
-def test_black_patches_and_normals_that_are_none_are_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_black_patches_and_bad_normals_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source, options = scene(tmp_path)
     words = ["sun", source, "-o", str(tmp_path / "out.exr"), *options[:2], "--level", "19.9", "--patch"]
-    assert '"50,50,6=0.9@0,1,0": black all over' in refused([*words, "50,50,6=0.9@0,1,0"], capsys)
-    assert "0,0,0 is no direction" in refused([*words, "30,30,8=0.9@0,0,0"], capsys)
-    assert "nan,1,0 is no direction" in refused([*words, "30,30,8=0.9@nan,1,0"], capsys)
+    assert "at (50, 50) of radius 6: black all over" in refused([*words, "50,50,6=0.9@0,1,0"], capsys)
+    assert "a normal is a direction" in refused([*words, "30,30,8=0.9@0,0,0"], capsys)
+    assert "is not of the form" in refused([*words, "30,30,8=0.9@nan,1,0"], capsys)
     assert "reaches out of" in refused([*words, "5,30,8=0.9@0,1,0"], capsys)
     assert "reaches out of" in refused([*words, "70,95,8=0.9@0,1,0"], capsys)
 
@@ -118,7 +116,7 @@ def test_wrong_words_are_refused_in_one_line(tmp_path: Path, capsys: pytest.Capt
     assert "needs its --albedo" in refused(["sun", source, "-o", out, "--grey-ball", source], capsys)
     assert "needs a --patch" in refused(["sun", source, "-o", out, *options[:2]], capsys)
     wrong = [*options[:2], "--patch", "30,30,8=white"]
-    assert "write X,Y,RADIUS=REFLECTANCE@NX,NY,NZ" in refused(["sun", source, "-o", out, *wrong], capsys)
+    assert "not of the form X,Y,RADIUS=REFLECTANCE@NX,NY,NZ" in refused(["sun", source, "-o", out, *wrong], capsys)
     beside = [*options[:2], "--patch", "900,30,8=0.9@0,1,0"]
     assert "fewer than four pixels" in refused(["sun", source, "-o", out, *beside], capsys)
     write(tmp_path / "flat.exr", RadianceMap(np.ones((60, 80, 3), np.float32)))

@@ -8,7 +8,7 @@ import pytest
 from relume.errors import SunNotRecovered
 from relume.image import files
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
-from relume.light.suns.clipped_regions import Disc, Spread, clipped_pixels, plateau, sources
+from relume.light.suns.clipped_regions import ClippedPixels, SunDisc, clipped_pixels, plateau, sources
 from relume.light.suns.clipped_sun import recover_sun
 from relume.light.suns.matte_readings import MatteReadings, Patch, read_chart, read_grey_ball
 from relume.probe.ball.silhouette import outline_of_circle
@@ -205,7 +205,7 @@ def bloomed(size=256):
 def test_what_is_missing_is_spread_over_the_clipped_pixels_or_put_into_the_suns_disc():
     truth, lights = bloomed()
     clipped, readings = cut(truth, 4), read_grey_ball(photographed(lights), 0.18)
-    spread_out, disc = (recover_sun(clipped, readings, shape=shape).light for shape in (Spread(), Disc()))
+    spread_out, disc = (recover_sun(clipped, readings, shape=shape).light for shape in (ClippedPixels(), SunDisc()))
     held = clipped.clipped == SATURATED
     factors = spread_out.radiance[held] / clipped.radiance[held]
     assert factors == pytest.approx(np.tile(factors[0], (held.sum(), 1)), rel=1e-5)
@@ -213,7 +213,7 @@ def test_what_is_missing_is_spread_over_the_clipped_pixels_or_put_into_the_suns_
     assert 1 <= raised.sum() <= 4 < held.sum()
     assert worst(disc, lights) < 0.01
     assert disc.total() == pytest.approx(spread_out.total(), rel=2e-3)
-    wide = recover_sun(clipped, readings, shape=Disc(np.radians(5))).light
+    wide = recover_sun(clipped, readings, shape=SunDisc(np.radians(5))).light
     chords = np.linalg.norm(pixel_directions(LatLong(), 256) - lights[0][0], axis=-1)
     raised = (wide.radiance != clipped.radiance).any(-1)
     assert np.all(chords[raised] < np.radians(2.8)) and np.all(raised[chords < np.radians(2.2)])

@@ -13,4 +13,9 @@ from .light_set import make_lights as make_lights
 from .reflection.reflection_map import ReflectionMap as ReflectionMap
 from .reflection.reflection_map import reflection_map as reflection_map
 from .sampling import EnvironmentSampler as EnvironmentSampler
+from .suns.clipped_regions import ClippedPixels as ClippedPixels
+from .suns.clipped_regions import SunDisc as SunDisc
 from .suns.clipped_sun import recover_sun as recover_sun
+from .suns.matte_readings import ChartPatch as ChartPatch
+from .suns.matte_readings import measure_chart as measure_chart
+from .suns.matte_readings import measure_grey_ball as measure_grey_ball

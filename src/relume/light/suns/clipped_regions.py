@@ -33,7 +33,7 @@ class Shape(Protocol):
 
 
 @dataclass(frozen=True)
-class Spread:
+class ClippedPixels:
     """Over all clipped pixels, in proportion to what they hold: nothing is said about the source that was not seen."""
 
     def place(self, light: EnvironmentMap, directions: np.ndarray, source: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -43,7 +43,7 @@ class Spread:
 
 
 @dataclass(frozen=True)
-class Disc:
+class SunDisc:
     """In a round disc in the middle of the clipped pixels, for a sun whose surroundings clipped with it.
 
     diameter : radians, the sun's; never finer than one pixel

@@ -19,7 +19,7 @@ from relume.errors import SunNotRecovered
 from relume.image.colour import LUMINANCE_WEIGHTS
 from relume.light.reflection.lobes import Lambert
 from relume.light.reflection.reflection_map import reflection_map
-from relume.light.suns.clipped_regions import Shape, Spread, clipped_pixels, middle_of, sources
+from relume.light.suns.clipped_regions import ClippedPixels, Shape, clipped_pixels, middle_of, sources
 from relume.light.suns.matte_readings import MatteReadings
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import pixel_directions
@@ -34,6 +34,8 @@ MODEL = 0.01
 """Share of a reading by which paint, the ball's shape and interpolation may be off; weighs dark sides against lit."""
 DISAGREEMENT = 0.1
 """Mean relative residual from which on the result is doubtful."""
+AGREEMENT = 0.05
+"""Share by which readings and map may differ where nothing clipped."""
 WIDEST = np.radians(3)
 """Width of a clipped source from which on it matters where in it the light was: real suns with haze about them, cut so
 low that the haze clipped too, leave irradiance wrong by 5 % and more in some directions."""
@@ -91,8 +93,8 @@ class RecoveredSun:
 
     @property
     def attributes(self) -> dict[str, str]:
-        """What a file of the map should tell."""
-        told = {
+        """What a file of the map should store."""
+        vectors_by_name = {
             "direction": [each.direction for each in self.sources],
             "irradiance": [each.irradiance for each in self.sources],
             "uncertainty": [each.uncertainty for each in self.sources],
@@ -100,12 +102,38 @@ class RecoveredSun:
         }
         texts = {
             f"sun_recovered_{name}": "; ".join(",".join(f"{v:.6g}" for v in vector) for vector in vectors)
-            for name, vectors in told.items()
+            for name, vectors in vectors_by_name.items()
         }
         texts["sun_recovered_residual"] = f"{self.residual:.4g}"
         if np.isfinite(self.agreement):
             texts["sun_recovered_agreement"] = f"{self.agreement:.4g} ± {self.agreement_uncertainty:.2g}"
         return {"sun_recovered": f"from {self.source}", **texts}
+
+    def facts(self) -> dict[str, object]:
+        """Sources and fit, for a person or a machine."""
+        return {
+            "from": self.source,
+            "sources": [
+                {
+                    "direction": [round(float(value), 4) for value in source.direction],
+                    "irradiance": [float(f"{value:.5g}") for value in source.irradiance],
+                    "uncertainty": [float(f"{value:.2g}") for value in source.uncertainty],
+                    "factor": [float(f"{value:.4g}") for value in source.factor],
+                }
+                for source in self.sources
+            ],
+            "residual": float(f"{self.residual:.3g}"),
+        }
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Why the recovered light may be wrong: a line, or none."""
+        remedy = "; is the reflectance right, and were both exposed alike at one place?"
+        if abs(self.agreement - 1) > AGREEMENT:
+            return (f"where nothing clipped the readings are {self.agreement:.3g} times the map{remedy}",)
+        if self.residual > DISAGREEMENT:
+            return (f"the recovered sun misses the readings by {100 * self.residual:.2g} %{remedy}",)
+        return ()
 
 
 def recover_sun(
@@ -113,7 +141,7 @@ def recover_sun(
     readings: MatteReadings,
     *,
     level: float | None = None,
-    shape: Shape = Spread(),
+    shape: Shape = ClippedPixels(),
     apart: float = APART,
 ) -> RecoveredSun:
     """The map with as much light in its clipped pixels as matte things in the same light say there was.
@@ -121,8 +149,8 @@ def recover_sun(
     light : in any mapping; what lies below the horizon (the ground) belongs to it, since the ball is lit by it
     readings : by `read_grey_ball` or `read_chart`, in the same unit and exposure, at the place of the map
     level : radiance from which on pixels count as clipped; the map's own mask, else its plateau of brightest pixels
-    shape : `Spread()` scales what the clipped pixels hold; `Disc()` puts what is missing into a disc of the sun's
-        size, where the shadows' sharpness matters and a lens or the bracket clipped more than the sun
+    shape : `ClippedPixels()` scales what the clipped pixels hold; `SunDisc()` puts what is missing into a disc of the
+        sun's size, where the shadows' sharpness matters and a lens or the bracket clipped more than the sun
     apart : radians; clipped pixels nearer than this are one source
 
     Raises ValueError for readings in another unit, SunNotRecovered when nothing clipped, no reading sees the clipped
@@ -146,7 +174,7 @@ def recover_sun(
         ],
         axis=-1,
     )
-    chosen = _told_apart(lit, [middle_of(light, directions, pixels) for pixels in gathered], readings)
+    chosen = _distinguishable(lit, [middle_of(light, directions, pixels) for pixels in gathered], readings)
     lit, gathered, placed = lit[:, chosen], [gathered[k] for k in chosen], [placed[k] for k in chosen]
     before = _irradiance(light, directions, mask, readings.normals)
     missing, spread, residual = _fitted(readings, before, lit)
@@ -169,7 +197,7 @@ def recover_sun(
     return RecoveredSun(result, tuple(recovered), residual, agreement, uncertainty, readings.source)
 
 
-def _told_apart(lit: np.ndarray, middles: list[np.ndarray], readings: MatteReadings) -> list[int]:
+def _distinguishable(lit: np.ndarray, middles: list[np.ndarray], readings: MatteReadings) -> list[int]:
     """Which sources the readings can tell, strongest first; what cannot be stays as it is, and is warned of."""
     seen = [k for k in range(lit.shape[1]) if lit[:, k].max() >= SEEN]
     if not seen:
@@ -264,10 +292,10 @@ def _warn(recovered: list[RecoveredSource], residual: float, agreement: float, u
             "that both face the same way and stood in the same light",
             stacklevel=3,
         )
-    elif abs(agreement - 1) > max(0.05, 3 * uncertainty):
+    elif abs(agreement - 1) > max(AGREEMENT, 3 * uncertainty):
         warnings.warn(
             f"where no clipped light falls the readings are {agreement:.3g} times what the map gives: the reflectance "
-            "is that much of what was told, or one exposure is off; the recovered sun is off by as much",
+            "is that much of the given one, or one exposure is off; the recovered sun is off by as much",
             stacklevel=3,
         )
     for each in recovered:

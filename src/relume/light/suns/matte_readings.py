@@ -1,4 +1,4 @@
-"""What matte things of known reflectance tell about the light: the irradiance on surfaces of known normals."""
+"""Irradiance measured by matte things of known reflectance: a grey ball, or patches of a chart."""
 
 from __future__ import annotations
 
@@ -8,13 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from relume.image.radiance import BLACK, OUTSIDE, SATURATED
-from relume.probe.ball.unwrapping import BallView
+from relume.errors import UnreadableFile
+from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
+from relume.probe.ball.silhouette import outline_of_circle
+from relume.probe.ball.unwrapping import BallView, unwrap_ball
 from relume.sphere.directions import normalised
 
 STEEPEST = 0.3
 """Cosine of view below which a ball is not read: paint is not matte at grazing angles, and the rim is mixed with what
 lies behind."""
+UNMEASURED = 0.01
+"""Share of a patch's pixels that may be clipped: dust on the sensor is left out, a saturated patch is refused."""
 CELLS = 64
 """Cells across the ball whose pixels are averaged, against noise; coarser ones would blur a sun's terminator."""
 
@@ -56,6 +60,85 @@ class Patch:
     reflectance: tuple[float, float, float] | float
     normal: tuple[float, float, float]
     deviation: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class ChartPatch:
+    """Where a picture shows a patch of a chart, and what is known of it.
+
+    circle : column, row and radius in pixels
+    reflectance : (3,) or one number, linear Rec. 709, above 0 and up to 1
+    normal : (3,), world, away from the chart
+    """
+
+    circle: tuple[float, float, float]
+    reflectance: tuple[float, float, float] | float
+    normal: tuple[float, float, float]
+
+
+def measure_chart(picture: RadianceMap, patches: Sequence[ChartPatch], name: str = "the chart") -> MatteReadings:
+    """The irradiance on patches of a chart in a picture.
+
+    picture : exposed like the map whose sun is to be recovered
+    name : of the picture, for messages
+
+    Raises ValueError for a patch that reaches out of the picture or has no normal, UnreadableFile for one that is
+    clipped or black.
+    """
+    return read_chart([_measured(picture, patch, name) for patch in patches], picture.unit)
+
+
+def measure_grey_ball(
+    picture: RadianceMap,
+    albedo: tuple[float, float, float] | float,
+    camera: ArrayLike = (0.0, 0.0, 1.0),
+    radius: float = 0.05,
+    circle: tuple[float, float, float] | None = None,
+    name: str = "",
+) -> MatteReadings:
+    """The irradiance on all sides of a matte ball in a picture.
+
+    picture : exposed like the map whose sun is to be recovered
+    albedo : of the ball, as `read_grey_ball`
+    camera : (3,), metres from the ball's centre
+    radius : of the ball, metres
+    circle : the ball's rim, column, row and radius in pixels; found in the picture unless given
+    name : of the picture, for messages
+    """
+    outline = None if circle is None else outline_of_circle(*circle)
+    view = unwrap_ball(
+        picture, camera=np.asarray(camera, np.float64), centre=np.zeros(3), radius=radius, outline=outline, name=name
+    )
+    return read_grey_ball(view, albedo)
+
+
+def _measured(picture: RadianceMap, patch: ChartPatch, name: str) -> Patch:
+    """The mean radiance of a patch's pixels, without the few that were not measured."""
+    x, y, radius = patch.circle
+    where = f"the patch at ({x:g}, {y:g}) of radius {radius:g}"
+    rows, columns = np.indices(picture.radiance.shape[:2]) + 0.5
+    inside = np.hypot(columns - x, rows - y) <= radius
+    if inside.sum() < 4:
+        raise ValueError(f"{name}: {where}: fewer than four pixels lie there; its place is in pixels")
+    width, height = picture.size
+    if min(x, y, width - x, height - y) < radius:
+        raise ValueError(f"{name}: {where} reaches out of the picture, {width}×{height} pixels; give a smaller one")
+    values = picture.radiance[inside].astype(np.float64)
+    odd = ~np.isfinite(values).all(-1) | (values < 0).any(-1)
+    # Every code but 0 marks a bound, or nothing at all: a mean of those would be one too.
+    odd |= False if picture.clipped is None else picture.clipped[inside] != 0
+    number = int(np.count_nonzero(odd))
+    if number >= UNMEASURED * len(values):
+        raise UnreadableFile(
+            f"{name}: {where}: {number} of its {len(values)} pixels are saturated, black or not seen; expose the chart "
+            "so that none is, or give a smaller patch"
+        )
+    if not values[~odd].any():
+        raise UnreadableFile(f"{name}: {where}: black all over; photograph it lit")
+    values = values[~odd]
+    deviation = values.std(0) / np.sqrt(len(values))
+    red, green, blue = values.mean(0).tolist()
+    return Patch((red, green, blue), patch.reflectance, patch.normal, tuple(deviation.tolist()))
 
 
 def read_chart(patches: Sequence[Patch], unit: str = "relative") -> MatteReadings:
@@ -124,11 +207,11 @@ def read_grey_ball(view: BallView, albedo: tuple[float, float, float] | float) -
     )
 
 
-def _reflectance(told: ArrayLike) -> np.ndarray:
+def _reflectance(given: ArrayLike) -> np.ndarray:
     """Three reflectances."""
-    values = np.broadcast_to(np.asarray(told, np.float64), (3,)) if np.size(told) in (1, 3) else np.zeros(1)
+    values = np.broadcast_to(np.asarray(given, np.float64), (3,)) if np.size(given) in (1, 3) else np.zeros(1)
     if not np.all((values > 0) & (values <= 1)):
-        raise ValueError(f"reflectance is {told}; expected one number or three, above 0 and at most 1, like 0.18")
+        raise ValueError(f"reflectance is {given}; expected one number or three, above 0 and at most 1, like 0.18")
     return values
 
 
