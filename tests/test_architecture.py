@@ -62,7 +62,6 @@ NOT_YET_ON_THE_PUBLIC_NAMES: set[str] = {
     "cli/probe_facts.py",
     "cli/probe_views.py",
     "cli/reading_options.py",
-    "cli/reflect.py",
     "cli/render.py",
     "cli/render_choice.py",
     "cli/render_environment.py",

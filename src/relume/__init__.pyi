@@ -64,6 +64,7 @@ from .renderers.results import Render as Render
 from .renderers.whitted.whitted import Whitted as Whitted
 from .report.constellation_plot import draw_lights as draw_lights
 from .report.develop_report import write_develop_report as write_develop_report
+from .report.reflection_sheet import draw_reflection_sheet as draw_reflection_sheet
 from .scene.cameras.camera import Camera as Camera
 from .scene.cameras.files import read_camera as read_camera
 from .scene.cameras.grid import camera_from_grid as camera_from_grid

@@ -51,12 +51,12 @@ def test_constant_light_gives_the_constants_of_each_normalisation(
     normalisation: str, diffuse: float, specular: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "made"
-    told = made([stored(tmp_path, lights.constant(256)), "-o", str(out), "--normalisation", normalisation], capsys)
-    assert told["written"] == [str(out / name) for name in ("diffuse.exr", "specular.exr", "harmonics.json")]
+    report = made([stored(tmp_path, lights.constant(256)), "-o", str(out), "--normalisation", normalisation], capsys)
+    assert report["written"] == [str(out / name) for name in ("diffuse.exr", "specular.exr", "harmonics.json")]
     assert sorted(p.name for p in out.iterdir()) == ["diffuse.exr", "harmonics.json", "specular.exr"]
-    assert told["normalisation"] == normalisation and told["error bound"]["diffuse"] == 0
-    assert told["mean of D, radiometric"] == pytest.approx([1, 1, 1], rel=1e-3)
-    assert told["irradiance from above"] == pytest.approx([np.pi] * 3, rel=1e-3)
+    assert report["normalisation"] == normalisation and report["error bound"]["diffuse"] == 0
+    assert report["mean of D, radiometric"] == pytest.approx([1, 1, 1], rel=1e-3)
+    assert report["irradiance from above"] == pytest.approx([np.pi] * 3, rel=1e-3)
     for name, size, value in (("diffuse", (72, 36), diffuse), ("specular", (512, 256), specular)):
         picture = read_radiance(out / f"{name}.exr")
         assert picture.size == size
@@ -70,8 +70,8 @@ def test_tables_hold_what_the_library_computes_and_tell_what_they_are(
 ) -> None:
     light, out = lights.sunny(32), tmp_path / "made"
     words = ["self-luminous", "lambert", "mirror", "phong:50", "phong:50.0", "varnish:10", "ggx:0.3", "ward:0.25"]
-    told = made([stored(tmp_path, light), "-o", str(out), "--rows", "16", *[f"--lobe={w}" for w in words]], capsys)
-    assert [Path(p).name for p in told["written"]] == [
+    report = made([stored(tmp_path, light), "-o", str(out), "--rows", "16", *[f"--lobe={w}" for w in words]], capsys)
+    assert [Path(p).name for p in report["written"]] == [
         "diffuse_self_luminous.exr", "diffuse_lambert.exr", "specular_mirror.exr", "specular_phong_50.exr",
         "specular_varnish_10.exr", "specular_ggx_0.3.exr", "specular_ward_0.25.exr", "harmonics.json",
     ]  # fmt: skip
@@ -82,7 +82,7 @@ def test_tables_hold_what_the_library_computes_and_tell_what_they_are(
         assert (attributes["lobe"], float(attributes["n"]), float(attributes["varnish"])) == (
             "phong", lobe.n, lobe.varnish
         )  # fmt: skip
-        assert float(attributes["error_bound"]) == told["error bound"][f"specular_{name}"] == table.error_bound
+        assert float(attributes["error_bound"]) == report["error bound"][f"specular_{name}"] == table.error_bound
         assert attributes["unit"] == picture.unit == "relative"
 
 
@@ -106,9 +106,9 @@ def test_a_three_dimensional_map_is_the_same_when_read_back(
     word: str, brdf: GGX | Ward | PhongReflectance, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     light, out = lights.sunny(32), tmp_path / "made"
-    told = made([stored(tmp_path, light), "-o", str(out), "--brdf", word, "--rows", "8"], capsys)
+    report = made([stored(tmp_path, light), "-o", str(out), "--brdf", word, "--rows", "8"], capsys)
     file = out / f"glossy_{word.replace(':', '_')}.exr"
-    assert told["written"] == [str(file), str(out / "harmonics.json")]
+    assert report["written"] == [str(file), str(out / "harmonics.json")]
     layers = read_layers(file)
     assert {"view_00_k0", "view_07_k1_cos", "view_23_k5_sin"} <= layers.keys()
     with pytest.warns(UserWarning, match="left out: the parts view_00_k1_cos"):
@@ -140,8 +140,8 @@ def test_cubes_hold_the_light_its_diffuse_map_and_ggx_by_roughness(
 ) -> None:
     light, out = lights.sunny(32), tmp_path / "made"
     path = stored(tmp_path, light)
-    told = made([path, "-o", str(out), "--cube", "16"], capsys)
-    assert {Path(p).name for p in told["written"]} >= {"light.ktx2", "diffuse.ktx2", "specular.ktx2"}
+    report = made([path, "-o", str(out), "--cube", "16"], capsys)
+    assert {Path(p).name for p in report["written"]} >= {"light.ktx2", "diffuse.ktx2", "specular.ktx2"}
     cubes = {name: read_cube(out / f"{name}.ktx2") for name in ("light", "diffuse", "specular")}
     for levels in cubes.values():
         assert [len(level[0]) for level in levels] == [16, 8, 4, 2, 1]
@@ -188,7 +188,7 @@ def test_quiet_says_nothing_and_other_normalisations_leave_glossy_maps_with_a_no
     assert captured.out == captured.err == ""
     assert main([*words, "--normalisation", "sum"]) == 0
     captured = capsys.readouterr()
-    assert "note: --normalisation is for --lobe" in captured.err and "irradiance from above" in captured.out
+    assert "the normalisation is for lobes" in captured.err and "irradiance from above" in captured.out
 
 
 def test_the_sheet_is_written_where_it_is_asked_for(
@@ -207,33 +207,33 @@ def test_the_sheet_is_written_where_it_is_asked_for(
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "report"),
     [
-        (["--lobe", "fong:3"], "choose of lambert, self-luminous, mirror, phong:N"),
+        (["--lobe", "fong:3"], "choose one of lambert, self-luminous, mirror, phong:N"),
         (["--lobe", "phong"], 'needs a number after "phong:"'),
         (["--lobe", "phong:many"], "needs a number"),
-        (["--lobe", "phong:-1"], "--lobe phong:-1: n of phong is -1.0; expected a glossiness of 0 or more"),
+        (["--lobe", "phong:-1"], "phong:-1: n of phong is -1.0; expected a glossiness of 0 or more"),
         (["--lobe", "phong:nan"], "expected a glossiness"),
         (["--lobe", "ggx:0"], "alpha of ggx is 0.0"),
-        (["--brdf", "lambert"], "choose of ggx:ALPHA, ward:ALPHA, phong:N"),
+        (["--brdf", "lambert"], "choose one of ggx:ALPHA, ward:ALPHA, phong:N"),
         (["--brdf", "ward:2"], "alpha of ward is 2.0"),
-        (["--rows", "0"], "--rows is 0; give 1 to"),
-        (["--rows", "1", "--brdf", "ggx:1"], "--rows is 1; give 2 to"),
-        (["--rows", "1000000"], "--rows is 1000000"),
+        (["--rows", "0"], "rows are 0; give 1 to"),
+        (["--rows", "1", "--brdf", "ggx:1"], "rows are 1; give 2 to"),
+        (["--rows", "1000000"], "rows are 1000000"),
         (["--cube", "100"], "a power of two"),
         (["--cube", "0"], "a power of two"),
         (["--cube", "8", "--normalisation", "paper"], "engines expect radiance"),
-        (["--mirror", "x"], "--cube SIZE"),
+        (["--mirror", "x"], "no cube is asked for"),
         (["--exposure", "1"], "--sheet"),
         (["--sheet", "a.exr"], ".png"),
         (["--normalisation", "mean"], "normalisation"),
     ],
 )
 def test_wrong_words_are_refused_in_one_line(
-    words: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    words: list[str], report: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = stored(tmp_path, lights.constant(4))
-    assert told in refused([path, "-o", str(tmp_path / "made"), *words], capsys)
+    assert report in refused([path, "-o", str(tmp_path / "made"), *words], capsys)
     assert not (tmp_path / "made").exists()
 
 

@@ -10,6 +10,14 @@ from .light_set import LightSettings as LightSettings
 from .light_set import Room as Room
 from .light_set import SecondProbe as SecondProbe
 from .light_set import make_lights as make_lights
+from .reflection.files import ReflectionFiles as ReflectionFiles
+from .reflection.files import reflection_facts as reflection_facts
+from .reflection.files import write_reflection_maps as write_reflection_maps
+from .reflection.names import brdf_named as brdf_named
+from .reflection.names import glossy_named as glossy_named
+from .reflection.names import lobe_named as lobe_named
+from .reflection.names import tables_named as tables_named
+from .reflection.reflection_map import Normalisation as Normalisation
 from .reflection.reflection_map import ReflectionMap as ReflectionMap
 from .reflection.reflection_map import reflection_map as reflection_map
 from .sampling import EnvironmentSampler as EnvironmentSampler

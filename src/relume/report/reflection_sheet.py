@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 
+from relume.image import files
 from relume.image.colour import luminance
 from relume.image.photograph import Photograph
-from relume.renderers.prefiltered.contact_sheet import Ball
+from relume.renderers.prefiltered.contact_sheet import Ball, balls
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_points
 from relume.virtual_camera.developing import develop
@@ -22,7 +24,7 @@ _PAGE, _INK, _FAINT = 28, "#e8e6e1", "#9a978f"
 MIDDLE_GREY = 0.18
 NOTES = (
     "",
-    "Above left, I: the illumination map, its middle −Z,",
+    "Above left, I: the environment map, its middle −Z,",
     "+X to its right. The balls are seen along −Z: their",
     "middles show what is behind the viewer, their rims",
     "what is behind them.",
@@ -32,6 +34,23 @@ NOTES = (
     "N  the normal, E the way to the eye,",
     "R = 2(E·N)N − E",
 )
+
+
+def draw_reflection_sheet(
+    path: Path,
+    light: EnvironmentMap,
+    title: str,
+    stops: float = 0.0,
+    progress: Callable[[float], None] = lambda share: None,
+) -> None:
+    """Write a picture, .png or .jpg, of balls of every surface under a map.
+
+    title : what the light is, as its file's name
+    stops : to brighten by; at 0 the mean of the Lambert ball is middle grey
+    """
+    made = balls(light, progress=progress)
+    lambert = next(ball for ball in made if ball.caption == "Lambert")
+    files.write(path, contact_sheet(made, light, exposed_for(lambert).brighter(stops), title))
 
 
 def exposed_for(ball: Ball) -> Film:
