@@ -15,7 +15,7 @@ from relume.image.radiance import OUTSIDE
 from relume.lightstage.field.field import Pictures
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.novel_view.blending import Blending
-from relume.lightstage.novel_view.measured_view import SourceView, view, without_debt
+from relume.lightstage.novel_view.measured_view import SourceView, measured_view, without_debt
 from relume.lightstage.novel_view.projection import Subject, outline, sampled, without_background
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.lightstage.surface.separation import separate
@@ -96,7 +96,7 @@ def relative_error(found: np.ndarray, truth: np.ndarray, where: np.ndarray) -> f
 
 def test_from_where_the_source_stood_its_own_picture_is_seen() -> None:
     given = source(0, gloss=3.0)
-    found = view(given, sunlight(), camera(0), ball())
+    found = measured_view(given, sunlight(), camera(0), ball())
     truth = relit(taken(0, gloss=3.0))
     inside = outline(Subject.of(ball()), camera(0)).share > 0.999
     assert relative_error(found.picture.radiance, truth, inside) < 0.01
@@ -111,7 +111,7 @@ def test_highlights_move_with_the_view() -> None:
         given = source(0, gloss=3.0)
         if not parts:
             given = SourceView(given.field)
-        found = view(given, irradiances, camera(30), ball())
+        found = measured_view(given, irradiances, camera(30), ball())
         errors.append(relative_error(found.picture.radiance, truth, found.alpha > 0.99))
     assert errors[0] < 0.04
     assert errors[1] > 2 * errors[0]
@@ -134,8 +134,8 @@ def test_two_cameras_together_see_more_and_blend_without_a_seam() -> None:
     brighter = SourceView(
         Pictures(right.field.block(slice(0, 100), slice(0, SIZE)) * np.float32(1.5), LIGHTS, camera(40))
     )
-    both = view([SourceView(left.field), brighter], sunlight(), camera(0), ball())
-    alone = view(SourceView(left.field), sunlight(), camera(0), ball())
+    both = measured_view([SourceView(left.field), brighter], sunlight(), camera(0), ball())
+    alone = measured_view(SourceView(left.field), sunlight(), camera(0), ball())
     truth = relit(taken(0))
     assert both.alpha.sum() > 1.05 * alone.alpha.sum()
     assert both.unseen.sum() < 0.1 * alone.unseen.sum()
@@ -161,7 +161,7 @@ def test_of_two_equal_cameras_the_nearer_one_counts_more() -> None:
 
 def test_what_no_camera_saw_is_a_hole_and_is_told() -> None:
     with pytest.warns(UserWarning, match=r"no camera saw \d+% of what the new view shows"):
-        found = view(SourceView(source(0).field), sunlight(), camera(90), ball())
+        found = measured_view(SourceView(source(0).field), sunlight(), camera(90), ball())
     shown = Subject.of(ball()).seen(camera(90)).met
     assert np.all(found.alpha + found.unseen <= 1)
     assert np.all((found.alpha + found.unseen)[shown] > 0)
@@ -176,7 +176,7 @@ def test_what_no_camera_saw_is_a_hole_and_is_told() -> None:
 
 def test_a_bright_background_does_not_bleed_into_the_subject() -> None:
     given = taken(0, background=2.0).diffuse
-    found = view(SourceView(given), sunlight(), camera(12), ball())
+    found = measured_view(SourceView(given), sunlight(), camera(12), ball())
     truth = relit(taken(12))
     whole = found.alpha > 0.99
     assert relative_error(found.picture.radiance, truth, whole) < 0.02
@@ -218,27 +218,27 @@ def test_a_mesh_that_does_not_match_the_camera_is_refused() -> None:
     field = source(0).field
     irradiances = sunlight()
     with pytest.raises(ValueError, match="the mesh does not match the source camera: the picture is dark in"):
-        view(SourceView(field), irradiances, camera(10), ball((0.5, 0, 0)))
+        measured_view(SourceView(field), irradiances, camera(10), ball((0.5, 0, 0)))
     with pytest.warns(UserWarning, match="the mesh hardly matches the source camera: the picture is dark in"):
-        view(SourceView(field), irradiances, camera(10), ball((0.17, 0, 0)))
+        measured_view(SourceView(field), irradiances, camera(10), ball((0.17, 0, 0)))
     overhead = Camera.looking_at(np.array([0, 0, 12.0]), np.zeros(3), width=8, height=8, focal_length=16)
     with pytest.raises(ValueError, match="sees the mesh in 0 of"):
-        view(SourceView(field), irradiances, overhead, ball((0, 0, 6)))
+        measured_view(SourceView(field), irradiances, overhead, ball((0, 0, 6)))
     with pytest.raises(ValueError, match="the new camera sees nothing of the mesh"):
         away = Camera.looking_at(np.array([0, 0, 3.0]), np.array([0, 0, 9.0]), width=8, height=8, focal_length=16)
-        view(SourceView(field), irradiances, away, ball())
+        measured_view(SourceView(field), irradiances, away, ball())
     with pytest.raises(ValueError, match="no mesh is given"):
-        view(SourceView(field), irradiances, camera(10), [])
+        measured_view(SourceView(field), irradiances, camera(10), [])
 
 
 def test_wrong_calls_are_told_in_a_line() -> None:
     field = source(0).field
     with pytest.raises(ValueError, match=r"irradiances are \(3, 3\); expected 100 × 3"):
-        view(SourceView(field), np.ones((3, 3)), camera(10), ball())
+        measured_view(SourceView(field), np.ones((3, 3)), camera(10), ball())
     with pytest.raises(ValueError, match="no source is given"):
-        view([], sunlight(), camera(10), ball())
+        measured_view([], sunlight(), camera(10), ball())
     with pytest.raises(ValueError, match="irradiances for 1 sources, but there are 2"):
-        view([SourceView(field), SourceView(field)], [sunlight()], camera(10), ball())
+        measured_view([SourceView(field), SourceView(field)], [sunlight()], camera(10), ball())
     with pytest.raises(ValueError, match="give the field a camera"):
         SourceView(Pictures(np.ones((100, 4, 4, 3), np.float32), LIGHTS))
     with pytest.raises(ValueError, match=r"the map alpha is \(2, 2\); expected \(56, 56, 2\)"):
@@ -271,7 +271,7 @@ def test_the_head_is_seen_from_a_second_camera_as_it_is(name: str, most: float) 
     towards = np.arccos(np.clip(lights.directions @ np.array(direction), -1, 1))
     weights = np.linalg.solve(np.exp(-apart / 0.5), np.exp(-towards / 0.5))
     parts = separate(field)
-    found = view(SourceView(field, parts, alpha=parts.alpha), np.repeat(weights[:, None], 3, 1), second, meshes)
+    found = measured_view(SourceView(field, parts, alpha=parts.alpha), np.repeat(weights[:, None], 3, 1), second, meshes)
     truth = read_radiance(STAGE / "truth" / f"{name}_right.exr").radiance
     subject = Subject.of(meshes)
     sight = subject.seen(second)

@@ -22,7 +22,7 @@ PIXELS = 8192
 """Pixels worked on at once: with 300 lights a block of one part is 30 MB."""
 
 
-def view(
+def measured_view(
     sources: SourceView | Sequence[SourceView],
     irradiances: np.ndarray | Sequence[np.ndarray],
     camera: Camera,

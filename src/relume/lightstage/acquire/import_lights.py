@@ -1,0 +1,286 @@
+"""Where the lights of pictures stood: from a list, from mirrored balls, or from the course of a rotating light arm."""
+
+from __future__ import annotations
+
+import tempfile
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from relume.capture.exposure.folder import name_order
+from relume.errors import InvalidStage, OutputNotWritten, UnreadableFile
+from relume.image import files
+from relume.lightstage.acquire.ball_highlights import BallReadings, MirrorBall, find_ball, read_ball, unit_mean
+from relume.lightstage.acquire.light_files import LIST, read_directions, read_lp
+from relume.lightstage.acquire.near_lights import light_places
+from relume.lightstage.acquire.read_stage import PICTURES
+from relume.lightstage.acquire.rotating_arm import RotatingArm, SteadyRotation, fit_rings, fit_rotation
+from relume.lightstage.acquire.rotating_arm_film import (
+    frame_paths,
+    lamp_directions,
+    stage_of_frames,
+    unpack_video,
+    video_frames,
+)
+from relume.lightstage.acquire.stage_file import LightEntry, Stage, StageCamera, read_stage_file
+from relume.probe.ball.silhouette import outline_of_circle
+from relume.scene.cameras.camera import Camera
+
+VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm")
+
+
+@dataclass(frozen=True)
+class BallCircle:
+    """A mirrored ball's circle in the pictures: its middle and radius in pixels.
+
+    metres : the ball's own radius; None where unknown, and directions alone are found
+    """
+
+    x: float
+    y: float
+    radius: float
+    metres: float | None = None
+
+    def __post_init__(self) -> None:
+        if not (self.radius > 0 and (self.metres is None or self.metres > 0)):
+            raise ValueError(f"a ball of radius {self.radius} pixels, {self.metres} metres; expected radii above 0")
+
+
+Ball = BallCircle | Literal["find"]
+
+
+@dataclass(frozen=True)
+class FilmCourse:
+    """How the lamp of a filmed rotating light arm went, and how many lights of each ring are kept.
+
+    rings : from top to bottom
+    columns : lights a ring
+    frames : a turn; None where a mirrored ball in the film shows the rate, the start and the rings
+    start : the frame, with its fraction, in which the first ring begins
+    azimuth : where each ring begins, radians from +Z towards +X
+    clockwise : the lamp turns from +Z towards −X
+    """
+
+    rings: int
+    columns: int
+    frames: float | None = None
+    start: float = 0.0
+    azimuth: float = 0.0
+    clockwise: bool = False
+
+    def __post_init__(self) -> None:
+        if self.rings < 1 or self.columns < 1 or (self.frames is not None and not 0 < self.frames < np.inf):
+            raise ValueError(f"{self.rings} rings of {self.columns} lights, {self.frames} frames a turn; expected ≥ 1")
+
+    def arm(self, pictures: Iterable[np.ndarray] | None = None, ball: MirrorBall | None = None) -> RotatingArm:
+        """The course of the arm; where `frames` is None it is found from the ball in the film's pictures."""
+        band = float(np.pi / self.rings)
+        if self.frames is not None:
+            rotation = SteadyRotation(1 / self.frames, self.start)
+            return RotatingArm(rotation, self.rings, band / 2, band, self.azimuth, self.clockwise)
+        if pictures is None or ball is None:
+            raise ValueError("the film's frames a turn are not given; give them, or the circle of a ball in the film")
+        directions = lamp_directions(pictures, ball)
+        rotation = fit_rotation(directions, start_azimuth=self.azimuth, clockwise=self.clockwise)
+        first, step, _ = fit_rings(directions, rotation)
+        # What the ball shows is off by a little: a ring at the pole stays at the pole.
+        first = float(np.clip(first, 0, np.pi))
+        step = min(step, (np.pi - first) / max(self.rings - 1, 1))
+        return RotatingArm(rotation, self.rings, first, step, self.azimuth, self.clockwise)
+
+
+@dataclass(frozen=True)
+class BallFindings:
+    """What mirrored balls showed.
+
+    circles : x, y and radius of each ball, pixels
+    disagreement : the largest angle of each ball's directions to the mean of all, radians; empty for one ball
+    ray_miss : metres within which the rays of the balls meet at each lamp; None where only directions are found
+    """
+
+    circles: tuple[tuple[float, float, float], ...]
+    disagreement: tuple[float, ...] = ()
+    ray_miss: float | None = None
+
+
+def stage_of_list(folder: Path, listed: Path, leave_out: Sequence[Path] = ()) -> Stage:
+    """The pictures of a folder under lights that an .lp or a plain list of directions names, in their order.
+
+    leave_out : pictures that are of no light
+    Raises InvalidStage where pictures and directions differ in number.
+    """
+    if listed.suffix.lower() == LIST:
+        named = read_lp(listed)
+        names = [Path(name.replace("\\", "/")).name for name in named.names]
+        return _stage_towards(names, named.directions)
+    paths, directions = pictures_in(folder, leave_out), read_directions(listed)
+    if len(paths) != len(directions):
+        raise InvalidStage(f"{listed}: {len(directions)} directions for the {len(paths)} pictures in {folder}")
+    return _stage_towards([path.name for path in paths], directions)
+
+
+def stage_of_balls(
+    folder: Path,
+    balls: Sequence[Ball],
+    elsewhere: Sequence[Path] = (),
+    field_of_view: float | None = None,
+    leave_out: Sequence[Path] = (),
+) -> tuple[Stage, BallFindings]:
+    """The pictures of a folder under lights found in mirrored balls, and what the balls showed.
+
+    balls : each is found in the pictures, or given by its circle
+    elsewhere : folders of pictures of the balls under the same lights in the same order, one for all or one for each;
+        none where the balls are in the subject's own pictures
+    field_of_view : of the camera, across, radians; None for one far away. Where it is given and the balls are in
+        metres, the origin is the mean of their centres, and the stage has a camera
+    leave_out : pictures that are of no light
+    Raises InvalidStage, BallNotFound, ValueError.
+    """
+    paths = pictures_in(folder, leave_out)
+    names = [path.name for path in paths]
+    # Each ball reads its own pictures.
+    shown = _pictures_of_balls(len(balls), elsewhere, paths)
+    mirrors = [mirror_ball(ball, pictures, field_of_view) for ball, pictures in zip(balls, shown, strict=True)]
+    readings = [
+        read_ball((_pixels(path) for path in pictures), mirror, [path.name for path in pictures])
+        for mirror, pictures in zip(mirrors, shown, strict=True)
+    ]
+    found = BallFindings(
+        tuple((float(x), float(y), float(each.outline.radius)) for each in mirrors for x, y in [each.outline.centre]),
+        _disagreement(readings) if len(balls) > 1 else (),
+    )
+    # Balls in metres before a known camera place that camera.
+    metric = field_of_view is not None and all(ball != "find" and ball.metres is not None for ball in balls)
+    middle, cameras = np.mean([mirror.centre for mirror in mirrors], axis=0), {}
+    if metric:
+        assert field_of_view is not None
+        # The readings' frame is the camera's own, which looks along −Z.
+        x, y, z = (-middle).tolist()
+        cameras["front"] = StageCamera((x, y, z), (x, y, z - 1), field_of_view)
+    # Several such balls place the lamps; else their mean direction counts.
+    if len(balls) > 1 and metric:
+        places = light_places(readings, names)
+        pairs = zip(names, (places.positions - middle).tolist(), strict=True)
+        entries = [LightEntry({"": (name,)}, position=tuple(place)) for name, place in pairs]
+        return Stage(tuple(entries), cameras), replace(found, ray_miss=float(places.residuals.max()))
+    directions = readings[0].directions if len(balls) == 1 else unit_mean(readings)
+    return _stage_towards(names, directions, cameras), found
+
+
+def camera_ahead(stage: Stage, source: Path, field_of_view: float, distance: float) -> Stage:
+    """The stage with a camera on +Z that looks at the origin along −Z.
+
+    field_of_view : across, radians
+    distance : metres
+    Raises ValueError where the stage has a camera.
+    """
+    if stage.cameras:
+        raise ValueError(f"{source} has a camera of its own; leave the field of view and the camera's distance out")
+    return replace(stage, cameras={"front": StageCamera((0.0, 0.0, distance), (0.0, 0.0, 0.0), field_of_view)})
+
+
+@contextmanager
+def filmed_stage(
+    source: Path, out: Path, course: FilmCourse, ball: Ball | None = None, leave_out: Sequence[Path] = ()
+) -> Iterator[tuple[Stage, Path]]:
+    """The stage of a filmed rotating arm, and where its frames are: those of a video lie beside `out` meanwhile.
+
+    source : a video, or the folder of its frames
+    ball : in the film, where the course's `frames` are to be found from it
+    Raises InvalidStage where the film does not go round the stage, UnreadableFile, OutputNotWritten.
+    """
+    if source.is_dir():
+        passed = {path.resolve() for path in leave_out}
+        paths = [path for path in frame_paths(source) if path.resolve() not in passed]
+        mirror = None if ball is None else mirror_ball(ball, paths, None)
+        yield stage_of_frames(paths, course.arm((_pixels(path) for path in paths), mirror), course.columns), source
+        return
+    arm = course.arm(video_frames(source), _ball_in_film(source, ball))
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        place = tempfile.TemporaryDirectory(prefix=f".{out.name}.frames_", dir=out.parent)
+    except OSError as error:
+        raise OutputNotWritten(f"{out.parent}: cannot be written: {error.strerror}; choose another place") from None
+    with place as folder:
+        file = unpack_video(source, folder, arm, course.columns)
+        yield read_stage_file(file), file
+
+
+def measure_film(video: Path, course: FilmCourse, ball: Ball | None = None) -> tuple[int, int, tuple[int, int]]:
+    """Frames, lights and (rows, columns) of a video, from looking at all its frames and keeping none."""
+    arm = course.arm(video_frames(video), _ball_in_film(video, ball))
+    count, shape = 0, (0, 0)
+    for frame in video_frames(video):
+        count, shape = count + 1, (frame.shape[0], frame.shape[1])
+    return count, len(arm.grid_lights(course.columns, count)[1]), shape
+
+
+def mirror_ball(ball: Ball, paths: Sequence[Path], field_of_view: float | None) -> MirrorBall:
+    """A ball as the camera sees it, given or sought in the pictures; raises ValueError and BallNotFound."""
+    camera = None if field_of_view is None else _camera(_pixels(paths[0]).shape, field_of_view)
+    if ball != "find":
+        return MirrorBall(outline_of_circle(ball.x, ball.y, ball.radius), camera, ball.metres or 1.0)
+    outline = find_ball((_pixels(path) for path in paths), focal_length=camera and camera.focal_length)
+    return MirrorBall(outline, camera)
+
+
+def pictures_in(folder: Path, leave_out: Sequence[Path] = ()) -> list[Path]:
+    """The pictures of a folder in the order of their names, 9 before 10, but for some; warns of masks."""
+    passed = {path.resolve() for path in leave_out}
+    found = [
+        path
+        for path in folder.iterdir()
+        if path.suffix.lower() in PICTURES and not path.name.startswith(".") and path.resolve() not in passed
+    ]
+    masks = [path for path in found if path.stem.endswith("mask")]
+    if masks:
+        warnings.warn(f"{folder}: {masks[0].name} is taken for a mask and is no light's picture", stacklevel=2)
+    kept = sorted((path for path in found if path not in masks), key=name_order)
+    if not kept:
+        raise UnreadableFile(f"{folder}: no pictures; it holds none of {', '.join(PICTURES)}")
+    return kept
+
+
+def _stage_towards(names: Sequence[str], directions: np.ndarray, cameras: dict[str, StageCamera] | None = None) -> Stage:
+    pairs = zip(names, directions.tolist(), strict=True)
+    return Stage(tuple(LightEntry({"": (name,)}, tuple(direction)) for name, direction in pairs), cameras or {})
+
+
+def _pictures_of_balls(count: int, elsewhere: Sequence[Path], paths: list[Path]) -> list[list[Path]]:
+    """The pictures in which each ball is looked for."""
+    if not elsewhere:
+        return [paths] * count
+    if len(elsewhere) not in (1, count):
+        raise ValueError(f"{len(elsewhere)} folders of pictures for {count} balls; give one, or one for each")
+    found = [pictures_in(folder) for folder in elsewhere]
+    for folder, pictures in zip(elsewhere, found, strict=True):
+        if len(pictures) != len(paths):
+            raise InvalidStage(
+                f"{folder}: {len(pictures)} pictures of the ball, {len(paths)} of the subject; give one a light"
+            )
+    return found * count if len(found) == 1 else found
+
+
+def _disagreement(readings: Sequence[BallReadings]) -> tuple[float, ...]:
+    mean = unit_mean(readings)
+    return tuple(float(np.arccos(np.clip((each.directions * mean).sum(-1), -1, 1)).max()) for each in readings)
+
+
+def _ball_in_film(video: Path, ball: Ball | None) -> MirrorBall | None:
+    if ball == "find":
+        return MirrorBall(find_ball(video_frames(video), video.name))
+    return None if ball is None else mirror_ball(ball, (), None)
+
+
+def _camera(shape: tuple[int, ...], field_of_view: float) -> Camera:
+    height, width = shape[:2]
+    return Camera(width, height, float(width / 2 / np.tan(field_of_view / 2)), np.zeros(3), np.eye(3))
+
+
+def _pixels(path: Path) -> np.ndarray:
+    return files.read_radiance(path).radiance if files.has_radiance(path) else files.read_photograph(path).pixels

@@ -1,0 +1,230 @@
+"""Importing a stage: finding its lights, calibrating its pictures and keeping them in a store."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from relume.errors import OutputNotWritten, UnreadableFile
+from relume.lightstage.acquire.calibration import Calibration
+from relume.lightstage.acquire.import_corrections import Corrections, correct
+from relume.lightstage.acquire.import_lights import (
+    VIDEOS,
+    Ball,
+    BallFindings,
+    FilmCourse,
+    camera_ahead,
+    filmed_stage,
+    measure_film,
+    stage_of_balls,
+    stage_of_list,
+)
+from relume.lightstage.acquire.read_stage import find_stage_file, open_pictures, read_stage, stage_geometry
+from relume.lightstage.acquire.stage_file import Stage, TargetCard
+from relume.lightstage.acquire.store import is_store
+from relume.lightstage.acquire.store_building import build_store, file_facts
+from relume.lightstage.field.field import ReflectanceField
+from relume.lightstage.field.work import Work, estimate_work
+from relume.lightstage.relighting.relighting import MEMORY, Progress
+
+DTYPES = {"half": np.float16, "float": np.float32, "8bit": np.uint8}
+
+
+@dataclass(frozen=True)
+class ImportSettings:
+    """How a stage is imported.
+
+    balls : mirrored balls in which the lights are found
+    ball_pictures : folders with pictures of the balls under the same lights in the same order, where the balls are not
+        in the subject's own pictures; one for all or one for each
+    lights : an .lp, or a list of directions in the order of the pictures' names
+    film : the course of a filmed rotating light arm
+    camera : whose pictures, where the stage has several
+    field_of_view : of the camera, across, radians, for `balls` and `camera_distance`
+    camera_distance : from the subject, metres, of a camera on +Z that looks along −Z
+    encoding : of photographs: srgb, linear or a response file; as stage.json says, else srgb
+    corrections : of the pictures; its `target` is that of stage.json unless given
+    dtype : how values are kept; "8bit" with a scale for each picture
+    memory : bytes for pictures
+
+    Raises ValueError for what cannot go together.
+    """
+
+    balls: tuple[Ball, ...] = ()
+    ball_pictures: tuple[Path, ...] = ()
+    lights: Path | None = None
+    film: FilmCourse | None = None
+    camera: str | None = None
+    field_of_view: float | None = None
+    camera_distance: float | None = None
+    encoding: str | None = None
+    corrections: Corrections = Corrections()
+    dtype: Literal["half", "float", "8bit"] = "half"
+    memory: int = 2 * MEMORY
+
+    def __post_init__(self) -> None:
+        film_ball = self.film is not None and self.film.frames is None
+        if bool(self.balls and not film_ball) + (self.lights is not None) + (self.film is not None) > 1:
+            raise ValueError("--ball, --lights and --film: give one of them")
+        if film_ball and len(self.balls) != 1:
+            raise ValueError("--film without FRAMES needs one --ball that shows the lamp in the film")
+        if self.ball_pictures and not self.balls:
+            raise ValueError("--ball-pictures are for --ball; give --ball find, or its circle")
+        metric = bool(self.balls) and all(ball != "find" and ball.metres is not None for ball in self.balls)
+        if self.field_of_view is not None and not 0 < self.field_of_view < np.pi:
+            degrees = np.degrees(self.field_of_view)
+            raise ValueError(f"--field-of-view is {degrees:g}; give degrees above 0 and below 180")
+        if self.camera_distance is not None:
+            if not 0 < self.camera_distance < np.inf:
+                raise ValueError(f"--camera-distance is {self.camera_distance}; give metres above 0")
+            if self.field_of_view is None:
+                raise ValueError("--camera-distance: give --field-of-view too")
+            if metric:
+                raise ValueError("--camera-distance: balls in metres place the camera already; leave one of both out")
+        elif self.field_of_view is not None and not self.balls:
+            raise ValueError("--field-of-view: give --camera-distance too")
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """What was imported, or would be.
+
+    lights, shape : how many lights, and (rows, columns) of the pictures
+    field : as it is stored; None where only a film's frames were counted
+    balls : what mirrored balls showed
+    target, calibration : the card, and what was measured on it
+    film_frames : of a film that was counted only
+    work : what an import would take; None after one
+    """
+
+    lights: int
+    shape: tuple[int, int]
+    field: ReflectanceField | None = None
+    balls: BallFindings | None = None
+    target: TargetCard | None = None
+    calibration: Calibration | None = None
+    film_frames: int | None = None
+    work: Work | None = None
+
+
+def import_stage(
+    pictures: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    settings: ImportSettings = ImportSettings(),
+    *,
+    dry_run: bool = False,
+    progress: Progress | None = None,
+) -> Imported:
+    """Find the lights of a stage, calibrate its pictures, fill invalid samples, and write a store.
+
+    pictures : a folder with stage.json or an .lp, such a file, a store, a folder of pictures, or a film
+    out : the store, as *.zarr; an incomplete one of the same import is resumed
+    dry_run : nothing is written; what the import would find and take is measured
+    Overexposed samples of photographs are filled from neighbouring lights, always.
+    Raises InvalidStage, UnreadableFile, BallNotFound, ValueError, CannotResume, OutputNotWritten.
+    """
+    source, store, corrections = Path(pictures), Path(out), settings.corrections
+    _check_paths(source, store, settings)
+    # A video is only counted, so that a dry run writes no frames.
+    if dry_run and settings.film is not None and not source.is_dir():
+        ball = settings.balls[0] if settings.balls else None
+        frames, lights, shape = measure_film(source, settings.film, ball)
+        return Imported(lights, shape, film_frames=frames, work=Work(lights, shape, settings.memory, None))
+    with _described(source, store, settings) as (described, balls, known):
+        # The field as it was taken, then corrected.
+        field, own_card, subject = _field(source, described, settings, known)
+        corrections = corrections if corrections.target else replace(corrections, target=own_card)
+        mesh, light_radius = stage_geometry(source)
+        field, calibration = correct(field, corrections, mesh, subject)
+        found = Imported(len(field.lights), field.shape, field, balls, corrections.target, calibration)
+        if dry_run:
+            return replace(found, work=estimate_work(field, settings.memory))
+        # The store, keyed by the settings and the files that they name.
+        options = asdict(replace(settings, memory=0, dtype="half"))
+        named = (corrections.ambient, corrections.mask, corrections.board, settings.lights)
+        seen = [source, *(each for each in named if each), *settings.ball_pictures]
+        build_store(
+            field,
+            store,
+            dtype=DTYPES[settings.dtype],
+            max_memory=settings.memory,
+            progress=progress,
+            made_from=[repr(options), file_facts(seen)],
+            mesh=mesh,
+            light_radius=light_radius,
+        )
+    return found
+
+
+def _check_paths(source: Path, out: Path, settings: ImportSettings) -> None:
+    """Refuse what cannot be, before any work."""
+    if not source.exists():
+        raise UnreadableFile(f"{source}: no such folder or file; check the path")
+    if (settings.lights or (settings.balls and not settings.film)) and not source.is_dir():
+        raise UnreadableFile(f"{source}: a file; with --ball or --lights give the folder of the pictures")
+    if source.suffix.lower() in VIDEOS and settings.film is None:
+        raise ValueError(f"{source}: a film; give its lamp's course with --film RINGS,COLUMNS,FRAMES")
+    if out.exists() and not out.is_dir():
+        raise OutputNotWritten(f"-o {out}: a file, not a store; choose another name")
+    for folder in (*settings.ball_pictures, *([settings.corrections.board] if settings.corrections.board else [])):
+        if not folder.is_dir():
+            raise UnreadableFile(f"{folder}: no such folder; name the folder of the pictures")
+    for file in (settings.lights, settings.corrections.ambient):
+        if file is not None and not file.is_file():
+            raise UnreadableFile(f"{file}: no such file; check the path")
+
+
+@contextmanager
+def _described(
+    source: Path, out: Path, settings: ImportSettings
+) -> Iterator[tuple[tuple[Stage, Path] | None, BallFindings | None, Collection[Path]]]:
+    """The stage and the place of its pictures where settings give them, what balls showed, and pictures of no light."""
+    corrections = settings.corrections
+    left = [path for path in (corrections.ambient, corrections.mask) if path is not None and path.is_file()]
+    if settings.film is not None:
+        # Most frames of a film are between those of the grid.
+        known = [*left, *(source.iterdir() if source.is_dir() else [])]
+        with filmed_stage(source, out, settings.film, settings.balls[0] if settings.balls else None, left) as described:
+            yield described, None, known
+    elif settings.balls:
+        stage, found = stage_of_balls(source, settings.balls, settings.ball_pictures, settings.field_of_view, left)
+        yield (stage, source), found, left
+    elif settings.lights is not None:
+        yield (stage_of_list(source, settings.lights, left), source), None, left
+    else:
+        yield None, None, left
+
+
+def _field(
+    source: Path, described: tuple[Stage, Path] | None, settings: ImportSettings, known: Collection[Path]
+) -> tuple[ReflectanceField, TargetCard | None, tuple[float, float, float]]:
+    """The field as it was taken, the card of its stage file, and the subject's middle.
+
+    described : the stage and its pictures' place where settings give them; None where the source does
+    known : files that are meant to be of no light
+    """
+    encoding, angle, distance = settings.encoding, settings.field_of_view, settings.camera_distance
+    if described is None and is_store(source):
+        if encoding is not None:
+            raise ValueError(f"--encoding: {source} is a store, whose values are linear; leave --encoding out")
+        if angle is not None:
+            raise ValueError(f"--field-of-view: {source} is a store, which keeps its camera; leave --field-of-view out")
+        return read_stage(source, settings.camera), None, (0.0, 0.0, 0.0)
+    stage, place = find_stage_file(source) if described is None else described
+    if encoding is not None:
+        word = encoding if encoding in ("srgb", "linear") else str(Path(encoding).resolve())
+        stage = replace(stage, encoding=word)
+    if stage.target is not None and len(stage.lights[0].files) > 1:
+        raise ValueError(
+            f'{place}: its "target" is of one camera\'s pictures, and it has {", ".join(stage.lights[0].files)}; take '
+            "it out, and give --target with each import"
+        )
+    if angle is not None and distance is not None:
+        stage = camera_ahead(stage, place, angle, distance)
+    return open_pictures(stage, place, settings.camera, kept=0, known=known), stage.target, stage.subject

@@ -1,0 +1,249 @@
+"""Relighting a stage's subject by any light, with or without a mesh of it: what `relume stage relight` calls."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from relume.image.radiance import RadianceMap
+from relume.lightstage.acquire.read_stage import read_stage, stage_geometry
+from relume.lightstage.direct_light.control_variate import estimate_seconds, relight_with_mesh, row_blocks
+from relume.lightstage.direct_light.light_directions import DirectedLight
+from relume.lightstage.direct_light.model import DirectLightSettings
+from relume.lightstage.field.field import ReflectanceField
+from relume.lightstage.field.lights import StageLights
+from relume.lightstage.novel_view.projection import Subject, check_mesh_matches
+from relume.lightstage.relighting.cosine import compress_cosine
+from relume.lightstage.relighting.interpolation import Barycentric, NearestLight, reached, unreached_share
+from relume.lightstage.relighting.low_rank import compress_low_rank
+from relume.lightstage.relighting.relighting import MEMORY, Progress, weighted_sum
+from relume.lightstage.relighting.sequences import weighted_sums
+from relume.lightstage.relighting.specular_spikes import (
+    relight_spiky,
+    relight_spiky_sequence,
+    share_below,
+    warn_below,
+)
+from relume.lightstage.relighting.stage_lighting import StageLighting, as_lighting
+from relume.lightstage.relighting.voronoi_cells import even_directions
+from relume.scene.shapes.meshes import read_meshes
+from relume.scene.shapes.shapes import Mesh
+from relume.sphere.environment_map import EnvironmentMap
+
+FAR = 0.05
+"""Share of the light that comes from where the stage has no lights from which on relighting warns."""
+Compression = Literal["cosine", "low-rank"]
+
+
+@dataclass(frozen=True)
+class RelightSettings:
+    """How a subject is relit.
+
+    nearest : all light goes to the nearest light of the stage, as in the paper; no mesh is used then
+    direct_light : how direct light on a mesh is fitted; its `light_radius` is the mesh's where that has one
+    compression : of the field, once, before a sequence is relit; a single picture is quicker without
+    threads : every core for None
+    memory : bytes for blocks and sums
+    """
+
+    nearest: bool = False
+    direct_light: DirectLightSettings = DirectLightSettings()
+    compression: Compression | None = None
+    threads: int | None = None
+    memory: int = MEMORY
+
+
+@dataclass(frozen=True, eq=False)
+class SubjectMesh:
+    """A mesh of a stage's subject, metres, in the stage's frame.
+
+    light_radius : radians, half the apparent diameter of the stage's lights; None where unknown
+    name : for messages
+    required : whether a mesh that does not match the pictures is refused; else it is not used, with a warning
+    """
+
+    meshes: Sequence[Mesh]
+    light_radius: float | None = None
+    name: str = "the mesh"
+    required: bool = True
+
+    def settings(self, settings: DirectLightSettings) -> DirectLightSettings:
+        """The settings, for lights of this radius where it is known."""
+        return settings if self.light_radius is None else replace(settings, light_radius=self.light_radius)
+
+
+def subject_mesh(stage: str | os.PathLike[str], mesh: str | os.PathLike[str] | None = None) -> SubjectMesh | None:
+    """The mesh that is given, else the one that the stage has; None where it has none.
+
+    Raises InvalidStage and UnreadableFile.
+    """
+    own, radius = stage_geometry(stage)
+    chosen = own if mesh is None else Path(mesh)
+    return None if chosen is None else SubjectMesh(read_meshes(chosen), radius, str(chosen), required=mesh is not None)
+
+
+def relight(
+    stage: ReflectanceField | str | os.PathLike[str],
+    light: StageLighting | EnvironmentMap,
+    mesh: SubjectMesh | Sequence[Mesh] | None = None,
+    settings: RelightSettings = RelightSettings(),
+    *,
+    progress: Progress | None = None,
+) -> RadianceMap:
+    """The subject under any light, in the light's unit; with its variance where the noise is known.
+
+    Without a mesh the picture is the sum of the stage's pictures, each times what its light has to give (Debevec et
+    al. 2000, eq. 4), interpolated smoothly between the lights. With a mesh direct light is fitted to each pixel, so
+    that shadows and highlights stand where the light is; the variance is then that of the plain sum.
+
+    stage : a reflectance field, or where one lies, as `read_stage` takes it
+    mesh : as `subject_mesh` finds it
+    Warns of light from where the stage has no lights, of a mesh that is not used and of pixels below 0.
+    Raises ValueError for a mesh that does not match, and for too little memory.
+    """
+    field, lighting = _field(stage), as_lighting(light)
+    warn_unreached(field.lights, [lighting])
+    model = None if settings.nearest else usable_mesh(field, mesh, settings)
+    threads, memory = settings.threads, settings.memory
+    if model is not None:
+        picture = _relight_on(field, lighting.directed(), model, settings, progress)
+    elif settings.nearest:
+        given = lighting.irradiances(field.lights, NearestLight())
+        picture = weighted_sum(field, given, threads=threads, memory=memory, progress=progress)
+    else:
+        both = (lighting.irradiances(field.lights), lighting.irradiances(field.lights, Barycentric()))
+        picture = relight_spiky(field, *both, threads=threads, memory=memory, progress=progress)
+    return replace(picture, unit=lighting.unit)
+
+
+def relight_sequence(
+    stage: ReflectanceField | str | os.PathLike[str],
+    lights: Sequence[StageLighting | EnvironmentMap],
+    settings: RelightSettings = RelightSettings(),
+    *,
+    progress: Progress | None = None,
+) -> Iterator[RadianceMap]:
+    """The subject under each light in turn, by sums of the stage's pictures; the field is read as rarely as possible.
+
+    lights : of the pictures, in one unit; `StageLighting.turntable` makes them for a map that turns
+    With `settings.compression` the field is made small first: pictures then differ by the error that is warned of.
+    Raises ValueError as `relight`, and for lights in two units.
+    """
+    field, several = _field(stage), [as_lighting(light) for light in lights]
+    if len({each.unit for each in several}) != 1:
+        raise ValueError(f"{len(several)} lights in several units; a sequence has one light or more, in one unit")
+    warn_unreached(field.lights, several)
+    unit = several[0].unit
+    pictures = _pictures(field, several, settings, progress)
+    return (replace(picture, unit=unit) for picture in pictures)
+
+
+def _pictures(
+    field: ReflectanceField, several: Sequence[StageLighting], settings: RelightSettings, progress: Progress | None
+) -> Iterator[RadianceMap]:
+    threads, memory = settings.threads, settings.memory
+    if settings.nearest or settings.compression:
+        by = (NearestLight(),) if settings.nearest else ()
+        given = np.stack([each.irradiances(field.lights, *by) for each in several])
+        if settings.compression is None:
+            return weighted_sums(field, given, threads=threads, memory=memory, progress=progress)
+        return _relight_compressed(field, given, settings, progress)
+    smooth = np.stack([each.irradiances(field.lights) for each in several])
+    barycentric = np.stack([each.irradiances(field.lights, Barycentric()) for each in several])
+    return relight_spiky_sequence(field, smooth, barycentric, threads=threads, memory=memory, progress=progress)
+
+
+def _relight_compressed(
+    field: ReflectanceField, given: np.ndarray, settings: RelightSettings, progress: Progress | None
+) -> Iterator[RadianceMap]:
+    """Pictures under each of the irradiances (K, N, 3) from the compressed field; its error is warned of."""
+    compress = compress_cosine if settings.compression == "cosine" else compress_low_rank
+    small = compress(field, memory=settings.memory, progress=progress)
+    warnings.warn(
+        f"the field is compressed to {small.byte_count / 1e6:.3g} MB: pictures differ from exact ones by "
+        f"{small.error.random:.1%} under light from everywhere, by up to {small.error.worst:.1%} under one light",
+        stacklevel=4,
+    )
+    return (small.relight(each) for each in given)
+
+
+def usable_mesh(
+    field: ReflectanceField, mesh: SubjectMesh | Sequence[Mesh] | None, settings: RelightSettings
+) -> SubjectMesh | None:
+    """The mesh where it stands where the pictures show the subject; None, with a warning, where it does not.
+
+    Raises ValueError where such a mesh is required.
+    """
+    if mesh is None:
+        return None
+    given = mesh if isinstance(mesh, SubjectMesh) else SubjectMesh(mesh)
+    try:
+        if field.camera is None:
+            raise ValueError("the stage has no camera, so that nothing says where the mesh is seen; add it")
+        seen = Subject.of(given.meshes).seen(field.camera)
+        check_mesh_matches(_brightness(field, settings), seen, "the stage's camera")
+    except ValueError as error:
+        if given.required:
+            raise ValueError(f"{given.name}: {error}") from None
+        warnings.warn(f"{given.name} is not used: {error}", stacklevel=3)
+        return None
+    return given
+
+
+def mesh_seconds(
+    field: ReflectanceField, light: StageLighting, mesh: SubjectMesh, settings: RelightSettings = RelightSettings()
+) -> float:
+    """About how long `relight` takes with a mesh, seconds; raises ValueError for too little memory."""
+    row_blocks(field, settings.memory)
+    direct_light = mesh.settings(settings.direct_light)
+    return estimate_seconds(field, light.directed(), mesh.meshes, direct_light, threads=settings.threads)
+
+
+def warn_unreached(lights: StageLights, several: Sequence[StageLighting]) -> None:
+    """Warn of light that comes from where the stage has no lights."""
+    if reached(lights, even_directions(4096)).min() == 1:
+        return
+    directed = (each.directed() for each in several)
+    share = max(unreached_share(lights, each.directions, each.irradiances) for each in directed)
+    if share >= FAR:
+        most = "up to " if len(several) > 1 else ""
+        warnings.warn(
+            f"{most}{share:.0%} of the light comes from where the stage has no lights; the nearest lights give it "
+            "instead, and shading and shadows are wrong for it",
+            stacklevel=3,
+        )
+
+
+def _field(stage: ReflectanceField | str | os.PathLike[str]) -> ReflectanceField:
+    return read_stage(stage) if isinstance(stage, str | os.PathLike) else stage
+
+
+def _relight_on(
+    field: ReflectanceField,
+    light: DirectedLight,
+    mesh: SubjectMesh,
+    settings: RelightSettings,
+    progress: Progress | None,
+) -> RadianceMap:
+    direct_light, threads, memory = mesh.settings(settings.direct_light), settings.threads, settings.memory
+    radiance = relight_with_mesh(
+        field, light, mesh.meshes, direct_light, progress=progress, threads=threads, memory=memory
+    )
+    warn_below(share_below(radiance))
+    variance = None
+    if field.noise is not None:
+        given = direct_light.remainder.gathered(field.lights, light.directions, light.irradiances)
+        variance = weighted_sum(field, given, threads=threads, memory=memory).variance
+    return RadianceMap(radiance, variance)
+
+
+def _brightness(field: ReflectanceField, settings: RelightSettings) -> np.ndarray:
+    """The mean (H, W) of a field's pictures over the sphere."""
+    even = np.repeat(field.lights.solid_angles[:, None] / (4 * np.pi), 3, axis=1)
+    return weighted_sum(field, even, threads=settings.threads, memory=settings.memory).radiance.mean(axis=-1)
