@@ -67,20 +67,7 @@ NOT_YET_ON_THE_PUBLIC_NAMES: set[str] = {
     "cli/render_environment.py",
     "cli/render_frames.py",
     "cli/render_tree.py",
-    "cli/stage/clothe.py",
-    "cli/stage/drive.py",
-    "cli/stage/export.py",
-    "cli/stage/import_cleaning.py",
-    "cli/stage/import_lights.py",
-    "cli/stage/import_stage.py",
     "cli/stage/inspect.py",
-    "cli/stage/light.py",
-    "cli/stage/matte.py",
-    "cli/stage/options.py",
-    "cli/stage/output.py",
-    "cli/stage/relight.py",
-    "cli/stage/separate.py",
-    "cli/stage/view.py",
 }
 
 IMAGE_READERS = {"OpenEXR", "OpenImageIO", "PIL", "rawpy", "imageio", "imagecodecs", "tifffile"}

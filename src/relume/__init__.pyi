@@ -21,6 +21,7 @@ from .composite.differential import Ratio as Ratio
 from .composite.differential import differential as differential
 from .errors import RelumeError as RelumeError
 from .errors import UnreadableFile as UnreadableFile
+from .export.json_lights import read_lights as read_lights
 from .export.light_files import LightFiles as LightFiles
 from .export.light_files import write_lights as write_lights
 from .image import files as files

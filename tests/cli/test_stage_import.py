@@ -355,7 +355,7 @@ def test_noise_is_left_unknown_where_that_is_asked_for_or_nothing_shows_it(tmp_p
     assert imported(folder, tmp_path / "a.zarr", "--no-noise").noise is None
     assert "noise" not in capsys.readouterr().err
     assert imported(plain(tmp_path / "clean", noise=1e-4), tmp_path / "b.zarr").noise is None
-    assert "the pictures show none; --noise tells it" in capsys.readouterr().err
+    assert "the pictures show none; --noise gives it" in capsys.readouterr().err
     assert imported(plain(tmp_path / "small", (20, 20), 0.02), tmp_path / "c.zarr").noise is None
     assert "20×20 are too small" in capsys.readouterr().err
 
@@ -390,9 +390,9 @@ def test_a_dry_run_tells_what_would_be_done_and_writes_nothing(stage, tmp_path, 
     ("options", "said"),
     [
         (["--ball", "find", "--film", "2,4,8"], "give one of them"),
-        (["--ball", "round"], '"round" is no ball'),
-        (["--ball", "3,3,-1"], '"3,3,-1" is no ball'),
-        (["--ball", "3,3,2=0"], '"3,3,2=0" is no ball'),
+        (["--ball", "round"], '"round" is not of the form X,Y,RADIUS'),
+        (["--ball", "3,3,-1"], "radii above 0"),
+        (["--ball", "3,3,2=0"], "radii above 0"),
         (["--ball", "500,500,9"], "the ball at 500,500 is not in a picture of 32×24"),
         (["--ball-pictures", "."], "--ball-pictures are for --ball"),
         (["--film", "2,4"], "--film"),
@@ -401,10 +401,10 @@ def test_a_dry_run_tells_what_would_be_done_and_writes_nothing(stage, tmp_path, 
         (["--field-of-view", "40"], "give --camera-distance too"),
         (["--camera-distance", "2"], "give --field-of-view too"),
         (["--camera-distance", "0", "--field-of-view", "40"], "--camera-distance is 0"),
-        (["--camera-distance", "2", "--field-of-view", "40"], "tells its own camera"),
-        (["--ball", "9,9,5=0.1", "--camera-distance", "2", "--field-of-view", "40"], "balls in metres tell it already"),
-        (["--noise", "a"], "write CONSTANT,SLOPE"),
-        (["--noise", "1,-1"], "write CONSTANT,SLOPE"),
+        (["--camera-distance", "2", "--field-of-view", "40"], "has a camera of its own"),
+        (["--ball", "9,9,5=0.1", "--camera-distance", "2", "--field-of-view", "40"], "balls in metres"),
+        (["--noise", "a"], "CONSTANT,SLOPE"),
+        (["--noise", "1,-1"], "not below 0"),
         (["--noise", "1e-6,0", "--no-noise"], "give one of them"),
         (["--target", "0,0,4,4"], "--target"),
         (["--target", "0,0,40,4=0.9"], "not within pictures of 32×24"),

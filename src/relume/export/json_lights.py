@@ -63,7 +63,7 @@ def text(
     return json.dumps(written, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def read(path: str | Path) -> Constellation:
+def read_lights(path: str | Path) -> Constellation:
     """The parallel lights of such a text; raises UnreadableFile, also for lights that have a place."""
     try:
         told = json.loads(Path(path).read_text("utf-8"))

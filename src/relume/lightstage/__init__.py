@@ -1,4 +1,4 @@
-"""Photographs under one light at a time (OLAT) → any light: `relume.lightstage`."""
+"""Light stages (OLAT, one light at a time): import, relight, new views, surfaces, mattes, LED drive, RTI files."""
 
 import lazy_loader as _lazy
 

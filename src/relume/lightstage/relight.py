@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 
+from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.lightstage.acquire.read_stage import read_stage, stage_geometry
 from relume.lightstage.direct_light.control_variate import estimate_seconds, relight_with_mesh, row_blocks
@@ -22,7 +23,7 @@ from relume.lightstage.novel_view.projection import Subject, check_mesh_matches
 from relume.lightstage.relighting.cosine import compress_cosine
 from relume.lightstage.relighting.interpolation import Barycentric, NearestLight, reached, unreached_share
 from relume.lightstage.relighting.low_rank import compress_low_rank
-from relume.lightstage.relighting.relighting import MEMORY, Progress, weighted_sum
+from relume.lightstage.relighting.relighting import MEMORY, Progress, weighted_sum, weighted_sum_per_pixel
 from relume.lightstage.relighting.sequences import weighted_sums
 from relume.lightstage.relighting.specular_spikes import (
     relight_spiky,
@@ -66,12 +67,14 @@ class SubjectMesh:
     light_radius : radians, half the apparent diameter of the stage's lights; None where unknown
     name : for messages
     required : whether a mesh that does not match the pictures is refused; else it is not used, with a warning
+    checked : whether it is known to match them (`usable_mesh`)
     """
 
     meshes: Sequence[Mesh]
     light_radius: float | None = None
     name: str = "the mesh"
     required: bool = True
+    checked: bool = False
 
     def settings(self, settings: DirectLightSettings) -> DirectLightSettings:
         """The settings, for lights of this radius where it is known."""
@@ -144,6 +147,33 @@ def relight_sequence(
     return (replace(picture, unit=unit) for picture in pictures)
 
 
+def relight_per_pixel(
+    stage: ReflectanceField | str | os.PathLike[str],
+    labels: np.ndarray | str | os.PathLike[str],
+    lights: Sequence[StageLighting | EnvironmentMap],
+    settings: RelightSettings = RelightSettings(),
+    *,
+    progress: Progress | None = None,
+) -> RadianceMap:
+    """The subject with a light of its own at every pixel: light through leaves, a shadow's edge (§3.4 of the paper).
+
+    labels : (H, W) integers, which of the lights shines on each pixel; or a picture with a grey level for each light,
+        the darkest for the first
+    Raises ValueError for labels of another shape or number.
+    """
+    field, several = _field(stage), [as_lighting(light) for light in lights]
+    by = (NearestLight(),) if settings.nearest else ()
+    given = np.stack([each.irradiances(field.lights, *by) for each in several])
+    if isinstance(labels, str | os.PathLike):
+        levels, labels = np.unique(files.read_photograph(labels).pixels[..., 1], return_inverse=True)
+        if len(levels) != len(several):
+            raise ValueError(
+                f"the labels have {len(levels)} grey levels for {len(several)} lights; give one level each"
+            )
+    picture = weighted_sum_per_pixel(field, np.asarray(labels), given, memory=settings.memory, progress=progress)
+    return replace(picture, unit=several[0].unit)
+
+
 def _pictures(
     field: ReflectanceField, several: Sequence[StageLighting], settings: RelightSettings, progress: Progress | None
 ) -> Iterator[RadianceMap]:
@@ -183,6 +213,8 @@ def usable_mesh(
     if mesh is None:
         return None
     given = mesh if isinstance(mesh, SubjectMesh) else SubjectMesh(mesh)
+    if given.checked:
+        return given
     try:
         if field.camera is None:
             raise ValueError("the stage has no camera, so that nothing says where the mesh is seen; add it")
@@ -193,7 +225,7 @@ def usable_mesh(
             raise ValueError(f"{given.name}: {error}") from None
         warnings.warn(f"{given.name} is not used: {error}", stacklevel=3)
         return None
-    return given
+    return replace(given, checked=True)
 
 
 def mesh_seconds(

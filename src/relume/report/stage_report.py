@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from relume.lightstage.field.field import Pictures, ReflectanceField
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.interactive_basis import interactive_basis
 from relume.lightstage.relighting.low_rank import compress_low_rank
-from relume.lightstage.relighting.mosaic import mosaic
+from relume.lightstage.relighting.mosaic import mosaic, mosaic_size
 from relume.report import plots
 from relume.report.page import figure, heading, main_heading, note, page, paragraph, side_by_side, table, triple
 from relume.report.relighting_viewer import turning_part
@@ -33,21 +34,23 @@ ODD = 4.0
 
 
 def write_stage_report(
-    field: ReflectanceField, path: Path, lights: Mapping[str, EnvironmentMap], title: str = "light stage"
-) -> tuple[str, ...]:
+    field: ReflectanceField, path: Path, lights: Mapping[str, EnvironmentMap] | None = None, title: str = "light stage"
+) -> None:
     """Write one page: doubts, lights, the subject under even light, a mosaic of reflectance functions, a map to turn.
 
     lights : maps to turn, by name; even light from everywhere and from one side unless there are any
-    Returns the doubts, a line each. Raises OutputNotWritten.
+    Warns of the doubts too. Raises OutputNotWritten.
     """
     levels, even = levels_of(field)
     doubts = doubts_of(field, levels)
-    functions = mosaic(field, *sampling(field.shape))
+    for line in doubts:
+        warnings.warn(line, stacklevel=2)
+    functions = mosaic(field, *mosaic_size(field.shape))
     side = square_side(field)
     small = reduced(field, side)
     # In bands, for some copies of each are made.
     basis = compress_low_rank(small, rank=min(RANK, len(field.lights)), memory=MEMORY // 8)
-    shown = dict(lights) or {"from the upper left": _window()}
+    shown = dict(lights or {}) or {"from the upper left": _window()}
     parts = [
         main_heading(title),
         *(note(line) for line in doubts),
@@ -75,7 +78,6 @@ def write_stage_report(
         ),
     ]
     files.write_text(path, page(title, parts))
-    return doubts
 
 
 def doubts_of(field: ReflectanceField, levels: np.ndarray) -> tuple[str, ...]:
@@ -168,13 +170,6 @@ def _facts(field: ReflectanceField) -> Sequence[tuple[str, str]]:
     if field.noise is not None:
         told.append(("noise", f"variance {field.noise.constant:.3g} + {field.noise.slope:.3g} × value"))
     return told
-
-
-def sampling(shape: tuple[int, int]) -> tuple[int, int]:
-    """Functions down and across, about as many a length both ways."""
-    longer = 20
-    scale = longer / max(shape)
-    return max(2, min(shape[0], round(shape[0] * scale))), max(2, min(shape[1], round(shape[1] * scale)))
 
 
 def _white(radiance: np.ndarray) -> float:

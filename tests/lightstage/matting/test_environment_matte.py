@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from relume.image import files
-from relume.lightstage.matting.composite import composite
+from relume.lightstage.matting.composite import composite_matte
 from relume.lightstage.matting.environment_matte import EnvironmentMatte, MatteSettings, environment_matte
 from relume.lightstage.matting.gray_code import Patterns, gray_stripes, read_patterns
 from relume.lightstage.matting.matte_file import read_matte, write_matte
@@ -56,7 +56,7 @@ def photographed(matte: EnvironmentMatte, level: np.ndarray | float = 1.0, noise
     dice = np.random.default_rng(1)
     pictures = []
     for backdrop in shown:
-        picture = composite(matte, np.repeat(backdrop[..., None], 3, axis=2))
+        picture = composite_matte(matte, np.repeat(backdrop[..., None], 3, axis=2))
         lit = matte.foreground + (picture - matte.foreground) * level
         pictures.append(lit + noise * dice.standard_normal(lit.shape))
     stack = np.stack(pictures).astype(np.float32)
@@ -103,17 +103,17 @@ def test_two_areas_are_told_apart():
     assert np.median(np.abs(shares[0] - 0.6)[both]) < 0.02 and np.median(np.abs(shares[1] - 0.3)[both]) < 0.02
     assert np.median(np.abs(areas - true.areas)[:, both][..., ::2]) * TEXELS < 0.5
     alone = environment_matte(photographed(true), MatteSettings(second_area_above=2.0))
-    truth = composite(true, new_backdrop())
-    assert decibels(composite(found, new_backdrop()), truth, rim) > 30
-    assert decibels(composite(alone, new_backdrop()), truth, rim) < 22
+    truth = composite_matte(true, new_backdrop())
+    assert decibels(composite_matte(found, new_backdrop()), truth, rim) > 30
+    assert decibels(composite_matte(alone, new_backdrop()), truth, rim) < 22
 
 
 def test_an_unseen_backdrop_looks_as_it_would_even_from_noisy_pictures():
     true, _, _ = scene()
-    truth = composite(true, new_backdrop())
-    assert decibels(composite(environment_matte(photographed(true)), new_backdrop()), truth) > 42
+    truth = composite_matte(true, new_backdrop())
+    assert decibels(composite_matte(environment_matte(photographed(true)), new_backdrop()), truth) > 42
     noisy = environment_matte(photographed(true, noise=0.01))
-    assert decibels(composite(noisy, new_backdrop()), truth) > 34
+    assert decibels(composite_matte(noisy, new_backdrop()), truth) > 34
     assert np.median(noisy.residual) == pytest.approx(0.01, rel=0.4)
 
 
@@ -123,7 +123,7 @@ def test_a_screen_darker_at_its_edges_leaves_the_backdrop_whole():
     level = (3.0 * (1 - 0.5 * (x * x + y * y)))[..., None] * [1.0, 0.9, 0.7]
     found = environment_matte(photographed(true, level))
     assert np.all(found.coverage[true.coverage == 0] == 0)
-    assert decibels(composite(found, new_backdrop()), composite(true, new_backdrop())) > 40
+    assert decibels(composite_matte(found, new_backdrop()), composite_matte(true, new_backdrop())) > 40
 
 
 def test_light_without_a_place_is_seen_as_from_the_whole_backdrop():
@@ -140,7 +140,7 @@ def test_what_sees_no_backdrop_gets_none():
     colours[:, lens] = 0
     found = environment_matte(photographed(replace(true, colours=colours)))
     assert np.all(found.coverage[lens] == 1) and np.all(found.colours[:, lens] == 0)
-    assert np.all(np.isfinite(composite(found, new_backdrop())))
+    assert np.all(np.isfinite(composite_matte(found, new_backdrop())))
 
 
 def test_a_backdrop_that_is_nowhere_seen_straight_is_said():
@@ -207,6 +207,6 @@ def test_glass_over_unseen_backdrops_is_as_an_independent_renderer_shows_it():
     for name, over_all in (("blocks", 35.5), ("smooth", 41.0)):
         backdrop = files.read_radiance(folder / f"backdrop_{name}.exr").radiance
         truth = files.read_radiance(folder / f"truth_{name}.exr").radiance
-        picture = composite(matte, backdrop)
+        picture = composite_matte(matte, backdrop)
         assert decibels(picture, truth) > over_all
         assert decibels(picture, truth, glass) > 30

@@ -10,7 +10,7 @@ import pytest
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.matting.composite import (
     Backdrop,
-    composite,
+    composite_matte,
     environment_on,
     illumination_without_backdrop,
     over_environment,
@@ -83,7 +83,7 @@ def smooth_light(rows: int = 64) -> EnvironmentMap:
 
 def test_an_even_backdrop_is_multiplied_by_all_that_lets_it_through():
     glass = matte()
-    picture = composite(glass, np.broadcast_to([2.0, 0.5, 1.0], (9, 11, 3)))
+    picture = composite_matte(glass, np.broadcast_to([2.0, 0.5, 1.0], (9, 11, 3)))
     through = (1 - glass.coverage)[..., None] + glass.colours.sum(axis=0)
     assert np.allclose(picture, glass.foreground + through * [2.0, 0.5, 1.0], rtol=1e-6)
 
@@ -91,7 +91,7 @@ def test_an_even_backdrop_is_multiplied_by_all_that_lets_it_through():
 def test_areas_are_means_over_boxes_of_the_backdrop():
     glass = matte()
     backdrop = np.random.default_rng(0).random((12, 17, 3))
-    picture = composite(glass, backdrop)
+    picture = composite_matte(glass, backdrop)
     for row, column in np.ndindex(5, 7):
         expected = glass.foreground[row, column] + (1 - glass.coverage[row, column]) * counted(
             backdrop, glass.straight[row, column]
@@ -107,7 +107,7 @@ def test_left_is_left_and_up_is_up():
     glass = replace(glass, straight=np.array([[[0.1, 0.1, 0.1, 0.1], [0.9, 0.1, 0.8, 0.1]]], np.float32))
     backdrop = np.zeros((10, 10, 3))
     backdrop[:2, :2], backdrop[7:9, 8:] = [1, 0, 0], [0, 1, 0]
-    assert np.allclose(composite(glass, backdrop), [[[1, 0, 0], [0, 1, 0]]])
+    assert np.allclose(composite_matte(glass, backdrop), [[[1, 0, 0], [0, 1, 0]]])
 
 
 def test_a_wide_area_does_not_alias():
@@ -119,7 +119,7 @@ def test_a_wide_area_does_not_alias():
     dark = replace(
         glass, areas=areas, coverage=np.ones_like(glass.coverage), foreground=np.zeros_like(glass.foreground)
     )
-    assert np.allclose(composite(dark, lines), 0.5 * glass.colours.sum(axis=0), rtol=1e-6)
+    assert np.allclose(composite_matte(dark, lines), 0.5 * glass.colours.sum(axis=0), rtol=1e-6)
 
 
 def test_compositing_is_linear_and_another_foreground_takes_the_place_of_the_first():
@@ -127,19 +127,19 @@ def test_compositing_is_linear_and_another_foreground_takes_the_place_of_the_fir
     dice = np.random.default_rng(5)
     one, other = dice.random((2, 6, 6, 3))
     none = np.zeros_like(glass.foreground)
-    summed = composite(glass, one, none) + 2 * composite(glass, other, none)
-    assert np.allclose(composite(glass, one + 2 * other, none), summed, rtol=1e-5)
-    assert np.allclose(composite(glass, one) - composite(glass, one, none), glass.foreground, atol=1e-6)
+    summed = composite_matte(glass, one, none) + 2 * composite_matte(glass, other, none)
+    assert np.allclose(composite_matte(glass, one + 2 * other, none), summed, rtol=1e-5)
+    assert np.allclose(composite_matte(glass, one) - composite_matte(glass, one, none), glass.foreground, atol=1e-6)
 
 
 def test_backdrops_that_are_no_pictures_are_refused():
     glass = matte()
     with pytest.raises(ValueError, match=r"expected \(rows, columns, 3\)"):
-        composite(glass, np.ones((4, 4)))
+        composite_matte(glass, np.ones((4, 4)))
     with pytest.raises(ValueError, match="NaN"):
-        composite(glass, np.full((4, 4, 3), np.nan))
+        composite_matte(glass, np.full((4, 4, 3), np.nan))
     with pytest.raises(ValueError, match="foreground is"):
-        composite(glass, np.ones((4, 4, 3)), np.ones((2, 2, 3)))
+        composite_matte(glass, np.ones((4, 4, 3)), np.ones((2, 2, 3)))
     with pytest.raises(ValueError, match="right angle"):
         Backdrop(np.zeros(3), np.array([1.0, 0, 0]), np.array([1.0, 0, 0]), 1, 1)
     with pytest.raises(ValueError, match="lies on the backdrop"):

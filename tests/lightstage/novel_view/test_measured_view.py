@@ -271,7 +271,9 @@ def test_the_head_is_seen_from_a_second_camera_as_it_is(name: str, most: float) 
     towards = np.arccos(np.clip(lights.directions @ np.array(direction), -1, 1))
     weights = np.linalg.solve(np.exp(-apart / 0.5), np.exp(-towards / 0.5))
     parts = separate(field)
-    found = measured_view(SourceView(field, parts, alpha=parts.alpha), np.repeat(weights[:, None], 3, 1), second, meshes)
+    found = measured_view(
+        SourceView(field, parts, alpha=parts.alpha), np.repeat(weights[:, None], 3, 1), second, meshes
+    )
     truth = read_radiance(STAGE / "truth" / f"{name}_right.exr").radiance
     subject = Subject.of(meshes)
     sight = subject.seen(second)

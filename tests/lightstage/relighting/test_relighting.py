@@ -7,7 +7,7 @@ import pytest
 
 from relume.lightstage.field.field import Noise, Pictures
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.relighting.relighting import planned, relight_per_pixel, weighted_sum
+from relume.lightstage.relighting.relighting import planned, weighted_sum, weighted_sum_per_pixel
 
 GENERATOR = np.random.default_rng(3)
 COUNT, ROWS, COLUMNS = 13, 11, 300
@@ -136,30 +136,12 @@ def test_without_noise_there_is_no_variance():
 def test_a_label_chooses_the_light_of_its_pixels():
     labels = GENERATOR.integers(0, 2, (ROWS, COLUMNS))
     noisy = Pictures(VALUES, LIGHTS, noise=Noise(1e-4, 1e-3))
-    found = relight_per_pixel(noisy, (labels, np.stack([E1, E2])))
+    found = weighted_sum_per_pixel(noisy, labels, np.stack([E1, E2]))
     for label, irradiances in enumerate((E1, E2)):
         alone = weighted_sum(noisy, irradiances)
         np.testing.assert_array_equal(found.radiance[labels == label], alone.radiance[labels == label])
         assert found.variance is not None and alone.variance is not None
         np.testing.assert_allclose(found.variance[labels == label], alone.variance[labels == label], rtol=1e-6)
-
-
-def test_weights_may_be_called_for_block_by_block():
-    ramp = np.linspace(0, 2, COLUMNS)
-    noisy = Pictures(VALUES, LIGHTS, noise=Noise(1e-4, 1e-3))
-
-    def weights(lights, rows):
-        return np.broadcast_to(
-            E1[lights, None, None, :] * ramp[None, None, :, None],
-            (lights.stop - lights.start, rows.stop - rows.start, COLUMNS, 3),
-        )
-
-    least = ROWS * COLUMNS * 3 * 8
-    found = relight_per_pixel(noisy, weights, memory=least + 200_000)
-    whole = relight_per_pixel(noisy, weights)
-    np.testing.assert_allclose(found.radiance, weighted_sum(FIELD, E1).radiance * ramp[None, :, None], rtol=1e-6)
-    np.testing.assert_array_equal(found.radiance, whole.radiance)
-    np.testing.assert_array_equal(found.variance, whole.variance)
 
 
 def test_progress_ends_at_one():
@@ -195,4 +177,4 @@ def test_too_little_memory_is_told_with_what_is_needed():
 )
 def test_wrong_labels_are_refused(labels, said):
     with pytest.raises(ValueError, match=said):
-        relight_per_pixel(FIELD, (labels, np.stack([E1, E2])))
+        weighted_sum_per_pixel(FIELD, labels, np.stack([E1, E2]))

@@ -192,7 +192,7 @@ def maps_of_card() -> SurfaceMaps:
 
 def test_a_mesh_with_the_maps_is_read_back_as_it_was_written(tmp_path: Path) -> None:
     path = tmp_path / "card.glb"
-    write_material(path, card(), CAMERA, maps_of_card())
+    write_material(path, [card()], CAMERA, maps_of_card())
     (found,) = read_meshes(path)
     material = found.material
     assert isinstance(material, Material) and found.uv is not None and found.normals is not None
@@ -241,7 +241,7 @@ def test_a_mesh_that_lies_beside_the_subject_is_refused(tmp_path: Path) -> None:
     beside = card()
     beside = replace(beside, vertices=beside.vertices + np.array([1.7, 0, 0], np.float32))
     with pytest.raises(ValueError, match="% of the mesh 'card' lies on known pixels"):
-        write_material(tmp_path / "card.glb", beside, CAMERA, maps_of_card())
+        write_material(tmp_path / "card.glb", [beside], CAMERA, maps_of_card())
     assert not list(tmp_path.iterdir())
 
 
@@ -249,7 +249,7 @@ def test_a_camera_of_another_size_and_another_suffix_are_refused(tmp_path: Path)
     with pytest.raises(ValueError, match="takes pictures of 16×12, but the maps are 32×24"):
         textured(card(), CAMERA.resized(16, 12), maps_of_card())
     with pytest.raises(ValueError, match="materials are written as"):
-        write_material(tmp_path / "card.obj", card(), CAMERA, maps_of_card())
+        write_material(tmp_path / "card.obj", [card()], CAMERA, maps_of_card())
 
 
 def test_the_command_tells_an_albedo_that_no_subject_has(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,53 +7,51 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from relume.cli.arguments import DryRun, read_point, refuse_input, require_files
+import relume as rl
+from relume.cli.arguments import DryRun, refuse_input, require_files, require_suffix
 from relume.cli.console import OutputOptions, print_facts, warnings_as_notes
-from relume.cli.stage.output import require_picture, write_picture
-
-Albedo = tuple[float, float, float]
+from relume.cli.option_types import Colour
+from relume.cli.stage.options import Exposure, require_picture, rounded
 
 
 def clothe(
-    black: Annotated[Path, Parameter(help="The radiance map of the subject in black clothing, relit or taken.")],
+    black: Annotated[
+        Path, Parameter(help="The radiance map of the subject in black clothing, relit or taken; or its stage.")
+    ],
     white: Annotated[Path, Parameter(help="The same in white clothing, under the same light.")],
     /,
     *,
-    albedo: Annotated[str, Parameter(help="Of the cloth that is wanted: a number or R,G,B, linear, 0 to 1.")],
-    out: Annotated[Path, Parameter(alias="-o", help="The picture: .exr, .hdr, .png or .jpg.")],
-    white_albedo: Annotated[str, Parameter(help="Of the white cloth.")] = "0.8",
-    black_albedo: Annotated[str, Parameter(help="Of the black cloth.")] = "0.03",
-    exposure: Annotated[float, Parameter(allow_leading_hyphen=True, help="Stops to brighten .png and .jpg by.")] = 0.0,
+    albedo: Annotated[Colour, Parameter(help="Of the wanted cloth: a number or R,G,B, linear, 0 to 1.")],
+    out: Annotated[
+        Path, Parameter(alias="-o", help="The picture: .exr, .hdr, .png or .jpg; of two stages a store, *.zarr.")
+    ],
+    white_albedo: Annotated[Colour, Parameter(help="Of the white cloth.")] = (0.8, 0.8, 0.8),
+    black_albedo: Annotated[Colour, Parameter(help="Of the black cloth.")] = (0.03, 0.03, 0.03),
+    exposure: Exposure = 0.0,
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:
-    """Dye the subject's clothing, with the light that it throws on the subject (Debevec et al. 2000, Fig. 7).
+    """Recolour clothing, with the light that it throws on the subject (Debevec et al. 2000, Fig. 7).
 
-    White minus black is the light that came by way of the cloth; it is tinted and added to the black take.
+    White minus black is the light that came by way of the cloth; it is tinted and added to the black take. Of two
+    stages, every picture is recoloured, and the result can be relit.
     """
-    from relume.image import files
-    from relume.lightstage.garment_recolouring import ClothAlbedos, recolour_clothing
-
     with warnings_as_notes(output):
-        require_picture(out)
-        require_files([black, white])
+        stages = black.is_dir() and white.is_dir()
+        if stages:
+            require_suffix(out, ".zarr")
+        else:
+            require_picture(out)
+            require_files([black, white])
         refuse_input(out, [black, white])
-        cloths = ClothAlbedos(read_albedo(white_albedo, "--white-albedo"), read_albedo(black_albedo, "--black-albedo"))
-        tint = cloths.tint(read_albedo(albedo, "--albedo"))
+        tint = rl.lightstage.ClothAlbedos(white_albedo, black_albedo).tint(albedo)
         if dry_run:
             print_facts(output, {"would write": str(out), "tint": tint.tolist()})
             return
-        made = recolour_clothing(files.read_radiance(black), files.read_radiance(white), tint)
-        write_picture(out, made, exposure)
-        print_facts(output, {"written": str(out), "tint": [float(f"{value:.4g}") for value in tint]})
-
-
-def read_albedo(text: str, option: str) -> Albedo:
-    """One number for all channels, or three."""
-    if "," in text:
-        return read_point(text, option)
-    try:
-        value = float(text)
-    except ValueError:
-        raise ValueError(f'{option}: "{text}" is no albedo; write a number or R,G,B from 0 to 1, like 0.5') from None
-    return value, value, value
+        if stages:
+            takes = [rl.lightstage.read_stage(path) for path in (black, white)]
+            rl.lightstage.build_store(rl.lightstage.recolour_field(*takes, tint), out)
+        else:
+            made = rl.lightstage.recolour_clothing(rl.read_radiance(black), rl.read_radiance(white), tint)
+            rl.lightstage.write_picture(out, made, exposure)
+        print_facts(output, {"written": str(out), "tint": rounded(tint)})

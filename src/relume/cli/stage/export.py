@@ -7,10 +7,10 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+import relume as rl
 from relume.cli.arguments import DryRun
 from relume.cli.console import OutputOptions, print_facts, warnings_as_notes
-from relume.cli.stage.options import Camera, Stage, work_of
-from relume.cli.stage.output import require_output_folder
+from relume.cli.stage.options import Camera, Stage, require_output_folder, work_facts
 
 
 def export(
@@ -25,7 +25,7 @@ def export(
         Literal["1", "2", "3", "none"], Parameter(help="Degree of the hemispherical harmonics; 2 is read everywhere.")
     ] = "2",
     exposure: Annotated[
-        float | None, Parameter(help="What values are multiplied with; 99 in 100 stay below white unless given.")
+        float | None, Parameter(help="Factor of the values; 99 in 100 stay below white unless given.")
     ] = None,
     camera: Camera = None,
     dry_run: DryRun = False,
@@ -33,24 +33,21 @@ def export(
 ) -> None:
     """Write a stage so that RTI viewers and builders open it (RTIViewer, RelightLab, OpenLIME).
 
-    Lights behind the subject are left out, for these formats know the hemisphere before the camera.
+    Lights behind the subject are left out: these formats hold the hemisphere before the camera.
     """
-    from relume.lightstage.acquire.read_stage import read_stage
-    from relume.lightstage.rti.export import RTIForm, export_rti
-
     with warnings_as_notes(output):
         require_output_folder(out)
-        form = RTIForm(
+        form = rl.lightstage.RTIForm(
             None if pictures == "none" else pictures,
             None if ptm == "none" else ptm,
             None if hsh == "none" else int(hsh),
             exposure,
         )
-        field = read_stage(stage, camera)
+        field = rl.lightstage.read_stage(stage, camera)
         if dry_run:
-            print_facts(output, {"would write": str(out), **work_of(field, 1 << 30)})
+            print_facts(output, {"would write": str(out), **work_facts(rl.lightstage.estimate_work(field, 1 << 30))})
             return
-        done = export_rti(field, out, form, name)
+        done = rl.lightstage.export_rti(field, out, form, name)
         facts = {"written": [str(path) for path in done.files], "lights": done.lights, "left out": len(done.left_out)}
         facts |= {"exposure": float(f"{done.exposure:.5g}"), "above white": float(f"{done.clipped:.3g}")}
         print_facts(output, {**facts, "ptm error": done.ptm_error, "hsh error": done.hsh_error})

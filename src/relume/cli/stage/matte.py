@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 import relume as rl
-from relume.cli.arguments import DryRun, read_rotation, refuse_input, require_files, require_suffix
+from relume.cli.arguments import DryRun, refuse_input, require_files, require_suffix
 from relume.cli.console import OutputOptions, print_facts, progress, warnings_as_notes
-from relume.cli.stage.output import require_picture, write_picture
+from relume.cli.option_types import Angles, numbers
+from relume.cli.stage.light import rotation_of
+from relume.cli.stage.options import Exposure, require_picture
 
 if TYPE_CHECKING:
-    import numpy as np
+    from relume.lightstage import EnvironmentMatte
 
-    from relume.image.radiance import RadianceMap
-    from relume.lightstage.field.field import ReflectanceField
-    from relume.lightstage.matting.environment_matte import EnvironmentMatte
+Rectangle = tuple[float, float, float, float, float]
 
 
 def matte(
@@ -40,24 +39,23 @@ def matte(
         Parameter(help="A backdrop to put the subject before, a picture; its white is the patterns' white."),
     ] = None,
     light: Annotated[
-        Path | None, Parameter(help="An illumination map to put the subject into, with --backdrop and --stage.")
+        Path | None, Parameter(help="An environment map to put the subject into, with --backdrop and --stage.")
     ] = None,
     stage: Annotated[
         Path | None, Parameter(help="With --light: the subject's light stage, whose camera took the patterns too.")
     ] = None,
     backdrop: Annotated[
-        str | None,
-        Parameter(
-            allow_leading_hyphen=True,
-            help="With --light: where the backdrop's middle stood and how wide and high it was, as X,Y,Z,WIDTH,HEIGHT "
-            "metres, facing the camera.",
+        Rectangle | None,
+        numbers(
+            "X,Y,Z,WIDTH,HEIGHT",
+            like="0,0,-1.6,4,4",
+            help="With --light: the middle of the backdrop, its width and height, metres; it faces the camera.",
         ),
     ] = None,
     rotate: Annotated[
-        str | None,
-        Parameter(allow_leading_hyphen=True, help="Turn the map by YAW[,PITCH[,ROLL]] degrees, right-handed."),
+        Angles | None, Parameter(help="Turn the map by YAW[,PITCH[,ROLL]] degrees, right-handed.")
     ] = None,
-    exposure: Annotated[float, Parameter(allow_leading_hyphen=True, help="Stops to brighten .png and .jpg by.")] = 0.0,
+    exposure: Exposure = 0.0,
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:
@@ -66,12 +64,6 @@ def matte(
     With --light, light from beside the backdrop relights the subject by its stage, and what stands where the backdrop
     stood is seen through the matte: the two sum to the whole environment.
     """
-    from relume.image.radiance import RadianceMap
-    from relume.lightstage.matting.composite import composite
-    from relume.lightstage.matting.environment_matte import environment_matte
-    from relume.lightstage.matting.gray_code import read_patterns
-    from relume.lightstage.matting.matte_file import read_matte, write_matte
-
     with warnings_as_notes(output):
         _check(out, over, light, stage, backdrop)
         require_files([path for path in (over, light) if path])
@@ -81,19 +73,23 @@ def matte(
             return
         with progress(output) as report:
             report("matte", 0.0)
-            found = read_matte(patterns) if patterns.is_file() else environment_matte(read_patterns(patterns))
+            if patterns.is_file():
+                found = rl.lightstage.read_matte(patterns)
+            else:
+                found = rl.lightstage.environment_matte(rl.lightstage.read_patterns(patterns))
             report("matte", 1.0)
-        if over is None and light is None:
-            write_matte(out, found)
-        elif over is not None:
-            write_picture(out, RadianceMap(composite(found, _backdrop(over))), exposure)
+        if over is not None:
+            picture = rl.RadianceMap(rl.lightstage.composite_matte(found, rl.lightstage.read_backdrop(over)))
+            rl.lightstage.write_picture(out, picture, exposure)
+        elif light is not None and stage is not None and backdrop is not None:
+            picture = _in_environment(found, light, stage, backdrop, rotate)
+            rl.lightstage.write_picture(out, picture, exposure)
         else:
-            assert light is not None and stage is not None and backdrop is not None
-            write_picture(out, _in_environment(found, light, stage, backdrop, rotate), exposure)
+            rl.lightstage.write_matte(out, found)
         print_facts(output, {"written": str(out), **_facts(found)})
 
 
-def _check(out: Path, over: Path | None, light: Path | None, stage: Path | None, backdrop: str | None) -> None:
+def _check(out: Path, over: Path | None, light: Path | None, stage: Path | None, backdrop: Rectangle | None) -> None:
     if over is not None and light is not None:
         raise ValueError("--over and --light: give one of them")
     if (light is None) != (stage is None) or (light is None) != (backdrop is None):
@@ -117,43 +113,17 @@ def _facts(matte: EnvironmentMatte) -> dict[str, object]:
     }
 
 
-def _backdrop(path: Path) -> np.ndarray:
-    """A backdrop's linear values: a radiance map as it is, a photograph by the sRGB curve."""
-    from relume.image import files
-    from relume.image.colour import decode_srgb
-
-    if files.has_radiance(path):
-        return files.read_radiance(path).radiance
-    photograph = files.read_photograph(path)
-    return decode_srgb(photograph.pixels / (255 if photograph.pixels.dtype.itemsize == 1 else 65535))
-
-
-def _in_environment(matte: EnvironmentMatte, light: Path, stage: Path, text: str, rotate: str | None) -> RadianceMap:
-    """The subject in an environment: relit by what is beside the backdrop, and what is behind it through the matte."""
+def _in_environment(
+    matte: EnvironmentMatte, light: Path, stage: Path, backdrop: Rectangle, rotate: Angles | None
+) -> rl.RadianceMap:
     import numpy as np
 
-    from relume.lightstage.acquire.read_stage import read_stage
-    from relume.lightstage.matting.composite import Backdrop, illumination_without_backdrop, over_environment
-    from relume.lightstage.relighting.irradiances import irradiances
-    from relume.lightstage.relighting.relighting import weighted_sum
-
-    field: ReflectanceField = read_stage(stage)
+    field = rl.lightstage.read_stage(stage)
     if field.camera is None:
-        raise ValueError(f"--stage {stage}: tells no camera, which --light needs; add it to stage.json")
-    if field.shape != matte.shape:
-        raise ValueError(
-            f"--stage {stage}: pictures of {field.shape[1]}×{field.shape[0]}, but the matte has "
-            f"{matte.shape[1]}×{matte.shape[0]}; give the stage of the camera that took the patterns"
-        )
-    try:
-        x, y, z, width, height = (float(word) for word in text.replace(",", " ").split())
-    except ValueError:
-        raise ValueError(f'--backdrop: "{text}" is no place and size; write X,Y,Z,WIDTH,HEIGHT in metres') from None
-    environment = rl.read_environment(light)
-    if rotate is not None:
-        environment = environment.rotated(read_rotation(rotate, "--rotate"))
-    standing = Backdrop.facing(np.array([x, y, z]), field.camera.position, width, height)
-    beside = illumination_without_backdrop(environment, standing)
-    rest = weighted_sum(field, irradiances(field.lights, beside))
-    picture = over_environment(matte, standing, field.camera, environment, foreground=rest.radiance)
-    return replace(rest, radiance=picture, variance=None, unit=environment.unit)
+        raise ValueError(f"--stage {stage}: has no camera, which --light needs; add it to stage.json")
+    environment, turn = rl.read_environment(light), rotation_of(rotate)
+    if turn is not None:
+        environment = environment.rotated(turn)
+    x, y, z, width, height = backdrop
+    standing = rl.lightstage.Backdrop.facing(np.array([x, y, z]), field.camera.position, width, height)
+    return rl.lightstage.place_in_environment(matte, field, environment, standing)

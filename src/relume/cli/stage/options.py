@@ -1,62 +1,82 @@
-"""What the commands of a light stage share: which stage, seen by which camera, with how much memory."""
+"""Options that the commands of a light stage share: which stage, which camera, memory, and what may be written."""
 
 from __future__ import annotations
 
-import time
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Parameter, Token
+
+from relume.cli.arguments import require_suffix
+from relume.errors import OutputNotWritten
 
 if TYPE_CHECKING:
-    from relume.lightstage.field.field import ReflectanceField
+    from relume.lightstage import Work
+
+_UNITS = {"K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
+
+
+def _bytes(kind: Any, tokens: Sequence[Token]) -> int:
+    """Bytes from "500M", "4G" or a plain number."""
+    text = tokens[-1].value
+    word = text.strip().upper().removesuffix("B").removesuffix("I")
+    try:
+        size = int(float(word.rstrip("KMGT")) * _UNITS.get(word[-1:], 1))
+    except (OverflowError, ValueError):
+        raise ValueError(f'"{text}" is not a size; write bytes, like 500M or 4G') from None
+    if size < 1 << 24:
+        raise ValueError(f'"{text}" is less than the 16M that a block of pictures needs')
+    return size
+
 
 Stage = Annotated[
     Path, Parameter(help="A folder with stage.json or one .lp, such a file, or a store of `relume stage import`.")
 ]
-Camera = Annotated[str | None, Parameter(help="Which camera's pictures, where the stage has several; the first.")]
-MaxMemory = Annotated[str, Parameter(help="What pictures may take of memory at once, like 500M or 4G.")]
-_UNITS = {"K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
+Camera = Annotated[str | None, Parameter(help="Whose pictures, where the stage has several cameras; the first.")]
+MaxMemory = Annotated[
+    int, Parameter(converter=_bytes, n_tokens=1, metavar="SIZE", help="Memory for pictures at most, like 500M or 4G.")
+]
+MEMORY = 2 << 30
+Exposure = Annotated[float, Parameter(allow_leading_hyphen=True, help="Stops to brighten .png, .jpg and .mp4 by.")]
 
 
-def bytes_of(text: str, option: str) -> int:
-    """Bytes from "500M", "4G" or a plain number; raises ValueError naming the option."""
-    word = text.strip().upper().removesuffix("B").removesuffix("I")
-    unit = _UNITS.get(word[-1:], 1)
-    try:
-        size = int(float(word.rstrip("KMGT")) * unit)
-    except (OverflowError, ValueError):
-        raise ValueError(f'{option}: "{text}" is no size; write bytes, like 500M or 4G') from None
-    if size < 1 << 24:
-        raise ValueError(f'{option}: "{text}" is less than the 16M that a block of pictures needs')
-    return size
+def work_facts(work: Work) -> dict[str, object]:
+    """What a dry run prints of the work."""
+    rows, columns = work.shape
+    facts: dict[str, object] = {"lights": work.lights, "size": [columns, rows]}
+    facts["values as floats"] = _readable(work.value_bytes)
+    if work.seconds is not None:
+        facts |= {"memory": _readable(work.memory), "seconds, about": float(f"{work.seconds:.2g}")}
+    return facts
 
 
-def work_of(field: ReflectanceField, memory: int, more: float = 0.0) -> dict[str, object]:
-    """What relighting would take: facts for a dry run; the time is that of some rows, times the rest.
-
-    more : seconds of other work
-    """
-    lights, (rows, columns) = len(field.lights), field.shape
-    some = min(rows, 4)
-    first = _seconds(field, slice(0, some))
-    # The first rows of a folder cost reading its pictures, which those after them may find in memory.
-    after = _seconds(field, slice(some, 2 * some)) if rows > some else 0.0
-    seconds = first + after * (rows / some - 1) + more
-    size = lights * rows * columns * 3 * 4
-    return {
-        "lights": lights,
-        "size": [columns, rows],
-        "values as floats": _readable(size),
-        "memory": _readable(min(size, memory)),
-        "seconds, about": float(f"{seconds:.2g}"),
-    }
+def rounded(values: Any, digits: int = 4) -> list[float]:
+    """Numbers as a terminal shows them."""
+    return [float(f"{value:.{digits}g}") for value in values]
 
 
-def _seconds(field: ReflectanceField, rows: slice) -> float:
-    begin = time.perf_counter()
-    field.block(slice(0, len(field.lights)), rows)
-    return time.perf_counter() - begin
+def require_picture(out: Path) -> None:
+    """Refuse a name that no picture can be written to."""
+    require_suffix(out, ".exr", ".hdr", ".png", ".jpg", ".jpeg")
+
+
+def require_frames(out: Path, frames: int) -> None:
+    """Refuse a number or a name that no frames can be written to."""
+    if frames < 2:
+        raise ValueError(f"--frames is {frames}; give 2 or more, like 72")
+    if out.suffix.lower() == ".mp4":
+        require_suffix(out, ".mp4")
+    elif out.suffix:
+        raise ValueError(f"-o {out}: --frames writes a folder or an .mp4; give one of them")
+    else:
+        require_output_folder(out)
+
+
+def require_output_folder(out: Path) -> None:
+    """Refuse a file where a folder is to be written."""
+    if out.exists() and not out.is_dir():
+        raise OutputNotWritten(f"-o {out}: a file, not a folder; choose another name")
 
 
 def _readable(size: int) -> str:

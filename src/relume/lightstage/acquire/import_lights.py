@@ -246,7 +246,9 @@ def pictures_in(folder: Path, leave_out: Sequence[Path] = ()) -> list[Path]:
     return kept
 
 
-def _stage_towards(names: Sequence[str], directions: np.ndarray, cameras: dict[str, StageCamera] | None = None) -> Stage:
+def _stage_towards(
+    names: Sequence[str], directions: np.ndarray, cameras: dict[str, StageCamera] | None = None
+) -> Stage:
     pairs = zip(names, directions.tolist(), strict=True)
     return Stage(tuple(LightEntry({"": (name,)}, tuple(direction)) for name, direction in pairs), cameras or {})
 

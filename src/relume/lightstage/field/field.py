@@ -7,7 +7,7 @@ R_i(x, y) is the radiance of pixel (x, y) when light i alone shines with irradia
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -31,6 +31,7 @@ class Noise:
             raise ValueError(f"{self}: expected two finite numbers that are not below 0")
 
 
+@runtime_checkable
 class ReflectanceField(Protocol):
     """What can be relit.
 

@@ -1,4 +1,4 @@
-"""Environment mattes over new backdrops: pictures, illumination maps, and what relighting then has to leave out.
+"""Environment mattes over new backdrops: pictures, environment maps, and what relighting then has to leave out.
 
 A backdrop stands in the world as a rectangle; its u runs along `right`, its v against `up`. Wide areas are means over
 boxes of the backdrop from its summed-area table, exact at any width, so that nothing aliases (Crow 1984).
@@ -6,14 +6,21 @@ boxes of the backdrop from its summed-area table, exact at any width, so that no
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import KDTree
 
 from relume._kernel import in_threads
+from relume.image import files
+from relume.image.colour import decode_srgb
+from relume.image.radiance import RadianceMap
+from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.matting.environment_matte import EnvironmentMatte
+from relume.lightstage.relighting.irradiances import irradiances
+from relume.lightstage.relighting.relighting import weighted_sum
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import look_at, normalised
@@ -72,7 +79,7 @@ class Backdrop:
         return inside & (distance > 0)
 
 
-def composite(matte: EnvironmentMatte, backdrop: np.ndarray, foreground: np.ndarray | None = None) -> np.ndarray:
+def composite_matte(matte: EnvironmentMatte, backdrop: np.ndarray, foreground: np.ndarray | None = None) -> np.ndarray:
     """The subject before another backdrop, (H, W, 3) float32.
 
     backdrop : (h, w, 3) of any size, as wide and high as that the matte was taken with; 1 as bright as its white
@@ -82,6 +89,14 @@ def composite(matte: EnvironmentMatte, backdrop: np.ndarray, foreground: np.ndar
     Raises ValueError for a backdrop without three channels or with NaN or infinity, which would spread everywhere.
     """
     return _summed(matte, _table(backdrop), _table(backdrop), foreground)
+
+
+def read_backdrop(path: str | os.PathLike[str]) -> np.ndarray:
+    """A backdrop's linear values (H, W, 3): a radiance map as it is, a photograph by the sRGB curve."""
+    if files.has_radiance(path):
+        return files.read_radiance(path).radiance
+    photograph = files.read_photograph(path)
+    return decode_srgb(photograph.pixels / np.iinfo(photograph.pixels.dtype).max)
 
 
 def over_environment(
@@ -100,10 +115,32 @@ def over_environment(
     exact for a small subject, and off by its size over the backdrop's distance for a large one.
 
     camera : that of the pictures; only its place matters
-    foreground : as of `composite`
+    foreground : as of `composite_matte`
     """
     seen = _table(environment_on(backdrop, illumination, camera.position))
     return _summed(matte, seen, _table(environment_on(backdrop, illumination, np.asarray(subject))), foreground)
+
+
+def place_in_environment(
+    matte: EnvironmentMatte, stage: ReflectanceField, environment: EnvironmentMap, backdrop: Backdrop
+) -> RadianceMap:
+    """The subject in an environment: light from beside the backdrop relights it, what stands behind is seen through it.
+
+    stage : the subject's reflectance field, by the camera that took the matte
+    backdrop : where the backdrop of the matte stood
+    Raises ValueError for a stage without a camera, or with pictures of another size.
+    """
+    if stage.camera is None:
+        raise ValueError("the stage has no camera, which the environment needs; add it to stage.json")
+    if stage.shape != matte.shape:
+        raise ValueError(
+            f"the stage has pictures of {stage.shape[1]}×{stage.shape[0]}, but the matte has "
+            f"{matte.shape[1]}×{matte.shape[0]}; give the stage of the camera that took the patterns"
+        )
+    beside = illumination_without_backdrop(environment, backdrop)
+    rest = weighted_sum(stage, irradiances(stage.lights, beside))
+    picture = over_environment(matte, backdrop, stage.camera, environment, foreground=rest.radiance)
+    return RadianceMap(picture, unit=environment.unit)
 
 
 def environment_on(backdrop: Backdrop, illumination: EnvironmentMap, origin: np.ndarray) -> np.ndarray:

@@ -79,6 +79,12 @@ def mosaic(
     return Mosaic(picture, points, (rows, columns), gap)
 
 
+def mosaic_size(shape: tuple[int, int]) -> tuple[int, int]:
+    """Functions down and across for pictures of a shape (rows, columns): 20 along the longer side."""
+    scale = 20 / max(shape)
+    return max(2, min(shape[0], round(shape[0] * scale))), max(2, min(shape[1], round(shape[1] * scale)))
+
+
 def reflectance_function(field: ReflectanceField, column: int, row: int, size: int | None = None) -> np.ndarray:
     """The reflectance function of one pixel, (rows, columns, 3) float32; see `mosaic`."""
     height, width = field.shape

@@ -13,15 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.image.radiance import RadianceMap
-from relume.lightstage.field.field import Noise, Pictures, ReflectanceField
+from relume.lightstage.field.field import Pictures, ReflectanceField
 from relume.lightstage.field.lights import StageLights
 
 MEMORY = 1 << 30
 """Bytes a sum may work in unless told: large enough that blocks cost nothing, small beside any machine's memory."""
 Progress = Callable[[float], None]
 """Called with the part that is done, 0…1."""
-Weights = Callable[[slice, slice], np.ndarray]
-"""Irradiances (lights, rows, columns, 3) at the pixels of these rows, of these lights."""
 
 
 def weighted_sum(
@@ -45,39 +43,42 @@ def weighted_sum(
     return next(summed(field, given[None], threads=threads, memory=memory, progress=progress))
 
 
-def relight_per_pixel(
+def weighted_sum_per_pixel(
     field: ReflectanceField,
-    weights: Weights | tuple[np.ndarray, np.ndarray],
+    labels: np.ndarray,
+    irradiances: np.ndarray,
     *,
     memory: int = MEMORY,
     progress: Progress | None = None,
 ) -> RadianceMap:
     """The subject with a light of its own at every pixel: light through leaves, a shadow's edge (paper §3.4).
 
-    weights : what to call for the irradiances of a block; or (labels (H, W), irradiances (K, N, 3)), where pixel (x, y)
-        has the irradiances of number labels[y, x]
+    labels : (H, W) integers; pixel (x, y) has the irradiances of number labels[y, x]
+    irradiances : (K, N, 3)
     Raises ValueError for another shape, a label without irradiances, and too little memory.
     """
-    labels, called = _labelled(field, weights)
-    rows, columns = field.shape
+    from relume.lightstage.relighting.sum_kernel import add_labelled
+
+    numbers, weights = _labelled(field, labels, irradiances)
+    (rows, columns), noise = field.shape, field.noise
     radiance = np.zeros((rows, columns, 3), np.float32)
-    variance = None if field.noise is None else np.zeros_like(radiance)
-    plan = planned(field, memory, len_totals=2, extra=48 if called else 8)
+    variance = None if noise is None else np.zeros_like(radiance)
+    plan = planned(field, memory, len_totals=2, extra=8)
     for row in plan.rows:
+        own = numbers[row].reshape(-1)
         totals = np.zeros((2, (row.stop - row.start) * columns, 3))
         for light in plan.lights:
             values = field.block(light, row).reshape(light.stop - light.start, -1, 3)
-            if called:
-                _add_called(values, called(light, row), totals, field.noise)
-            elif labels is not None:
-                _add_labels(values, labels[0][row].reshape(-1), labels[1][light], totals, field.noise)
+            add_labelled(values, weights[light], own, totals[0])
+            if noise is not None:
+                add_labelled(values, noise.slope * weights[light] ** 2, own, totals[1])
             del values
             if progress:
                 progress(plan.done(row, light))
         radiance[row] = totals[0].reshape(-1, columns, 3)
-        if variance is not None and field.noise is not None:
-            if labels is not None:  # after all lights, so that no block changes a bit
-                totals[1] += field.noise.constant * (labels[1] ** 2).sum(0)[labels[0][row].reshape(-1)]
+        if variance is not None and noise is not None:
+            # After all lights, so that no block changes a bit.
+            totals[1] += noise.constant * (weights**2).sum(0)[own]
             variance[row] = np.maximum(totals[1], 0).reshape(-1, columns, 3)
     return RadianceMap(radiance, variance)
 
@@ -192,45 +193,22 @@ def checked(lights: StageLights, irradiances: np.ndarray) -> np.ndarray:
     return given
 
 
-def _labelled(
-    field: ReflectanceField, weights: Weights | tuple[np.ndarray, np.ndarray]
-) -> tuple[tuple[np.ndarray, np.ndarray] | None, Weights | None]:
-    if not isinstance(weights, tuple):
-        return None, weights
-    labels, irradiances = np.asarray(weights[0]), np.asarray(weights[1], np.float64)
-    if labels.shape != field.shape or labels.dtype.kind not in "iu":
-        raise ValueError(f"labels are {labels.shape} {labels.dtype}; expected integers for every pixel, {field.shape}")
-    if irradiances.ndim != 3:
-        raise ValueError(f"irradiances are {irradiances.shape}; expected (labels, {len(field.lights)} lights, 3)")
-    for each in irradiances:
+def _labelled(field: ReflectanceField, labels: np.ndarray, irradiances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Labels (H, W) int64 and weights (N, K, 3), checked."""
+    numbers, given = np.asarray(labels), np.asarray(irradiances, np.float64)
+    if numbers.shape != field.shape or numbers.dtype.kind not in "iu":
+        raise ValueError(
+            f"labels are {numbers.shape} {numbers.dtype}; expected integers for every pixel, {field.shape}"
+        )
+    if given.ndim != 3:
+        raise ValueError(f"irradiances are {given.shape}; expected (labels, {len(field.lights)} lights, 3)")
+    for each in given:
         checked(field.lights, each)
-    if labels.min() < 0 or labels.max() >= len(irradiances):
+    if numbers.min() < 0 or numbers.max() >= len(given):
         raise ValueError(
-            f"labels are {labels.min()}…{labels.max()}, but there are irradiances for 0…{len(irradiances) - 1}"
+            f"labels are {numbers.min()}…{numbers.max()}, but there are irradiances for 0…{len(given) - 1}"
         )
-    return (labels.astype(np.int64), np.ascontiguousarray(np.moveaxis(irradiances, 0, 1))), None
-
-
-def _add_labels(
-    values: np.ndarray, labels: np.ndarray, weights: np.ndarray, totals: np.ndarray, noise: Noise | None
-) -> None:
-    from relume.lightstage.relighting.sum_kernel import add_labelled
-
-    add_labelled(values, weights, labels, totals[0])
-    if noise is not None:
-        add_labelled(values, noise.slope * weights**2, labels, totals[1])
-
-
-def _add_called(values: np.ndarray, weights: np.ndarray, totals: np.ndarray, noise: Noise | None) -> None:
-    given = np.asarray(weights, np.float64)
-    if given.size != values.size or given.shape[0] != len(values):
-        raise ValueError(
-            f"the weights of a block are {given.shape}; expected (lights, rows, columns, 3): {values.size}"
-        )
-    for picture, weight in zip(values, given.reshape(values.shape), strict=True):
-        totals[0] += picture.astype(np.float64) * weight
-        if noise is not None:
-            totals[1] += weight**2 * (noise.constant + noise.slope * picture.astype(np.float64))
+    return numbers.astype(np.int64), np.ascontiguousarray(np.moveaxis(given, 0, 1))
 
 
 def _cut(count: int, size: int) -> tuple[slice, ...]:

@@ -7,6 +7,8 @@ What the camera did not see has one material of the maps' medians. Metres, world
 from __future__ import annotations
 
 import os
+import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -75,17 +77,27 @@ def textured(
 
 def write_material(
     path: str | os.PathLike[str],
-    mesh: Mesh,
+    meshes: Sequence[Mesh],
     camera: Camera,
     maps: SurfaceMaps,
-    others: tuple[Mesh, ...] = (),
     texturing: Texturing = Texturing(),
 ) -> None:
-    """Write the mesh with the maps as its material as a .glb file, whole or not at all; see `textured`.
+    """Write the meshes that the maps know, with the maps as their material, as a .glb file, whole or not at all.
 
-    Raises ValueError as `textured` does and for another suffix, OutputNotWritten.
+    Warns of meshes that are left out. Raises ValueError as `textured` where none is left, and for another suffix;
+    OutputNotWritten.
     """
-    write_glb(path, textured(mesh, camera, maps, others, texturing))
+    made, faults = [], []
+    for index, mesh in enumerate(meshes):
+        try:
+            made += textured(mesh, camera, maps, (*meshes[:index], *meshes[index + 1 :]), texturing)
+        except ValueError as error:
+            faults.append(str(error))
+    if not made:
+        raise ValueError(faults[0])
+    for fault in faults:
+        warnings.warn(f"{fault}; it is left out of {os.fspath(path)}", stacklevel=2)
+    write_glb(path, tuple(made))
 
 
 def _pixel_of(shape: tuple[int, ...], uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
