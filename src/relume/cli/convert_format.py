@@ -154,13 +154,13 @@ def _audited(before: RadianceMap, after: RadianceMap) -> dict[str, object]:
 
 def cut(image: RadianceMap | Photograph, rectangle: tuple[int, int, int, int] | None) -> RadianceMap | Photograph:
     """The rectangle of an image; a part of a light map no longer tells where it looks."""
-    from relume.cli.edit_steps import crop
+    import relume as rl
     from relume.image.radiance import RadianceMap
 
     if rectangle is None:
         return image
     if isinstance(image, RadianceMap):
-        return crop(image, *rectangle)
+        return rl.light.Crop(*rectangle)(image)
     left, top, width, height = rectangle
     across, down = image.size
     if not (0 <= left < left + width <= across and 0 <= top < top + height <= down):

@@ -1,151 +1,94 @@
-"""What `relume edit` is told, turned into steps that are functions from a radiance map to another."""
+"""Options of `relume edit`, and the edits that they stand for."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Group, Parameter
 
-from relume.cli import edit_steps
-from relume.cli.arguments import numbers, whole
-from relume.cli.edit_steps import Step
+import relume as rl
+from relume.cli.arguments import require_files
+from relume.cli.option_types import Box, Colour, numbers
 
 if TYPE_CHECKING:
-    from relume.image.radiance import RadianceMap
+    from collections.abc import Iterator
 
 FRAME = Group("First the frame", sort_key=1)
 ARITHMETIC = Group("Then arithmetic, one kind at a time", sort_key=2)
 COLOUR = Group("Then gain, then balance", sort_key=3)
 BLUR = Group("Then blur", sort_key=4)
+PAINTER = Group("Or, alone, to a painter and back", sort_key=5)
+Operands = list[float | tuple[float, float, float] | Path]
+
+
+def _operands(help: str) -> Parameter:
+    return numbers("MAP|NUMBER|R,G,B", like="other.exr, 0.5 or 0.6,0.5,0.4", help=help, group=ARITHMETIC)
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Frame:
+class FrameOptions:
     """Which pixels there are."""
 
-    crop: Annotated[str | None, Parameter(group=FRAME, help="Keep the rectangle X,Y,WIDTH,HEIGHT, in pixels.")] = None
+    crop: Annotated[Box | None, Parameter(group=FRAME, help="Keep this rectangle, in pixels.")] = None
     resize: Annotated[
         str | None,
         Parameter(
             group=FRAME,
-            help="WIDTH,HEIGHT, or WIDTH, or like 50%: by area, without ringing, the mean kept; a light map by solid "
-            "angle, its total kept.",
+            help="WIDTH,HEIGHT, or WIDTH, or like 50%: by area, without ringing, the mean kept; an environment map by "
+            "solid angle, its total kept.",
         ),
     ] = None
 
-    def steps(self) -> list[Step]:
-        """The steps asked for; raises ValueError naming the option."""
-        made = []
+    def edits(self) -> Iterator[rl.light.Edit]:
         if self.crop is not None:
-            left, top, width, height = whole(numbers(self.crop, "--crop", 4), "--crop")
-            made.append(Step("--crop", f"crop {self.crop}", lambda p: edit_steps.crop(p, left, top, width, height)))
+            yield rl.light.Crop(*self.crop)
         if self.resize is not None:
-            size = _size(self.resize)
-            made.append(Step("--resize", f"resize {self.resize}", lambda p: edit_steps.resize(p, *size(p.size))))
-        return made
+            yield _resize(self.resize)
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Arithmetic:
+class ArithmeticOptions:
     """Arithmetic with other maps of the same size, or constants."""
 
-    add: Annotated[
-        list[str] | None,
-        Parameter(
-            group=ARITHMETIC, negative="", allow_leading_hyphen=True, help="A map, a number or R,G,B; may repeat."
-        ),
-    ] = None
-    subtract: Annotated[
-        list[str] | None,
-        Parameter(
-            group=ARITHMETIC, negative="", allow_leading_hyphen=True, help="What comes out negative is set to 0."
-        ),
-    ] = None
-    multiply: Annotated[
-        list[str] | None,
-        Parameter(
-            group=ARITHMETIC,
-            negative="",
-            allow_leading_hyphen=True,
-            help="By a relative map is by a plain factor.",
-        ),
-    ] = None
-    divide: Annotated[
-        list[str] | None,
-        Parameter(group=ARITHMETIC, negative="", allow_leading_hyphen=True, help="By 0 gives 0, marked."),
-    ] = None
-    minimum: Annotated[
-        list[str] | None,
-        Parameter(
-            name="--min",
-            group=ARITHMETIC,
-            negative="",
-            allow_leading_hyphen=True,
-            help="The lesser of both, by channel.",
-        ),
-    ] = None
-    maximum: Annotated[
-        list[str] | None,
-        Parameter(
-            name="--max", group=ARITHMETIC, negative="", allow_leading_hyphen=True, help="The greater, by channel."
-        ),
-    ] = None
-    average: Annotated[
-        list[str] | None, Parameter(group=ARITHMETIC, negative="", help="Another map; again for each: the mean of all.")
-    ] = None
+    add: Annotated[Operands | None, _operands("A map, a number or R,G,B; may repeat.")] = None
+    subtract: Annotated[Operands | None, _operands("What comes out negative is set to 0.")] = None
+    multiply: Annotated[Operands | None, _operands("A relative map counts as a plain factor.")] = None
+    divide: Annotated[Operands | None, _operands("By 0 gives 0, marked.")] = None
+    minimum: Annotated[Operands | None, Parameter(name="--min"), _operands("The lesser of both, by channel.")] = None
+    maximum: Annotated[Operands | None, Parameter(name="--max"), _operands("The greater of both, by channel.")] = None
+    average: Annotated[Operands | None, _operands("Another map; again for each: the mean of all.")] = None
     signed: Annotated[
         bool, Parameter(group=ARITHMETIC, negative="", help="Keep negative results, as of a difference; in an .exr.")
     ] = False
 
-    def steps(self) -> list[Step]:
-        """The step asked for; raises ValueError for two kinds."""
-        from relume.image import arithmetic
-
+    def edits(self) -> Iterator[rl.light.Edit]:
         kinds = {
-            "--add": (self.add, arithmetic.added),
-            "--subtract": (self.subtract, arithmetic.subtracted),
-            "--multiply": (self.multiply, arithmetic.multiplied),
-            "--divide": (self.divide, arithmetic.divided),
-            "--min": (self.minimum, arithmetic.darker),
-            "--max": (self.maximum, arithmetic.brighter),
-            "--average": (self.average, None),
+            "add": self.add,
+            "subtract": self.subtract,
+            "multiply": self.multiply,
+            "divide": self.divide,
+            "min": self.minimum,
+            "max": self.maximum,
+            "average": self.average,
         }
-        given = {option: kind for option, kind in kinds.items() if kind[0]}
+        given = {word: operands for word, operands in kinds.items() if operands}
         if len(given) > 1:
-            raise ValueError(f"{' and '.join(given)}: their order would matter; give one kind in a call")
+            raise ValueError(f"{_joined(given)}: their order would matter; give one kind in a call")
         if not given and self.signed:
             raise ValueError("--signed is for arithmetic; give --subtract or another too")
-        return [self._step(option, words or [], verb) for option, (words, verb) in given.items()]
-
-    def _step(self, option: str, words: list[str], verb: Callable[[RadianceMap, object], RadianceMap] | None) -> Step:
-        from relume.cli.arguments import require_files
-        from relume.image import arithmetic
-
-        constants = [_constant(word) for word in words]
-        require_files([Path(word) for word, value in zip(words, constants, strict=True) if value is None])
-        if verb is None and any(value is not None for value in constants):
-            raise ValueError(f"{option} takes maps; add a constant with --add and halve with --gain")
-
-        def apply(picture: RadianceMap) -> RadianceMap:
-            if verb is None:
-                picture = arithmetic.average([picture, *map(_map, words)])
-            else:
-                for word, value in zip(words, constants, strict=True):
-                    picture = verb(picture, _map(word) if value is None else value)
-            return picture if self.signed else arithmetic.without_negative(picture)
-
-        return Step(option, f"{option.removeprefix('--')} {' '.join(words)}", apply)
+        for word, operands in given.items():
+            require_files([each for each in operands if isinstance(each, Path)])
+            yield rl.light.Arithmetic(rl.light.Operation(word), tuple(operands), self.signed)
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Colour:
+class ColourOptions:
     """Gain and white balance."""
 
     stops: Annotated[
@@ -154,12 +97,15 @@ class Colour:
     ] = None
     gain: Annotated[float | None, Parameter(group=COLOUR, help="Multiply by this factor.")] = None
     grey: Annotated[
-        str | None,
-        Parameter(
-            group=COLOUR, help="Make the place X,Y[,RADIUS] (5 pixels unless given) neutral, as bright as it is."
+        tuple[int, int] | tuple[int, int, float] | None,
+        numbers(
+            "X,Y[,RADIUS]",
+            like="320,240 or 320,240,8",
+            group=COLOUR,
+            help="Make this place (5 pixels round it unless given) neutral, as bright as it is.",
         ),
     ] = None
-    balance: Annotated[str | None, Parameter(group=COLOUR, help="Multiply the channels by R,G,B.")] = None
+    balance: Annotated[Colour | None, Parameter(group=COLOUR, help="Multiply the channels by these.")] = None
     temperature: Annotated[
         float | None,
         Parameter(
@@ -168,122 +114,127 @@ class Colour:
         ),
     ] = None
 
-    def steps(self) -> list[Step]:
-        """The steps asked for; raises ValueError for two gains or two balances."""
-        _at_most_one({"--stops": self.stops, "--gain": self.gain}, "tell the gain")
-        balances = {"--grey": self.grey, "--balance": self.balance, "--temperature": self.temperature}
-        _at_most_one(balances, "tell the balance")
-        made = []
-        if self.stops is not None or self.gain is not None:
-            option = "--gain" if self.stops is None else "--stops"
-            factor = self.gain if self.stops is None else _two_to(self.stops)
-            if factor is None or not (math.isfinite(factor) and factor > 0):
-                raise ValueError(f"{option}: the factor is {factor}; it must be above 0")
-            made.append(Step(option, f"gain × {factor:g}", lambda p: edit_steps.gain(p, factor)))
+    def edits(self) -> Iterator[rl.light.Edit]:
+        _at_most_one({"stops": self.stops, "gain": self.gain})
+        _at_most_one({"grey": self.grey, "balance": self.balance, "temperature": self.temperature})
+        if self.stops is not None:
+            yield rl.light.Gain.of_stops(self.stops)
+        if self.gain is not None:
+            yield rl.light.Gain(self.gain)
         if self.grey is not None:
-            x, y, *radius = numbers(self.grey, "--grey", 2, 3)
-            column, row = whole([x, y], "--grey")
-            made.append(
-                Step("--grey", f"grey at {self.grey}", lambda p: edit_steps.neutral_at(p, column, row, *radius))
-            )
+            yield rl.light.NeutralAt(*self.grey)
         if self.balance is not None:
-            gains = numbers(self.balance, "--balance", 3)
-            made.append(Step("--balance", f"balance × {self.balance}", lambda p: edit_steps.balance(p, gains)))
-        if (kelvin := self.temperature) is not None:
-            made.append(
-                Step("--temperature", f"light of {kelvin:g} K neutral", lambda p: edit_steps.neutral_under(p, kelvin))
-            )
-        return made
+            yield rl.light.Balance(self.balance)
+        if self.temperature is not None:
+            yield rl.light.NeutralUnder(self.temperature)
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Blur:
+class BlurOptions:
     """Motion blur and soft focus, in linear light."""
 
     motion: Annotated[
-        str | None,
-        Parameter(group=BLUR, help="LENGTH[,ANGLE]: a straight streak, in pixels and degrees anticlockwise."),
+        tuple[float, float] | None,
+        numbers(
+            "LENGTH[,ANGLE]",
+            like="8 or 8,90",
+            filled=0.0,
+            group=BLUR,
+            help="A straight streak, in pixels and degrees anticlockwise.",
+        ),
     ] = None
     blur: Annotated[float | None, Parameter(group=BLUR, help="Soft blur of this deviation, in pixels.")] = None
     spin: Annotated[
-        float | None, Parameter(group=BLUR, help="Motion blur of a light map: a turn about the vertical, in degrees.")
+        float | None,
+        Parameter(group=BLUR, help="Motion blur of an environment map: a turn about the vertical, in degrees."),
     ] = None
     spherical_blur: Annotated[
         float | None,
-        Parameter(group=BLUR, help="Soft blur of a light map, on the sphere: its deviation in degrees."),
+        Parameter(group=BLUR, help="Soft blur of an environment map, on the sphere: its deviation in degrees."),
     ] = None
     glow: Annotated[
         float | None,
         Parameter(group=BLUR, help="Soft focus: blur this share of the light, 0 to 1, and leave the rest sharp."),
     ] = None
 
-    def steps(self) -> list[Step]:
-        """The steps asked for; raises ValueError naming the option."""
+    def edits(self) -> Iterator[rl.light.Edit]:
         if self.glow is not None and self.blur is None and self.spherical_blur is None:
             raise ValueError("--glow is a share of what is blurred; give --blur or --spherical-blur too")
         share = 1.0 if self.glow is None else self.glow
-        made = []
         if self.motion is not None:
-            length, *angle = numbers(self.motion, "--motion", 1, 2)
-            radians = math.radians(angle[0]) if angle else 0.0
-            made.append(Step("--motion", f"motion blur {self.motion}", lambda p: edit_steps.streak(p, length, radians)))
-        if (sigma := self.blur) is not None:
-            made.append(
-                Step("--blur", f"soft blur {sigma:g} pixels{_of(share)}", lambda p: edit_steps.soften(p, sigma, share))
-            )
-        if (turn := self.spin) is not None:
-            made.append(Step("--spin", f"spin {turn:g}°", lambda p: edit_steps.spin(p, math.radians(turn))))
-        if (wide := self.spherical_blur) is not None:
-            words = f"soft blur {wide:g}°{_of(share)}"
-            made.append(Step("--spherical-blur", words, lambda p: edit_steps.blur_sphere(p, math.radians(wide), share)))
-        return made
+            yield rl.light.MotionBlur(self.motion[0], math.radians(self.motion[1]))
+        if self.blur is not None:
+            yield rl.light.SoftBlur(self.blur, share)
+        if self.spin is not None:
+            yield rl.light.Spin(math.radians(self.spin))
+        if self.spherical_blur is not None:
+            yield rl.light.SphericalBlur(math.radians(self.spherical_blur), share)
 
 
-def _of(share: float) -> str:
-    return "" if share == 1 else f" of {share:g} of the light"
+@Parameter(name="*")
+@dataclass(frozen=True)
+class PaintOptions:
+    """The round trip through a program that paints."""
+
+    cut: Annotated[
+        float | Literal["auto"] | None,
+        Parameter(
+            name="--slice",
+            group=PAINTER,
+            allow_leading_hyphen=True,
+            help="Write one exposure as a .png to paint on: stops, at which radiance 2^−stops is white, or auto. How "
+            "it was made is kept in a .json beside it. With --paint: the stops, where that is lost.",
+        ),
+    ] = None
+    bits: Annotated[Literal[8, 16], Parameter(group=PAINTER, help="Of the slice, a channel.")] = 8
+    paint: Annotated[
+        Path | None,
+        Parameter(group=PAINTER, help="A painted slice (PNG, TIFF, JPEG): put only its changed pixels into the map."),
+    ] = None
+    original: Annotated[
+        Path | None,
+        Parameter(group=PAINTER, help="The slice before painting, to compare with; else made again from the map."),
+    ] = None
+    scale: Annotated[
+        bool,
+        Parameter(
+            group=PAINTER,
+            negative="",
+            help="Multiply the map by painted ÷ before, so that lights beyond white stay lights; else changed pixels "
+            "become what was painted, white at most.",
+        ),
+    ] = False
+    tolerance: Annotated[
+        int,
+        Parameter(group=PAINTER, help="Difference of pixel values that counts as none, 8 or more for a JPEG."),
+    ] = 0
+    accept: Annotated[bool, Parameter(group=PAINTER, negative="", help="Exit with 0 although most pixels changed.")] = (
+        False
+    )
+
+    @property
+    def stops(self) -> float | None:
+        """The stops of --slice; None for auto."""
+        return self.cut if isinstance(self.cut, float) else None
 
 
-def _at_most_one(options: dict[str, object], what: str) -> None:
-    given = [option for option, value in options.items() if value is not None]
-    if len(given) > 1:
-        raise ValueError(f"{' and '.join(given)} all {what}; give one")
-
-
-def _constant(word: str) -> float | tuple[float, float, float] | None:
-    """The number or R,G,B that a word is; None for the name of a file."""
+def _resize(text: str) -> rl.light.Resize:
+    """A word like "512", "512,256", "512x256" or "50%"."""
     try:
-        values = [float(part) for part in word.split(",")]
-    except ValueError:
-        return None
-    if len(values) not in (1, 3) or not all(map(math.isfinite, values)):
-        raise ValueError(f'"{word}" is no constant; write one number, or R,G,B')
-    return values[0] if len(values) == 1 else (values[0], values[1], values[2])
+        if text.endswith("%"):
+            return rl.light.Resize(percent=float(text[:-1]))
+        width, *height = (int(word) for word in text.lower().replace("x", ",").replace("×", ",").split(","))
+        return rl.light.Resize(width, *height)
+    except (TypeError, ValueError):
+        raise ValueError(f'--resize: "{text}" is not a size; write it like 512, 512,256 or 50%') from None
 
 
-def _map(word: str) -> RadianceMap:
-    from relume.image import files
-
-    return files.read_radiance(word)
+def _joined(options: dict[str, object]) -> str:
+    return " and ".join(f"--{option}" for option in options)
 
 
-def _two_to(stops: float) -> float:
-    if not abs(stops) <= 100:
-        raise ValueError(f"--stops: {stops:g}; expected −100 to 100")
-    return 2.0**stops
-
-
-def _size(text: str) -> Callable[[tuple[int, int]], tuple[int, int]]:
-    """From the present (width, height) to the one that text like "512", "512,256" or "50%" asks for."""
-    if text.endswith("%"):
-        (percent,) = numbers(text[:-1], "--resize", 1)
-        return lambda size: (_at_least_one(size[0] * percent / 100), _at_least_one(size[1] * percent / 100))
-    width, *height = whole(numbers(text.replace("x", ",").replace("×", ","), "--resize", 1, 2), "--resize")
-    if height:
-        return lambda size: (width, height[0])
-    return lambda size: (width, _at_least_one(size[1] * width / size[0]))
-
-
-def _at_least_one(length: float) -> int:
-    # What is negative or 0 is refused where the map is resized.
-    return max(1, round(length)) if length > 0 else 0
+def _at_most_one(options: dict[str, object]) -> None:
+    given = {option: value for option, value in options.items() if value is not None}
+    if len(given) > 1:
+        raise ValueError(f"{_joined(given)} contradict each other; give one")

@@ -11,7 +11,6 @@ from cyclopts import Parameter
 import relume as rl
 from relume.cli.arguments import DryRun, made_folder, require_files
 from relume.cli.console import OutputOptions, note, print_facts, progress, warnings_as_notes
-from relume.errors import OutputNotWritten
 
 PICTURES = (".png", ".jpg", ".jpeg")
 
@@ -134,9 +133,9 @@ def reflect(
 def _require_places(out: Path, sheet: Sequence[Path]) -> None:
     """Refuse outputs that cannot be written."""
     if out.exists() and not out.is_dir():
-        raise OutputNotWritten(f"-o {out}: a file, not a folder; choose another name")
+        raise rl.errors.OutputNotWritten(f"-o {out}: a file, not a folder; choose another name")
     for path in sheet:
         if path.suffix.lower() not in PICTURES:
             raise ValueError(f"--sheet {path}: the file must end in {' or '.join(PICTURES)}")
         if path.parent.resolve() != out.resolve() and not path.parent.is_dir():
-            raise OutputNotWritten(f"--sheet {path}: no folder {path.parent}; make it first or choose another")
+            raise rl.errors.OutputNotWritten(f"--sheet {path}: no folder {path.parent}; make it first")

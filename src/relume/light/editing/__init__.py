@@ -1,0 +1,1 @@
+"""Edits of radiance maps, and the way through a paint program."""
