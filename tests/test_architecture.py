@@ -58,11 +58,6 @@ NOT_YET_ON_THE_PUBLIC_NAMES: set[str] = {
     "cli/probe_facts.py",
     "cli/probe_views.py",
     "cli/reading_options.py",
-    "cli/render.py",
-    "cli/render_choice.py",
-    "cli/render_environment.py",
-    "cli/render_frames.py",
-    "cli/render_tree.py",
     "cli/stage/inspect.py",
 }
 
@@ -71,7 +66,7 @@ IMAGE_FILE_CALLS = {"imread", "imwrite", "imdecode", "imencode", "imsave"}  # cv
 MAY_OPEN_IMAGES: dict[str, str] = {}  # path in the package → the reason why it may, beside image/files/
 RENDERERS = {"mitsuba", "drjit", "mitsuba_oidn"}
 # Where import and distribution differ in name.
-INSTALLED_AS = {"PIL": "pillow", "cv2": "opencv-python-headless", "PyOpenColorIO": "opencolorio"}
+INSTALLED_AS = {"PIL": "pillow", "cv2": "opencv-python-headless", "PyOpenColorIO": "opencolorio", "pxr": "usd-core"}
 NAMES_WITHOUT_MEANING = {"utils", "util", "common", "core", "helpers", "types"}
 LONGEST = 400
 MOST_ENTRIES = 22
@@ -349,11 +344,11 @@ def test_every_exception_to_a_rule_is_still_needed_and_says_why():
 
 
 def test_every_part_the_package_imports_is_declared():
-    assert undeclared_imports(PACKAGE, declared_parts("studio", "cluster", "lightstage", "ocio", "video")) == []
+    assert undeclared_imports(PACKAGE, declared_parts("studio", "cluster", "lightstage", "ocio", "usd", "video")) == []
 
 
 def test_every_part_the_tests_import_is_declared():
-    assert undeclared_imports(REPOSITORY / "tests", declared_parts("cluster", "lightstage", "ocio", "dev")) == []
+    assert undeclared_imports(REPOSITORY / "tests", declared_parts("cluster", "lightstage", "ocio", "usd", "dev")) == []
 
 
 def test_importing_relume_loads_no_heavy_library():

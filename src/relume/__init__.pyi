@@ -51,6 +51,9 @@ from .project.developing.develop_files import undevelop_file as undevelop_file
 from .project.insertion.insert import insert as insert
 from .project.insertion.outcome import Inserted as Inserted
 from .project.presets.preset import Preset as Preset
+from .project.scene_file.rendering import RenderSettings as RenderSettings
+from .project.scene_file.rendering import render_environment as render_environment
+from .project.scene_file.rendering import render_scene as render_scene
 from .project.scene_file.scene_file import SceneFile as SceneFile
 from .project.scene_file.scene_file import read_scene as read_scene
 from .project.shot_file.shot import Shot as Shot
@@ -65,6 +68,7 @@ from .renderers.results import Render as Render
 from .renderers.whitted.whitted import Whitted as Whitted
 from .report.constellation_plot import draw_lights as draw_lights
 from .report.develop_report import write_develop_report as write_develop_report
+from .report.ray_tree_plot import draw_ray_tree as draw_ray_tree
 from .report.reflection_sheet import draw_reflection_sheet as draw_reflection_sheet
 from .scene.cameras.camera import Camera as Camera
 from .scene.cameras.files import read_camera as read_camera

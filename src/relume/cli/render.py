@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal, get_args
 
-from cyclopts import Parameter
+from cyclopts import Parameter, Token
+from cyclopts.validators import Number
 
-from relume.cli.arguments import DryRun, Threads, require_files
+import relume as rl
+from relume.cli.arguments import DryRun, Threads, require_files, require_suffix
 from relume.cli.console import OutputOptions, print_facts, progress, warnings_as_notes
-
-if TYPE_CHECKING:
-    from relume.image.radiance import RadianceMap
-    from relume.scene.cameras.camera import Camera
+from relume.cli.option_types import Pixel, Point, Size, numbers
 
 FILTERS = Literal["plain", "subdivision", "quadrilateral", "preintegrated", "mip"]
+RENDERERS = Literal["prefiltered", "mitsuba", "whitted"]
+PICTURES = (".exr", ".hdr", ".png", ".jpg", ".jpeg")
+ROWS = 512
+
+
+def _renderer(kind: object, tokens: Sequence[Token]) -> str:
+    """A renderer's name; "mapped" is what prefiltered was called before."""
+    word = tokens[-1].value.lower().replace("mapped", "prefiltered")
+    if word not in get_args(RENDERERS):
+        raise ValueError(f'"{word}" is not a renderer; choose from {", ".join(get_args(RENDERERS))}')
+    return word
 
 
 def render(
@@ -30,27 +41,29 @@ def render(
         ),
     ],
     renderer: Annotated[
-        Literal["mapped", "mitsuba", "whitted"] | None,
+        RENDERERS | None,
         Parameter(
-            help="mitsuba: light transport; mapped: reflection maps, without noise and without shadows; whitted: "
-            "shadows, mirrors and glass by recursive ray tracing (Whitted 1980). Unless given, what the scene file and "
-            "the options ask for: whitted for a [whitted] table, its materials and ambient light; mapped for mirror, "
-            "glossy, retroreflector and glass; else mitsuba."
+            converter=_renderer,
+            help="mitsuba: light transport; prefiltered: prefiltered environment maps (reflection maps), without noise "
+            "and without shadows; whitted: shadows, mirrors and glass by recursive ray tracing (Whitted 1980). Unless "
+            "given, what the scene file and the options need: whitted for a [whitted] table, its materials and "
+            "ambient light; prefiltered for mirror, glossy, retroreflector and glass; else mitsuba.",
         ),
     ] = None,
     light: Annotated[
-        Path | None, Parameter(help="The illumination map, .exr, .hdr or another format, instead of the scene file's.")
+        Path | None,
+        Parameter(help="The environment map (HDRI), .exr, .hdr or another format, instead of the scene file's."),
     ] = None,
-    size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT in pixels, instead of the scene file's.")] = None,
+    size: Annotated[Size | None, Parameter(help="Pixels, instead of the scene file's.")] = None,
     filter: Annotated[
         FILTERS | None,
         Parameter(
-            help="mapped: how a pixel reads the maps (Miller & Hoffman 1984, §8; mip: Williams 1983); preintegrated "
-            "unless given."
+            help="prefiltered: how a pixel reads the maps (Miller & Hoffman 1984, §8; mip: Williams 1983); "
+            "preintegrated unless given."
         ),
     ] = None,
     plate: Annotated[
-        Path | None, Parameter(help="mapped: a radiance map to matte the objects over, of the picture's size.")
+        Path | None, Parameter(help="prefiltered: a radiance map to matte the objects over, of the picture's size.")
     ] = None,
     samples: Annotated[int | None, Parameter(help="mitsuba: rays a pixel; 256 unless given.")] = None,
     seed: Annotated[int | None, Parameter(help="mitsuba, whitted: another seed for what is random.")] = None,
@@ -67,7 +80,7 @@ def render(
     constellation: Annotated[
         int | None,
         Parameter(
-            help="whitted: lights that stand for the illumination map on diffuse surfaces; 64 unless the file says. "
+            help="whitted: lights that stand for the environment map on diffuse surfaces; 64 unless the file says. "
             "More make shadows of an even sky smoother."
         ),
     ] = None,
@@ -79,19 +92,23 @@ def render(
         Parameter(help="whitted: corners that differ by this share are halved; 0.1 unless the file says."),
     ] = None,
     region: Annotated[
-        str | None,
-        Parameter(
-            help="whitted: only this part of the picture, LEFT,TOP,RIGHT,BOTTOM in pixels, as a smaller picture."
+        tuple[int, int, int, int] | None,
+        numbers(
+            "LEFT,TOP,RIGHT,BOTTOM",
+            like="0,0,320,240",
+            help="whitted: only this part of the picture, in pixels, as a smaller picture.",
         ),
     ] = None,
     tree: Annotated[
-        str | None,
+        Pixel | None,
         Parameter(
-            help="whitted: instead of the picture draw the tree of rays behind pixel X,Y (.png or .svg), and print "
+            help="whitted: instead of the picture draw the tree of rays behind this pixel (.png or .svg), and print "
             "where the picture's time goes."
         ),
     ] = None,
-    frames: Annotated[int | None, Parameter(help="mapped, whitted: this many pictures of a motion.")] = None,
+    frames: Annotated[
+        int | None, Parameter(validator=Number(gte=1), help="prefiltered, whitted: this many pictures of a motion.")
+    ] = None,
     motion: Annotated[
         Literal["turntable", "orbit"] | None,
         Parameter(
@@ -103,11 +120,10 @@ def render(
         float | None, Parameter(help="With --frames: how far; 360 unless given.", allow_leading_hyphen=True)
     ] = None,
     environment: Annotated[
-        str | None,
+        Point | None,
         Parameter(
-            help="mitsuba, whitted: instead of the picture the lat-long illumination map of the scene seen from the "
-            "point X,Y,Z in metres, .exr or .hdr (Miller & Hoffman 1984, §5.2); --size 1024x512 unless given.",
-            allow_leading_hyphen=True,
+            help="mitsuba, whitted: instead of the picture the equirectangular (lat-long) environment map of the scene "
+            "seen from this point in metres, .exr or .hdr (Miller & Hoffman 1984, §5.2); --size 1024x512 unless given."
         ),
     ] = None,
     exposure: Annotated[
@@ -122,100 +138,104 @@ def render(
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:
-    """Render a scene under an illumination map and lights, as one picture or as frames of a motion."""
-    from relume.cli import render_choice as choice
-    from relume.cli import render_frames as pictures
-    from relume.cli.render_tree import draw_tree, read_pixel
-    from relume.project.metering import metered_scene
-
+    """Render a scene under an environment map and lights, as one picture or as frames of a motion."""
     with warnings_as_notes(output):
-        options: dict[str, object] = {
-            "--filter": filter,
-            "--plate": plate,
-            "--samples": samples,
-            "--seed": seed,
-            "--depth": depth,
-            "--rays": rays,
-            "--contribution": contribution,
-            "--constellation": constellation,
-            "--subdivisions": subdivisions,
-            "--tolerance": tolerance,
-            "--region": region,
-            "--tree": tree,
-            "--frames": frames,
-            "--environment": environment,
-        }
-        given = renderer is not None
-        possible = choice.renderers_for(options, renderer)
+        # Refuse what cannot be written, before any work.
+        pictures = {"--frames": frames, "--region": region, "--plate": plate}
         if environment is not None:
-            choice.check_environment(out, {"--tree": tree, "--frames": frames, "--region": region, "--plate": plate})
+            _check_alone("--environment shows all directions", {"--tree": tree, **pictures})
+            require_suffix(out, ".exr", ".hdr")
         elif tree is not None:
-            choice.check_drawing(out, {"--frames": frames, "--region": region})
+            _check_alone("--tree draws one pixel's rays", pictures)
+            require_suffix(out, ".png", ".svg")
         else:
-            choice.check_output(out, frames, {"--motion": motion, "--degrees": degrees})
-        require_files([plate] if plate is not None else [])
-        read = choice.read_file(scene, light, size if environment is None else None)
-        world, camera = read.scene, read.camera
-        renderer = choice.chosen(read, possible, given=given, moving=frames is not None)
-        if degrees is not None and motion is None and read.moves:
-            raise ValueError("--degrees tells how far a motion goes, and the scene file's orbits do; give --motion too")
-        movie = None if frames is None else pictures.Movie(frames, motion, degrees)
-        part = None if region is None else choice.read_region(region, camera)
-        whitted = choice.whitted_with(
-            read.whitted,
+            _check_output(out, frames, {"--motion": motion, "--degrees": degrees})
+        require_files([each for each in (scene, light, plate) if each is not None])
+        # Read what the options name.
+        read = rl.read_scene(scene, light, size if environment is None else None)
+        settings = rl.RenderSettings(
+            renderer=renderer,
+            filter=filter,
+            plate=None if plate is None else rl.read_radiance(plate),
+            samples=samples,
+            seed=seed,
             depth=depth,
             rays=rays,
             contribution=contribution,
             constellation=constellation,
             subdivisions=subdivisions,
             tolerance=tolerance,
+            region=region,
+            frames=frames,
+            motion=motion,
+            degrees=degrees,
+            exposure=exposure,
             threads=threads,
         )
+        # Render one of three things, and print what was done.
         if environment is not None:
-            from relume.cli.render_environment import write_environment
+            facts = _environment(read, out, environment, settings, size, dry_run, output)
+        elif tree is not None:
+            facts = _tree(read, out, tree, settings, dry_run)
+        else:
+            with progress(output) as report:
+                made = rl.render_scene(read, out, settings, dry_run=dry_run, report=report)
+            facts = {"renderer": made.renderer, "shapes": made.shapes, "size": f"{made.size[0]}×{made.size[1]}"}
+            facts["exposure"] = made.film.exposure
+        print_facts(output, {"would write" if dry_run else "written": str(out), **facts})
 
-            method = whitted if renderer == "whitted" else choice.mitsuba_with(samples, threads)
-            write_environment(out, read, environment, size, method, seed=seed or 0, dry_run=dry_run, output=output)
-            return
-        behind = _plate(plate, camera)
-        film = metered_scene(world).brighter(exposure)
-        told = {
-            "renderer": renderer,
-            "shapes": len(world.local) + len(world.objects),
-            "size": f"{camera.width}×{camera.height}" if part is None else f"{part[2] - part[0]}×{part[3] - part[1]}",
-            "exposure": film.exposure,
+
+def _environment(
+    read: rl.SceneFile, out: Path, point: Point, settings: rl.RenderSettings, size: Size | None, dry_run: bool,
+    output: OutputOptions,
+) -> dict[str, object]:  # fmt: skip
+    width, rows = size or (2 * ROWS, ROWS)
+    if width != 2 * rows:
+        raise ValueError(f"--size {width}x{rows}: with --environment the map is twice as wide as high")
+    facts: dict[str, object] = {"environment at": list(point), "size": f"{width}×{rows}"}
+    with progress(output) as report:
+        light = rl.render_environment(read, out, point, settings, rows=rows, dry_run=dry_run, report=report)
+    if light is not None:
+        facts["total"] = [float(f"{value:.6g}") for value in light.total()]
+        facts["irradiance from above"] = [float(f"{value:.6g}") for value in light.irradiance((0.0, 1.0, 0.0))]
+    return facts
+
+
+def _tree(read: rl.SceneFile, out: Path, pixel: Pixel, settings: rl.RenderSettings, dry_run: bool) -> dict[str, object]:
+    drawn = rl.draw_ray_tree(read, out, pixel, settings, dry_run=dry_run)
+    facts: dict[str, object] = {"renderer": "whitted", "pixel": f"{pixel[0]},{pixel[1]}"}
+    if drawn is not None:
+        shares = drawn.shares
+        facts |= {
+            "tree": drawn.rays,
+            "intensity": ", ".join(f"{value:.6g}" for value in drawn.tree.intensity[0]),
+            "overhead": f"{shares.overhead:.0%}",
+            "intersection": f"{shares.intersection:.0%}",
+            "shading": f"{shares.shading:.0%}",
+            "picture": f"{shares.seconds:.2f} s of one core, {shares.rays} rays",
         }
-        pixel = None if tree is None else read_pixel(tree, camera)
-        if dry_run:
-            print_facts(output, {"would write": str(out), **told})
-            return
-        if pixel is not None:
-            drawn = draw_tree(out, whitted, world, camera, pixel, film=film, seed=seed or 0)
-            print_facts(output, {"written": str(out), **told, **drawn})
-            return
-        with progress(output) as report:
-            if renderer == "mitsuba":
-                count = 256 if samples is None else samples
-                rendered = pictures.by_mitsuba(read, samples=count, seed=seed or 0, threads=threads, report=report)
-            elif renderer == "whitted":
-                rendered = pictures.by_trees(whitted, read, movie, seed=seed or 0, region=part, report=report)
-            else:
-                way = filter or "preintegrated"
-                rendered = pictures.by_maps(read, movie, filter=way, plate=behind, threads=threads, report=report)
-            if movie is None:
-                pictures.write_picture(out, next(rendered), film, world.light.unit)
-            else:
-                pictures.write_frames(out, rendered, film, world.light.unit)
-        print_facts(output, {"written": str(out), **told})
+    return facts
 
 
-def _plate(path: Path | None, camera: Camera) -> RadianceMap | None:
-    from relume.image import files
+def _check_alone(what: str, others: dict[str, object]) -> None:
+    """Refuse options that ask for pictures where no picture is made."""
+    given = [name for name, value in others.items() if value is not None]
+    if given:
+        raise ValueError(f"{what}, and {given[0]} is for pictures; leave one of them out")
 
-    plate = files.read_radiance(path) if path is not None else None
-    if plate is not None and plate.size != (camera.width, camera.height):
-        raise ValueError(
-            f"--plate {path} is {plate.size[0]}×{plate.size[1]} pixels, the picture "
-            f"{camera.width}×{camera.height}; give --size {plate.size[0]}x{plate.size[1]}"
-        )
-    return plate
+
+def _check_output(out: Path, frames: int | None, for_frames: dict[str, object]) -> None:
+    """Refuse an output that does not fit the number of frames."""
+    moving = [name for name, value in for_frames.items() if value is not None]
+    if moving and frames is None:
+        raise ValueError(f"{moving[0]} is about a motion; give --frames N too")
+    if frames is None and out.suffix.lower() == ".mp4":
+        raise ValueError(f"-o {out}: a movie needs --frames N")
+    if frames is None:
+        require_suffix(out, *PICTURES)
+    elif out.suffix.lower() == ".mp4":
+        require_suffix(out, ".mp4")
+    elif out.suffix:
+        raise ValueError(f"-o {out}: with --frames give a folder for numbered pictures, or an .mp4")
+    elif left := sorted(path.name for path in out.glob("frame_*.png"))[frames:]:
+        raise ValueError(f"-o {out}: holds frames of another movie, from {left[0]} on; remove them")

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from relume.renderers.whitted.ray_tree import NAMES, RayTree
+from relume.image.files.atomic import replacing
+from relume.project.metering import metered_scene
+from relume.project.scene_file.rendering import RenderSettings, renderer_name, whitted_of
+from relume.project.scene_file.scene_file import SceneFile
+from relume.renderers.whitted.ray_tree import NAMES, Breakdown, RayTree, breakdown, ray_tree
 from relume.renderers.whitted.record import EYE, REFLECTED, REFRACTED, SHADOW
 from relume.scene.scene import Scene
 from relume.scene.shapes.patches import Patches
@@ -24,6 +30,52 @@ WIDE = 8
 """Leaves of a tree that is drawn beside the scene, at most."""
 POINTS = 4000
 """Of a mesh's outline."""
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnTree:
+    """A pixel's ray tree, and where the time of the whole picture goes (Whitted 1980, §4).
+
+    rays : the tree in words
+    shares : of the picture's time
+    """
+
+    tree: RayTree
+    rays: str
+    shares: Breakdown
+
+
+def draw_ray_tree(
+    read: SceneFile, out: str | Path, pixel: tuple[int, int], settings: RenderSettings = RenderSettings(), *,
+    dry_run: bool = False,
+) -> DrawnTree | None:  # fmt: skip
+    """Draw the tree of rays behind a pixel of a scene file's picture (.png or .svg); None on a dry run.
+
+    pixel : from the upper left corner
+    dry_run : check everything and draw nothing
+    Raises ValueError for a pixel outside of the picture, or settings of another renderer than Whitted's.
+    """
+    out, camera = Path(out), read.camera
+    renderer_name(read, settings, "ray tree")
+    (x, y), (width, height) = pixel, (camera.width, camera.height)
+    if not (0 <= x < width and 0 <= y < height):
+        last = f"{width - 1},{height - 1}"
+        raise ValueError(f"pixel {x},{y} lies outside the picture of {width}×{height} pixels; give 0,0 to {last}")
+    if dry_run:
+        return None
+    # Trace the pixel's tree, and time the whole picture.
+    prepared, seed = whitted_of(read, settings).prepared(read.scene), settings.seed or 0
+    tree = ray_tree(prepared, camera, (x + 0.5, y + 0.5), seed=seed)
+    shares = breakdown(prepared, camera, seed=seed)
+    # Draw it.
+    counts = {kind: int((tree.kind == kind).sum()) for kind in (REFLECTED, REFRACTED, SHADOW)}
+    rays = f"{len(tree.kind)} ray{'s' if len(tree.kind) > 1 else ''}, {counts[REFLECTED]} reflected, "
+    rays += f"{counts[REFRACTED]} refracted, {counts[SHADOW]} towards lights"
+    film = metered_scene(read.scene).brighter(settings.exposure)
+    drawing = tree_plot(tree, read.scene, film, f"pixel {x},{y}: {rays}", format=out.suffix.lower()[1:])
+    with replacing(out) as temporary:
+        temporary.write_bytes(drawing)
+    return DrawnTree(tree, rays, shares)
 
 
 def tree_plot(tree: RayTree, scene: Scene, film: Film, title: str = "", *, format: str = "png") -> bytes:

@@ -13,7 +13,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from relume.errors import InvalidScene
+from relume.errors import InvalidScene, UnreadableFile
+from relume.image import files
 from relume.project.scene_file.lights import AnyLightTable, LightTable, distant_light, light_of, read_light
 from relume.project.scene_file.materials import SurfaceTable, made, naming
 from relume.project.scene_file.shapes import LocalTable, ObjectTable, plane_of, solids_of
@@ -25,7 +26,11 @@ from relume.scene.motion.moving_objects import ObjectOrbit
 from relume.scene.scene import Scene
 from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import Mesh
+from relume.sphere.environment_files import as_environment
 
+SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")
+LARGEST = 65536
+"""Pixels along a side of a picture."""
 SIZE = (640, 480)
 """Pixels of a picture unless given."""
 FIELD_OF_VIEW = 40.0
@@ -65,7 +70,7 @@ class SceneFile:
         return replace(self.scene, objects=moved)
 
 
-Pixels = Annotated[int, Field(ge=1, le=65536)]
+Pixels = Annotated[int, Field(ge=1, le=LARGEST)]
 
 
 class CameraTable(Table):
@@ -107,9 +112,39 @@ class SceneTable(Table):
         return self
 
 
-def read_scene(path: str | Path) -> SceneFile:
-    """Read a scene file with its light, meshes and images; raises InvalidScene naming the key and what it should be."""
+def read_scene(path: str | Path, light: str | Path | None = None, size: tuple[int, int] | None = None) -> SceneFile:
+    """Read a scene file, or a mesh as one, with its light, meshes and images.
+
+    path : .toml; or a mesh of its own materials, which a camera frames that looks along −Z from above
+    light : the file of an environment map instead of the scene file's; a mesh needs one
+    size : width and height in pixels instead of the scene file's, at the same field of view across
+    Raises InvalidScene naming the key and what it should be, UnreadableFile, ValueError.
+    """
     path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix == ".bpt":
+        raise UnreadableFile(f'{path}: patches have no material; write patches = "{path.name}" in a scene file')
+    if suffix not in SUFFIXES:
+        raise UnreadableFile(f"{path}: neither a scene file nor a mesh; give {', '.join(SUFFIXES)}")
+    if size is not None and not (1 <= min(size) and max(size) <= LARGEST):
+        raise ValueError(f"the size is {size[0]}×{size[1]} pixels; give 1 to {LARGEST} along each side")
+    if suffix != ".toml" and light is None:
+        raise ValueError(f"{path}: a mesh has no light; give an environment map, or a scene file")
+    # A mesh is framed in its size; a scene file's camera is resized, and its light replaced.
+    if suffix != ".toml" and light is not None:
+        return scene_of_mesh(path, light, size or SIZE)
+    read = _read_table(path)
+    if light is not None:
+        try:
+            found = as_environment(files.read_radiance(light))
+        except ValueError as error:
+            raise ValueError(f"{light}: {error}") from None
+        read = replace(read, scene=replace(read.scene, light=found))
+    return read if size is None else replace(read, camera=read.camera.resized(*size))
+
+
+def _read_table(path: Path) -> SceneFile:
+    """A scene file's own words."""
     table = checked(SceneTable, read_toml(path, "scene file", InvalidScene), path, "scene file", InvalidScene)
     with naming(f"{path}: camera"):
         camera = _camera(table.camera)

@@ -90,7 +90,7 @@ def why_not(scene: Scene) -> str | None:
         if isinstance(shape.material, Reflective):
             return (
                 f"Mitsuba cannot shade the reflection maps of {shape.material.name or 'a Reflective surface'!r}; "
-                "use rl.Prefiltered (--renderer mapped), or a diffuse or pbr material"
+                "use rl.Prefiltered (--renderer prefiltered), or a diffuse or pbr material"
             )
     return None
 

@@ -244,7 +244,7 @@ def _glossiness(lobe: Lobe | Reflectance, alpha: float, normal: np.ndarray, mate
 def _unsupported(material: Reflective, what: str) -> UnsupportedScene:
     return UnsupportedScene(
         f"Whitted's model has no place for {what} in {material.name or 'a Reflective surface'!r}; "
-        "use rl.Prefiltered (--renderer mapped), or a mirror, glass, glossy or whitted material"
+        "use rl.Prefiltered (--renderer prefiltered), or a mirror, glass, glossy or whitted material"
     )
 
 
