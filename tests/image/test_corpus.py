@@ -221,5 +221,6 @@ def test_refusals_that_tell_no_place_are_counted(trials):
 
 
 def test_a_photograph_is_read_through_the_runner_too(corpora, reader):
+    warmed(reader, corpora("PNG"))
     outcome = reader.read(corpora("PNG").good[0], READ_PHOTOGRAPH)
     assert (outcome.kind, outcome.decoded, outcome.faults()) == ("read", 4 * 3 * 16 * 8, [])

@@ -382,7 +382,7 @@ def test_every_real_damaged_exr_is_refused_in_one_line_or_read_whole(shared, cap
     assert len(files) >= 100
     read_well, told = set(), set()
     for file in files:
-        start = time.perf_counter()
+        start = time.process_time()
         try:
             with warnings.catch_warnings(record=True) as heard:
                 warnings.simplefilter("always")
@@ -392,7 +392,7 @@ def test_every_real_damaged_exr_is_refused_in_one_line_or_read_whole(shared, cap
                 told.add(file.name)
         except UnreadableFile as error:
             assert re.fullmatch(re.escape(str(file)) + ": .+", str(error)), file
-        assert time.perf_counter() - start < 2, file
+        assert time.process_time() - start < 2, file
     # bad.exr is sound and holds NaN; in the others only the type attribute contradicts the file, which reads as it is.
     mistyped = {f"{kind}_with_{type}_type.exr" for kind, type in [
         ("scanline", "deepscanline"), ("scanline", "deeptiled"), ("scanline", "tiledimage"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -115,8 +116,9 @@ def test_what_an_occluder_covers_is_the_plate_to_the_bit(made: tuple[Shot, Path,
     assert result.change.matte[:, middle] == pytest.approx(half, rel=1e-5)
 
 
-def test_by_ratio_the_plate_keeps_its_share_of_the_light(made: tuple[Shot, Path, Inserted]) -> None:
+def test_by_ratio_the_plate_keeps_its_share_of_the_light(made: tuple[Shot, Path, Inserted], tmp_path: Path) -> None:
     shot, out, _ = made
+    out = shutil.copytree(out, tmp_path / "out")  # another table is another render; the folder keeps one
     # Of one colour, the recovered table is not the patterned plate: the sum and the ratio differ.
     even = shot.model_copy(update={"local": [shot.local[0].model_copy(update={"reflectance": "recover even"})]})
     result = insert(changed(even, "match", mode="ratio"), out)

@@ -18,6 +18,9 @@ BEYOND = 1 / 8
 TOUCH = 1e-9
 """A ray that passes a patch by less than this share of its radius meets it, so that none slips between neighbours."""
 
+EDGE_ON = 1e-13
+"""Cosine between a ray and a normal below which the ray lies in the surface, as far as rounding can say."""
+
 STEPS = 12
 """Of Newton's at most; four are usual."""
 
@@ -84,12 +87,18 @@ def polish(net, i, radius, origin, direction, u, v):
         x, y, z = p[0] - origin[0], p[1] - origin[1], p[2] - origin[2]
         # d × (P − o), the offset from the ray: P + ∂P/∂u Δu + ∂P/∂v Δv − t d = o by Cramer's rule.
         mx, my, mz = dy * z - dz * y, dz * x - dx * z, dx * y - dy * x
+        nx, ny, nz = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+        facing, area = nx * dx + ny * dy + nz * dz, nx * nx + ny * ny + nz * nz
+        # Seen edge-on: what is left of `facing` is rounding, which differs from one processor to another. At a pole,
+        # where the normal vanishes, it says nothing.
+        spanned = a[0] * a[0] + a[1] * a[1] + a[2] * a[2] + b[0] * b[0] + b[1] * b[1] + b[2] * b[2]
+        if facing * facing <= EDGE_ON**2 * area * squared and area > 1e-18 * spanned * spanned:
+            break
         # At a pole it is the only end: v is any there.
         if mx * mx + my * my + mz * mz <= squared * (1e-3 * TOUCH * radius) ** 2:
             reached, t = True, (x * dx + y * dy + z * dz) / squared
             break
-        nx, ny, nz = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-        share = 1 / (nx * dx + ny * dy + nz * dz)
+        share = 1 / facing
         step_u = -(b[0] * mx + b[1] * my + b[2] * mz) * share
         step_v = (a[0] * mx + a[1] * my + a[2] * mz) * share
         if not (abs(step_u) < 1e3 and abs(step_v) < 1e3):  # the surface is seen edge-on here
