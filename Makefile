@@ -2,13 +2,16 @@
 VENV := .venv
 READY := $(VENV)/.relume-setup
 
-.PHONY: demo test check bench
+.PHONY: demo test quick check bench
 
 demo: $(READY)            ## insert the objects of examples/room and say where the pictures are
 	$(VENV)/bin/relume demo -o out/demo
 
-test: $(READY)            ## the whole suite
-	$(VENV)/bin/pytest -q -n 2 --dist loadfile --no-loadscope-reorder
+test: $(READY)            ## the whole suite, in an order of its own each time (-p no:randomly keeps the files' order)
+	$(VENV)/bin/pytest -q -n 2 --dist loadfile --no-loadscope-reorder --randomly-dont-reset-seed
+
+quick: $(READY)           ## for the inner loop: no render by Mitsuba, no whole command
+	$(VENV)/bin/pytest -q -n 2 --dist loadfile --no-loadscope-reorder -m "not slow and not long"
 
 check: $(READY)           ## style and types
 	$(VENV)/bin/ruff check .

@@ -2,7 +2,9 @@
 
 import os
 import signal
+import sys
 import threading
+from fnmatch import fnmatch
 from pathlib import Path
 
 import pytest
@@ -16,7 +18,22 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN and threading.current_thread() is threading.main_thread():
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-LONGEST = "test_room_truth.py"
+# Begun last, these would keep one process busy alone: they come first, whatever the order of the others.
+LONGEST = ["test_room_truth.py", "test_mitsuba_insert.py", "test_insert.py", "test_filters.py", "test_merge.py"]
+# What `make quick` leaves out: what renders with Mitsuba, runs whole commands and shots, or takes more than 5 s.
+LONG = (
+    *("cli/*", "project/*", "physics/*", "image/test_corpus*", "test_examples.py", "test_architecture.py"),
+    *("renderers/*mitsuba*", "renderers/test_renderer.py", "renderers/test_environment.py", "renderers/test_sheet.py"),
+    *("renderers/test_accumulation.py", "renderers/test_filters.py", "renderers/test_mapped.py"),
+    *("renderers/test_whitted_paper.py", "renderers/test_whitted_materials.py", "renderers/test_miller_hoffman.py"),
+    *("composite/test_reflectance.py", "composite/test_gloss.py", "scene/test_moving.py", "scene/test_grid.py"),
+    *("probe/test_outline.py", "probe/test_registration.py", "probe/test_ball.py", "probe/test_assembled.py"),
+    *("probe/test_silhouette.py", "probe/test_panorama.py", "light/test_reflection.py", "light/test_glossy.py"),
+    *("capture/test_*accuracy.py", "capture/test_raw_measurement.py", "capture/test_measurement.py"),
+    *("image/test_logluv_tiff.py", "image/test_every_format.py", "virtual_camera/glare/test_eye.py"),
+    *("lightstage/*/test_measured_view.py", "lightstage/*/test_environment_matte.py"),
+    *("lightstage/*/test_illumination.py", "lightstage/*/test_viewpoint.py", "lightstage/*/test_environment.py"),
+)
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
 
@@ -28,6 +45,15 @@ def shared() -> Path:
     return SHARED
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    if "not long" in config.option.markexpr:
+        sys.modules["mitsuba"] = None  # pyright: ignore[reportArgumentType]  # to import it is an error then
+
+
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest file first: begun last, it would keep one process busy alone."""
-    items.sort(key=lambda item: item.path.name != LONGEST)
+    for item in items:
+        path = item.path.relative_to(Path(__file__).parent).as_posix()
+        if any(fnmatch(path, pattern) for pattern in LONG):
+            item.add_marker("long")
+    items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))

@@ -17,9 +17,10 @@ from pathlib import Path
 
 import pytest
 
+from architecture.kernels import PROOFS, kernels_without_proof
 from architecture.lengths import functions_too_long, functions_without_steps
 from architecture.reached import unreached
-from architecture.tree import PACKAGE, REPOSITORY, called_name, imported_modules, imports, listed, modules
+from architecture.tree import PACKAGE, REPOSITORY, called_name, imported_modules, imports, listed, modules, nodes
 from architecture.words import lines_too_long, private_words
 
 # The light's way through the package: a folder imports itself and those before it (docs/decisions/0001).
@@ -181,7 +182,7 @@ def images_opened_elsewhere(package: Path) -> list[str]:
         faults += [
             f"{path}:{line}: {name}" for line, name in imports(path, tree) if name.split(".")[0] in IMAGE_READERS
         ]
-        calls = (node for node in ast.walk(tree) if isinstance(node, ast.Call))
+        calls = (node for node in nodes(tree) if isinstance(node, ast.Call))
         faults += [
             f"{path}:{call.lineno}: {called_name(call)}()" for call in calls if called_name(call) in IMAGE_FILE_CALLS
         ]
@@ -211,7 +212,7 @@ def talk_outside_the_command_line(package: Path) -> list[str]:
     for path, tree in modules(package):
         if folder_of(path) in ("cli", "__main__"):
             continue
-        for node in ast.walk(tree):
+        for node in nodes(tree):
             if (
                 isinstance(node, ast.Call)
                 and isinstance(node.func, ast.Name)
@@ -337,6 +338,10 @@ def test_a_long_function_names_its_steps():
     assert [fault for fault in functions_without_steps(PACKAGE) if fault.split(": ")[0] not in not_yet] == []
 
 
+def test_every_kernel_has_a_proof():
+    assert kernels_without_proof(PACKAGE, REPOSITORY / "tests", PROOFS) == []
+
+
 def test_every_exception_to_a_rule_is_still_needed_and_says_why():
     for path, reason in {**MAY_OPEN_IMAGES, **MAY_BE_LONGER}.items():
         assert (PACKAGE / path).is_file(), f"{path} is gone; take it off the list"
@@ -397,6 +402,14 @@ def undeclared(package: Path) -> list[str]:
     return undeclared_imports(package, {"openexr", "pillow", "mitsuba", "drjit"})
 
 
+def kernels_near(package: Path) -> list[str]:
+    tests = package.parents[1] / "tests"
+    tests.mkdir(exist_ok=True)
+    (tests / "test_c.py").write_text("from relume.sphere.c import f\n", encoding="utf-8")
+    proofs = {path: ("test_c.py", "a twin") for path in ("sphere/c.py", "image/proved_elsewhere.py")}
+    return kernels_without_proof(package, tests, {each: proofs[each] for each in proofs if (package / each).exists()})
+
+
 def private_words_near(package: Path) -> list[str]:
     return private_words(package.parents[1])
 
@@ -427,6 +440,7 @@ RULES: list[Callable[[Path], list[str]]] = [
     functions_too_long,
     functions_without_steps,
     unreached,
+    kernels_near,
 ]
 
 NO_DOCSTRING = "x = 1\n"
@@ -512,6 +526,13 @@ FAULTS: dict[str, tuple[Callable[[Path], list[str]], str, str]] = {
         f"def f():\n{LINE * 50}{LINE.rstrip()}  # noqa\n{LINE.rstrip()}  # fmt: skip\n    # a step",
     ),
     "a kernel without steps": (functions_without_steps, "image/a.py", f"@kernel\ndef f():\n{LINE * 50}"),
+    "a kernel that no test proves": (kernels_near, "image/a.py", "@exact_kernel\ndef f():\n    return 1"),
+    "a kernel whose proof does not reach it": (
+        kernels_near,
+        "image/proved_elsewhere.py",
+        "@kernel\ndef f():\n    return 1",
+    ),
+    "a kernel on the table that is none": (kernels_near, "sphere/c.py", "def f():\n    return 1"),
     "a private word in a sentence": (private_words_near, "image/a.py", "# Told by the header."),
     "a private word in a name": (private_words_near, "image/a.py", "is_told = True"),
     "a private word in a class": (private_words_near, "image/a.py", "class FilmTold:\n    pass"),

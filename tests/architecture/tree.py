@@ -36,7 +36,7 @@ def imports(path: str, tree: ast.Module, package: str = "relume") -> list[tuple[
 
 def _imports(path: str, tree: ast.Module, package: str) -> Iterator[tuple[int, str]]:
     own_package = [package, *path.split("/")[:-1]]
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         if isinstance(node, ast.Import):
             for alias in node.names:
                 yield node.lineno, alias.name
@@ -76,6 +76,12 @@ def imported_modules(package: Path) -> dict[str, set[str]]:
             targets |= {paths[each] for each in (name, name.rpartition(".")[0]) if each in paths}
         arrows[path] = targets - {path}
     return arrows
+
+
+@cache
+def nodes(tree: ast.Module) -> tuple[ast.AST, ...]:
+    """Everything in a module, however deep."""
+    return tuple(ast.walk(tree))
 
 
 def functions(tree: ast.Module) -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFunctionDef]]:
