@@ -33,7 +33,7 @@ from relume.virtual_camera.tone.display.encoding import encoded
 from relume.virtual_camera.tone.ferwerda import Ferwerda
 from relume.virtual_camera.tone.histogram.adjustment import HistogramAdjustment
 from relume.virtual_camera.tone.histogram.curve import HumanContrast
-from relume.virtual_camera.tone.metered import Metered
+from relume.virtual_camera.tone.metered import MeteredExposure
 from relume.virtual_camera.tone.pattanaik.pattanaik import Pattanaik
 from relume.virtual_camera.tone.reinhard import Reinhard
 from relume.virtual_camera.tone.reinhard_local import ReinhardLocal
@@ -42,7 +42,7 @@ from relume.virtual_camera.virtual_camera import VirtualCamera
 
 SIZE, GLARE_SIZE = (6000, 4000), (3840, 2160)
 TONES: dict[str, Any] = {
-    "plain exposure": Metered(),
+    "plain exposure": MeteredExposure(),
     "Reinhard, global": Reinhard(),
     "Reinhard, local": ReinhardLocal(),
     "histogram adjustment": HistogramAdjustment(),
@@ -107,7 +107,7 @@ def race_of_glares() -> None:
 
     def anew(part: Any) -> None:
         # Another focal length by a hair, so that no point spread is kept from the round before.
-        part.applied(small.radiance, replace(view, focal_length=view.focal_length * (1 + 1e-6 * next(turn))))
+        part.apply(small.radiance, replace(view, focal_length=view.focal_length * (1 + 1e-6 * next(turn))))
 
     glares = {name: (lambda part=part: anew(part)) for name, part in GLARES.items()}
     print_times(f"glare at {GLARE_SIZE[0]}×{GLARE_SIZE[1]}", by_turns(glares))
@@ -155,10 +155,10 @@ def peak(name: str) -> None:
     if name in GLARES:
         part, view = GLARES[name], VirtualCamera().view(picture)
         tiny = np.ones((64, 64, 3), np.float32)
-        part.applied(tiny, view)
+        part.apply(tiny, view)
         before = status("VmRSS")
         restart_peak()
-        part.applied(picture.radiance, view)
+        part.apply(picture.radiance, view)
     else:
         camera = VirtualCamera(tone=TONES[name])
         camera.tone_map(RadianceMap(np.ones((64, 64, 3), np.float32), unit="cd/m²")).photograph()

@@ -57,9 +57,9 @@ def panels(picture: RadianceMap, film: Film) -> tuple[list[np.ndarray], np.ndarr
     for time in (np.arange(INSTANTS) + 0.5) / INSTANTS - 0.5:
         truth += perspective_view(sphere, turned(camera, time), SEEN, SIZE).radiance / INSTANTS
     photograph = (film.pixel_values(sharp) / 255).astype(np.float32)
-    shown = [camera.applied(photograph, view)]
-    shown += [film.pixel_values(light) / 255 for light in (camera.applied(sharp, view), truth)]
-    return shown, camera.known(sharp.shape[:2], view) > 0.999
+    shown = [camera.apply(photograph, view)]
+    shown += [film.pixel_values(light) / 255 for light in (camera.apply(sharp, view), truth)]
+    return shown, camera.coverage(sharp.shape[:2], view) > 0.999
 
 
 def main(bracket: Path, out: Path) -> None:

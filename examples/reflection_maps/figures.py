@@ -22,7 +22,7 @@ from relume.renderers.prefiltered.filters import Filter, Mip, Plain, Preintegrat
 from relume.renderers.prefiltered.materials import facet_albedos
 from relume.scene.materials.bumps import Wrinkles
 from relume.scene.materials.reflective import Layer
-from relume.virtual_camera.film.film import metered
+from relume.virtual_camera.film.film import metered_film
 
 METHODS: dict[str, Filter] = {
     "none (§7.1)": Plain(),
@@ -105,7 +105,7 @@ def dimensions(light: rl.EnvironmentMap, film: rl.Film) -> Figure:
 def main(map_path: str, folder: str) -> None:
     """Write every figure as a JPEG."""
     light = rl.as_environment(rl.read_radiance(map_path))
-    film = metered(light)
+    film = metered_film(light)
     for name, draw in (("tables", tables), ("antialiasing", antialiasing), ("dimensions", dimensions)):
         draw(light, film).savefig(Path(folder) / f"reflection_{name}.jpg", pil_kwargs={"quality": 88})
 

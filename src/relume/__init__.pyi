@@ -101,6 +101,7 @@ from .virtual_camera import tone as tone
 from .virtual_camera.developing import develop as develop
 from .virtual_camera.developing import develop_frames as develop_frames
 from .virtual_camera.film.film import Film as Film
+from .virtual_camera.plate_matching.camera_matching import match_camera as match_camera
 from .virtual_camera.tone.reinhard import Reinhard as Reinhard
 from .virtual_camera.virtual_camera import VirtualCamera as VirtualCamera
 

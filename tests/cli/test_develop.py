@@ -243,7 +243,7 @@ def test_a_plates_camera_makes_its_greys(tmp_path, capsys):
         == 0
     )
     assert any(line.startswith("exposure: metered") for line in printed(capsys)["matched"])
-    # Metered: the log mean becomes 118, whatever the plate showed.
+    # MeteredExposure: the log mean becomes 118, whatever the plate showed.
     again = files.read_photograph(tmp_path / "a.png").pixels.astype(float)
     assert np.median(again) == pytest.approx(118, abs=6) and np.median(plate) != pytest.approx(118, abs=2)
 

@@ -11,27 +11,27 @@ TIN = Material((0.5, 0.5, 0.5), metallic=1.0, roughness=0.4, name="tin")
 
 
 def test_an_empty_table_changes_nothing():
-    found = MaterialTable().applied(TIN)
+    found = MaterialTable().apply(TIN)
     assert (found.base_color, found.metallic, found.roughness, found.name) == ((0.5, 0.5, 0.5), 1, 0.4, "tin")
 
 
 def test_changes_go_onto_the_meshs_own_material():
-    found = MaterialTable(roughness=0.1, clearcoat=1.0, emission=(5, 0, 0)).applied(TIN)
+    found = MaterialTable(roughness=0.1, clearcoat=1.0, emission=(5, 0, 0)).apply(TIN)
     assert (found.roughness, found.metallic, found.clearcoat, found.emission) == (0.1, 1, 1, (5, 0, 0))
 
 
 def test_a_preset_takes_the_place_of_the_meshs_own():
-    gold = MaterialTable(preset="gold", roughness=0.3).applied(TIN)
+    gold = MaterialTable(preset="gold", roughness=0.3).apply(TIN)
     np.testing.assert_allclose(gold.base_color, (1, 0.7156935, 0.3371636), atol=1e-6)
     assert (gold.roughness, gold.name) == (0.3, "gold")
-    assert isinstance(MaterialTable(preset="rolled_brass").applied(Diffuse((0, 0, 0))), Ward)
+    assert isinstance(MaterialTable(preset="rolled_brass").apply(Diffuse((0, 0, 0))), Ward)
 
 
 def test_a_field_that_the_preset_has_not_is_told():
     with pytest.raises(ValueError, match="roughness: a Ward surface has none; it has alpha_x, alpha_y, diffuse"):
-        MaterialTable(preset="rolled_brass", roughness=0.3).applied(TIN)
+        MaterialTable(preset="rolled_brass", roughness=0.3).apply(TIN)
     with pytest.raises(ValueError, match="alpha_x: a glTF material has none"):
-        MaterialTable(alpha_x=0.3).applied(TIN)
+        MaterialTable(alpha_x=0.3).apply(TIN)
 
 
 @pytest.mark.parametrize(

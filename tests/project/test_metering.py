@@ -13,7 +13,7 @@ from relume.scene.lights import AmbientLight, DistantLight, Linear, PointLight, 
 from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Sphere
-from relume.virtual_camera.film.film import metered
+from relume.virtual_camera.film.film import metered_film
 
 BALL = Sphere((1.0, 0.0, 0.0), 0.5, Diffuse((0.5, 0.5, 0.5)))
 DARK = Scene(lights.constant(4, 0.0), objects=(BALL,))
@@ -40,7 +40,7 @@ def test_a_white_card_that_faces_the_light_is_white(light, exposure: float):
 
 def test_a_map_alone_is_metered_as_ever_and_a_faint_lamp_changes_nothing():
     sky = Scene(lights.sunny(32), objects=(BALL,))
-    expected = metered(sky.light).exposure
+    expected = metered_film(sky.light).exposure
     assert metered_scene(sky).exposure == pytest.approx(expected)
     lamp = PointLight((1, 0, 2), (1e-3, 1e-3, 1e-3))
     assert metered_scene(replace(sky, lights=(lamp,))).exposure == pytest.approx(expected)

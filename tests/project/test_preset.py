@@ -18,12 +18,12 @@ from relume.virtual_camera.lens.glare.eye import EyeGlare
 from relume.virtual_camera.lens.motion.path import TurningCamera
 from relume.virtual_camera.lens.soft_focus import SoftFocus
 from relume.virtual_camera.lens.vignetting import PolynomialVignetting
-from relume.virtual_camera.steps import Screen
 from relume.virtual_camera.tone.display.displays import PQ
+from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.tone.ferwerda import Ferwerda
 from relume.virtual_camera.tone.histogram.adjustment import HistogramAdjustment
 from relume.virtual_camera.tone.histogram.curve import HumanContrast
-from relume.virtual_camera.tone.metered import CameraExposure, Metered
+from relume.virtual_camera.tone.metered import CameraExposure, MeteredExposure
 from relume.virtual_camera.tone.reinhard import Reinhard
 
 WHOLE = """
@@ -83,20 +83,20 @@ def test_every_key_reaches_its_value(tmp_path):
 
 def test_what_is_left_out_is_the_values_own_default():
     camera = preset_of({"glare": {"kind": "eye"}, "tone": {"kind": "exposure"}}).camera
-    assert camera.glare == EyeGlare() and camera.tone == Metered()
-    assert preset_of({"tone": {"kind": "exposure", "grey": 0.2}}).camera.tone == Metered(None, 0.2)
-    assert preset_of({}).camera.tone == Metered() and preset_of({}).camera.optics == ()
+    assert camera.glare == EyeGlare() and camera.tone == MeteredExposure()
+    assert preset_of({"tone": {"kind": "exposure", "grey": 0.2}}).camera.tone == MeteredExposure(None, 0.2)
+    assert preset_of({}).camera.tone == MeteredExposure() and preset_of({}).camera.optics == ()
     assert preset_of({"tone": {"kind": "ferwerda"}}).camera.tone == Ferwerda()
     bright = preset_of({"tone": {"kind": "ferwerda", "screen": {"white": 400, "black": 0.5}, "colour": False}}).camera
-    assert bright.tone == Ferwerda(Screen(400, 0.5), colour=False)
+    assert bright.tone == Ferwerda(DisplayRange(400, 0.5), colour=False)
 
 
 @pytest.mark.parametrize("kind", ["ferwerda", "tumblin-rushmeier", "pattanaik", "histogram", "human"])
 def test_what_a_screen_leaves_out_is_the_tones_own(kind):
     own = tone_of({"kind": kind}).screen
-    assert own == (Screen(100, 0.01) if kind == "ferwerda" else Screen(100, 1))
-    assert tone_of({"kind": kind, "screen": {"white": 80}}).screen == Screen(80, own.black)
-    assert tone_of({"kind": kind, "screen": {"black": 0.3}}).screen == Screen(100, 0.3)
+    assert own == (DisplayRange(100, 0.01) if kind == "ferwerda" else DisplayRange(100, 1))
+    assert tone_of({"kind": kind, "screen": {"white": 80}}).screen == DisplayRange(80, own.black)
+    assert tone_of({"kind": kind, "screen": {"black": 0.3}}).screen == DisplayRange(100, 0.3)
     with pytest.raises(InvalidShot, match="expected 0 < black < white"):
         preset_of({"tone": {"kind": kind, "screen": {"white": own.black}}})
 
@@ -107,7 +107,7 @@ def tone_of(table) -> Any:
 
 def test_human_is_histogram_with_an_eye():
     human = preset_of({"tone": {"kind": "human", "screen": {"white": 80, "black": 0.8}}}).camera.tone
-    assert human == HistogramAdjustment.human(Screen(80, 0.8))
+    assert human == HistogramAdjustment.human(DisplayRange(80, 0.8))
     eye = preset_of({"tone": {"kind": "histogram", "human_contrast": True}}).camera.tone
     assert eye == HistogramAdjustment(contrast=HumanContrast())
 

@@ -1,7 +1,7 @@
 """The virtual camera: light in physical order, adaptation that is steady, and one call from radiance to a picture."""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -11,17 +11,17 @@ from relume.image.radiance import RadianceMap
 from relume.virtual_camera.developing import develop, develop_frames
 from relume.virtual_camera.film.darkroom import Darkroom
 from relume.virtual_camera.film.film import Film
-from relume.virtual_camera.film.stocks import black_and_white_negative, paper
+from relume.virtual_camera.film.stocks import black_and_white_negative, black_and_white_paper
 from relume.virtual_camera.lens.glare.camera import CameraGlare
 from relume.virtual_camera.lens.glare.eye import EyeGlare
 from relume.virtual_camera.lens.motion.straight import StraightMotion
 from relume.virtual_camera.lens.vignetting import CosineFourth
-from relume.virtual_camera.steps import Adaptation
+from relume.virtual_camera.protocols import Adaptation
 from relume.virtual_camera.tone.display.displays import HLG, PQ, DisplayP3, HdrGainMap
 from relume.virtual_camera.tone.display.writing import profile_of
 from relume.virtual_camera.tone.ferwerda import Ferwerda
 from relume.virtual_camera.tone.histogram.adjustment import HistogramAdjustment
-from relume.virtual_camera.tone.metered import CameraExposure, Fixed, Metered
+from relume.virtual_camera.tone.metered import CameraExposure, FixedExposure, MeteredExposure
 from relume.virtual_camera.tone.pattanaik.pattanaik import Pattanaik
 from relume.virtual_camera.tone.reinhard import Reinhard
 from relume.virtual_camera.tone.reinhard_local import ReinhardLocal
@@ -43,7 +43,9 @@ class Noted:
     name: str
     passed: list
 
-    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+    absolute: ClassVar[bool] = False
+
+    def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         self.passed.append(self.name)
         return radiance
 
@@ -58,18 +60,20 @@ def test_light_meets_every_part_in_physical_order():
 
 def test_plain_pixels_are_those_of_srgb():
     ramp = np.array([[[0, 0.0031308, 0.18], [0.5, 1, 4]]], np.float32)
-    assert develop(RadianceMap(ramp), VirtualCamera(tone=Fixed())).pixels.tolist() == [[[0, 10, 118], [188, 255, 255]]]
+    assert develop(RadianceMap(ramp), VirtualCamera(tone=FixedExposure())).pixels.tolist() == [
+        [[0, 10, 118], [188, 255, 255]]
+    ]
 
 
 def test_blur_comes_before_saturation_whatever_was_written_first():
-    blurred = develop(lamp(), VirtualCamera(tone=Fixed(), motion=StraightMotion(9, 0))).pixels
+    blurred = develop(lamp(), VirtualCamera(tone=FixedExposure(), motion=StraightMotion(9, 0))).pixels
     # 50 over 9 pixels is far above white: as many pixels saturate; a lamp cut off at 1 first would leave none.
     assert np.count_nonzero(blurred[12, :, 0] == 255) == 9
 
 
 def test_a_stop_is_a_factor_of_two_behind_every_tone():
     picture = RadianceMap(np.full((4, 4, 3), 0.09, np.float32))
-    for tone in (Fixed(), Metered(percentile=None)):
+    for tone in (FixedExposure(), MeteredExposure(percentile=None)):
         camera = VirtualCamera(tone=tone)
         values = camera.tone_map(picture).display_values
         assert np.allclose(replace(camera, stops=1.5).tone_map(picture).display_values, values * 2**1.5, rtol=1e-6)
@@ -79,7 +83,7 @@ def test_a_stop_is_a_factor_of_two_behind_every_tone():
     assert np.allclose(replace(camera, stops=1).tone_map(picture).display_values, 0.36 / 1.36, rtol=1e-5)
 
 
-@pytest.mark.parametrize("tone", [Metered(percentile=None), Reinhard(white=np.inf)])
+@pytest.mark.parametrize("tone", [MeteredExposure(percentile=None), Reinhard(white=np.inf)])
 def test_a_flickering_sequence_is_steadied(tone):
     frames = [RadianceMap(np.full((4, 4, 3), level, np.float32)) for level in [1.0, 4.0] * 12]
     camera = VirtualCamera(tone=tone)
@@ -114,10 +118,10 @@ class Absolute:
 
     absolute = True
 
-    def adapted(self, radiance: np.ndarray, view: View) -> Adaptation:
+    def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
         return Adaptation(np.array([float(radiance.max()) * view.luminance_scale]))
 
-    def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
+    def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         return radiance
 
 
@@ -131,7 +135,7 @@ def test_bad_radiance_never_becomes_a_picture():
 
 
 def test_files_are_for_their_display(tmp_path):
-    made = VirtualCamera(tone=Fixed(), display=DisplayP3()).tone_map(lamp())
+    made = VirtualCamera(tone=FixedExposure(), display=DisplayP3()).tone_map(lamp())
     clipping = made.write(tmp_path / "a.png")
     assert max(clipping.above) == pytest.approx(1 / (24 * 48))
     with pytest.raises(ValueError, match=r"written to \.avif"):
@@ -145,7 +149,7 @@ def test_files_are_for_their_display(tmp_path):
 
 def test_a_tone_operator_or_a_film_alone_is_a_camera_without_a_lens():
     picture = lamp()
-    for tone in (Fixed(), Metered(), Reinhard()):
+    for tone in (FixedExposure(), MeteredExposure(), Reinhard()):
         assert np.array_equal(develop(picture, tone).pixels, develop(picture, VirtualCamera(tone=tone)).pixels)
     film = Film(2.0)
     assert np.array_equal(develop(picture, film).pixels, develop(picture.radiance, VirtualCamera(tone=film)).pixels)
@@ -153,8 +157,8 @@ def test_a_tone_operator_or_a_film_alone_is_a_camera_without_a_lens():
 
 def test_a_developed_sequence_is_photographs_with_one_adaptation():
     frames = [RadianceMap(np.full((4, 4, 3), level, np.float32)) for level in (1.0, 8.0)]
-    first, second = develop_frames(frames, Metered(percentile=None), settling=1.0)
-    assert np.array_equal(first.pixels, develop(frames[0], Metered(percentile=None)).pixels)
+    first, second = develop_frames(frames, MeteredExposure(percentile=None), settling=1.0)
+    assert np.array_equal(first.pixels, develop(frames[0], MeteredExposure(percentile=None)).pixels)
     assert second.pixels.mean() > first.pixels.mean() + 50 and second.name == "frame 2"
 
 
@@ -189,7 +193,7 @@ def test_the_view_is_checked():
 def test_the_corners_darken_by_the_fourth_power():
     view = view_of(lamp(), field_of_view=np.pi / 2)
     even = RadianceMap(np.ones((24, 48, 3), np.float32))
-    made = VirtualCamera(tone=Fixed(), vignetting=CosineFourth()).tone_map(even, view).display_values
+    made = VirtualCamera(tone=FixedExposure(), vignetting=CosineFourth()).tone_map(even, view).display_values
     across, down = 23.5 / 24, 11.5 / 24
     assert made[0, 0, 0] == pytest.approx((1 + across**2 + down**2) ** -2, rel=1e-5)
 
@@ -205,12 +209,12 @@ SHUTTER = Exposure(0.01, 8.0, 400.0)
         (VirtualCamera(tone=Pattanaik()), True),
         (VirtualCamera(tone=HistogramAdjustment.human()), True),
         (VirtualCamera(tone=CameraExposure(SHUTTER)), True),
-        (VirtualCamera(tone=Darkroom(black_and_white_negative(), paper(), exposure=SHUTTER)), True),
+        (VirtualCamera(tone=Darkroom(black_and_white_negative(), black_and_white_paper(), exposure=SHUTTER)), True),
         (VirtualCamera(glare=EyeGlare()), True),
         (VirtualCamera(glare=EyeGlare(adaptation=10.0)), False),
         (VirtualCamera(glare=CameraGlare()), False),
         (VirtualCamera(tone=HistogramAdjustment()), False),
-        (VirtualCamera(tone=Darkroom(black_and_white_negative(), paper())), False),
+        (VirtualCamera(tone=Darkroom(black_and_white_negative(), black_and_white_paper())), False),
         (VirtualCamera(tone=Reinhard()), False),
         (VirtualCamera(tone=ReinhardLocal()), False),
         (VirtualCamera(), False),
@@ -227,11 +231,11 @@ def test_what_models_an_eye_or_a_real_exposure_says_so_of_a_relative_map(camera,
 
 def test_grain_is_another_in_every_frame_and_the_eyes_needles_stay():
     grey = RadianceMap(np.full((48, 48, 3), 0.18, np.float32))
-    film = VirtualCamera(tone=Darkroom(black_and_white_negative(), paper()))
+    film = VirtualCamera(tone=Darkroom(black_and_white_negative(), black_and_white_paper()))
     first, second = (each.display_values for each in film.tone_map_frames([grey, grey]))
     assert not np.array_equal(first, second)
     assert np.array_equal(first, film.tone_map(grey).display_values)
-    eye = VirtualCamera(tone=Fixed(), glare=EyeGlare(adaptation=10.0))
+    eye = VirtualCamera(tone=FixedExposure(), glare=EyeGlare(adaptation=10.0))
     first, second = (each.display_values for each in eye.tone_map_frames([lamp(), lamp()]))
     assert np.array_equal(first, second)
 
@@ -241,13 +245,15 @@ def test_an_eyes_own_adaptation_settles_over_a_sequence():
     class Eye:
         seen: list
 
-        def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+        absolute: ClassVar[bool] = False
+
+        def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
             self.seen.append(view.settled)
             return radiance
 
     glare = Eye([])
     frames = [RadianceMap(np.full((4, 4, 3), level, np.float32), unit="cd/m²") for level in (1.0, 100.0)]
-    list(VirtualCamera(tone=Fixed(), glare=glare).tone_map_frames(frames, settling=1.0))
+    list(VirtualCamera(tone=FixedExposure(), glare=glare).tone_map_frames(frames, settling=1.0))
     assert glare.seen == pytest.approx([1.0, 100 ** (1 - np.exp(-1 / 24))], rel=1e-5)
 
 

@@ -9,14 +9,14 @@ import numpy as np
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.virtual_camera.film.film import Film
-from relume.virtual_camera.steps import Tone
+from relume.virtual_camera.protocols import ToneOperator
 from relume.virtual_camera.view import View
 from relume.virtual_camera.virtual_camera import VirtualCamera
 
 
 def develop(
     radiance: RadianceMap | np.ndarray,
-    camera: VirtualCamera | Film | Tone = VirtualCamera(),
+    camera: VirtualCamera | Film | ToneOperator = VirtualCamera(),
     view: View | None = None,
 ) -> Photograph:
     """Develop scene-linear radiance into a photograph (Debevec & Malik 1997, §2.7, eq. 1).
@@ -42,7 +42,7 @@ def develop(
 
 def develop_frames(
     pictures: Iterable[RadianceMap],
-    camera: VirtualCamera | Film | Tone = VirtualCamera(),
+    camera: VirtualCamera | Film | ToneOperator = VirtualCamera(),
     views: Iterable[View] | None = None,
     *,
     frames_per_second: float = 24.0,
@@ -57,5 +57,5 @@ def develop_frames(
         yield frame.photograph(f"frame {count}")
 
 
-def _camera(camera: VirtualCamera | Tone) -> VirtualCamera:
+def _camera(camera: VirtualCamera | ToneOperator) -> VirtualCamera:
     return camera if isinstance(camera, VirtualCamera) else VirtualCamera(tone=camera)

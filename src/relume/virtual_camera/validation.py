@@ -13,7 +13,9 @@ _BAND = 2**18
 """Values that a thread looks at a time: they stay in its cache, and no mask as large as the picture is made."""
 
 
-def sound(picture: RadianceMap, *, repair: bool = False, name: str = "the picture", lit: bool = True) -> RadianceMap:
+def validate_radiance(
+    picture: RadianceMap, *, repair: bool = False, name: str = "the picture", lit: bool = True
+) -> RadianceMap:
     """The picture with finite radiance of 0 or more, itself where it has that already.
 
     repair : replaces NaN and infinity by what is about them, with a warning; else they are refused, because nobody

@@ -10,13 +10,13 @@ import numpy as np
 
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
-from relume.virtual_camera.steps import Adaptation, Optics, Tone
+from relume.virtual_camera.protocols import Adaptation, Optics, ToneOperator
 from relume.virtual_camera.tone.display.clipping import Clipping
 from relume.virtual_camera.tone.display.displays import Display, DisplayP3, Srgb
 from relume.virtual_camera.tone.display.encoding import encoded
 from relume.virtual_camera.tone.display.writing import profile_of, write_display
-from relume.virtual_camera.tone.metered import Linear, Metered
-from relume.virtual_camera.validation import sound
+from relume.virtual_camera.tone.metered import LinearExposure, MeteredExposure
+from relume.virtual_camera.validation import validate_radiance
 from relume.virtual_camera.view import FIELD_OF_VIEW, View, seen_luminance, view_of
 
 IN_ORDER = ("motion", "defocus", "soft_focus", "glare", "geometry", "vignetting")
@@ -48,7 +48,7 @@ class VirtualCamera:
     glare: Optics | None = None
     geometry: Optics | None = None
     vignetting: Optics | None = None
-    tone: Tone = Metered()
+    tone: ToneOperator = MeteredExposure()
     stops: float = 0.0
     display: Display = Srgb()
 
@@ -65,12 +65,12 @@ class VirtualCamera:
     @property
     def is_absolute(self) -> bool:
         """Whether any step asks for luminances in cd/m², as models of the eye do."""
-        return any(getattr(step, "absolute", False) for step in (*self.optics, self.tone))
+        return any(step.absolute for step in (*self.optics, self.tone))
 
     def image(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) as the lens draws it on the sensor, in its unit; the input itself without optics."""
         for part in self.optics:
-            radiance = part.applied(radiance, view)
+            radiance = part.apply(radiance, view)
         return radiance
 
     def view(
@@ -103,18 +103,18 @@ class VirtualCamera:
         adaptation : what the operator has adapted to; unless given, it adapts to this picture
         Raises ValueError for radiance that is not finite or black everywhere.
         """
-        picture = sound(picture)
+        picture = validate_radiance(picture)
         view = self.view(picture) if view is None else view
         image = self.image(picture.radiance, view)
-        return self._tone_mapped(image, view, self.tone.adapted(image, view) if adaptation is None else adaptation)
+        return self._tone_mapped(image, view, self.tone.adapt(image, view) if adaptation is None else adaptation)
 
     def _tone_mapped(self, image: np.ndarray, view: View, adaptation: Adaptation) -> ToneMapped:
         """What the tone operator makes of the radiance behind the lens."""
         tone, factor = self.tone, 2.0**self.stops
-        if isinstance(tone, Linear):
+        if isinstance(tone, LinearExposure):
             return ToneMapped(image, tone.gain(adaptation, view) * factor, self.display, adaptation)
         brighter = image if factor == 1 else image * np.float32(factor)
-        return ToneMapped(tone.displayed(brighter, view, adaptation), 1.0, self.display, adaptation)
+        return ToneMapped(tone.display_values(brighter, view, adaptation), 1.0, self.display, adaptation)
 
     def tone_map_frames(
         self,
@@ -143,7 +143,7 @@ class VirtualCamera:
         view, settled, eye = None, None, None
         for index, frame in enumerate(pictures):
             name = f"frame {index + 1}"
-            frame = sound(frame, name=name, lit=False)
+            frame = validate_radiance(frame, name=name, lit=False)
             if each is not None and (view := next(each, None)) is None:
                 raise ValueError(f"{name} has no view; give one for each picture, or none at all")
             if view is None:
@@ -156,7 +156,7 @@ class VirtualCamera:
             now = replace(view, frame=view.frame + index, settled=None if eye is None else float(np.exp(eye)))
             image = self.image(frame.radiance, now)
             # What the tone operator has adapted to.
-            own = self.tone.adapted(image, now)
+            own = self.tone.adapt(image, now)
             if lit:
                 settled = own if settled is None else settled.mixed(own, share)
             yield self._tone_mapped(image, now, own if settled is None else settled)

@@ -17,7 +17,7 @@ LENS = Defocus(aperture=0.05, focus=1.0)
 
 
 def through(lens, radiance, depth):
-    return lens.applied(radiance, View(FOCAL, depth=np.broadcast_to(np.float32(depth), radiance.shape[:2])))
+    return lens.apply(radiance, View(FOCAL, depth=np.broadcast_to(np.float32(depth), radiance.shape[:2])))
 
 
 def lit(height=60, width=80, *, seed=1, suns=3):
@@ -181,16 +181,16 @@ def test_tiles_and_threads_leave_no_trace(monkeypatch):
 def test_what_cannot_be_done_is_refused():
     radiance = np.ones((20, 30, 3), np.float32)
     with pytest.raises(ValueError, match=r"a depth map of the picture is needed; give one, or .* soft focus"):
-        LENS.applied(radiance, View(FOCAL))
+        LENS.apply(radiance, View(FOCAL))
     with pytest.raises(ValueError, match="30×21 pixels and the picture 30×20"):
-        LENS.applied(radiance, View(FOCAL, depth=np.ones((21, 30), np.float32)))
+        LENS.apply(radiance, View(FOCAL, depth=np.ones((21, 30), np.float32)))
     with pytest.raises(ValueError, match=r"x 7, y 4, 0\.01 m away, is 1485 pixels wide.* focus nearer"):
         depth = np.ones((20, 30), np.float32)
         depth[4, 7] = 0.01
-        LENS.applied(radiance, View(FOCAL, depth=depth))
+        LENS.apply(radiance, View(FOCAL, depth=depth))
     with pytest.raises(ValueError, match=r"infinitely far away, is .* stop the aperture .* use a shorter lens$"):
         # Nobody can focus nearer to what is infinitely far.
-        Defocus(1.0, 0.5).applied(radiance, View(FOCAL, depth=np.full((20, 30), np.inf, np.float32)))
+        Defocus(1.0, 0.5).apply(radiance, View(FOCAL, depth=np.full((20, 30), np.inf, np.float32)))
     with pytest.raises(ValueError, match="aperture is 0"):
         Defocus(0.0, 1.0)
     with pytest.raises(ValueError, match="focus is -1"):

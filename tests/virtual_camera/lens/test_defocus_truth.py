@@ -50,7 +50,7 @@ def test_a_picture_out_of_focus_is_the_one_that_a_renderer_traces_through_the_le
     depth = np.where(pinhole.depth > 0, pinhole.depth * along, np.inf).astype(np.float32)
     for focus in (1.2, 2.2):
         truth = render(scene, replace(CAMERA, aperture=APERTURE / 2, focus=focus), Mitsuba(samples=1024)).radiance
-        blurred = Defocus(APERTURE, focus).applied(pinhole.radiance, View(140.0, depth=depth))
+        blurred = Defocus(APERTURE, focus).apply(pinhole.radiance, View(140.0, depth=depth))
         inside = (slice(12, -12), slice(12, -12))  # beyond the frame a pinhole picture knows nothing
         error = np.abs(blurred - truth)[inside].mean() / truth.mean()
         sharp = np.abs(pinhole.radiance - truth)[inside].mean() / truth.mean()

@@ -7,7 +7,7 @@ from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
 from relume.virtual_camera.lens.geometry import LensGeometry
 from relume.virtual_camera.lens.lateral_chromatic_aberration import LateralColour, RadialScale
-from relume.virtual_camera.steps import Undoable
+from relume.virtual_camera.protocols import Undoable
 from relume.virtual_camera.view import View
 
 WIDTH, HEIGHT, FOCAL = 180, 120, 150.0
@@ -36,7 +36,7 @@ def within(places, margin=3.0):
 def test_a_distorted_picture_shows_what_the_camera_sees():
     camera = Camera(WIDTH, HEIGHT, FOCAL, np.zeros(3), np.eye(3), distortion=BARREL)
     places = camera.pinhole().project(camera.rays())
-    seen, inside = LensGeometry(BARREL).applied(PICTURE, VIEW), within(places)
+    seen, inside = LensGeometry(BARREL).apply(PICTURE, VIEW), within(places)
     assert inside.mean() > 0.8 and np.abs(places - grid()).max() > 3
     # Cubics kept between their four neighbours lose a little of the waves' crests.
     np.testing.assert_allclose(seen[inside], smooth(*np.moveaxis(places, -1, 0))[inside], atol=1.5e-3)
@@ -47,14 +47,14 @@ def test_each_colour_is_drawn_at_its_own_size():
     # A soft lamp 60 pixels right of the axis.
     lamp = np.exp(-((x - 150) ** 2 + (y - 60) ** 2) / 32)[..., None].repeat(3, 2).astype(np.float32)
     geometry = LensGeometry(lateral=LateralColour(RadialScale(0.02), RadialScale(-0.01)))
-    seen = geometry.applied(lamp, VIEW)
+    seen = geometry.apply(lamp, VIEW)
     centre = (seen * grid()[..., :1]).sum((0, 1)) / seen.sum((0, 1)) - WIDTH / 2
     np.testing.assert_allclose(centre, [60 * 1.02, 60.0, 60 * 0.99], atol=0.02)
     np.testing.assert_allclose(seen[..., 1], lamp[..., 1], atol=1e-6)
 
 
 def test_distortion_and_colour_are_one_resampling():
-    seen = LensGeometry(BARREL, COLOURS).applied(PICTURE, VIEW)
+    seen = LensGeometry(BARREL, COLOURS).apply(PICTURE, VIEW)
     points = (grid() - [WIDTH / 2, HEIGHT / 2]) / FOCAL
     for channel, scale in ((0, COLOURS.red), (1, RadialScale()), (2, COLOURS.blue)):
         places = BARREL.undistorted(scale.unscaled(points)) * FOCAL + [WIDTH / 2, HEIGHT / 2]
@@ -67,7 +67,7 @@ def test_distortion_and_colour_are_one_resampling():
 def test_undone_is_the_inverse_to_interpolation(geometry):
     step: Undoable = geometry
     assert isinstance(step, Undoable)
-    back = geometry.undone(geometry.applied(PICTURE, VIEW), VIEW)
+    back = geometry.undo(geometry.apply(PICTURE, VIEW), VIEW)
     inside = within(grid(), 16) & np.isfinite(back).all(-1)
     assert inside.mean() > 0.6
     assert np.abs(back - PICTURE)[inside].max() < 4e-3
@@ -76,7 +76,7 @@ def test_undone_is_the_inverse_to_interpolation(geometry):
 
 def test_what_a_photograph_does_not_show_is_nan_when_undone_and_drawn_out_when_applied():
     # A pincushion lens pushes the corners out of the picture; undone they are not known.
-    back = LensGeometry(PINCUSHION).undone(PICTURE, VIEW)
+    back = LensGeometry(PINCUSHION).undo(PICTURE, VIEW)
     points = (grid() - [WIDTH / 2, HEIGHT / 2]) / FOCAL
     places = PINCUSHION.distorted(points) * FOCAL + [WIDTH / 2, HEIGHT / 2]
     outside = ~within(places, 0)
@@ -84,14 +84,14 @@ def test_what_a_photograph_does_not_show_is_nan_when_undone_and_drawn_out_when_a
     assert np.array_equal(np.isnan(back).all(-1), outside) and np.array_equal(np.isnan(back).any(-1), outside)
     # A barrel lens sees farther than the picture: its edge goes on.
     ramp = np.repeat(np.arange(WIDTH, dtype=np.float32)[None, :, None], HEIGHT, 0).repeat(3, 2)
-    seen = LensGeometry(BARREL).applied(ramp, VIEW)
+    seen = LensGeometry(BARREL).apply(ramp, VIEW)
     assert seen[60, 0].tolist() == [0, 0, 0] and seen[60, -1].tolist() == [WIDTH - 1] * 3
 
 
 def test_beside_a_sun_nothing_rings():
     sun = np.full((HEIGHT, WIDTH, 3), 0.1, np.float32)
     sun[40:43, 50:53] = 1e6
-    seen = LensGeometry(BARREL, COLOURS).applied(sun, VIEW)
+    seen = LensGeometry(BARREL, COLOURS).apply(sun, VIEW)
     assert seen.min() >= 0.1 * (1 - 1e-6) and 5e5 < seen.max() <= 1e6
 
 
@@ -118,7 +118,7 @@ def slow_cubic(picture, x, y):
 def test_the_slow_twin_agrees():
     picture = np.random.default_rng(7).random((30, 44, 3)).astype(np.float32)
     view, axis = View(40.0), np.array([22.0, 15.0])
-    seen = LensGeometry(BARREL, COLOURS).applied(picture, view)
+    seen = LensGeometry(BARREL, COLOURS).apply(picture, view)
     points = (grid(44, 30) - axis) / 40
     for channel, scale in ((0, COLOURS.red), (1, RadialScale()), (2, COLOURS.blue)):
         places = BARREL.undistorted(scale.unscaled(points)) * 40 + axis
@@ -127,10 +127,10 @@ def test_the_slow_twin_agrees():
 
 
 def test_no_lens_changes_nothing_and_the_border_may_not_fold():
-    assert np.array_equal(LensGeometry().applied(PICTURE, VIEW), PICTURE)
-    assert np.array_equal(LensGeometry(Distortion()).applied(PICTURE, VIEW), PICTURE)
+    assert np.array_equal(LensGeometry().apply(PICTURE, VIEW), PICTURE)
+    assert np.array_equal(LensGeometry(Distortion()).apply(PICTURE, VIEW), PICTURE)
     with pytest.raises(ValueError, match="folds over within a picture of 180×120"):
-        LensGeometry(Distortion(k1=-0.6)).applied(PICTURE, VIEW)
-    assert np.isnan(LensGeometry(Distortion(k1=-2.0)).undone(PICTURE, VIEW)[0, 0]).all()
+        LensGeometry(Distortion(k1=-0.6)).apply(PICTURE, VIEW)
+    assert np.isnan(LensGeometry(Distortion(k1=-2.0)).undo(PICTURE, VIEW)[0, 0]).all()
     with pytest.raises(ValueError, match="centre"):
         LensGeometry(BARREL, centre=(np.nan, 0.5))

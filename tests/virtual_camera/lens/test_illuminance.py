@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from relume.virtual_camera.lens.illuminance import image_illuminance
+from relume.virtual_camera.lens.vignetting import image_illuminance
 
 
 def test_known_illuminances():

@@ -21,13 +21,13 @@ def lit():
 def test_it_is_the_gaussian_of_soft_blurred_a_channel_at_a_time(width):
     radiance = np.tile(lit(), (2, 2, 1))[:70, :width]
     expected = soft_blurred(RadianceMap(radiance), 0.02 * width, share=0.3).radiance
-    np.testing.assert_allclose(SoftFocus(0.3, 0.02).applied(radiance, VIEW), expected, rtol=2e-6)
+    np.testing.assert_allclose(SoftFocus(0.3, 0.02).apply(radiance, VIEW), expected, rtol=2e-6)
 
 
 def test_no_light_is_lost():
     radiance = lit()
     for soft in (SoftFocus(), SoftFocus(1.0, 0.1), SoftFocus(0.5, 1.0)):
-        glowing = soft.applied(radiance, VIEW)
+        glowing = soft.apply(radiance, VIEW)
         np.testing.assert_allclose(glowing.sum((0, 1), dtype=float), radiance.sum((0, 1), dtype=float), rtol=1e-6)
         assert glowing.min() >= 0 and np.isfinite(glowing).all()
 
@@ -36,13 +36,13 @@ def test_round_a_sun_in_the_dark_no_light_is_below_zero():
     # The cosine series rounds to 1e-16 of the sun, on both sides of 0, beyond the glow's reach.
     radiance = np.zeros((60, 201, 3), np.float32)
     radiance[30, 20] = 1e8
-    assert SoftFocus(1.0, 0.01).applied(radiance, VIEW).min() == 0
+    assert SoftFocus(1.0, 0.01).apply(radiance, VIEW).min() == 0
 
 
 def test_a_point_keeps_its_sharp_share_and_glows_by_the_gaussian():
     radiance = np.zeros((101, 201, 3), np.float32)
     radiance[50, 100] = 1000
-    glowing = SoftFocus(0.4, 5 / 201).applied(radiance, VIEW)[..., 0]
+    glowing = SoftFocus(0.4, 5 / 201).apply(radiance, VIEW)[..., 0]
     # 600 sharp and 400 / (2π 5²) = 2.546 at the middle, e^−½ of it five pixels away.
     assert glowing[50, 100] == pytest.approx(602.546, abs=0.02)
     assert glowing[50, 105] == pytest.approx(2.546 * np.exp(-0.5), rel=0.01)
@@ -51,14 +51,14 @@ def test_a_point_keeps_its_sharp_share_and_glows_by_the_gaussian():
 
 def test_even_and_black_light_stay_and_nothing_is_changed_in_place():
     even = np.full((20, 30, 3), 0.7, np.float32)
-    np.testing.assert_allclose(SoftFocus().applied(even, VIEW), even, rtol=1e-6)
-    assert SoftFocus().applied(np.zeros((5, 6, 3), np.float32), VIEW).max() == 0
+    np.testing.assert_allclose(SoftFocus().apply(even, VIEW), even, rtol=1e-6)
+    assert SoftFocus().apply(np.zeros((5, 6, 3), np.float32), VIEW).max() == 0
     radiance = lit()
     before = radiance.copy()
     for soft in (SoftFocus(0.0, 0.1), SoftFocus(0.5, 0.0)):
-        sharp = soft.applied(radiance, VIEW)
+        sharp = soft.apply(radiance, VIEW)
         assert np.array_equal(sharp, radiance) and sharp is not radiance
-    SoftFocus().applied(radiance, VIEW)
+    SoftFocus().apply(radiance, VIEW)
     assert np.array_equal(radiance, before)
 
 

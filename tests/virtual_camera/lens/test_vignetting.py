@@ -5,7 +5,7 @@ import pytest
 
 from relume.capture.lens.vignetting import Vignetting
 from relume.virtual_camera.lens.vignetting import CosineFourth, MeasuredVignetting, PolynomialVignetting
-from relume.virtual_camera.steps import Undoable
+from relume.virtual_camera.protocols import Undoable
 from relume.virtual_camera.view import View
 
 KINDS = [
@@ -19,7 +19,7 @@ VIEW = View(60.0)
 
 def test_cos4_at_45_degrees_is_a_quarter():
     # Column 119.5 of a picture 119 wide about 59.5 is no pixel; 60 pixels from the axis at focal length 60 is 45°.
-    seen = CosineFourth().applied(np.ones((121, 121, 3), np.float32), VIEW)
+    seen = CosineFourth().apply(np.ones((121, 121, 3), np.float32), VIEW)
     assert seen[60, 60] == pytest.approx([1, 1, 1])
     assert seen[60, 120] == pytest.approx([0.25] * 3) and seen[0, 60] == pytest.approx([0.25] * 3)
     # √2 · 60 from the axis: cos² = 1 / 3.
@@ -27,7 +27,7 @@ def test_cos4_at_45_degrees_is_a_quarter():
 
 
 def test_the_polynomial_is_1_at_half_the_diagonal():
-    seen = PolynomialVignetting((-0.3, 0.1, -0.05)).applied(np.ones((3, 5, 3), np.float32), VIEW)
+    seen = PolynomialVignetting((-0.3, 0.1, -0.05)).apply(np.ones((3, 5, 3), np.float32), VIEW)
     # The corner pixel's middle is √(2² + 1²) from the centre, half the diagonal √34 / 2: r² = 5 / 8.5.
     square = 5 / 8.5
     assert seen[0, 0, 0] == pytest.approx(1 - 0.3 * square + 0.1 * square**2 - 0.05 * square**3)
@@ -37,7 +37,7 @@ def test_the_polynomial_is_1_at_half_the_diagonal():
 def test_what_was_measured_is_applied_as_capture_takes_it_out():
     for kind in KINDS[1:]:
         measured = kind.vignetting if isinstance(kind, MeasuredVignetting) else Vignetting(kind.coefficients)
-        np.testing.assert_allclose(kind.applied(EVEN, VIEW)[..., 1], measured.falloff((120, 90)), rtol=1e-6)
+        np.testing.assert_allclose(kind.apply(EVEN, VIEW)[..., 1], measured.falloff((120, 90)), rtol=1e-6)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -46,13 +46,13 @@ def test_undone_is_the_inverse(kind):
     before = radiance.copy()
     step: Undoable = kind
     assert isinstance(step, Undoable)
-    np.testing.assert_allclose(kind.undone(kind.applied(radiance, VIEW), VIEW), radiance, rtol=1e-6)
-    assert kind.applied(EVEN, VIEW).min() < 0.8 and kind.undone(EVEN, VIEW).max() > 1.25
+    np.testing.assert_allclose(kind.undo(kind.apply(radiance, VIEW), VIEW), radiance, rtol=1e-6)
+    assert kind.apply(EVEN, VIEW).min() < 0.8 and kind.undo(EVEN, VIEW).max() > 1.25
     assert np.array_equal(radiance, before)
 
 
 def test_a_lens_leaves_some_light_everywhere():
     with pytest.raises(ValueError, match=r"leaves -0\.\d+ of the light in row 0"):
-        PolynomialVignetting((-1.2,)).applied(EVEN, VIEW)
+        PolynomialVignetting((-1.2,)).apply(EVEN, VIEW)
     with pytest.raises(ValueError, match="must be finite"):
         PolynomialVignetting((np.nan,))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from relume.image.colour import encode_srgb
-from relume.virtual_camera.steps import Adaptation
+from relume.virtual_camera.protocols import Adaptation
 from relume.virtual_camera.tone.black_white_point import BlackWhitePoint
 from relume.virtual_camera.view import View
 
@@ -14,7 +14,7 @@ NOTHING = Adaptation(np.zeros(0))
 def pixel_values(tone: BlackWhitePoint, *light: float) -> np.ndarray:
     """The values, 0 to 255 and not rounded, of grey light."""
     radiance = np.repeat(np.array([light], np.float32)[..., None], 3, axis=2)
-    shown = tone.displayed(radiance, View(1.0), NOTHING)
+    shown = tone.display_values(radiance, View(1.0), NOTHING)
     assert shown.dtype == np.float32 and shown.shape == radiance.shape
     return 255 * encode_srgb(shown.astype(np.float64))[0, :, 1]
 
@@ -54,16 +54,16 @@ def test_a_raised_white_point_shows_what_was_too_bright_and_darkens_the_rest():
 def test_brighter_than_white_is_not_clipped_and_each_channel_is_on_its_own():
     tone = BlackWhitePoint(0.1)
     light = np.array([[[4.0, 0.5, 0.01]]], np.float32)
-    shown = 255 * encode_srgb(tone.displayed(light, View(1.0), NOTHING).astype(np.float64))[0, 0]
+    shown = 255 * encode_srgb(tone.display_values(light, View(1.0), NOTHING).astype(np.float64))[0, 0]
     np.testing.assert_allclose(shown, 255 * light[0, 0] ** tone.power, rtol=1e-4)
     assert shown[0] > 255
-    assert tone.adapted(light, View(1.0)).values.size == 0
+    assert tone.adapt(light, View(1.0)).values.size == 0
 
 
 @pytest.mark.parametrize("white", [0.05, 0.004, 1.0, 1e6])
 def test_no_finite_light_overflows(white):
     light = np.array([[[0.0, 1.0, 3e38]]], np.float32)
-    shown = BlackWhitePoint(white=white).displayed(light, View(1.0), NOTHING)[0, 0]
+    shown = BlackWhitePoint(white=white).display_values(light, View(1.0), NOTHING)[0, 0]
     assert np.isfinite(shown).all() and shown[0] < 1e-4 and shown[2] > 1e8
 
 

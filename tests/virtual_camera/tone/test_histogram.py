@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from relume.image.colour import luminance
-from relume.virtual_camera.steps import Adaptation, Screen, Tone
+from relume.virtual_camera.protocols import Adaptation, ToneOperator
+from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.tone.histogram import adjustment as histogram
 from relume.virtual_camera.tone.histogram import veil
 from relume.virtual_camera.tone.histogram.adjustment import HistogramAdjustment
@@ -27,7 +28,7 @@ def bars(scale=1.0):
 
 
 def developed(picture, view, operator):
-    return operator.displayed(picture, view, operator.adapted(picture, view))
+    return operator.display_values(picture, view, operator.adapt(picture, view))
 
 
 PLACES = ([5, 50, 25, 45, 10, 30, 55, 15], [2, 12, 22, 37, 47, 63, 77, 60])
@@ -61,7 +62,7 @@ PLACES = ([5, 50, 25, 45, 10, 30, 55, 15], [2, 12, 22, 37, 47, 63, 77, 60])
             0.013,
         ),
         (
-            HistogramAdjustment(Screen(250, 0.5)),
+            HistogramAdjustment(DisplayRange(250, 0.5)),
             1,
             [0.000137, 0.00705, 0.008423, 0.060547, 0.050293, 0.175781, 0.832031, 0.945312],
             0.013,
@@ -89,7 +90,7 @@ def test_the_veil_is_nearly_that_of_pcond(operator, monkeypatch):
 
 
 def test_it_is_a_tone_and_tells_whether_it_needs_absolute_luminance():
-    operator: Tone = HistogramAdjustment()
+    operator: ToneOperator = HistogramAdjustment()
     assert not operator.absolute and not HistogramAdjustment(veil=True).absolute
     assert HistogramAdjustment(contrast=HumanContrast()).absolute and HistogramAdjustment(colour=True).absolute
     assert HistogramAdjustment.human().absolute
@@ -107,7 +108,7 @@ def slow_luminances(picture, view):
 def test_the_samples_are_counted_as_slowly():
     picture = np.random.default_rng(4).lognormal(0, 2, (90, 120, 3)).astype(np.float32)
     view = View(150.0, 3.0)
-    values = HistogramAdjustment().adapted(picture, view).values
+    values = HistogramAdjustment().adapt(picture, view).values
     light, fovea = slow_luminances(picture, view)
     unit = np.exp(np.log(light).mean())
     edges = fine_edges()[FINE.start : FINE.stop + 1] * unit
@@ -124,13 +125,13 @@ def test_the_samples_are_counted_as_slowly():
 def test_the_kernel_applies_the_curve_as_slowly():
     picture = np.random.default_rng(5).lognormal(0, 3, (40, 50, 3)).astype(np.float32)
     view, operator = View(90.0, 7.0), HistogramAdjustment()
-    settled = operator.adapted(picture, view)
+    settled = operator.adapt(picture, view)
     light = luminance(picture.astype(float)) * 7
     unit = np.exp(np.log(light).mean())
     _, mean, darkest, brightest, *_ = settled.values
     table = gains(settled.values[4:], mean, darkest, brightest, operator.screen, operator.contrast)
     wanted = picture * np.interp(light / unit, fine_edges(), table)[..., None] * 7 / unit
-    np.testing.assert_allclose(operator.displayed(picture, view, settled), wanted, rtol=1e-4)
+    np.testing.assert_allclose(operator.display_values(picture, view, settled), wanted, rtol=1e-4)
 
 
 def ramp(decades=6, width=600):
@@ -208,7 +209,7 @@ def test_a_sun_beyond_what_an_eye_can_tell_is_the_screens_white():
 def test_a_flicker_of_the_unit_settles_by_equal_ratios():
     # A camera that tells no unit, and whose exposure jumps by 8: on the way each frame is as bright as asked.
     (picture, view), operator = ramp(), HistogramAdjustment()
-    one, eight = operator.adapted(picture, view), operator.adapted(picture * np.float32(8), view)
+    one, eight = operator.adapt(picture, view), operator.adapt(picture * np.float32(8), view)
     np.testing.assert_allclose(one.values[1:], eight.values[1:], atol=2e-5)
     assert eight.values[0] - one.values[0] == pytest.approx(np.log(8), abs=1e-6)
 
@@ -235,7 +236,7 @@ def test_colours_keep_their_proportions():
 def test_black_stays_black_and_one_value_is_shown_in_the_middle(operator):
     black, view = np.zeros((20, 30, 3), np.float32), View(40.0)
     assert not developed(black, view, operator).any()
-    assert np.all(operator.adapted(black, view).values[2:4] == np.log(DARKEST))
+    assert np.all(operator.adapt(black, view).values[2:4] == np.log(DARKEST))
     grey = developed(np.full((20, 30, 3), 300.0, np.float32), view, operator)
     assert np.ptp(grey) < 1e-6 and 0.02 < grey[0, 0, 0] < 0.5
     beyond = developed(np.full((20, 30, 3), 1e9, np.float32), view, operator)
@@ -271,9 +272,11 @@ def test_adaptation_mixes_from_one_frame_to_the_next():
     first, view = ramp()
     second = first * np.float32(8)
     operator = HistogramAdjustment()
-    one, two = operator.adapted(first, view), operator.adapted(second, view)
+    one, two = operator.adapt(first, view), operator.adapt(second, view)
     np.testing.assert_allclose(one.mixed(one, 0.3).values, one.values, rtol=1e-12)
-    shown = [operator.displayed(first, view, one.mixed(two, share))[0, 100:500, 1] for share in np.linspace(0, 1, 9)]
+    shown = [
+        operator.display_values(first, view, one.mixed(two, share))[0, 100:500, 1] for share in np.linspace(0, 1, 9)
+    ]
     # The eye that is on its way to brighter light shows this frame darker and darker, without a leap.
     steps = np.diff(np.log(shown), axis=0)
     assert np.all(steps <= 1e-3) and np.abs(steps[:, 100:]).max() < 0.2
@@ -295,9 +298,9 @@ def a_flash():
 def test_a_flicker_is_damped(contrast):
     frame, flash, view = a_flash()
     operator = HistogramAdjustment(contrast=contrast)
-    steady, flashed = operator.adapted(frame, view), operator.adapted(flash, view)
-    at_once, slowly = (operator.displayed(frame, view, steady.mixed(flashed, share))[..., 1] for share in (1, 0.1))
-    still = operator.displayed(frame, view, steady)[..., 1]
+    steady, flashed = operator.adapt(frame, view), operator.adapt(flash, view)
+    at_once, slowly = (operator.display_values(frame, view, steady.mixed(flashed, share))[..., 1] for share in (1, 0.1))
+    still = operator.display_values(frame, view, steady)[..., 1]
     assert np.abs(slowly - still).max() < 0.2 * np.abs(at_once - still).max()
 
 
@@ -306,8 +309,10 @@ def test_the_curve_moves_without_leaps(contrast):
     # The ceiling takes a few rounds, and one more at some point of the way from one adaptation to the other.
     frame, flash, view = a_flash()
     operator = HistogramAdjustment(contrast=contrast)
-    steady, flashed = operator.adapted(frame, view), operator.adapted(flash, view)
-    way = [operator.displayed(frame, view, steady.mixed(flashed, share))[..., 1] for share in np.linspace(0, 1, 101)]
+    steady, flashed = operator.adapt(frame, view), operator.adapt(flash, view)
+    way = [
+        operator.display_values(frame, view, steady.mixed(flashed, share))[..., 1] for share in np.linspace(0, 1, 101)
+    ]
     assert max(np.abs(later - earlier).max() for earlier, later in pairwise(way)) < 0.003
 
 
@@ -316,7 +321,7 @@ def test_what_is_off_the_middle_counts_less_when_it_is_told_to():
     picture = np.ones((80, 200, 3), np.float32)
     picture[:, 50:150] = 10
     view = View(100 / np.tan(np.radians(60)))
-    plain, weighted = (HistogramAdjustment(centre_weighted=w).adapted(picture, view).values[4:] for w in (False, True))
+    plain, weighted = (HistogramAdjustment(centre_weighted=w).adapt(picture, view).values[4:] for w in (False, True))
     samples = np.round(np.array([80, 200]) / view.focal_length / np.radians(1)).clip(max=[80, 200]).astype(int)
     y, x = (
         (np.arange(n) - (n - 1) / 2) * side / n / view.focal_length / np.radians(1) / 90
@@ -333,8 +338,8 @@ def test_what_is_off_the_middle_counts_less_when_it_is_told_to():
 def test_exposure_after_adaptation_brightens_the_picture():
     picture, view = ramp()
     operator = HistogramAdjustment()
-    settled = operator.adapted(picture, view)
-    before, after = (operator.displayed(picture * np.float32(gain), view, settled) for gain in (1, 4))
+    settled = operator.adapt(picture, view)
+    before, after = (operator.display_values(picture * np.float32(gain), view, settled) for gain in (1, 4))
     assert np.all(after[0, 50:450, 1] > before[0, 50:450, 1])
 
 
@@ -354,6 +359,6 @@ def test_light_beyond_all_measure_is_held_at_what_sums_can_hold(scale):
     view, operator, found = View(300.0, scale), HistogramAdjustment.human(), []
     for light in (3e38, 1e30):
         scene[6:15, 9:18] = light
-        found.append((operator.adapted(scene, view).values, developed(scene, view, operator)))
+        found.append((operator.adapt(scene, view).values, developed(scene, view, operator)))
     np.testing.assert_array_equal(found[0][0], found[1][0])
     np.testing.assert_array_equal(found[0][1], found[1][1])

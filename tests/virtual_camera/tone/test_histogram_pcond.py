@@ -81,7 +81,7 @@ def median_difference(name, degrees, scale, operator, options, folder):
     picture = np.maximum(linear(coded) @ np.linalg.inv(TO_RADIANCE).T, 0).astype(np.float32)
     view = View(picture.shape[1] / 2 / np.tan(np.radians(degrees) / 2), scale)
     theirs = through_pcond(coded, view, options, folder)
-    ours = luminance(operator.displayed(picture, view, operator.adapted(picture, view)).astype(float))
+    ours = luminance(operator.display_values(picture, view, operator.adapt(picture, view)).astype(float))
     visible = theirs > 1e-3
     return float(np.median(np.abs(ours / np.maximum(theirs, 1e-3) - 1)[visible]))
 

@@ -8,9 +8,9 @@ from relume.image.photograph import Exposure
 from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.tone.metered import (
     CameraExposure,
-    Fixed,
-    Linear,
-    Metered,
+    FixedExposure,
+    LinearExposure,
+    MeteredExposure,
     saturation_luminance,
 )
 from relume.virtual_camera.view import View
@@ -25,26 +25,26 @@ def picture() -> np.ndarray:
 
 
 def test_a_hundredth_of_the_values_is_beyond_white(picture: np.ndarray):
-    meter = Metered(grey=None)
-    shown = meter.displayed(picture, VIEW, meter.adapted(picture, VIEW))
+    meter = MeteredExposure(grey=None)
+    shown = meter.display_values(picture, VIEW, meter.adapt(picture, VIEW))
     assert np.mean(shown > 1 + 1e-6) == pytest.approx(0.01, abs=1e-4)
     assert float(np.percentile(shown, 99)) == pytest.approx(1, rel=0.01)
 
 
 def test_the_log_mean_becomes_the_grey_asked_for(picture: np.ndarray):
-    meter = Metered(percentile=None)
-    shown = meter.displayed(picture, VIEW, meter.adapted(picture, VIEW))
+    meter = MeteredExposure(percentile=None)
+    shown = meter.display_values(picture, VIEW, meter.adapt(picture, VIEW))
     light = shown.astype(np.float64) @ [0.2126, 0.7152, 0.0722]
     assert np.exp(np.log(light).mean()) == pytest.approx(0.18, rel=1e-6)
 
 
 def test_black_around_the_picture_and_its_unit_change_no_exposure(picture: np.ndarray):
     around = np.concatenate([np.zeros((400, 100, 3), np.float32), picture])
-    for meter in (Metered(grey=None), Metered(None, 0.2)):
-        alone = meter.adapted(picture, VIEW).values
-        np.testing.assert_allclose(meter.adapted(around, VIEW).values, alone, rtol=1e-12)
+    for meter in (MeteredExposure(grey=None), MeteredExposure(None, 0.2)):
+        alone = meter.adapt(picture, VIEW).values
+        np.testing.assert_allclose(meter.adapt(around, VIEW).values, alone, rtol=1e-12)
         np.testing.assert_allclose(
-            meter.adapted(picture * np.float32(64), VIEW).values, alone - np.log(64), rtol=1e-6, atol=1e-6
+            meter.adapt(picture * np.float32(64), VIEW).values, alone - np.log(64), rtol=1e-6, atol=1e-6
         )
 
 
@@ -52,14 +52,14 @@ def test_the_brighter_rule_exposes(picture: np.ndarray):
     even, window = np.full((4, 5, 3), 0.3, np.float32), np.full((10, 10, 3), 0.01, np.float32)
     window[:1] = 100
     # An evenly lit place comes out near white; before a window the room's log mean is a grey card's.
-    assert np.exp(Metered().adapted(even, VIEW).values[0]) == pytest.approx(1 / 0.3, rel=0.01)
+    assert np.exp(MeteredExposure().adapt(even, VIEW).values[0]) == pytest.approx(1 / 0.3, rel=0.01)
     mean = np.exp(0.9 * np.log(0.01) + 0.1 * np.log(100))
-    assert np.exp(Metered().adapted(window, VIEW).values[0]) == pytest.approx(0.18 / mean, rel=1e-5)
+    assert np.exp(MeteredExposure().adapt(window, VIEW).values[0]) == pytest.approx(0.18 / mean, rel=1e-5)
 
 
 def test_half_way_between_two_frames_is_half_way_in_stops(picture: np.ndarray):
-    meter = Metered()
-    dim, bright = meter.adapted(picture, VIEW), meter.adapted(picture * np.float32(16), VIEW)
+    meter = MeteredExposure()
+    dim, bright = meter.adapt(picture, VIEW), meter.adapt(picture * np.float32(16), VIEW)
     between = dim.mixed(bright, 0.5)
     assert meter.gain(between, VIEW) == pytest.approx(meter.gain(dim, VIEW) / 4, rel=1e-6)
 
@@ -68,22 +68,22 @@ def test_black_stays_black_and_sparks_stay_finite():
     black = np.zeros((4, 5, 3), np.float32)
     dim = np.full((40, 50, 3), 1e-6, np.float32)
     dim[3, 4] = 1e6
-    for meter in (Metered(), Metered(grey=0.18)):
-        assert meter.adapted(black, VIEW).values.tolist() == [0]
-    for tone in (Metered(), Metered(grey=0.18), Fixed(2.0), CameraExposure(ONE)):
-        assert np.all(tone.displayed(black, VIEW, tone.adapted(black, VIEW)) == 0)
-        assert np.all(np.isfinite(tone.displayed(dim, VIEW, tone.adapted(dim, VIEW))))
+    for meter in (MeteredExposure(), MeteredExposure(grey=0.18)):
+        assert meter.adapt(black, VIEW).values.tolist() == [0]
+    for tone in (MeteredExposure(), MeteredExposure(grey=0.18), FixedExposure(2.0), CameraExposure(ONE)):
+        assert np.all(tone.display_values(black, VIEW, tone.adapt(black, VIEW)) == 0)
+        assert np.all(np.isfinite(tone.display_values(dim, VIEW, tone.adapt(dim, VIEW))))
 
 
 def test_linear_tones_say_so_and_their_gain_is_what_they_show(picture: np.ndarray):
     view = View(500.0, luminance_scale=50.0)
-    for tone in (Metered(), Metered(grey=0.1), Fixed(0.25), CameraExposure(ONE)):
-        assert isinstance(tone, Linear)
-        settled = tone.adapted(picture, view)
+    for tone in (MeteredExposure(), MeteredExposure(grey=0.1), FixedExposure(0.25), CameraExposure(ONE)):
+        assert isinstance(tone, LinearExposure)
+        settled = tone.adapt(picture, view)
         np.testing.assert_array_equal(
-            tone.displayed(picture, view, settled), picture * np.float32(tone.gain(settled, view))
+            tone.display_values(picture, view, settled), picture * np.float32(tone.gain(settled, view))
         )
-    assert not isinstance(object(), Linear)
+    assert not isinstance(object(), LinearExposure)
 
 
 def test_saturation_is_that_of_iso_12232():
@@ -102,17 +102,17 @@ def test_a_stop_is_a_factor_of_exactly_two():
 def test_what_saturates_the_camera_is_white():
     wall = np.full((2, 2, 3), 7680 / 50, np.float32)
     tone, view = CameraExposure(ONE, saturating=True), View(500.0, luminance_scale=50.0)
-    np.testing.assert_allclose(tone.displayed(wall, view, tone.adapted(wall, view)), 1, rtol=1e-6)
+    np.testing.assert_allclose(tone.display_values(wall, view, tone.adapt(wall, view)), 1, rtol=1e-6)
 
 
 def test_a_cameras_own_picture_has_118_where_the_plate_that_it_calibrates_has():
     # Standard output: 10 N² / (0.65 S t) cd/m² make 118 of 255, as capture's absolute scale has it.
     grey = np.full((2, 2, 3), 10 * 256 / (0.65 * 100 / 100), np.float32)
     exposure, view = Exposure(1 / 100, 16.0, 100.0), View(500.0)
-    shown = CameraExposure(exposure).displayed(grey, view, CameraExposure(exposure).adapted(grey, view))
+    shown = CameraExposure(exposure).display_values(grey, view, CameraExposure(exposure).adapt(grey, view))
     assert np.rint(255 * encode_srgb(shown)).tolist() == np.full((2, 2, 3), 118).tolist()
     film = Film.of(exposure)
-    np.testing.assert_allclose(film.displayed(grey, view, film.adapted(grey, view)), shown, rtol=0.02)
+    np.testing.assert_allclose(film.display_values(grey, view, film.adapt(grey, view)), shown, rtol=0.02)
 
 
 @pytest.mark.parametrize("wrong", [Exposure(0.01, None, 100.0), Exposure(0.01, 8.0, None)])
@@ -123,13 +123,13 @@ def test_an_exposure_without_aperture_or_iso_is_refused(wrong: Exposure):
 
 def test_settings_that_mean_nothing_are_refused():
     for make in (
-        lambda: Metered(0.0),
-        lambda: Metered(101.0),
-        lambda: Metered(grey=0.0),
-        lambda: Metered(-1.0, None),
-        lambda: Metered(grey=float("nan")),
-        lambda: Fixed(0.0),
-        lambda: Fixed(float("inf")),
+        lambda: MeteredExposure(0.0),
+        lambda: MeteredExposure(101.0),
+        lambda: MeteredExposure(grey=0.0),
+        lambda: MeteredExposure(-1.0, None),
+        lambda: MeteredExposure(grey=float("nan")),
+        lambda: FixedExposure(0.0),
+        lambda: FixedExposure(float("inf")),
     ):
         with pytest.raises(ValueError, match="expected"):
             make()
@@ -137,4 +137,4 @@ def test_settings_that_mean_nothing_are_refused():
 
 def test_a_meter_without_a_rule_is_refused():
     with pytest.raises(ValueError, match="percentile and grey are both None"):
-        Metered(None, None)
+        MeteredExposure(None, None)

@@ -10,7 +10,7 @@ import pytest
 
 from relume.image.colour import decode_srgb, encode_srgb
 from relume.image.primaries import REC709
-from relume.virtual_camera.steps import Tone
+from relume.virtual_camera.protocols import ToneOperator
 from relume.virtual_camera.tone.ocio import GREY, Ocio
 from relume.virtual_camera.view import View
 
@@ -74,7 +74,7 @@ colorspaces:
 def developed(tone: Ocio, pixel: object) -> np.ndarray:
     """One colour through the whole operator, (3,)."""
     radiance = np.tile(np.asarray(pixel, np.float32), (3, 2, 1))
-    shown = tone.displayed(radiance, VIEW, tone.adapted(radiance, VIEW))
+    shown = tone.display_values(radiance, VIEW, tone.adapt(radiance, VIEW))
     assert shown.shape == radiance.shape and shown.dtype == np.float32
     assert np.array_equal(shown, np.broadcast_to(shown[0, 0], shown.shape))
     return shown[0, 0]
@@ -114,7 +114,7 @@ def test_a_picture_agrees_with_the_library_colour_by_colour() -> None:
     expected = np.array([[alone.applyRGB(pixel.tolist()) for pixel in row] for row in radiance])
     before = radiance.copy()
     tone = Ocio(ACES_13, grey=GREY)
-    shown = tone.displayed(radiance, VIEW, tone.adapted(radiance, VIEW))
+    shown = tone.display_values(radiance, VIEW, tone.adapt(radiance, VIEW))
     assert np.array_equal(radiance, before)
     # The display's white and black end what either way of reckoning leaves outside.
     assert encode_srgb(np.clip(shown, 0, 1)) == pytest.approx(np.clip(expected, 0, 1), abs=2e-5)
@@ -133,10 +133,10 @@ def test_an_hdr_view_reaches_ten_times_the_white_of_100_nits() -> None:
 def test_the_log_mean_becomes_middle_grey_unless_told() -> None:
     radiance = np.array([[[40, 40, 40], [90, 90, 90]]], np.float32)
     tone = Ocio(ACES_20)
-    assert np.exp(tone.adapted(radiance, VIEW).values) == pytest.approx([60])
-    shown = tone.displayed(radiance, VIEW, tone.adapted(np.full_like(radiance, 90), VIEW))
+    assert np.exp(tone.adapt(radiance, VIEW).values) == pytest.approx([60])
+    shown = tone.display_values(radiance, VIEW, tone.adapt(np.full_like(radiance, 90), VIEW))
     assert shown[0, 1] == pytest.approx([0.1, 0.1, 0.1], abs=2e-5)  # where ACES 2.0 puts 18 %
-    assert np.exp(Ocio(grey=0.25).adapted(radiance, VIEW).values) == pytest.approx([0.25])
+    assert np.exp(Ocio(grey=0.25).adapt(radiance, VIEW).values) == pytest.approx([0.25])
 
 
 def test_a_look_changes_a_colour_beyond_the_gamut(without_variable: None) -> None:
@@ -222,5 +222,5 @@ def test_wrong_fields_are_refused(wrong: dict) -> None:
 
 
 def test_it_is_a_tone() -> None:
-    tone: Tone = Ocio()
+    tone: ToneOperator = Ocio()
     assert tone == Ocio() and hash(tone) == hash(Ocio())

@@ -7,12 +7,13 @@ import importlib.util
 import numpy as np
 import pytest
 
-from relume.virtual_camera.steps import Screen, Tone
+from relume.virtual_camera.protocols import ToneOperator
 from relume.virtual_camera.tone.display.displays import Srgb
 from relume.virtual_camera.tone.display.encoding import encoded_and_clipped
+from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.tone.ferwerda import Ferwerda
 from relume.virtual_camera.tone.histogram.adjustment import HistogramAdjustment
-from relume.virtual_camera.tone.metered import Fixed, Metered
+from relume.virtual_camera.tone.metered import FixedExposure, MeteredExposure
 from relume.virtual_camera.tone.ocio import Ocio
 from relume.virtual_camera.tone.pattanaik.pattanaik import Pattanaik
 from relume.virtual_camera.tone.reinhard import Reinhard
@@ -26,32 +27,32 @@ ROUNDING = 1e-6
 
 needs_ocio = pytest.mark.skipif(not importlib.util.find_spec("PyOpenColorIO"), reason="the extra ocio is not installed")
 OPERATORS = [
-    pytest.param(Metered(), id="metered"),
-    pytest.param(Fixed(), id="fixed"),
+    pytest.param(MeteredExposure(), id="metered"),
+    pytest.param(FixedExposure(), id="fixed"),
     pytest.param(Reinhard(), id="reinhard"),
     pytest.param(ReinhardLocal(), id="reinhard-local"),
     pytest.param(TumblinRushmeier(), id="tumblin-rushmeier"),
     pytest.param(Ferwerda(), id="ferwerda"),
     pytest.param(HistogramAdjustment(), id="histogram"),
-    pytest.param(Pattanaik(Screen(100.0, 1e-3)), id="pattanaik"),
+    pytest.param(Pattanaik(DisplayRange(100.0, 1e-3)), id="pattanaik"),
     pytest.param(Ocio("ocio://cg-config-v2.2.0_aces-v1.3_ocio-v2.4"), id="aces-1.3", marks=needs_ocio),
     pytest.param(Ocio("ocio://cg-config-v4.0.0_aces-v2.0_ocio-v2.5"), id="aces-2.0", marks=needs_ocio),
 ]
 
 
 # OpenColorIO and plain gain leave the light in units of its own, however much there is.
-ADAPTING = [one for one in OPERATORS if not isinstance(one.values[0], Ocio | Fixed)]
+ADAPTING = [one for one in OPERATORS if not isinstance(one.values[0], Ocio | FixedExposure)]
 
 
-def lowest(tone: Tone) -> float:
+def lowest(tone: ToneOperator) -> float:
     """What a display value may be: below 0 by the black that the operator's screen adds by itself, no more."""
     screen = getattr(tone, "screen", None)
     return -ROUNDING - (screen.black / (screen.white - screen.black) if screen else 0)
 
 
-def shown(tone: Tone, radiance: np.ndarray) -> np.ndarray:
+def shown(tone: ToneOperator, radiance: np.ndarray) -> np.ndarray:
     before = radiance.copy()
-    picture = tone.displayed(radiance, VIEW, tone.adapted(radiance, VIEW))
+    picture = tone.display_values(radiance, VIEW, tone.adapt(radiance, VIEW))
     assert np.array_equal(radiance, before), "the operator changed what it was given"
     assert picture.shape == radiance.shape and picture.dtype == np.float32
     return picture
@@ -65,7 +66,7 @@ def ramp(darkest: float, brightest: float) -> np.ndarray:
 
 @pytest.mark.parametrize("tone", OPERATORS)
 @pytest.mark.parametrize(("darkest", "brightest"), [(1e-6, 1e6), (0.5, 200.0), (1e-6, 1e-3), (1e3, 1e6)])
-def test_a_ramp_stays_a_grey_ramp(tone: Tone, darkest: float, brightest: float) -> None:
+def test_a_ramp_stays_a_grey_ramp(tone: ToneOperator, darkest: float, brightest: float) -> None:
     picture = shown(tone, ramp(darkest, brightest))
     assert np.isfinite(picture).all() and picture.min() >= lowest(tone)
     # ACES leaves greys grey to a few units in the last place of its matrices.
@@ -79,7 +80,7 @@ def test_a_ramp_stays_a_grey_ramp(tone: Tone, darkest: float, brightest: float) 
 
 @pytest.mark.parametrize("tone", OPERATORS)
 @pytest.mark.parametrize("light", [0.0, 1e-6, 0.18, 1.0, 1e6])
-def test_uniform_light_stays_uniform(tone: Tone, light: float) -> None:
+def test_uniform_light_stays_uniform(tone: ToneOperator, light: float) -> None:
     picture = shown(tone, np.full((20, 30, 3), light, np.float32))
     assert np.isfinite(picture).all() and picture.min() >= lowest(tone)
     assert np.ptp(picture) <= 3e-5 * max(float(picture.max()), ROUNDING)
@@ -88,7 +89,7 @@ def test_uniform_light_stays_uniform(tone: Tone, light: float) -> None:
 
 
 @pytest.mark.parametrize("tone", OPERATORS)
-def test_a_pixel_of_light_in_the_dark_is_no_trouble(tone: Tone) -> None:
+def test_a_pixel_of_light_in_the_dark_is_no_trouble(tone: ToneOperator) -> None:
     scene = np.zeros((20, 30, 3), np.float32)
     scene[9, 14] = (1e6, 1e4, 1e2)
     picture = shown(tone, scene)
@@ -101,19 +102,19 @@ def test_a_pixel_of_light_in_the_dark_is_no_trouble(tone: Tone) -> None:
 @pytest.mark.parametrize("scale", [1e-12, 1e-6, 1.0, 1e4, 1e12])
 @pytest.mark.parametrize("size", [1, 9])
 @pytest.mark.parametrize("huge", [3e38, float(np.finfo(np.float32).max)])
-def test_the_greatest_numbers_stay_numbers(tone: Tone, scale: float, size: int, huge: float) -> None:
+def test_the_greatest_numbers_stay_numbers(tone: ToneOperator, scale: float, size: int, huge: float) -> None:
     scene = np.random.default_rng(13).gamma(0.6, 10.0, (24, 40, 3)).astype(np.float32)
     scene[6 : 6 + size, 9 : 9 + size] = huge
     view = View(300.0, scale)
-    adaptation = tone.adapted(scene, view)
-    picture = tone.displayed(scene, view, adaptation)
+    adaptation = tone.adapt(scene, view)
+    picture = tone.display_values(scene, view, adaptation)
     assert np.isfinite(adaptation.values).all()
     assert np.isfinite(picture).all() and picture.min() >= lowest(tone)
 
 
 def test_what_is_darker_than_the_screens_black_is_told() -> None:
     # A screen with a tenth of its white as black: most of a dim ramp is below it.
-    screen, scene = Screen(100.0, 10.0), ramp(1e-3, 1e3)
+    screen, scene = DisplayRange(100.0, 10.0), ramp(1e-3, 1e3)
     for tone in (TumblinRushmeier(screen), Ferwerda(screen, acuity=False), Pattanaik(screen)):
         picture = shown(tone, scene)
         below = encoded_and_clipped(picture, Srgb())[1].below
@@ -121,19 +122,19 @@ def test_what_is_darker_than_the_screens_black_is_told() -> None:
 
 
 @pytest.mark.parametrize("tone", OPERATORS)
-def test_any_layout_in_memory_gives_the_same_picture(tone: Tone) -> None:
+def test_any_layout_in_memory_gives_the_same_picture(tone: ToneOperator) -> None:
     scene = np.random.default_rng(11).gamma(0.6, 10.0, (24, 40, 3)).astype(np.float32)
     turned = np.asfortranarray(scene)
     assert np.array_equal(shown(tone, turned), shown(tone, scene))
 
 
 @pytest.mark.parametrize("tone", OPERATORS)
-def test_two_adaptations_mix_to_one_between(tone: Tone) -> None:
+def test_two_adaptations_mix_to_one_between(tone: ToneOperator) -> None:
     dim, bright = (np.random.default_rng(12).gamma(2.0, mean, (24, 40, 3)).astype(np.float32) for mean in (1.0, 30.0))
-    first, later = tone.adapted(dim, VIEW), tone.adapted(bright, VIEW)
+    first, later = tone.adapt(dim, VIEW), tone.adapt(bright, VIEW)
     assert np.isfinite(first.values).all() and first.values.shape == later.values.shape
     means = [
-        float(tone.displayed(bright, VIEW, adaptation).clip(0, 1).mean())
+        float(tone.display_values(bright, VIEW, adaptation).clip(0, 1).mean())
         for adaptation in (first, first.mixed(later, 0.5), later)
     ]
     assert min(means[0], means[2]) - 1e-6 <= means[1] <= max(means[0], means[2]) + 1e-6

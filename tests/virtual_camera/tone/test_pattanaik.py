@@ -8,19 +8,20 @@ import numpy as np
 import pytest
 
 from enlarging import enlarged
-from relume.virtual_camera.steps import Screen, Tone
+from relume.virtual_camera.protocols import ToneOperator
+from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.tone.pattanaik.pattanaik import ACHROMATIC, Pattanaik, light_of_signals, signals_of_rgb
 from relume.virtual_camera.tone.pattanaik.pyramid import Level, levels
 from relume.virtual_camera.tone.pattanaik.transducers import CONES, ROD_SHARE, RODS, Transducer, cone_gain, rod_gain
 from relume.virtual_camera.view import View
 
 VIEW = View(2400.0)  # 42 pixels a degree
-DARK_ROOM = Screen(100.0, 1e-6)
+DARK_ROOM = DisplayRange(100.0, 1e-6)
 
 
 def displayed(radiance: np.ndarray, tone: Pattanaik | None = None, view: View = VIEW) -> np.ndarray:
     tone = tone or Pattanaik()
-    return tone.displayed(radiance, view, tone.adapted(radiance, view))
+    return tone.display_values(radiance, view, tone.adapt(radiance, view))
 
 
 def grey(light: np.ndarray | float, shape: tuple[int, int] = (8, 9)) -> np.ndarray:
@@ -83,7 +84,7 @@ def slow(radiance: np.ndarray, view: View, tone: Pattanaik) -> np.ndarray:
 @pytest.mark.parametrize(("brightness", "focal_length"), [(1e-2, 2400.0), (300.0, 2400.0), (1.0, 60.0), (1.0, 40000.0)])
 def test_the_kernels_agree_with_the_slow_twin(brightness: float, focal_length: float) -> None:
     radiance = np.random.default_rng(5).gamma(0.6, 1.0, (45, 70, 3)).astype(np.float32)
-    tone, view = Pattanaik(Screen(100.0, 0.01)), View(focal_length, brightness)
+    tone, view = Pattanaik(DisplayRange(100.0, 0.01)), View(focal_length, brightness)
     found, expected = displayed(radiance, tone, view), slow(radiance, view, tone)
     assert found == pytest.approx(expected, rel=2e-3, abs=2e-5)
 
@@ -179,8 +180,8 @@ def test_pictures_of_any_size_and_black_ones_are_finite(shape: tuple[int, int]) 
 
 
 def test_nothing_is_remembered_of_the_whole_picture() -> None:
-    tone: Tone = Pattanaik()
-    first, later = (tone.adapted(grey(light), VIEW) for light in (1.0, 1e4))
+    tone: ToneOperator = Pattanaik()
+    first, later = (tone.adapt(grey(light), VIEW) for light in (1.0, 1e4))
     assert first.mixed(later, 0.5).values.shape == (0,) and Pattanaik.absolute
 
 

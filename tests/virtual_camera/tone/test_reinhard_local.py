@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from relume.virtual_camera.steps import Adaptation
+from relume.virtual_camera.protocols import Adaptation
 from relume.virtual_camera.tone import reinhard_local_kernel
 from relume.virtual_camera.tone.reinhard import Reinhard
 from relume.virtual_camera.tone.reinhard_local import ReinhardLocal, gaussians, surroundings
@@ -14,7 +14,7 @@ WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 
 
 def shown(tone: ReinhardLocal | Reinhard, picture: np.ndarray) -> np.ndarray:
-    return tone.displayed(picture, VIEW, tone.adapted(picture, VIEW))
+    return tone.display_values(picture, VIEW, tone.adapt(picture, VIEW))
 
 
 def direct(picture: np.ndarray, tone: ReinhardLocal, adaptation: Adaptation) -> tuple[np.ndarray, np.ndarray]:
@@ -56,9 +56,9 @@ def edges() -> np.ndarray:
 
 @pytest.mark.parametrize("tone", [ReinhardLocal(), ReinhardLocal(0.36, 2.0, 0.02, 6), ReinhardLocal(scales=1)])
 def test_the_tiles_are_the_direct_twin(edges: np.ndarray, tone: ReinhardLocal):
-    settled = tone.adapted(edges, VIEW)
+    settled = tone.adapt(edges, VIEW)
     expected, margin = direct(edges, tone, settled)
-    found = tone.displayed(edges, VIEW, settled)
+    found = tone.display_values(edges, VIEW, settled)
     # Where an activity lies within rounding of the threshold either scale is right.
     clear = margin > 1e-5
     assert clear.mean() > 0.99
@@ -67,9 +67,9 @@ def test_the_tiles_are_the_direct_twin(edges: np.ndarray, tone: ReinhardLocal):
 
 def test_scales_differ_where_they_should(edges: np.ndarray):
     tone = ReinhardLocal()
-    settled = tone.adapted(edges, VIEW)
-    one_scale = ReinhardLocal(scales=1).displayed(edges, VIEW, settled)
-    assert np.mean(abs(tone.displayed(edges, VIEW, settled) / one_scale - 1) > 0.02) > 0.3
+    settled = tone.adapt(edges, VIEW)
+    one_scale = ReinhardLocal(scales=1).display_values(edges, VIEW, settled)
+    assert np.mean(abs(tone.display_values(edges, VIEW, settled) / one_scale - 1) > 0.02) > 0.3
 
 
 def test_gaussians_are_those_of_equation_5():
@@ -127,24 +127,24 @@ def test_tiles_leave_no_seams_and_nothing_wraps_round():
     picture = np.exp(generator.normal(0, 1, (230, 410, 3))).astype(np.float32)
     picture[:, :3] *= 1e4
     tone = ReinhardLocal()
-    settled = tone.adapted(picture, VIEW)
-    whole = tone.displayed(picture, VIEW, settled)
+    settled = tone.adapt(picture, VIEW)
+    whole = tone.display_values(picture, VIEW, settled)
     assert picture.shape[0] > reinhard_local_kernel.TILE
     # The same place in another tile, its surroundings whole, is the same.
-    moved = tone.displayed(picture[30:, 100:].copy(), VIEW, settled)
+    moved = tone.display_values(picture[30:, 100:].copy(), VIEW, settled)
     np.testing.assert_allclose(whole[90:, 160:], moved[60:, 60:], rtol=1e-5)
     dim = picture.copy()
     dim[:, :3] /= 1e4
-    np.testing.assert_array_equal(tone.displayed(dim, VIEW, settled)[:, 60:], whole[:, 60:])
+    np.testing.assert_array_equal(tone.display_values(dim, VIEW, settled)[:, 60:], whole[:, 60:])
 
 
 def test_the_smallest_pictures_are_mirrored_as_often_as_need_be():
     for shape in ((1, 1, 3), (1, 5, 3), (3, 2, 3)):
         picture = np.random.default_rng(8).uniform(0.5, 2, shape).astype(np.float32)
         tone = ReinhardLocal()
-        settled = tone.adapted(picture, VIEW)
+        settled = tone.adapt(picture, VIEW)
         expected, _ = direct(picture, tone, settled)
-        np.testing.assert_allclose(tone.displayed(picture, VIEW, settled), expected, rtol=2e-5)
+        np.testing.assert_allclose(tone.display_values(picture, VIEW, settled), expected, rtol=2e-5)
 
 
 def test_black_stays_black_and_a_spark_in_the_dark_overflows_nothing():

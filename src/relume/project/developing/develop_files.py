@@ -22,20 +22,20 @@ from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.film.undeveloping import undevelop
 from relume.virtual_camera.lens.undoing import undo_optics
 from relume.virtual_camera.lens.vignetting import MeasuredVignetting
+from relume.virtual_camera.plate_matching.camera_matching import Softness, match_camera
 from relume.virtual_camera.plate_matching.camera_profile import (
     profiled_response,
     profiled_scale,
     profiled_vignetting,
 )
-from relume.virtual_camera.plate_matching.matched_film import Softness, matched_film
-from relume.virtual_camera.steps import Optics, Undoable
+from relume.virtual_camera.protocols import Optics, Undoable
 from relume.virtual_camera.tone.display.clipping import Clipping
 from relume.virtual_camera.tone.display.displays import HLG, PQ, HdrGainMap, Srgb
 from relume.virtual_camera.tone.display.encoding import encoded_and_clipped
 from relume.virtual_camera.tone.display.stops import stops_sheet
 from relume.virtual_camera.tone.display.writing import require_suffix_for
-from relume.virtual_camera.tone.metered import Fixed, Metered
-from relume.virtual_camera.validation import sound
+from relume.virtual_camera.tone.metered import FixedExposure, MeteredExposure
+from relume.virtual_camera.validation import validate_radiance
 from relume.virtual_camera.view import View
 from relume.virtual_camera.virtual_camera import IN_ORDER, ToneMapped, VirtualCamera
 
@@ -254,7 +254,7 @@ def undevelop_file(
         raise ValueError("a photograph is undeveloped by its own camera; leave match out")
     photograph = files.read_photograph(path, settings.reading)
     film, unit, falloff, facts = _film_of(photograph, settings)
-    camera = replace(settings.preset.camera, tone=Fixed())
+    camera = replace(settings.preset.camera, tone=FixedExposure())
     if falloff is not None and camera.vignetting is None:
         camera = replace(camera, vignetting=falloff)
         facts["vignetting"] = "the profile's, divided out"
@@ -272,7 +272,9 @@ def undevelop_file(
 
 
 def _read(path: Path, settings: DevelopSettings, *, lit: bool = True) -> RadianceMap:
-    return sound(files.read_radiance(path, settings.reading), repair=settings.repair, name=path.name, lit=lit)
+    return validate_radiance(
+        files.read_radiance(path, settings.reading), repair=settings.repair, name=path.name, lit=lit
+    )
 
 
 def _targets(paths: Sequence[Path], folder: Path, suffix: str) -> list[Path]:
@@ -294,7 +296,7 @@ def _camera(settings: DevelopSettings, picture: RadianceMap) -> tuple[VirtualCam
     camera, preset = settings.preset.camera, settings.preset
     if settings.match is not None:
         profile = None if settings.response is None else read_profile(settings.response)
-        match = matched_film(files.read_photograph(settings.match), picture, profile)
+        match = match_camera(files.read_photograph(settings.match), picture, profile)
         for part in match.optics:
             camera = replace(camera, **{"soft_focus" if isinstance(part, Softness) else "vignetting": part})
         return replace(camera, tone=match.film), {"matched": list(match.facts)}
@@ -307,7 +309,7 @@ def _camera(settings: DevelopSettings, picture: RadianceMap) -> tuple[VirtualCam
     curve = profiled_response(_profile(settings.response))
     exposure = settings.exposure
     if exposure is None:
-        gain = float(np.exp(Metered().adapted(picture.radiance, View(1.0)).values[0]))
+        gain = float(np.exp(MeteredExposure().adapt(picture.radiance, View(1.0)).values[0]))
         exposure = gain * float(np.exp(curve.log_exposure[:, 248 * curve.levels // 256].mean()))
     return replace(camera, tone=Film(exposure, curve)), {"exposure": exposure * 2.0**camera.stops}
 

@@ -21,7 +21,13 @@ from relume.scene.cameras.camera import Camera
 from relume.virtual_camera.developing import develop
 from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.film.grain import Grain, bracket_grain, radiance_grain
-from relume.virtual_camera.plate_matching.matching import Match, dimmed, grained, matched, sat_in
+from relume.virtual_camera.plate_matching.matching import (
+    Match,
+    add_grain,
+    apply_vignetting,
+    composite_into_photograph,
+    match_to_plate,
+)
 from relume.virtual_camera.plate_matching.sharpness import Sharpness, measured_sharpness
 
 _GRAIN = ("values", "deviation", "correlation")
@@ -117,9 +123,9 @@ def fitted(
 ) -> tuple[np.ndarray, Change]:
     """The scene-linear composite without grain, and the change as it went in: matched, behind what is in front."""
     table = shot.match
-    change = matched(change, match)
+    change = match_to_plate(change, match)
     occluder = None if table.occluder is None else read_matte(shot.folder / table.occluder, plate.size)
-    mode = Ratio(dimmed(without, match)) if table.mode == "ratio" else Additive()
+    mode = Ratio(apply_vignetting(without, match)) if table.mode == "ratio" else Additive()
     composite = composed(plate.radiance, change, mode=mode, occluder=occluder)
     if occluder is not None:
         behind = (1 - occluder).astype(np.float32)
@@ -141,8 +147,8 @@ def developed(
     photograph: Photograph | None,
 ) -> tuple[np.ndarray, Photograph, Photograph]:
     """The composite with its grain, the picture, and the plate developed alike: the photograph where there is one."""
-    grainy = grained(composite, matte, match)
+    grainy = add_grain(composite, matte, match)
     if photograph is None:
         return grainy, develop(grainy, film), develop(plate.radiance, film)
     values = film.pixel_values(composite), film.pixel_values(plate.radiance)
-    return grainy, sat_in(photograph, *values, matte, match), photograph
+    return grainy, composite_into_photograph(photograph, *values, matte, match), photograph

@@ -30,13 +30,13 @@ from relume.virtual_camera.lens.motion.straight import StraightMotion
 from relume.virtual_camera.lens.motion.vectors import MotionVectors
 from relume.virtual_camera.lens.soft_focus import SoftFocus
 from relume.virtual_camera.lens.vignetting import CosineFourth, MeasuredVignetting, PolynomialVignetting
-from relume.virtual_camera.steps import Screen
 from relume.virtual_camera.tone.black_white_point import BlackWhitePoint
 from relume.virtual_camera.tone.display.displays import HLG, PQ, DisplayP3, HdrGainMap, Srgb
+from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.tone.ferwerda import Ferwerda
 from relume.virtual_camera.tone.histogram.adjustment import HistogramAdjustment
 from relume.virtual_camera.tone.histogram.curve import HumanContrast, LinearContrast
-from relume.virtual_camera.tone.metered import CameraExposure, Fixed, Metered
+from relume.virtual_camera.tone.metered import CameraExposure, FixedExposure, MeteredExposure
 from relume.virtual_camera.tone.ocio import Ocio
 from relume.virtual_camera.tone.pattanaik.pattanaik import Pattanaik
 from relume.virtual_camera.tone.reinhard import Reinhard
@@ -117,14 +117,14 @@ def measured_vignetting(profile: str, *, folder: Path) -> MeasuredVignetting:
     return MeasuredVignetting(found)
 
 
-def metered(percentile: float | None = None, grey: float | None = None) -> Metered:
+def metered(percentile: float | None = None, grey: float | None = None) -> MeteredExposure:
     """Plain exposure, by the bright parts or the mean where one of them is given, by the brighter of both else."""
-    return Metered() if percentile is None and grey is None else Metered(percentile, grey)
+    return MeteredExposure() if percentile is None and grey is None else MeteredExposure(percentile, grey)
 
 
-def fixed(gain: float = 1.0) -> Fixed:
+def fixed(gain: float = 1.0) -> FixedExposure:
     """Plain exposure: display values per unit of radiance."""
-    return Fixed(gain)
+    return FixedExposure(gain)
 
 
 def camera(
@@ -142,7 +142,7 @@ def camera(
 
 
 def histogram(
-    screen: Screen = Screen(), human_contrast: bool = False, veil: bool = False, acuity: bool = False,
+    screen: DisplayRange = DisplayRange(), human_contrast: bool = False, veil: bool = False, acuity: bool = False,
     colour: bool = False, centre_weighted: bool = False,
 ) -> HistogramAdjustment:  # fmt: skip
     """Ward Larson et al. 1997."""
@@ -153,7 +153,7 @@ def histogram(
 
 
 def human(
-    screen: Screen = Screen(), human_contrast: bool = True, veil: bool = True, acuity: bool = True,
+    screen: DisplayRange = DisplayRange(), human_contrast: bool = True, veil: bool = True, acuity: bool = True,
     colour: bool = True, centre_weighted: bool = False,
 ) -> HistogramAdjustment:  # fmt: skip
     """The same with an eye's contrast, veil, acuity and colours."""
@@ -179,11 +179,14 @@ def darkroom(
         raise ValueError("grades are of black-and-white paper; leave grade out")
     of_speed = {} if speed is None else {"speed": speed}
     if stock == "slide":
-        film, paper = stocks.slide(**of_speed), None
+        film, paper = stocks.slide_film(**of_speed), None
     elif stock == "colour-negative":
         film, paper = stocks.colour_negative(**of_speed), stocks.colour_paper()
     else:
-        film, paper = stocks.black_and_white_negative(**of_speed), stocks.paper(2.0 if grade is None else grade)
+        film, paper = (
+            stocks.black_and_white_negative(**of_speed),
+            stocks.black_and_white_paper(2.0 if grade is None else grade),
+        )
     film = replace(film, grain=film.grain if grain else None, halation=film.halation if halation else None)
     return Darkroom(film, paper, stops=stops, print_stops=print_stops, frame=frame)
 

@@ -20,7 +20,7 @@ from pydantic import Field, create_model
 from relume.errors import InvalidShot, RelumeError
 from relume.project.presets.kinds import TABLES, Make
 from relume.project.schema import Positive, Table, checked, read_toml
-from relume.virtual_camera.steps import Screen
+from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.view import FIELD_OF_VIEW
 from relume.virtual_camera.virtual_camera import VirtualCamera
 
@@ -178,7 +178,7 @@ def _model(make: Make, kind: str | None = None) -> type[Table]:
     for name, argument in inspect.signature(make).parameters.items():
         if name == "folder":
             continue
-        if hints[name] is Screen:
+        if hints[name] is DisplayRange:
             keys[name] = (ScreenTable, ScreenTable())
         else:
             keys[name] = (hints[name], ... if argument.default is argument.empty else argument.default)

@@ -153,7 +153,7 @@ class PbrTable(MaterialTable):
     def made(self, name: str, folder: Path, place: str) -> Material | WardSurface:
         """The material; raises ValueError for what it has no field for."""
         numbers = self.model_dump(exclude_none=True, exclude={"kind", "base_color"})
-        material: Material | WardSurface = MaterialTable(**numbers).applied(Material())
+        material: Material | WardSurface = MaterialTable(**numbers).apply(Material())
         if self.base_color is None:
             return replace(material, name=name)
         if isinstance(material, WardSurface):

@@ -54,7 +54,7 @@ class MaterialTable(Table):
             preset(value)
         return value
 
-    def applied(self, material: Any) -> Any:
+    def apply(self, material: Any) -> Any:
         """The material that a mesh gets: its own or the preset, with the changes.
 
         material : the mesh's own; of other kinds than `Material` and `Ward` it stays as it is, unless a preset is given

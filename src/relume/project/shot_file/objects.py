@@ -48,7 +48,7 @@ def _at_rest_or_moved(path: Path, time: float | None) -> tuple[Mesh, ...]:
 def _overridden(mesh: Mesh, table: Object) -> Mesh:
     """The mesh with the material that the shot gives it; what holds light inside is checked to be a body."""
     try:
-        material = table.material.applied(mesh.material)
+        material = table.material.apply(mesh.material)
     except ValueError as error:
         raise InvalidShot(f"objects.material: {error}") from None
     return bodied(replace(mesh, material=material))

@@ -1,9 +1,10 @@
 from .darkroom import Darkroom as Darkroom
 from .film import Film as Film
+from .film import metered_film as metered_film
 from .film import virtual_photograph as virtual_photograph
 from .stocks import black_and_white_negative as black_and_white_negative
+from .stocks import black_and_white_paper as black_and_white_paper
 from .stocks import colour_negative as colour_negative
 from .stocks import colour_paper as colour_paper
-from .stocks import paper as paper
-from .stocks import slide as slide
+from .stocks import slide_film as slide_film
 from .undeveloping import undevelop as undevelop

@@ -12,7 +12,7 @@ SIDE = 256
 
 
 @dataclass(frozen=True, eq=False)
-class Noise:
+class CorrelatedNoise:
     """White noise in three channels that kernels have made alike between neighbours and channels.
 
     transfer : (3, 3, SIDE, SIDE // 2 + 1) complex64, the kernels' transforms: into a channel, from a channel
@@ -52,11 +52,11 @@ class Noise:
         in_threads(do, -(-height // side) * across, chunk=1)
 
 
-def noise_of(kernels: np.ndarray, seed: int) -> Noise:
+def noise_of(kernels: np.ndarray, seed: int) -> CorrelatedNoise:
     """The noise that kernels (3, 3, 2r + 1, 2r + 1), into a channel from a channel, make of white noise."""
     from scipy.fft import rfft2
 
     if seed < 0:
         raise ValueError(f"seed is {seed}; expected 0 or more")
     transfer = np.asarray(rfft2(kernels, (SIDE, SIDE))).astype(np.complex64)
-    return Noise(transfer, kernels.shape[-1] // 2, seed)
+    return CorrelatedNoise(transfer, kernels.shape[-1] // 2, seed)

@@ -8,10 +8,10 @@ import numpy as np
 
 from relume.capture.scale.absolute import Q
 from relume.image.photograph import Exposure
-from relume.virtual_camera.film.exposure_range import tell_reach
+from relume.virtual_camera.film.exposure_range import warn_of_range
 from relume.virtual_camera.film.negative import FilmStock
 from relume.virtual_camera.film.print import Paper
-from relume.virtual_camera.steps import Adaptation
+from relume.virtual_camera.protocols import Adaptation
 from relume.virtual_camera.view import View
 
 FRAME = 36_000.0
@@ -64,7 +64,7 @@ class Darkroom:
         """Whether luminances have to be in cd/m²: where shutter and aperture expose, and no meter."""
         return self.exposure is not None
 
-    def adapted(self, radiance: np.ndarray, view: View) -> Adaptation:
+    def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
         """What the light meter reads: the log mean of what is lit; of a black picture that of luminance 1."""
         if self.exposure is not None:
             return Adaptation(np.zeros(0))
@@ -72,7 +72,7 @@ class Darkroom:
 
         return Adaptation(np.log([log_average(radiance)]))
 
-    def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
+    def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """The print by white light: 1 is white paper, or clear film. The same seed gives the same grain.
 
         Warns where most of the picture is beyond what the film tells apart.
@@ -85,7 +85,7 @@ class Darkroom:
         pixel = self.frame / max(height, width)
         film, layers = self.negative, len(self.negative.curves)
         factor = self.exposed(view, adaptation)
-        tell_reach(radiance, lambda light: film.exposures(light, factor), *film.reach())
+        warn_of_range(radiance, lambda light: film.exposures(light, factor), *film.reach())
         sensitivity = (film.sensitivity * factor).astype(np.float32)
         shares, halo, step = self._halo(radiance, sensitivity, pixel)
         curves = film.curves

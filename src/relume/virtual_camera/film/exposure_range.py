@@ -14,7 +14,7 @@ LOOKED_AT = 2**18
 """Pixels that tell the share to a thousandth."""
 
 
-def tell_reach(
+def warn_of_range(
     radiance: np.ndarray,
     exposures: Callable[[np.ndarray], np.ndarray],
     least: np.ndarray,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import OUTSIDE, RadianceMap
 from relume.image.response import Response
 from relume.sphere.environment_map import EnvironmentMap
-from relume.virtual_camera.steps import Adaptation
+from relume.virtual_camera.protocols import Adaptation
 from relume.virtual_camera.view import View
 
 if TYPE_CHECKING:
@@ -36,6 +36,8 @@ class Film:
     exposure: float = 1.0
     response: Response | None = None
     grain: Grain | None = None
+
+    absolute: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.exposure) and self.exposure > 0):
@@ -83,11 +85,11 @@ class Film:
             return (levels - 1) * encode_srgb(np.clip(exposed, 0, 1))
         return np.clip(self.response.pixel_values(exposed) * ((levels - 1) / (self.response.levels - 1)), 0, levels - 1)
 
-    def adapted(self, radiance: np.ndarray, view: View) -> Adaptation:
+    def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
         """Nothing: the exposure is the film's own."""
         return Adaptation(np.zeros(0))
 
-    def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
+    def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Linear values (H, W, 3) float32, from 0, that sRGB encodes as this film's pixel values / 255.
 
         Without a response what is brighter than white stays so: the display clips and counts it, and one with room
@@ -95,14 +97,14 @@ class Film:
         no screen shows brighter but which counts as beyond white. Grain is drawn with the view's seed. Warns where
         most of the picture is beyond what the response reaches.
         """
-        from relume.virtual_camera.film.exposure_range import tell_reach
+        from relume.virtual_camera.film.exposure_range import warn_of_range
         from relume.virtual_camera.tone.overflow import without_overflow
 
         least, most = np.full(3, decode_srgb(np.array(0.5 / 255))), np.ones(3)
         if self.response is not None:
             least, most = np.exp(self.response.log_exposure[:, [0, -1]]).T
         radiance = without_overflow(radiance, self.exposure)
-        tell_reach(radiance, lambda light: light * self.exposure, least, most)
+        warn_of_range(radiance, lambda light: light * self.exposure, least, most)
         if self.response is None:
             shown = radiance * np.float32(self.exposure)
         else:
@@ -115,7 +117,7 @@ class Film:
         return shown
 
 
-def metered(light: EnvironmentMap) -> Film:
+def metered_film(light: EnvironmentMap) -> Film:
     """The film of a photographer with an incident light meter in that light, one stop under.
 
     The mean radiance, which a grey card would show at its own grey, becomes ½: reflected lights keep room above it.

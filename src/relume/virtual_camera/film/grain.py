@@ -17,7 +17,7 @@ from relume.errors import NotABracket
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
-from relume.virtual_camera.film.correlated_noise import Noise, noise_of
+from relume.virtual_camera.film.correlated_noise import CorrelatedNoise, noise_of
 from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.plate_matching.flat_patches import REACH, FlatPatches, flat_patches
 
@@ -32,7 +32,7 @@ ENOUGH = 800_000
 
 @dataclass(frozen=True, eq=False)
 class Grain:
-    """Noise that depends on a pixel's value, stationary otherwise.
+    """CorrelatedNoise that depends on a pixel's value, stationary otherwise.
 
     values : (3, N) rising, a channel each: pixel values, or radiances
     deviation : (3, N) standard deviation at those values, in their unit, rounding not included
@@ -56,14 +56,14 @@ class Grain:
         tables = zip(self.values, self.deviation, strict=True)
         return np.stack([np.interp(values[..., c], *table) for c, table in enumerate(tables)], axis=-1)
 
-    def noise(self, seed: int) -> Noise:
-        """Noise of variance 1 with the grain's correlation, of a picture of any size.
+    def noise(self, seed: int) -> CorrelatedNoise:
+        """CorrelatedNoise of variance 1 with the grain's correlation, of a picture of any size.
 
         seed : ≥ 0; the same gives the same noise, and a larger picture that of a smaller one in its corner
         """
         return noise_of(_kernels(self.correlation), seed)
 
-    def drawn(self, size: tuple[int, int], seed: int) -> np.ndarray:
+    def draw(self, size: tuple[int, int], seed: int) -> np.ndarray:
         """The `noise` (H, W, 3) float32 of a picture.
 
         size : (width, height) in pixels
@@ -77,7 +77,7 @@ class Grain:
         self.noise(seed).each_square(height, width, put)
         return drawn
 
-    def applied(self, values: np.ndarray, share: np.ndarray | float = 1.0, *, seed: int = 0) -> np.ndarray:
+    def apply(self, values: np.ndarray, share: np.ndarray | float = 1.0, *, seed: int = 0) -> np.ndarray:
         """Values with the grain that belongs to them, (H, W, 3) float64.
 
         values : (H, W, 3) pixel values (not rounded) or radiances, as the grain's own table
@@ -86,7 +86,7 @@ class Grain:
         height, width = values.shape[:2]
         share = np.asarray(share, np.float64)
         share = share[..., None] if share.ndim == 2 else share
-        return values + share * self.deviation_at(values) * self.drawn((width, height), seed)
+        return values + share * self.deviation_at(values) * self.draw((width, height), seed)
 
 
 def photograph_grain(

@@ -52,7 +52,7 @@ def colour_negative(speed: float = 400.0) -> FilmStock:
     return FilmStock(speed, sensitivity, (curve,) * 3, crosstalk, grain, Halation())
 
 
-def slide(speed: float = 100.0) -> FilmStock:
+def slide_film(speed: float = 100.0) -> FilmStock:
     """A colour reversal film, to be projected: look at it without paper.
 
     speed : ISO 2240, S = 10 / H_m with H_m the geometric mean of the exposures that leave 0.2 and 2.0 above the minimum
@@ -67,7 +67,7 @@ def slide(speed: float = 100.0) -> FilmStock:
     return FilmStock(speed, sensitivity, (curve,) * 3, crosstalk, grain, Halation(), reversal=True)
 
 
-def paper(grade: float = 2.0) -> Paper:
+def black_and_white_paper(grade: float = 2.0) -> Paper:
     """A black-and-white paper; 2 is the normal grade, for which negatives of ISO 6's contrast are made.
 
     grade : 0 to 5; halves and others as of papers of variable contrast

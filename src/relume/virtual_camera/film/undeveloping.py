@@ -15,7 +15,7 @@ from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 from relume.virtual_camera.film.film import Film, srgb_response
 from relume.virtual_camera.lens.undoing import undo_optics
-from relume.virtual_camera.steps import Optics
+from relume.virtual_camera.protocols import Optics
 from relume.virtual_camera.view import View, view_of
 
 

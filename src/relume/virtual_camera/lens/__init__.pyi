@@ -1,5 +1,8 @@
 from .blades import Blades as Blades
 from .defocus_blur import Defocus as Defocus
+from .depth_of_field import aperture_from as aperture_from
+from .depth_of_field import aperture_of as aperture_of
+from .depth_of_field import depth_of_field as depth_of_field
 from .geometry import LensGeometry as LensGeometry
 from .glare.camera import CameraGlare as CameraGlare
 from .glare.eye import EyeGlare as EyeGlare
@@ -15,3 +18,4 @@ from .undoing import undo_optics as undo_optics
 from .vignetting import CosineFourth as CosineFourth
 from .vignetting import MeasuredVignetting as MeasuredVignetting
 from .vignetting import PolynomialVignetting as PolynomialVignetting
+from .vignetting import image_illuminance as image_illuminance

@@ -99,7 +99,7 @@ class Blades:
         area = abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2
         return np.stack([x, y], axis=-1) * np.sqrt(np.pi / area)
 
-    def drawn(self, size: int) -> np.ndarray:
+    def draw(self, size: int) -> np.ndarray:
         """(size, size) float64, the covered share of each cell of a square of 2 `corner`, from its top down."""
         fine = size * SUBSAMPLES
         places = ((np.arange(fine) + 0.5) / fine * 2 - 1) * self.corner

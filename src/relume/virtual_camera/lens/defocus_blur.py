@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -38,6 +39,8 @@ class Defocus:
     focus: float
     blades: Blades = Blades()
 
+    absolute: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
         if not (np.isfinite(self.aperture) and self.aperture > 0):
             raise ValueError(f"the aperture is {self.aperture}; expected its diameter in metres, above 0")
@@ -53,7 +56,7 @@ class Defocus:
         disc = disc_of_confusion(depth, self.aperture, self.focus, focal_length) / 2
         return np.where(depth < self.focus, -disc, disc).astype(np.float32)
 
-    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+    def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 with what is out of focus blurred.
 
         Raises ValueError without a depth map, and for discs that are wider than the picture.

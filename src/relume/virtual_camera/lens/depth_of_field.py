@@ -13,8 +13,6 @@ from relume.image.photograph import Photograph
 
 ACCEPTABLE = 1.0
 """Pixels: a disc as wide as a pixel is sharp in the picture at hand, whatever its print."""
-SHARE_OF_DISC = 0.25
-"""Standard deviation, along one axis, of an even disc over its diameter."""
 
 
 def aperture_of(f_number: float, focal_length: float) -> float:
@@ -63,12 +61,3 @@ def depth_of_field(
     play = acceptable / (aperture * focal_length)
     far = 1 / focus - play
     return 1 / (1 / focus + play), 1 / far if far > 0 else np.inf
-
-
-def sharpness_expected(distance: float, aperture: float, focus: float, focal_length: float) -> float:
-    """The deviation in pixels, along one axis, that defocus gives a point: a quarter of the disc's diameter.
-
-    Beside the measured `Sharpness` it tells whether the plate is soft where the objects will stand for being out of
-    focus there (then give the camera its aperture and focus) or everywhere.
-    """
-    return SHARE_OF_DISC * float(disc_of_confusion(distance, aperture, focus, focal_length))

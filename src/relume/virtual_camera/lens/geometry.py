@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -32,11 +33,13 @@ class LensGeometry:
     lateral: LateralColour | None = None
     centre: tuple[float, float] = (0.5, 0.5)
 
+    absolute: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
         if not (len(self.centre) == 2 and np.all(np.isfinite(self.centre))):
             raise ValueError(f"the centre is {self.centre}; expected two fractions of width and height")
 
-    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+    def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 as the lens draws it.
 
         Raises ValueError where the lens's model folds over within the picture.
@@ -49,7 +52,7 @@ class LensGeometry:
             )
         return out
 
-    def undone(self, radiance: np.ndarray, view: View) -> np.ndarray:
+    def undo(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 as a pinhole draws it; NaN in the colours that the photograph does not show."""
         return self._resampled(radiance, view, undo=True)
 

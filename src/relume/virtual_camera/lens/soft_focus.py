@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -28,13 +29,15 @@ class SoftFocus:
     share: float = 1 / 3
     radius: float = 0.01
 
+    absolute: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
         if not 0 <= self.share <= 1:
             raise ValueError(f"the share is {self.share}; expected 0 (sharp) to 1 (all light blurred)")
         if not 0 <= self.radius <= 1:
             raise ValueError(f"the radius is {self.radius}; expected 0 to 1, a fraction of the picture's width")
 
-    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+    def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 with its glow; the mean of each channel stays."""
         height, width = radiance.shape[:2]
         sigma = self.radius * width

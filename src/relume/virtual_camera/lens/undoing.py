@@ -9,23 +9,17 @@ from dataclasses import replace
 import numpy as np
 
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
-from relume.virtual_camera.steps import Optics, Undoable
+from relume.virtual_camera.protocols import Optics, Undoable
 from relume.virtual_camera.view import View
 
 TAINTED = 0.01
 """Share of a pixel's light from clipped pixels above which it counts as clipped too, as `image.filtering` has it."""
 
 
-def undoable(optics: Sequence[Optics]) -> tuple[Undoable, ...]:
-    """The optics that `undo_optics` can undo, in its order: the last that light passed first."""
-    return tuple(step for step in reversed(optics) if isinstance(step, Undoable))
-
-
 def undo_optics(picture: RadianceMap, optics: Sequence[Optics], view: View) -> RadianceMap:
     """The radiance before it passed the optics. Parts that can be undone are undone, the last first.
 
-    optics : in the order in which light passed them. What cannot be undone is left in, with a warning that names it;
-        `undoable(optics)` lists the others
+    optics : in the order in which light passed them. What cannot be undone is left in, with a warning that names it
 
     What the picture does not show becomes OUTSIDE. Clipped marks go where their light goes. Deviations are taken back
     as light is: exactly where it is multiplied, and to an upper bound where it is resampled, for noise averages out.
@@ -44,10 +38,10 @@ def undo_optics(picture: RadianceMap, optics: Sequence[Optics], view: View) -> R
         if not isinstance(step, Undoable):
             warnings.warn(f"{type(step).__name__} cannot be undone; it is left in the picture", stacklevel=2)
             continue
-        radiance, seen = step.undone(radiance, view), step.undone(seen, view)
-        deviation = None if deviation is None else step.undone(deviation, view)
-        unknown = None if unknown is None else step.undone(unknown, view)
-        marks = {kind: step.undone(mark, view) for kind, mark in marks.items()}
+        radiance, seen = step.undo(radiance, view), step.undo(seen, view)
+        deviation = None if deviation is None else step.undo(deviation, view)
+        unknown = None if unknown is None else step.undo(unknown, view)
+        marks = {kind: step.undo(mark, view) for kind, mark in marks.items()}
     shown = np.isfinite(radiance).all(2) & np.isfinite(seen).all(2)
     flags = np.zeros(clipped.shape, np.uint8)
     for kind, mark in marks.items():

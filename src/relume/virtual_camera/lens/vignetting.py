@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,11 +22,13 @@ class CosineFourth:
     The angle follows from the view's focal length; the axis meets the picture's middle.
     """
 
-    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+    absolute: ClassVar[bool] = False
+
+    def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 times cos⁴α."""
         return _scaled(radiance, _cosine_fourth(radiance, view))
 
-    def undone(self, radiance: np.ndarray, view: View) -> np.ndarray:
+    def undo(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 over cos⁴α, which is above 0 everywhere."""
         return _scaled(radiance, _cosine_fourth(radiance, view), undo=True)
 
@@ -42,16 +45,18 @@ class PolynomialVignetting:
     coefficients: tuple[float, ...]
     centre: tuple[float, float] = (0.5, 0.5)
 
+    absolute: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
         self._measured()
 
-    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+    def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 times the polynomial; raises ValueError where that is not above 0."""
-        return self._measured().applied(radiance, view)
+        return self._measured().apply(radiance, view)
 
-    def undone(self, radiance: np.ndarray, view: View) -> np.ndarray:
+    def undo(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 over the polynomial; raises ValueError where that is not above 0."""
-        return self._measured().undone(radiance, view)
+        return self._measured().undo(radiance, view)
 
     def _measured(self) -> MeasuredVignetting:
         return MeasuredVignetting(Vignetting(self.coefficients, self.centre))
@@ -66,11 +71,13 @@ class MeasuredVignetting:
 
     vignetting: Vignetting
 
-    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+    absolute: ClassVar[bool] = False
+
+    def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 times the falloff; raises ValueError where that is not above 0."""
         return _scaled(radiance, self._falloff(radiance))
 
-    def undone(self, radiance: np.ndarray, view: View) -> np.ndarray:
+    def undo(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 over the falloff; raises ValueError where that is not above 0."""
         return _scaled(radiance, self._falloff(radiance), undo=True)
 
@@ -92,6 +99,25 @@ class MeasuredVignetting:
             return share
 
         return falloff
+
+
+def image_illuminance(
+    luminance: np.ndarray | float, f_number: float, *, transmittance: float = 1.0, angle: np.ndarray | float = 0.0
+) -> np.ndarray:
+    """The illuminance of the sensor, lx: E = (π/4) τ L cos⁴α / N² (ISO 517; Debevec & Malik 1997, §2.1).
+
+    luminance : L, cd/m², of what is seen there
+    f_number : N
+    transmittance : τ of the glass; 1 is a lens without loss, and the "T-stop" N / √τ holds it already
+    angle : α from the axis, radians
+    Holds for distances far beyond the focal length. Raises ValueError for an f-number or a transmittance that no lens
+    has.
+    """
+    if not (np.isfinite(f_number) and f_number > 0):
+        raise ValueError(f"the f-number is {f_number}; expected a positive number")
+    if not 0 < transmittance <= 1:
+        raise ValueError(f"the transmittance is {transmittance}; expected above 0, up to 1 for a lens without loss")
+    return np.pi / 4 * transmittance * np.asarray(luminance, np.float64) * np.cos(angle) ** 4 / f_number**2
 
 
 def _cosine_fourth(radiance: np.ndarray, view: View) -> Callable[[int, int], np.ndarray]:

@@ -36,7 +36,7 @@ class Match:
     seed: int = 0
 
 
-def matched(change: Change, match: Match) -> Change:
+def match_to_plate(change: Change, match: Match) -> Change:
     """The change as the plate's lens would have drawn it, for compositing over that plate.
 
     Light falls off in front of the sensor and is spread on it, so the fall-off comes first. It dims all that was
@@ -53,10 +53,10 @@ def matched(change: Change, match: Match) -> Change:
             objects_variance=(change.objects_variance * falloff**2).astype(np.float32),
             difference_variance=(change.difference_variance * falloff**2).astype(np.float32),
         )
-    return change if match.sharpness is None else match.sharpness.applied(change)
+    return change if match.sharpness is None else match.sharpness.apply(change)
 
 
-def dimmed(radiance: np.ndarray, match: Match) -> np.ndarray:
+def apply_vignetting(radiance: np.ndarray, match: Match) -> np.ndarray:
     """A render (H, W, 3) with the fall-off that `matched` gives a change; itself where there is none."""
     if match.vignetting is None:
         return radiance
@@ -74,18 +74,18 @@ def grain_share(matte: np.ndarray) -> np.ndarray:
     return np.sqrt(1 - kept**2)
 
 
-def grained(composite: np.ndarray, matte: np.ndarray, match: Match) -> np.ndarray:
+def add_grain(composite: np.ndarray, matte: np.ndarray, match: Match) -> np.ndarray:
     """The composite (H, W, 3) float32 with the grain of the plate's radiance on what the objects cover.
 
     Pixels that no object covers keep every bit. Nothing falls below 0.
     """
     if match.radiance_grain is None:
         return composite
-    noisy = match.radiance_grain.applied(composite, grain_share(matte), seed=match.seed)
+    noisy = match.radiance_grain.apply(composite, grain_share(matte), seed=match.seed)
     return np.where((matte > 0)[..., None], np.maximum(noisy, 0), composite).astype(np.float32)
 
 
-def sat_in(
+def composite_into_photograph(
     photograph: Photograph, picture: np.ndarray, before: np.ndarray, matte: np.ndarray, match: Match
 ) -> Photograph:
     """The photograph with the objects in it: its own grain where they are not, grain like it where they are.
@@ -119,6 +119,6 @@ def sat_in(
         old, new = (np.sqrt(grain.deviation_at(v) ** 2 + ROUNDING) for v in (before, picture))
         # What saturates does so without noise, being far above the largest value or clipped.
         share = np.where((picture >= white) | (picture <= 0), 0.0, np.sqrt(1 - kept**2))
-        values = grain.applied(picture, share, seed=match.seed) + kept * own * (new / old)
+        values = grain.apply(picture, share, seed=match.seed) + kept * own * (new / old)
     pixels = np.rint(np.clip(values, 0, white)).astype(photograph.pixels.dtype)
     return replace(photograph, pixels=np.where(changed, pixels, photograph.pixels), name="developed picture")

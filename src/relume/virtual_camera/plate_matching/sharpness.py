@@ -52,7 +52,7 @@ class Sharpness:
         once = convolve1d(plane.astype(np.float64), taps, axis=0, mode="reflect")
         return convolve1d(once, taps, axis=1, mode="reflect").astype(plane.dtype)
 
-    def applied(self, change: Change) -> Change:
+    def apply(self, change: Change) -> Change:
         """The change as the plate's lens would have drawn it: objects, matte and difference softened alike.
 
         change : premultiplied, rendered with pixels as wide as they are (a box filter) and without a lens of its own

@@ -7,11 +7,13 @@ from .display.displays import Srgb as Srgb
 from .display.false_colour import false_colour as false_colour
 from .display.stops import stops_sheet as stops_sheet
 from .display.writing import write_display as write_display
+from .display_range import DisplayRange as DisplayRange
 from .ferwerda import Ferwerda as Ferwerda
+from .ferwerda import adaptation_after as adaptation_after
 from .histogram.adjustment import HistogramAdjustment as HistogramAdjustment
 from .metered import CameraExposure as CameraExposure
-from .metered import Fixed as Fixed
-from .metered import Metered as Metered
+from .metered import FixedExposure as FixedExposure
+from .metered import MeteredExposure as MeteredExposure
 from .ocio import Ocio as Ocio
 from .pattanaik.pattanaik import Pattanaik as Pattanaik
 from .reinhard import Reinhard as Reinhard

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from relume.image.colour import decode_srgb
-from relume.virtual_camera.steps import Adaptation
+from relume.virtual_camera.protocols import Adaptation
 from relume.virtual_camera.view import View
 
 LEAST = 1 / 255
@@ -34,6 +35,8 @@ class BlackWhitePoint:
     black: float = 1.0
     white: float = 1.0
 
+    absolute: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
         if not (np.isfinite(self.white) and 0 < self.black * LEAST < self.white):
             raise ValueError(
@@ -45,11 +48,11 @@ class BlackWhitePoint:
         """g, 1 for the base image and less for a wider range."""
         return float(np.log(255) / np.log(255 * self.white / self.black))
 
-    def adapted(self, radiance: np.ndarray, view: View) -> Adaptation:
+    def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
         """Nothing: both points are told, not measured."""
         return Adaptation(np.zeros(0))
 
-    def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
+    def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Linear values that the sRGB curve turns into the filter's pixel values; brighter than `white` exceeds 1."""
         from relume.virtual_camera.film.float_table import mapped, tabulated
 

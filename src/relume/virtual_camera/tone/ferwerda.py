@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from relume.image.primaries import REC709
-from relume.virtual_camera.steps import Adaptation, Screen
+from relume.virtual_camera.protocols import Adaptation
+from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.tone.overflow import without_overflow
 from relume.virtual_camera.tone.vision import (
     BRIGHTEST_MESOPIC,
@@ -48,7 +49,7 @@ class Ferwerda:
     Adaptation: (2,), natural logarithms of what cones and rods are adapted to, cd/m², photopic and scotopic.
     """
 
-    screen: Screen = Screen(100.0, 0.01)
+    screen: DisplayRange = DisplayRange(100.0, 0.01)
     percentile: float = 99.0
     acuity: bool = True
     colour: bool = True
@@ -59,7 +60,7 @@ class Ferwerda:
         if not 0 < self.percentile <= 100:
             raise ValueError(f"percentile is {self.percentile}; expected more than 0 and at most 100")
 
-    def adapted(self, radiance: np.ndarray, view: View) -> Adaptation:
+    def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
         """What cones and rods before radiance (H, W, 3) are adapted to in the end."""
         from relume.virtual_camera.tone.luminance_statistics import light_sum, percentiles
 
@@ -69,8 +70,8 @@ class Ferwerda:
         cones = max(bright / 2, _DARKEST)
         return Adaptation(np.log([cones, max(cones * rods_per_cones, _DARKEST)]))
 
-    def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
-        """Display values (H, W, 3): `Screen.values_of` what an eye would see, its channels in cd/m² of white."""
+    def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
+        """Display values (H, W, 3): `DisplayRange.values_of` what an eye would see, its channels in cd/m² of white."""
         from relume._kernel import in_threads
         from relume.virtual_camera.tone.ferwerda_kernel import see
         from relume.virtual_camera.tone.histogram.acuity import blurred_by_acuity
@@ -94,7 +95,7 @@ class Ferwerda:
         return result.reshape(radiance.shape)
 
 
-def multipliers(adaptation: Adaptation, screen: Screen) -> np.ndarray:
+def multipliers(adaptation: Adaptation, screen: DisplayRange) -> np.ndarray:
     """(2,) cd/m² on the screen per cd/m² seen by cones, and per scotopic cd/m² seen by rods, their share included.
 
     Tp(Lda) / Tp(Lwa) and k · Tp(Lda) / Ts(Lwa) (Ferwerda et al. 1996, §4.1): a difference at the scene's threshold is

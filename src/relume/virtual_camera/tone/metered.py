@@ -9,7 +9,7 @@ import numpy as np
 
 from relume.image.colour import decode_srgb
 from relume.image.photograph import Exposure
-from relume.virtual_camera.steps import Adaptation
+from relume.virtual_camera.protocols import Adaptation
 from relume.virtual_camera.view import View
 
 SPEED_FACTOR = 0.65
@@ -24,7 +24,7 @@ _DARKEST = 1e-30
 
 
 @runtime_checkable
-class Linear(Protocol):
+class LinearExposure(Protocol):
     """A tone that is one factor on all light, so that it may be applied together with the display's curve."""
 
     def gain(self, adaptation: Adaptation, view: View) -> float:
@@ -33,7 +33,7 @@ class Linear(Protocol):
 
 
 @dataclass(frozen=True)
-class Metered:
+class MeteredExposure:
     """Exposed so that the picture's own light comes out right: by two rules, of which the brighter exposure is taken.
 
     percentile : of the channels' values above 0, %; it becomes 1, the screen's white. 99 leaves lamps and their
@@ -50,6 +50,8 @@ class Metered:
     percentile: float | None = 99.0
     grey: float | None = 0.18
 
+    absolute: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
         if self.percentile is None and self.grey is None:
             raise ValueError("percentile and grey are both None; a meter needs one of them")
@@ -58,7 +60,7 @@ class Metered:
         if self.grey is not None and not (np.isfinite(self.grey) and self.grey > 0):
             raise ValueError(f"grey is {self.grey}; expected a display value above 0, or None")
 
-    def adapted(self, radiance: np.ndarray, view: View) -> Adaptation:
+    def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
         """The exposure that a meter asks for in front of radiance (H, W, 3)."""
         from relume.virtual_camera.tone.luminance_statistics import light_sum, log_average, percentiles
 
@@ -75,7 +77,7 @@ class Metered:
         """Display values per unit of radiance."""
         return float(np.exp(adaptation.values[0]))
 
-    def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
+    def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Radiance (H, W, 3) times the gain."""
         from relume.virtual_camera.tone.luminance_curve import scaled
 
@@ -83,7 +85,7 @@ class Metered:
 
 
 @dataclass(frozen=True)
-class Fixed:
+class FixedExposure:
     """Exposed as told, whatever the picture shows.
 
     display_per_radiance : display values per unit of radiance; 1 shows radiance as it is
@@ -91,11 +93,13 @@ class Fixed:
 
     display_per_radiance: float = 1.0
 
+    absolute: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
         if not (np.isfinite(self.display_per_radiance) and self.display_per_radiance > 0):
             raise ValueError(f"display_per_radiance is {self.display_per_radiance}; expected a positive number")
 
-    def adapted(self, radiance: np.ndarray, view: View) -> Adaptation:
+    def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
         """Nothing: (0,)."""
         return Adaptation(np.zeros(0))
 
@@ -103,7 +107,7 @@ class Fixed:
         """Display values per unit of radiance."""
         return self.display_per_radiance
 
-    def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
+    def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Radiance (H, W, 3) times the gain."""
         from relume.virtual_camera.tone.luminance_curve import scaled
 
@@ -130,7 +134,7 @@ class CameraExposure:
     def __post_init__(self) -> None:
         saturation_luminance(self.exposure)
 
-    def adapted(self, radiance: np.ndarray, view: View) -> Adaptation:
+    def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
         """Nothing: (0,)."""
         return Adaptation(np.zeros(0))
 
@@ -141,7 +145,7 @@ class CameraExposure:
             white *= STANDARD_OUTPUT / SATURATING / _GREY
         return view.luminance_scale / white
 
-    def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
+    def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Radiance (H, W, 3) times the gain."""
         from relume.virtual_camera.tone.luminance_curve import scaled
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from relume.image.colour import decode_srgb
 from relume.image.primaries import REC709
-from relume.virtual_camera.steps import Adaptation
+from relume.virtual_camera.protocols import Adaptation
 from relume.virtual_camera.view import View
 
 BUILT_IN = "ocio://default"
@@ -68,14 +68,14 @@ class Ocio:
         if isinstance(self.looks, str):
             raise ValueError(f'looks is "{self.looks}"; expected a tuple of names, as ("{self.looks}",)')
 
-    def adapted(self, radiance: np.ndarray, view: View) -> Adaptation:
+    def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
         """values (1,): the natural logarithm of what is shown as middle grey, in the picture's unit."""
         from relume.virtual_camera.tone.luminance_statistics import log_average
 
         grey = log_average(radiance) if self.grey is None else self.grey
         return Adaptation(np.array([np.log(grey)]))
 
-    def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
+    def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Linear display values (H, W, 3) float32.
 
         Raises ValueError where OpenColorIO is missing, its configuration cannot be read or does not know linear

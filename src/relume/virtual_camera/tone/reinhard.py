@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from relume.image.colour import luminance
-from relume.virtual_camera.steps import Adaptation
+from relume.virtual_camera.protocols import Adaptation
 from relume.virtual_camera.view import View
 
 NEAR_BLACK = 1e-6
@@ -31,31 +32,24 @@ class Reinhard:
     key: float | None = 0.18
     white: float | None = None
 
+    absolute: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
         require_key(self.key)
         if self.white is not None and not self.white > 0:
             raise ValueError(f"white is {self.white}; expected a luminance above 0, infinity, or None")
 
-    def adapted(self, radiance: np.ndarray, view: View) -> Adaptation:
+    def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
         """Log average (eq. 1), highest luminance and key of radiance (H, W, 3)."""
         return Adaptation(np.log(settled(radiance, self.key)))
 
-    def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
+    def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Display values (H, W, 3) (eq. 2 and 4)."""
         from relume.virtual_camera.tone.luminance_curve import photographic
 
         average, highest, key = np.exp(adaptation.values)
         scale = float(key / average)
         return photographic(radiance, scale, scale * highest if self.white is None else self.white)
-
-
-def photographic_curve(light: np.ndarray, white: float = np.inf) -> np.ndarray:
-    """Display luminance L(1 + L/Lw²)/(1 + L) (Reinhard et al. 2002, eq. 4), eq. 3 where `white` is infinite.
-
-    light : luminance, already scaled so that middle grey is at the key (eq. 2)
-    """
-    light = np.asarray(light, dtype=np.float64)
-    return light * (1 + light / white / white) / (1 + light)
 
 
 def settled(radiance: np.ndarray, key: float | None) -> tuple[float, float, float]:

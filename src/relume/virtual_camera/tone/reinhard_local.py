@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from relume.virtual_camera.steps import Adaptation
+from relume.virtual_camera.protocols import Adaptation
 from relume.virtual_camera.tone.reinhard import require_key, settled
 from relume.virtual_camera.view import View
 
@@ -39,6 +40,8 @@ class ReinhardLocal:
     threshold: float = 0.05
     scales: int = 8
 
+    absolute: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
         require_key(self.key)
         if not abs(self.sharpening) <= 50:
@@ -48,11 +51,11 @@ class ReinhardLocal:
         if not 1 <= self.scales <= 12:
             raise ValueError(f"scales is {self.scales}; expected 1 to 12; 12 reach over hundreds of pixels")
 
-    def adapted(self, radiance: np.ndarray, view: View) -> Adaptation:
+    def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
         """Log average (eq. 1), highest luminance and key of radiance (H, W, 3)."""
         return Adaptation(np.log(settled(radiance, self.key)))
 
-    def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
+    def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Display values (H, W, 3) (eq. 9)."""
         from relume._kernel import in_threads
         from relume.virtual_camera.tone.luminance_curve import WEIGHTS

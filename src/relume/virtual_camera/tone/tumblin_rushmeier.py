@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from relume.virtual_camera.steps import Adaptation, Screen
+from relume.virtual_camera.protocols import Adaptation
+from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.view import View
 
 NEAR_BLACK = 2.3e-5
@@ -28,18 +29,18 @@ class TumblinRushmeier:
     Adaptation: (1,), natural logarithm of the scene's log average, cd/m².
     """
 
-    screen: Screen = Screen()
+    screen: DisplayRange = DisplayRange()
 
     absolute: ClassVar[bool] = True
 
-    def adapted(self, radiance: np.ndarray, view: View) -> Adaptation:
+    def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
         """What an eye before radiance (H, W, 3) is adapted to: exp of the mean of ln(L + 2.3e-5), cd/m²."""
         from relume.virtual_camera.tone.luminance_statistics import log_average
 
         scale = view.luminance_scale
         return Adaptation(np.log([log_average(radiance, NEAR_BLACK / scale) * scale]))
 
-    def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
+    def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Display values (H, W, 3) whose luminances, with the screen's black, are those of `screen_luminance`."""
         from relume.virtual_camera.tone.luminance_curve import curved
 
@@ -51,7 +52,7 @@ class TumblinRushmeier:
         )
 
 
-def screen_luminance(luminance: np.ndarray, adapted: float, screen: Screen) -> np.ndarray:
+def screen_luminance(luminance: np.ndarray, adapted: float, screen: DisplayRange) -> np.ndarray:
     """cd/m² on the screen for cd/m² in the scene: m · Lda · (Lw / Lwa) ^ (γw / γd), m = √Cmax ^ (γw / γd − 1).
 
     adapted : Lwa, cd/m²

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import ClassVar
 
 import numpy as np
 
@@ -45,6 +46,8 @@ class CameraGlare:
     halo_power: float = 1.25
     mirrored: bool = False
 
+    absolute: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
         for name in ("f_number", "sensor_width", "halo_core"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
@@ -54,7 +57,7 @@ class CameraGlare:
         if not (np.isfinite(self.halo_power) and self.halo_power > 1):
             raise ValueError(f"halo_power is {self.halo_power}; expected more than 1, or the halo would have no end")
 
-    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+    def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 as it arrives on the sensor, in its unit. The star depends on no field of view."""
         height, width = radiance.shape[:2]
         arrived = spread_out(radiance, _last_point_spread(self, height, width), mirrored=self.mirrored)

@@ -83,7 +83,7 @@ def near_light(blades: Blades, order: np.ndarray, reach: int) -> np.ndarray:
 
 def _pattern(blades: Blades, most: int) -> np.ndarray:
     """(2 most + 1, 2 most + 1) |F|² / A at every 1 / PER_ORDER of an order."""
-    opening = blades.drawn(CELLS)
+    opening = blades.draw(CELLS)
     cell = 2 * blades.corner / CELLS
     across = (np.arange(CELLS) + 0.5) * cell - blades.corner
     places = np.arange(-most, most + 1) / PER_ORDER

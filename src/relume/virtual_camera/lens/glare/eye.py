@@ -81,7 +81,7 @@ class EyeGlare:
         """Whether luminances have to be in cd/m²: where the adaptation is not told."""
         return self.adaptation is None
 
-    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+    def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 as it arrives on the retina, in its unit."""
         adaptation = self.adaptation or _rounded(view.settled or seen_luminance(radiance, view))
         reach = float(np.hypot(*radiance.shape[:2]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -27,6 +28,8 @@ class MeasuredGlare:
 
     kernel: np.ndarray
     mirrored: bool = False
+
+    absolute: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         shape = self.kernel.shape
@@ -60,7 +63,7 @@ class MeasuredGlare:
             raise ValueError("the lamp has a channel without light; photograph a white one")
         return MeasuredGlare(around / sums, mirrored)
 
-    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+    def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 as it arrives, in its unit."""
         kernel = self.kernel.astype(np.float64)
         kernel = kernel / kernel.sum((0, 1))

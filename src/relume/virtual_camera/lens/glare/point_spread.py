@@ -41,7 +41,7 @@ class PolarSpread:
 
     def nearby(self) -> np.ndarray:
         """(2 NEAR + 1, 2 NEAR + 1, 3) light of the pixels round the point; 0 in the middle."""
-        square = self.drawn(NEAR, NEAR).astype(np.float64)
+        square = self.draw(NEAR, NEAR).astype(np.float64)
         square[NEAR, NEAR] = 0
         return square
 
@@ -65,7 +65,7 @@ class PolarSpread:
         draw_rows(begin, canvas.width, hole, step, *parts, rows)
         return rows
 
-    def drawn(self, half_height: int, half_width: int) -> np.ndarray:
+    def draw(self, half_height: int, half_width: int) -> np.ndarray:
         """The spread as a picture (2 half_height + 1, 2 half_width + 1, 3) float32, `kept` in its middle."""
         canvas = Canvas(half_height + 1, half_width + 1)
         planes = []
@@ -86,7 +86,7 @@ def balanced(spread: PolarSpread, expected: Callable[[float], np.ndarray]) -> Po
     size = 2 * radius + 1
     fine = (np.arange(size * 8) + 0.5) / 8 - radius - 0.5
     covered = (np.hypot(fine, fine[:, None]) < radius).reshape(size, 8, size, 8).mean((1, 3))
-    held = np.einsum("ij,ijc->c", covered, spread.drawn(radius, radius).astype(np.float64))
+    held = np.einsum("ij,ijc->c", covered, spread.draw(radius, radius).astype(np.float64))
     return replace(spread, kept=spread.kept + expected(radius) - held)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -39,7 +40,7 @@ class HomographyPath:
     sensor gathers: even light stays even, and what is kept of a source is the sum of radiance × solid angle, not that
     of pixel values, where homographies change the size of things: to 1e-4 for lights of a few pixels. A single point on
     a line that a turn leaves in place may differ by its change of scale there, for so bilinear weights do. Pixels are
-    averaged over the time for which the picture tells what they saw (`known`); those that never saw it are black.
+    averaged over the time for which the picture tells what they saw (`coverage`); those that never saw it are black.
     Raises ValueError for matrices of another shape, not finite or singular, and for times that do not rise from
     −½ to ½; when applied, for a path on which a corner of the picture is not before the camera at a key time.
     """
@@ -47,6 +48,8 @@ class HomographyPath:
     matrices: np.ndarray
     times: np.ndarray | None = None
     shutter: Shutter = field(default_factory=Shutter)
+
+    absolute: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         matrices = np.asarray(self.matrices)
@@ -68,11 +71,11 @@ class HomographyPath:
         matrices = np.stack([np.asarray(matrix_at(float(time)), np.float64) for time in np.linspace(-0.5, 0.5, keys)])
         return cls(matrices, shutter=shutter or Shutter())
 
-    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+    def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 that the sensor gathers."""
         return _along(self, radiance, np.empty((0, 0), np.float32))
 
-    def known(self, shape: tuple[int, int], view: View) -> np.ndarray:
+    def coverage(self, shape: tuple[int, int], view: View) -> np.ndarray:
         """The share (H, W) float32 of a pixel's light that a picture of that shape (rows, columns) tells."""
         known = np.empty(shape, np.float32)
         _along(self, np.zeros((*shape, 3), np.float32), known)
@@ -99,6 +102,8 @@ class TurningCamera:
     roll: float = 0.0
     shutter: Shutter = field(default_factory=Shutter)
 
+    absolute: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
         angle = np.linalg.norm([self.pitch, self.yaw, self.roll])
         if not angle <= np.pi:
@@ -121,13 +126,13 @@ class TurningCamera:
             keys = 2 * keys - 1
         return HomographyPath.along(matrix_at, keys, shutter=self.shutter)
 
-    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+    def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 that the sensor gathers."""
-        return self.path((radiance.shape[0], radiance.shape[1]), view.focal_length).applied(radiance, view)
+        return self.path((radiance.shape[0], radiance.shape[1]), view.focal_length).apply(radiance, view)
 
-    def known(self, shape: tuple[int, int], view: View) -> np.ndarray:
+    def coverage(self, shape: tuple[int, int], view: View) -> np.ndarray:
         """The share (H, W) float32 of a pixel's light that a picture of that shape (rows, columns) tells."""
-        return self.path(shape, view.focal_length).known(shape, view)
+        return self.path(shape, view.focal_length).coverage(shape, view)
 
 
 def _along(path: HomographyPath, radiance: np.ndarray, known: np.ndarray) -> np.ndarray:

@@ -95,7 +95,7 @@ def _behind(motion, remoteness, y, x):
 
 @kernel
 def carried_tile(light, motion, remoteness, boxes, opening, shown, known, tile):
-    """Fills a tile of `shown` (H, W, 3) and of `known` (H, W): all that comes to it, carried and averaged.
+    """Fills a tile of `shown` (H, W, 3) and of `coverage` (H, W): all that comes to it, carried and averaged.
 
     motion : (H, W, 2), pixels
     remoteness : (H, W), logarithms; the smaller is before the larger

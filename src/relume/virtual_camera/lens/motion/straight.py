@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -25,7 +26,7 @@ class StraightMotion:
     bilinear interpolation of radiance: Debevec & Malik's 37×1 box (1997, §3, Fig. 9b), of any length and angle. Its
     weights are not negative, so that a sun has no dark rings, and they sum to 1: light whose streak ends at least a
     length within the border is kept. Nearer to it a pixel is averaged over the time for which the picture tells what
-    it saw (`known`): even light stays even.
+    it saw (`coverage`): even light stays even.
 
     A level or upright line behind a box shutter costs the same whatever its length.
     Raises ValueError for a motion that is not finite, or longer than any picture (65536 pixels).
@@ -35,11 +36,13 @@ class StraightMotion:
     dy: float = 0.0
     shutter: Shutter = field(default_factory=Shutter)
 
+    absolute: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
         if not np.hypot(self.dx, self.dy) <= 65536:
             raise ValueError(f"the motion is ({self.dx}, {self.dy}); expected at most 65536 pixels right and down")
 
-    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+    def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 that the sensor gathers."""
         from relume._kernel import in_threads
         from relume.virtual_camera.lens.motion.kernels import gathered, level_sums, upright_sums
@@ -68,7 +71,7 @@ class StraightMotion:
         in_threads(lambda b, e: gathered(flat, rows, columns, weights, out, b, e), height, chunk=_BAND)
         return result
 
-    def known(self, shape: tuple[int, int], view: View) -> np.ndarray:
+    def coverage(self, shape: tuple[int, int], view: View) -> np.ndarray:
         """The share (H, W) float32 of a pixel's light that a picture of that shape (rows, columns) tells."""
         height, width = shape
         steps = np.zeros((height + 1, width + 1))

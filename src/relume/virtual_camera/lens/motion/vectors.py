@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -30,11 +31,13 @@ class MotionVectors:
 
     shutter: Shutter = field(default_factory=Shutter)
 
-    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+    absolute: ClassVar[bool] = False
+
+    def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 that the sensor gathers."""
         return _carried(self.shutter, radiance, view)[0]
 
-    def known(self, shape: tuple[int, int], view: View) -> np.ndarray:
+    def coverage(self, shape: tuple[int, int], view: View) -> np.ndarray:
         """The share (H, W) float32 of a pixel's light that a picture of that shape tells, guesses apart."""
         return _carried(self.shutter, np.zeros((*shape, 3), np.float32), view)[1]
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.image.colour import LUMINANCE_WEIGHTS, luminance
-from relume.virtual_camera.steps import Adaptation, Screen
+from relume.virtual_camera.protocols import Adaptation
+from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.tone.histogram.acuity import blurred_by_acuity
 from relume.virtual_camera.tone.histogram.curve import (
     BRIGHTEST,
@@ -49,7 +50,7 @@ class HistogramAdjustment:
     A scene that fits on the screen is exposed in proportion: there the curve gives way to a plain factor at once.
     """
 
-    screen: Screen = Screen()
+    screen: DisplayRange = DisplayRange()
     contrast: Contrast = LinearContrast()
     veil: bool = False
     acuity: bool = False
@@ -57,7 +58,7 @@ class HistogramAdjustment:
     centre_weighted: bool = False
 
     @staticmethod
-    def human(screen: Screen = Screen()) -> HistogramAdjustment:
+    def human(screen: DisplayRange = DisplayRange()) -> HistogramAdjustment:
         """With all that the paper models of the eye, as `pcond -h`."""
         return HistogramAdjustment(screen, HumanContrast(), veil=True, acuity=True, colour=True)
 
@@ -66,7 +67,7 @@ class HistogramAdjustment:
         """Whether luminances have to be in cd/m²."""
         return self.acuity or self.colour or self.contrast.absolute
 
-    def adapted(self, radiance: np.ndarray, view: View) -> Adaptation:
+    def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
         """Logarithms of the luminance that is told as 1 (cd/m²), and by it of the mean, the least and the greatest of
         all samples; then the share of every bin of the fine histogram.
 
@@ -97,7 +98,7 @@ class HistogramAdjustment:
         kept = np.append(shares[: bins - 1], shares[bins - 1 :].sum())
         return Adaptation(np.concatenate([[np.log(unit), mean], np.log(np.clip(extremes, DARKEST, BRIGHTEST)), kept]))
 
-    def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
+    def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Linear display values: the eye's losses where they are asked for, then the curve, a factor to each pixel."""
         from relume._kernel import in_threads
         from relume.virtual_camera.tone.histogram.kernels import shown_by

@@ -12,7 +12,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from relume.virtual_camera.steps import Screen
+from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.tone.vision import threshold
 
 DARKEST, BRIGHTEST = 1e-7, 1e7
@@ -90,7 +90,7 @@ def bin_logarithms() -> np.ndarray:
 
 
 def gains(
-    shares: np.ndarray, mean: float, darkest: float, brightest: float, screen: Screen, contrast: Contrast
+    shares: np.ndarray, mean: float, darkest: float, brightest: float, screen: DisplayRange, contrast: Contrast
 ) -> np.ndarray:
     """(32769,) float32, display value per luminance at the lower edge of every upper half of a float32.
 

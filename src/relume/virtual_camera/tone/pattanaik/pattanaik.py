@@ -12,7 +12,8 @@ from typing import ClassVar
 import numpy as np
 
 from relume.image.primaries import REC709
-from relume.virtual_camera.steps import Adaptation, Screen
+from relume.virtual_camera.protocols import Adaptation
+from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.tone.overflow import without_overflow
 from relume.virtual_camera.view import View
 
@@ -41,7 +42,7 @@ class Pattanaik:
     screen is too dim for.
     """
 
-    screen: Screen = Screen()
+    screen: DisplayRange = DisplayRange()
     screen_adaptation: float | None = None
 
     absolute: ClassVar[bool] = True
@@ -51,11 +52,11 @@ class Pattanaik:
         if adapted is not None and not (np.isfinite(adapted) and adapted > 0):
             raise ValueError(f"screen_adaptation is {adapted}; expected a positive luminance in cd/m², or None")
 
-    def adapted(self, radiance: np.ndarray, view: View) -> Adaptation:
+    def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
         """values (0,): every part of the model is adapted to its own surroundings in the picture, none to all of it."""
         return Adaptation(np.empty(0))
 
-    def displayed(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
+    def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Linear display values (H, W, 3) float32: light is never negative, and what is darker than the
         screen's black is below 0 by that at most."""
         from relume._kernel import in_threads

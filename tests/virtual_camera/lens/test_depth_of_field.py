@@ -9,7 +9,6 @@ from relume.virtual_camera.lens.depth_of_field import (
     aperture_of,
     depth_of_field,
     disc_of_confusion,
-    sharpness_expected,
 )
 
 
@@ -54,10 +53,3 @@ def test_at_the_ends_of_the_depth_of_field_the_disc_is_as_wide_as_accepted():
     assert far == np.inf and near == pytest.approx(2.5)
     with pytest.raises(ValueError, match="all must be positive"):
         depth_of_field(0, 1, 1000)
-
-
-def test_an_even_disc_has_a_quarter_of_its_diameter_as_deviation():
-    y, x = (np.mgrid[:801, :801] - 400) / 400 * 0.5
-    inside = np.hypot(x, y) <= 0.5
-    # 1 pixel wide: A v |1/d − 1/s| = 0.01 · 1000 · 0.1
-    assert sharpness_expected(1 / 0.6, 0.01, 2.0, 1000.0) == pytest.approx(x[inside].std(), rel=0.003)

@@ -23,7 +23,7 @@ def within(picture: np.ndarray, radius: int) -> np.ndarray:
 def test_a_stars_light_is_all_there(curvature, f_number):
     radius = 200
     spread = CameraGlare(Blades(7, curvature), f_number, 24.0, veil=0).point_spread(2160, 3840)
-    picture = spread.drawn(radius, radius).astype(np.float64)
+    picture = spread.draw(radius, radius).astype(np.float64)
     # What lies outside of the circle by r⁻³ is 2 π r² times the mean on it: taken from the picture itself.
     y, x = np.mgrid[-radius : radius + 1, -radius : radius + 1]
     ring = np.abs(np.hypot(x, y) - 160) < 20
@@ -43,7 +43,7 @@ def test_the_middle_keeps_what_diffraction_leaves_there():
 def test_a_halo_is_as_large_as_its_share():
     radius = 300
     glare = CameraGlare(f_number=1.0, veil=0, halo=0.2, halo_core=0.01, halo_power=1.5)
-    picture = glare.point_spread(600, 800).drawn(radius, radius).astype(np.float64)
+    picture = glare.point_spread(600, 800).draw(radius, radius).astype(np.float64)
     # Within r the halo holds 1 − (1 + (r / core)²)^(1 − power), with a core of 10 pixels.
     expected = 0.8 + 0.2 * (1 - 901**-0.5)
     assert within(picture, radius) == pytest.approx(np.full(3, expected), abs=1e-4)
@@ -54,7 +54,7 @@ def test_a_halo_is_as_large_as_its_share():
 def test_the_veil_is_even_and_keeps_all_light():
     radiance = np.zeros((101, 121, 3), np.float32)
     radiance[50, 60] = 1000, 2000, 3000
-    bare, veiled = (CameraGlare(f_number=1.0, veil=veil).applied(radiance, VIEW) for veil in (0.0, 0.05))
+    bare, veiled = (CameraGlare(f_number=1.0, veil=veil).apply(radiance, VIEW) for veil in (0.0, 0.05))
     assert veiled[0, 0] / (0.05 * radiance.mean((0, 1))) == pytest.approx(np.ones(3), rel=0.05)
     held, light = (picture.sum((0, 1), dtype=np.float64) for picture in (bare, radiance))
     assert veiled.sum((0, 1), dtype=np.float64) == pytest.approx(0.95 * held + 0.05 * light, rel=1e-5)
@@ -64,7 +64,7 @@ def test_the_veil_is_even_and_keeps_all_light():
 def test_stars_grow_with_the_f_number_and_redden_outwards():
     lamp = np.zeros((161, 161, 3), np.float32)
     lamp[80, 80] = 1e4
-    open_, closed = (CameraGlare(f_number=f, veil=0).applied(lamp, VIEW) for f in (4.0, 8.0))
+    open_, closed = (CameraGlare(f_number=f, veil=0).apply(lamp, VIEW) for f in (4.0, 8.0))
     far = (slice(None), slice(130, 160))
     assert closed[far].sum() / open_[far].sum() == pytest.approx(2, rel=0.03)
     red, green, blue = closed[far].sum((0, 1))
@@ -76,7 +76,7 @@ def test_a_star_is_as_large_however_the_camera_is_held():
     lamp = np.zeros((81, 161, 3), np.float32)
     lamp[40, 80] = 1e4
     lying = CameraGlare(Blades(8), 11.0, veil=0.02, halo=0.05)
-    landscape, portrait = (lying.applied(np.ascontiguousarray(scene), VIEW) for scene in (lamp, lamp.swapaxes(0, 1)))
+    landscape, portrait = (lying.apply(np.ascontiguousarray(scene), VIEW) for scene in (lamp, lamp.swapaxes(0, 1)))
     np.testing.assert_allclose(portrait.swapaxes(0, 1), landscape, rtol=2e-3, atol=1e-6)
 
 
@@ -86,7 +86,7 @@ def test_spikes_count_as_blades_in_the_picture():
     angle = np.linspace(0, 2 * np.pi, 720, endpoint=False) + 0.002
     place = (np.rint(100 + 70 * np.sin(angle)).astype(int), np.rint(100 + 70 * np.cos(angle)).astype(int))
     for blades, rays in ((6, 6), (5, 10)):
-        ring = CameraGlare(Blades(blades, rotation=-0.2 - np.pi / blades), veil=0).applied(lamp, VIEW)[..., 1][place]
+        ring = CameraGlare(Blades(blades, rotation=-0.2 - np.pi / blades), veil=0).apply(lamp, VIEW)[..., 1][place]
         above = ring > 4 * ring.mean()
         smooth = np.convolve(np.concatenate([above[-6:], above, above[:6]]), np.ones(13), "valid") > 0
         assert np.count_nonzero(smooth & ~np.roll(smooth, 1)) == rays
@@ -114,9 +114,9 @@ def test_frames_of_one_size_share_a_point_spread_and_others_do_not(monkeypatch):
     monkeypatch.setattr(CameraGlare, "point_spread", counted)
     frame = np.ones((21, 33, 3), np.float32)
     glare = CameraGlare(f_number=5.1)
-    first = glare.applied(frame, VIEW)
-    np.testing.assert_array_equal(CameraGlare(f_number=5.1).applied(frame, VIEW), first)
+    first = glare.apply(frame, VIEW)
+    np.testing.assert_array_equal(CameraGlare(f_number=5.1).apply(frame, VIEW), first)
     assert made == [(21, 33)]
     for other, light in ((glare, frame[:20]), (CameraGlare(f_number=5.2), frame), (CameraGlare(Blades(5)), frame)):
-        other.applied(light, VIEW)
+        other.apply(light, VIEW)
     assert made == [(21, 33), (20, 33), (21, 33), (21, 33)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from relume.virtual_camera.film.undeveloping import AllButEnds, undevelop
 from relume.virtual_camera.lens.vignetting import MeasuredVignetting
 from relume.virtual_camera.plate_matching.camera_profile import profiled_response, profiled_scale, profiled_vignetting
 from relume.virtual_camera.plate_matching.sharpness import Sharpness, measured_sharpness
-from relume.virtual_camera.steps import Optics
+from relume.virtual_camera.protocols import Optics
 from relume.virtual_camera.view import View
 
 MIDDLE = 118 / 255
@@ -40,7 +41,9 @@ class Softness:
 
     sharpness: Sharpness
 
-    def applied(self, radiance: np.ndarray, view: View) -> np.ndarray:
+    absolute: ClassVar[bool] = False
+
+    def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 as that lens spreads it; light stays the same, mirrored at the border."""
         out = np.empty(radiance.shape, np.float32)
         for channel in range(3):
@@ -62,7 +65,7 @@ class MatchedCamera:
     facts: tuple[str, ...]
 
 
-def matched_film(
+def match_camera(
     photograph: Photograph,
     picture: RadianceMap,
     profile: CameraProfile | Response | None = None,

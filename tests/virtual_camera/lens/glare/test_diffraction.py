@@ -25,7 +25,7 @@ def test_a_round_opening_draws_airys_disc(iris):
 
 def test_the_slow_sum_over_the_opening_agrees():
     iris, order, size = Blades(5, 0.3, 0.2), 6.0, 96
-    opening = iris.drawn(size)
+    opening = iris.draw(size)
     cell = 2 * iris.corner / size
     across = (np.arange(size) + 0.5) * cell - iris.corner
     u, v = np.meshgrid(across, across)

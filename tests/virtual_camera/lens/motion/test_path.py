@@ -49,7 +49,7 @@ def test_a_turn_is_the_mean_of_what_the_camera_sees(turn: tuple[float, float, fl
 
     expected, known = averaged(picture, place_at, shutter.light, samples=300)
     camera = TurningCamera(*turn, shutter)
-    seen, share = camera.applied(picture, View(focal_length)), camera.known((height, width), View(focal_length))
+    seen, share = camera.apply(picture, View(focal_length)), camera.coverage((height, width), View(focal_length))
     np.testing.assert_allclose(share, known, atol=0.015)
     sure = known > 0.1
     assert np.abs(seen - expected)[sure].max() < 0.02
@@ -61,8 +61,8 @@ def test_a_path_of_shifts_is_a_straight_motion():
     for motion in ((9.0, 4.0), (24.0, 0.0), (1.5, -2.5)):
         path = HomographyPath.along(lambda t, m=motion: shift(m[0] * t, m[1] * t), 2)
         straight = StraightMotion(*motion)
-        assert np.abs(path.applied(picture, view) - straight.applied(picture, view)).max() < 0.012
-        np.testing.assert_allclose(path.known((50, 70), view), straight.known((50, 70), view), atol=0.003)
+        assert np.abs(path.apply(picture, view) - straight.apply(picture, view)).max() < 0.012
+        np.testing.assert_allclose(path.coverage((50, 70), view), straight.coverage((50, 70), view), atol=0.003)
 
 
 def test_key_times_share_the_exposure_and_the_matrices_lead_to_the_picture():
@@ -71,11 +71,11 @@ def test_key_times_share_the_exposure_and_the_matrices_lead_to_the_picture():
     picture[:, 30] = 1
     times = np.array([-0.5, -0.25, -0.25 + 1e-9, 0.5])
     path = HomographyPath(np.stack([shift(0, 0), shift(0, 0), shift(10, 0), shift(10, 0)]), times)
-    seen = path.applied(picture, View(50.0))
+    seen = path.apply(picture, View(50.0))
     assert seen[1, 30, 0] == pytest.approx(0.25, abs=1e-5)
     assert seen[1, 20, 0] == pytest.approx(0.75, abs=1e-5)
     # A homography is one at any scale, and of either sign.
-    again = HomographyPath(-3 * path.matrices, times).applied(picture, View(50.0))
+    again = HomographyPath(-3 * path.matrices, times).apply(picture, View(50.0))
     np.testing.assert_allclose(again, seen, atol=1e-6)
 
 
@@ -93,7 +93,7 @@ def test_a_shaking_hand_follows_its_keys():
         return tuple((1 - share) * before + share * after for before, after in places)
 
     expected, known = averaged(picture, place_at, samples=400)
-    seen = HomographyPath(matrices).applied(picture, View(60.0))
+    seen = HomographyPath(matrices).apply(picture, View(60.0))
     assert np.abs(seen - expected)[known > 0.1].max() < 0.03
 
 
@@ -104,31 +104,31 @@ def test_light_is_kept_by_solid_angle():
     cosine = focal_length / np.sqrt(focal_length**2 + (x - 71.5) ** 2 + (y - 60) ** 2)
     for turn in ((0.06, 0.0, 0.0), (0.03, 0.03, 0.6)):
         camera = TurningCamera(*turn)
-        seen = camera.applied(picture, View(focal_length))
+        seen = camera.apply(picture, View(focal_length))
         before, after = (np.tensordot(cosine**3, light.astype(np.float64), 2) for light in (picture, seen))
         np.testing.assert_allclose(after, before, rtol=1e-4)
     # Where the scale stays that of the picture, pixel values are kept too.
     path = HomographyPath.along(lambda t: shift(13.7 * t + 8 * t * t, 9 * np.sin(5 * t)), 9)
     np.testing.assert_allclose(
-        path.applied(picture, View(90.0)).sum((0, 1), np.float64), picture.sum((0, 1), np.float64), rtol=1e-6
+        path.apply(picture, View(90.0)).sum((0, 1), np.float64), picture.sum((0, 1), np.float64), rtol=1e-6
     )
 
 
 def test_even_light_stays_even_and_suns_have_no_dark_rings():
     camera, view = TurningCamera(0.4, 0.1, 0.3), View(60.0)
-    np.testing.assert_allclose(camera.applied(np.full((33, 50, 3), 0.3, np.float32), view), 0.3, rtol=1e-6)
+    np.testing.assert_allclose(camera.apply(np.full((33, 50, 3), 0.3, np.float32), view), 0.3, rtol=1e-6)
     picture = np.full((60, 83, 3), 1e-3, np.float32)
     picture[30, 40] = 1e6
-    assert camera.applied(picture, view).min() == pytest.approx(1e-3, rel=1e-5)
+    assert camera.apply(picture, view).min() == pytest.approx(1e-3, rel=1e-5)
     for shape in ((1, 1, 3), (5, 7, 3), (2, 30, 3)):
-        np.testing.assert_allclose(camera.applied(np.full(shape, 0.3, np.float32), View(9.0)), 0.3, rtol=1e-6)
+        np.testing.assert_allclose(camera.apply(np.full(shape, 0.3, np.float32), View(9.0)), 0.3, rtol=1e-6)
 
 
 def test_a_streak_has_no_bands():
     # An even line crossed by a turn: along the streak light changes smoothly, though runs and steps do not.
     picture = np.zeros((200, 400, 3), np.float32)
     picture[100, 150:250] = 1
-    seen = TurningCamera(0.0, 37 / 900, 0.0).applied(picture, View(900.0))
+    seen = TurningCamera(0.0, 37 / 900, 0.0).apply(picture, View(900.0))
     inside = seen[85:115, 155:245, 0]
     assert np.abs(inside / inside.mean() - 1).max() < 0.004
     assert np.abs(np.diff(inside, axis=1)).max() < 1e-5
@@ -136,15 +136,15 @@ def test_a_streak_has_no_bands():
 
 def test_what_never_saw_the_picture_is_black_and_known_not_at_all():
     away = HomographyPath(np.stack([shift(500, 0), shift(510, 0)]))
-    assert not away.applied(rough(), View(60.0)).any()
-    assert not away.known((50, 70), View(60.0)).any()
+    assert not away.apply(rough(), View(60.0)).any()
+    assert not away.coverage((50, 70), View(60.0)).any()
 
 
 def test_threads_change_nothing(monkeypatch):
     camera, picture = TurningCamera(0.2, 0.0, 0.1), rough(90, 70)
-    several = camera.applied(picture, View(60.0))
+    several = camera.apply(picture, View(60.0))
     monkeypatch.setattr("os.cpu_count", lambda: 1)
-    np.testing.assert_array_equal(camera.applied(picture, View(60.0)), several)
+    np.testing.assert_array_equal(camera.apply(picture, View(60.0)), several)
 
 
 def test_the_arc_is_as_fine_as_said():
@@ -175,22 +175,22 @@ def test_a_turn_that_takes_a_corner_behind_the_camera_is_refused_with_the_larges
     picture, view = rough(), View(35.0)
     for degrees in (91.0, 140.0, 180.0):
         with pytest.raises(ValueError, match=r"behind the camera; .* at most 89\.9°") as told:
-            TurningCamera(np.radians(degrees)).applied(picture, view)
+            TurningCamera(np.radians(degrees)).apply(picture, view)
         assert f"turns by {degrees:g}° and a picture of 90° × 71.1°" in str(told.value)
     with pytest.raises(ValueError, match="behind the camera"):
-        TurningCamera(np.radians(91.0)).known((50, 70), view)
-    TurningCamera(np.radians(89.8)).applied(picture, view)
+        TurningCamera(np.radians(91.0)).coverage((50, 70), view)
+    TurningCamera(np.radians(89.8)).apply(picture, view)
     # 2 atan(35 / 25) = 108.9° up or down; about its own axis a camera may turn as it likes.
     with pytest.raises(ValueError, match=r"at most 108\.8°"):
-        TurningCamera(0.0, np.radians(120.0)).applied(picture, view)
-    TurningCamera(0.0, 0.0, np.pi).applied(picture, view)
+        TurningCamera(0.0, np.radians(120.0)).apply(picture, view)
+    TurningCamera(0.0, 0.0, np.pi).apply(picture, view)
 
 
 def test_a_path_that_takes_a_corner_behind_the_camera_is_refused():
     tilted = np.eye(3)
     tilted[2, 0] = -1 / 60
     with pytest.raises(ValueError, match="at key time 2 of 2 the path takes a corner of the 70×50 picture behind"):
-        HomographyPath(np.stack([np.eye(3), tilted])).applied(rough(), View(60.0))
+        HomographyPath(np.stack([np.eye(3), tilted])).apply(rough(), View(60.0))
 
 
 def test_what_is_far_beside_the_picture_takes_no_samples():
@@ -198,9 +198,9 @@ def test_what_is_far_beside_the_picture_takes_no_samples():
     times = np.array([-0.5, -0.25, 0.0, 0.5])
     path = HomographyPath(np.stack([shift(0, 0), shift(10, 0), shift(90, 0), shift(1e30, 0)]), times)
     near = HomographyPath(np.stack([shift(0, 0), shift(10, 0), shift(90, 0), shift(200, 0)]), times)
-    seen, known = path.applied(rough(), View(60.0)), path.known((50, 70), View(60.0))
-    np.testing.assert_allclose(known, near.known((50, 70), View(60.0)), atol=1e-6)
-    np.testing.assert_allclose(seen, near.applied(rough(), View(60.0)), atol=1e-5)
+    seen, known = path.apply(rough(), View(60.0)), path.coverage((50, 70), View(60.0))
+    np.testing.assert_allclose(known, near.coverage((50, 70), View(60.0)), atol=1e-6)
+    np.testing.assert_allclose(seen, near.apply(rough(), View(60.0)), atol=1e-5)
 
 
 def test_a_turn_is_what_another_renderer_sees():
@@ -215,7 +215,7 @@ def test_a_turn_is_what_another_renderer_sees():
         rotation = Rotation.from_rotvec(time * turn).as_matrix()
         truth += perspective_view(sphere, rotation, field, size).radiance / samples
     camera, view = TurningCamera(turn[1], turn[0], turn[2]), View(48 / np.tan(field / 2))
-    seen, known = camera.applied(sharp, view), camera.known((64, 96), view) > 0.999
+    seen, known = camera.apply(sharp, view), camera.coverage((64, 96), view) > 0.999
     assert np.abs(seen - truth)[known].mean() < 0.01 * truth.mean()
-    wrong = TurningCamera(-turn[1], turn[0], turn[2]).applied(sharp, view)
+    wrong = TurningCamera(-turn[1], turn[0], turn[2]).apply(sharp, view)
     assert np.abs(wrong - truth)[known].mean() > 0.03 * truth.mean()

@@ -55,7 +55,7 @@ def experiment(light: EnvironmentMap, facing: np.ndarray, turn: np.ndarray, film
         rotation = facing @ Rotation.from_rotvec(time * turn).as_matrix()
         truth += perspective_view(light, rotation, FIELD, SIZE).radiance / views
     camera = TurningCamera(turn[1], turn[0], turn[2])
-    seen = camera.known(sharp.shape[:2], view) > 0.999
+    seen = camera.coverage(sharp.shape[:2], view) > 0.999
 
     def area(values: np.ndarray) -> float:
         return float(np.mean((values > SATURATED)[seen]))
@@ -64,9 +64,9 @@ def experiment(light: EnvironmentMap, facing: np.ndarray, turn: np.ndarray, film
     whole = area(film.pixel_values(truth) / 255)
     assert whole > 0.03
     return {
-        "radiance": area(film.pixel_values(camera.applied(sharp, view)) / 255) / whole,
-        "photograph": area(camera.applied(photograph, view)) / whole,
-        "straight": area(film.pixel_values(StraightMotion(PIXELS).applied(sharp, view)) / 255) / whole,
+        "radiance": area(film.pixel_values(camera.apply(sharp, view)) / 255) / whole,
+        "photograph": area(camera.apply(photograph, view)) / whole,
+        "straight": area(film.pixel_values(StraightMotion(PIXELS).apply(sharp, view)) / 255) / whole,
     }
 
 

@@ -28,7 +28,7 @@ def spread() -> PolarSpread:
 
 def test_rows_are_drawn_as_the_tables_say():
     given = spread()
-    drawn = given.drawn(30, 40)
+    drawn = given.draw(30, 40)
     y, x = np.mgrid[-30:31, -40:41].astype(np.float64)
     for channel in range(3):
         # The slow twin.
@@ -41,7 +41,7 @@ def test_rows_are_drawn_as_the_tables_say():
 
 
 def test_half_a_turn_changes_nothing():
-    drawn = spread().drawn(30, 40)
+    drawn = spread().draw(30, 40)
     assert np.array_equal(drawn[1:, 1:], drawn[::-1, ::-1][:-1, :-1]) or np.array_equal(drawn, drawn[::-1, ::-1])
     row = spread().rows(0, 0, 1, Canvas(2, 20))[0]
     assert np.allclose(row[1:20], row[:-20:-1], rtol=1e-6)

@@ -24,7 +24,7 @@ EYE = EyeGlare()
 
 def within(spread: PolarSpread, radius: int) -> np.ndarray:
     """(3,) light within a circle about the point."""
-    picture = spread.drawn(radius, radius).astype(np.float64)
+    picture = spread.draw(radius, radius).astype(np.float64)
     fine = (np.arange((2 * radius + 1) * 8) + 0.5) / 8 - radius - 0.5
     inside = np.hypot(fine, fine[:, None]) < radius
     covered = inside.reshape(2 * radius + 1, 8, 2 * radius + 1, 8).mean((1, 3))
@@ -96,7 +96,7 @@ def test_a_blur_that_a_pixel_holds_stays_in_it_and_a_wide_one_does_not():
 def test_the_halo_lies_at_three_degrees_times_the_wavelength():
     focal_length, amounts = 3000.0, channel_shares(np.arange(400.0, 701.0, 10.0))
     with_, without = (
-        EyeGlare(pupil=pupil).point_spread(0.001, View(focal_length), 500.0).drawn(0, 330)[0, 330:].astype(float)
+        EyeGlare(pupil=pupil).point_spread(0.001, View(focal_length), 500.0).draw(0, 330)[0, 330:].astype(float)
         for pupil in (7.0, 2.0)
     )
     ring = (with_ - without)[60:]
@@ -136,7 +136,7 @@ def test_needles_vanish_about_large_lights():
     contrast = []
     for radius in (1.4, 20.0):
         lamp = np.where((np.hypot(x, y) < radius)[..., None], np.float32(1e4), np.float32(0)) * np.ones(3, np.float32)
-        seen = EyeGlare(adaptation=100.0).applied(lamp, View(focal_length))[..., 1][ring]
+        seen = EyeGlare(adaptation=100.0).apply(lamp, View(focal_length))[..., 1][ring]
         contrast.append(seen.std() / seen.mean())
     assert contrast[0] > 0.25 and contrast[1] < 0.4 * contrast[0]
 
@@ -144,11 +144,11 @@ def test_needles_vanish_about_large_lights():
 def test_the_picture_tells_what_the_eye_is_used_to():
     radiance = np.full((60, 80, 3), 0.5, np.float32)
     for scale, adaptation in ((200.0, 100.0), (0.002, 0.001)):
-        seen = EYE.applied(radiance, View(100.0, scale))
-        assert np.array_equal(seen, EyeGlare(adaptation=adaptation).applied(radiance, View(100.0, scale)))
-    day, night = (EYE.applied(radiance, View(100.0, scale)) for scale in (200.0, 0.002))
+        seen = EYE.apply(radiance, View(100.0, scale))
+        assert np.array_equal(seen, EyeGlare(adaptation=adaptation).apply(radiance, View(100.0, scale)))
+    day, night = (EYE.apply(radiance, View(100.0, scale)) for scale in (200.0, 0.002))
     assert night[0, 0, 1] < day[0, 0, 1]
-    assert not EYE.applied(np.zeros((9, 30, 3), np.float32), View(50.0)).any()
+    assert not EYE.apply(np.zeros((9, 30, 3), np.float32), View(50.0)).any()
 
 
 def test_a_wrong_eye_is_refused():
@@ -168,10 +168,10 @@ def test_frames_of_one_light_share_a_point_spread_and_others_do_not(monkeypatch)
     monkeypatch.setattr(EyeGlare, "point_spread", counted)
     frame, view = np.full((20, 30, 3), 0.5, np.float32), View(123.0)
     frame[10, 15] = 50
-    first = EyeGlare().applied(frame, view)
+    first = EyeGlare().apply(frame, view)
     # The same light but for a flicker, another frame of the sequence, and the same again.
-    EyeGlare().applied(frame * np.float32(1.0001), replace(view, frame=1))
-    np.testing.assert_array_equal(EyeGlare().applied(frame, view), first)
+    EyeGlare().apply(frame * np.float32(1.0001), replace(view, frame=1))
+    np.testing.assert_array_equal(EyeGlare().apply(frame, view), first)
     assert len(made) == 1
     mean = float(np.exp(np.log(frame.astype(np.float64) @ [0.2126, 0.7152, 0.0722]).mean()))
     assert made[0] == pytest.approx(mean, rel=0.006) and made[0] != pytest.approx(mean, rel=1e-6)
@@ -185,6 +185,6 @@ def test_frames_of_one_light_share_a_point_spread_and_others_do_not(monkeypatch)
         (EyeGlare(adaptation=0.7), frame, view),
     ]
     for count, (glare, light, seen) in enumerate(others, start=2):
-        glare.applied(light, seen)
+        glare.apply(light, seen)
         assert len(made) == count
     assert made[-1] == 0.7

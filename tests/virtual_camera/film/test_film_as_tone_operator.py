@@ -17,7 +17,7 @@ from relume.virtual_camera.film.film import (
     virtual_photograph,
 )
 from relume.virtual_camera.film.grain import Grain
-from relume.virtual_camera.steps import Adaptation
+from relume.virtual_camera.protocols import Adaptation
 from relume.virtual_camera.tone.display.displays import PQ, DisplayP3, Srgb
 from relume.virtual_camera.tone.display.encoding import encoded_and_clipped
 from relume.virtual_camera.view import View
@@ -41,7 +41,9 @@ def white_grain(deviation: float = 3.0) -> Grain:
 
 def shown_values(film: Film, light: np.ndarray) -> np.ndarray:
     """Pixel values, 0 to 255, that a display with the sRGB curve shows."""
-    return 255 * np.minimum(encode_srgb(film.displayed(light, VIEW, film.adapted(light, VIEW)).astype(np.float64)), 1)
+    return 255 * np.minimum(
+        encode_srgb(film.display_values(light, VIEW, film.adapt(light, VIEW)).astype(np.float64)), 1
+    )
 
 
 @pytest.mark.parametrize("own", [None, response()], ids=["srgb", "camera"])
@@ -63,7 +65,7 @@ def test_every_pixel_value_of_a_camera_comes_back():
 
 def test_a_film_has_nothing_to_adapt_and_keeps_its_grain_when_exposed_longer():
     film = Film(2.0, response(), white_grain())
-    assert film.adapted(wide_scene(24, 16), VIEW).values.size == 0
+    assert film.adapt(wide_scene(24, 16), VIEW).values.size == 0
     assert film.brighter(1).exposure == 4 and film.brighter(1).grain is film.grain
 
 
@@ -77,8 +79,8 @@ def test_grain_is_drawn_with_the_views_seed_in_the_films_pixel_values():
     assert noise[218:234].std() == pytest.approx(3.0, rel=0.07)
     assert abs(np.corrcoef(noise[:226].ravel(), noise[226:452].ravel())[0, 1]) < 0.02
     np.testing.assert_array_equal(shown_values(film, light), values)
-    other = film.displayed(light, View(100.0, seed=4), NOTHING)
-    assert not np.array_equal(other, film.displayed(light, VIEW, NOTHING))
+    other = film.display_values(light, View(100.0, seed=4), NOTHING)
+    assert not np.array_equal(other, film.display_values(light, VIEW, NOTHING))
 
 
 def test_grain_is_as_strong_as_its_pixel_value_says_in_each_channel():
@@ -97,10 +99,10 @@ def test_grain_leaves_white_and_black_as_they_are():
     light = np.zeros((40, 60, 3), np.float32)
     light[:, :30] = 5.0
     light[20:] = 0.3
-    shown = Film(1.0, None, white_grain()).displayed(light, VIEW, NOTHING)
+    shown = Film(1.0, None, white_grain()).display_values(light, VIEW, NOTHING)
     np.testing.assert_array_equal(shown[:20], light[:20])
     assert shown[20:].std() > 0 and 0 <= shown.min() <= shown[20:].max() <= 1
-    shown = Film(1.0, response(), white_grain()).displayed(light, VIEW, NOTHING)
+    shown = Film(1.0, response(), white_grain()).display_values(light, VIEW, NOTHING)
     np.testing.assert_array_equal(shown[:20], np.where(light[:20] > 1, np.float32(SATURATED), np.float32(0)))
 
 
@@ -109,7 +111,7 @@ def test_grain_leaves_white_and_black_as_they_are():
 def test_what_a_film_saturates_is_told_as_beyond_white(own, display):
     light = np.full((40, 60, 3), 0.1, np.float32)
     light[:10] = 400.0
-    values = Film(1.0, own).displayed(light, VIEW, NOTHING)
+    values = Film(1.0, own).display_values(light, VIEW, NOTHING)
     codes, clipping = encoded_and_clipped(values, display)
     assert max(clipping.above) == 0.25 and max(clipping.below) == 0
     assert np.all(codes[:10] == np.iinfo(codes.dtype).max) and codes[10:].max() < np.iinfo(codes.dtype).max
@@ -117,17 +119,17 @@ def test_what_a_film_saturates_is_told_as_beyond_white(own, display):
 
 def test_a_display_with_room_above_white_shows_it_of_plain_film_and_not_of_a_cameras_response():
     light = np.array([[[0.125, 0.25, 0.5], [0.25, 1.0, 4.0]]], np.float32)
-    np.testing.assert_array_equal(Film(2.0).displayed(light, VIEW, NOTHING), 2 * light)
+    np.testing.assert_array_equal(Film(2.0).display_values(light, VIEW, NOTHING), 2 * light)
     light = np.repeat(np.array([[[0.1], [0.1], [400.0]]], np.float32), 3, axis=2)
-    signal = encoded_and_clipped(Film(2.0, response()).displayed(light, VIEW, NOTHING), PQ())[0]
+    signal = encoded_and_clipped(Film(2.0, response()).display_values(light, VIEW, NOTHING), PQ())[0]
     white = encoded_and_clipped(np.ones_like(light), PQ())[0]
     np.testing.assert_allclose(signal[0, 2].astype(int), white[0, 2], atol=1)
 
 
 def test_no_finite_light_overflows():
     light = np.array([[[0.0, 1e-7, 3e38]]], np.float32)
-    assert np.isfinite(Film(1e6).displayed(light, VIEW, NOTHING)).all()
-    assert np.isfinite(Film(1e6, response()).displayed(light, VIEW, NOTHING)).all()
+    assert np.isfinite(Film(1e6).display_values(light, VIEW, NOTHING)).all()
+    assert np.isfinite(Film(1e6, response()).display_values(light, VIEW, NOTHING)).all()
 
 
 def test_a_standard_camera_makes_118_of_what_its_iso_number_promises():
@@ -160,17 +162,17 @@ def test_a_film_that_does_not_reach_the_exposure_asked_says_so_in_one_line(own):
     with pytest.warns(
         UserWarning, match=r"^100 % of the picture is white: its middle is 5\.\d stops above the most"
     ) as told:
-        Film(1.0, own).displayed(light, VIEW, NOTHING)
+        Film(1.0, own).display_values(light, VIEW, NOTHING)
     assert "expose by -5." in str(told[0].message) and "\n" not in str(told[0].message)
     with pytest.warns(UserWarning, match=r"^100 % of the picture is black: .* below the least .* expose by \+"):
-        Film(1e-12, own).displayed(light, VIEW, NOTHING)
+        Film(1e-12, own).display_values(light, VIEW, NOTHING)
 
 
 def test_an_exposure_for_one_part_of_a_picture_and_a_black_picture_say_nothing():
     light = np.full((40, 60, 3), 0.2, np.float32)
     light[:, :28] = 50
-    Film(1.0).displayed(light, VIEW, NOTHING)
-    Film(1.0).displayed(np.zeros_like(light), VIEW, NOTHING)
+    Film(1.0).display_values(light, VIEW, NOTHING)
+    Film(1.0).display_values(np.zeros_like(light), VIEW, NOTHING)
 
 
 def test_the_srgb_response_is_the_curve():

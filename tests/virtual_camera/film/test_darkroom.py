@@ -13,19 +13,25 @@ from relume.virtual_camera.film.darkroom import Darkroom
 from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.film.halation import Halation
 from relume.virtual_camera.film.negative import FilmStock
-from relume.virtual_camera.film.stocks import black_and_white_negative, colour_negative, colour_paper, paper, slide
-from relume.virtual_camera.steps import Adaptation, Tone
+from relume.virtual_camera.film.stocks import (
+    black_and_white_negative,
+    black_and_white_paper,
+    colour_negative,
+    colour_paper,
+    slide_film,
+)
+from relume.virtual_camera.protocols import Adaptation, ToneOperator
 from relume.virtual_camera.tone.black_white_point import BlackWhitePoint
 from relume.virtual_camera.view import View
 from synthetic import wide_scene
 
 VIEW = View(100.0, seed=5)
 GREY = np.full((20, 30, 3), 7.0, np.float32)
-AS_TONES: tuple[Tone, ...] = (Darkroom(slide()), Film(), BlackWhitePoint())
+AS_TONES: tuple[ToneOperator, ...] = (Darkroom(slide_film()), Film(), BlackWhitePoint())
 KINDS = {
-    "black and white": Darkroom(black_and_white_negative(), paper(2)),
+    "black and white": Darkroom(black_and_white_negative(), black_and_white_paper(2)),
     "colour": Darkroom(colour_negative(), colour_paper(), frame=3000.0),
-    "slide": Darkroom(slide(), frame=9000.0),
+    "slide": Darkroom(slide_film(), frame=9000.0),
     "negative": Darkroom(colour_negative()),
     # Pixels of 3 µm: clumps reach over seven of them.
     "close up": Darkroom(replace(colour_negative(), halation=None), colour_paper(), frame=150.0),
@@ -33,7 +39,7 @@ KINDS = {
 
 
 def printed(darkroom: Darkroom, light: np.ndarray, view: View = VIEW) -> np.ndarray:
-    return darkroom.displayed(light, view, darkroom.adapted(light, view))
+    return darkroom.display_values(light, view, darkroom.adapt(light, view))
 
 
 def plain(film: FilmStock) -> FilmStock:
@@ -64,7 +70,7 @@ def slowly_printed(darkroom: Darkroom, light: np.ndarray, view: View) -> np.ndar
     """The slow twin: closed forms in float64, one step after the other."""
     film, (height, width) = darkroom.negative, light.shape[:2]
     pixel = darkroom.frame / max(height, width)
-    adaptation = darkroom.adapted(light, view)
+    adaptation = darkroom.adapt(light, view)
     exposure = film.exposures(light.astype(np.float64), darkroom.exposed(view, adaptation))
     if film.halation is not None:
         assert film.halation.step(pixel) == 1
@@ -95,7 +101,7 @@ def test_every_pixel_is_what_the_closed_forms_say(kind):
 @pytest.mark.parametrize("tone", AS_TONES, ids=lambda tone: type(tone).__name__)
 def test_all_that_prints_is_a_tone(tone):
     light = wide_scene(24, 16).astype(np.float32) / 50
-    shown = tone.displayed(light, VIEW, tone.adapted(light, VIEW).mixed(tone.adapted(light, VIEW), 0.5))
+    shown = tone.display_values(light, VIEW, tone.adapt(light, VIEW).mixed(tone.adapt(light, VIEW), 0.5))
     assert shown.shape == light.shape and shown.dtype == np.float32 and np.isfinite(shown).all()
 
 
@@ -110,16 +116,16 @@ def test_the_meter_reads_the_log_mean_of_what_is_lit():
     light[:7] = 0
     lit = luminance(light[7:].astype(np.float64))
     black = np.zeros((3, 4, 3), np.float32)
-    assert KINDS["colour"].adapted(black, VIEW).values.tolist() == [0]
-    assert KINDS["colour"].adapted(light, VIEW).values == pytest.approx([np.log(lit).mean()], abs=1e-6)
+    assert KINDS["colour"].adapt(black, VIEW).values.tolist() == [0]
+    assert KINDS["colour"].adapt(light, VIEW).values == pytest.approx([np.log(lit).mean()], abs=1e-6)
 
 
 def test_a_longer_exposure_is_a_brighter_scene_and_a_longer_print_a_darker_one():
     light = wide_scene(48, 36).astype(np.float32)
     darkroom = KINDS["black and white"]
-    metered_once = darkroom.adapted(light, VIEW)
-    longer = replace(darkroom, stops=1.0).displayed(light, VIEW, metered_once)
-    np.testing.assert_allclose(longer, darkroom.displayed(2 * light, VIEW, metered_once), rtol=1e-4)
+    metered_once = darkroom.adapt(light, VIEW)
+    longer = replace(darkroom, stops=1.0).display_values(light, VIEW, metered_once)
+    np.testing.assert_allclose(longer, darkroom.display_values(2 * light, VIEW, metered_once), rtol=1e-4)
     means = [printed(replace(darkroom, stops=s), light).mean() for s in (-4, -2, 0, 2, 4)]
     assert np.all(np.diff(means) > 0.05)
     means = [printed(replace(darkroom, print_stops=s), light).mean() for s in (-1, 0, 1)]
@@ -144,8 +150,8 @@ def test_a_camera_with_film_in_it_exposes_as_its_settings_say():
     # A meter's formula L = K N² / (t S): the luminance whose reading is f/8 at 1/125 s on ISO 400 film is 250 cd/m².
     view = View(100.0, luminance_scale=2.0)
     light = np.full((10, 12, 3), 125.0, np.float32)
-    camera = Darkroom(plain(black_and_white_negative(400.0)), paper(2), Exposure(1 / 125, 8.0))
-    assert camera.adapted(light, view).values.shape == (0,)
+    camera = Darkroom(plain(black_and_white_negative(400.0)), black_and_white_paper(2), Exposure(1 / 125, 8.0))
+    assert camera.adapt(light, view).values.shape == (0,)
     assert camera.exposed(view, Adaptation(np.zeros(0))) * 125 == pytest.approx(0.65 * 250 / 125 / 64)
     np.testing.assert_allclose(printed(camera, light, view), 0.18, rtol=1e-3)
     wider = replace(camera, exposure=Exposure(1 / 125, 4.0))
@@ -156,18 +162,18 @@ def test_a_camera_with_film_in_it_exposes_as_its_settings_say():
 
 def test_exposures_that_say_too_little_or_contradict_the_film_are_refused():
     with pytest.raises(ValueError, match="tells no f-number"):
-        Darkroom(slide(), exposure=Exposure(0.01))
+        Darkroom(slide_film(), exposure=Exposure(0.01))
     with pytest.raises(ValueError, match="at ISO 200 and the film's speed is 100"):
-        Darkroom(slide(100.0), exposure=Exposure(0.01, 8.0, 200.0))
-    Darkroom(slide(100.0), exposure=Exposure(0.01, 8.0, 100.0))
+        Darkroom(slide_film(100.0), exposure=Exposure(0.01, 8.0, 200.0))
+    Darkroom(slide_film(100.0), exposure=Exposure(0.01, 8.0, 100.0))
     with pytest.raises(ValueError, match="frame is 0"):
-        Darkroom(slide(), frame=0)
+        Darkroom(slide_film(), frame=0)
     with pytest.raises(ValueError, match="stops is nan"):
-        Darkroom(slide(), stops=np.nan)
+        Darkroom(slide_film(), stops=np.nan)
 
 
 def test_a_film_that_the_exposure_does_not_reach_says_so():
-    camera = Darkroom(plain(black_and_white_negative(400.0)), paper(2), Exposure(1 / 8000, 22.0))
+    camera = Darkroom(plain(black_and_white_negative(400.0)), black_and_white_paper(2), Exposure(1 / 8000, 22.0))
     # 0.65 · 7 / 8000 / 22² = 1.2e-6 lx·s, and the first trace takes two fifths of the speed point's 0.8 / 400.
     with pytest.warns(
         UserWarning, match=r"^100 % of the picture is black: .*; expose by \+9\.5 stops or more$"
@@ -195,33 +201,36 @@ def test_films_that_are_none_are_refused():
 
 def test_a_black_picture_prints_black_and_a_blinding_one_white():
     dark, bright = np.zeros((6, 8, 3), np.float32), np.full((6, 8, 3), 1e30, np.float32)
-    darkroom = Darkroom(plain(black_and_white_negative()), paper(2))
+    darkroom = Darkroom(plain(black_and_white_negative()), black_and_white_paper(2))
     at_one = Adaptation(np.zeros(1))
     black = printed(darkroom, dark)
     assert black.max() < 0.02 and black.max() >= 10 ** (0.05 - 2.1) and np.ptp(black) == 0
     with pytest.warns(UserWarning, match="^100 % of the picture is white: its middle is 9"):
-        np.testing.assert_allclose(darkroom.displayed(bright, VIEW, at_one), 1.0, rtol=1e-2)
+        np.testing.assert_allclose(darkroom.display_values(bright, VIEW, at_one), 1.0, rtol=1e-2)
 
 
 def test_neither_bands_nor_a_crop_change_a_pixel(monkeypatch):
     light = wide_scene(48, 36).astype(np.float32)
     darkroom = KINDS["close up"]
-    adaptation = darkroom.adapted(light, VIEW)
-    whole = darkroom.displayed(light, VIEW, adaptation)
+    adaptation = darkroom.adapt(light, VIEW)
+    whole = darkroom.display_values(light, VIEW, adaptation)
     monkeypatch.setattr(module, "ROWS", 7)
-    np.testing.assert_array_equal(darkroom.displayed(light, VIEW, adaptation), whole)
-    np.testing.assert_array_equal(darkroom.displayed(light[:23], VIEW, adaptation), whole[:23])
+    np.testing.assert_array_equal(darkroom.display_values(light, VIEW, adaptation), whole)
+    np.testing.assert_array_equal(darkroom.display_values(light[:23], VIEW, adaptation), whole[:23])
 
 
 def test_a_frame_held_upright_has_the_same_grain():
     film = replace(black_and_white_negative(), halation=None)
-    darkroom = Darkroom(film, paper(2))
+    darkroom = Darkroom(film, black_and_white_paper(2))
     lying, upright = (printed(darkroom, np.full(shape, 7.0, np.float32)) for shape in ((60, 300, 3), (300, 60, 3)))
     assert upright.std() == pytest.approx(lying.std(), rel=0.05)
 
 
 def test_a_larger_frame_is_less_grainy():
-    spread = [printed(Darkroom(black_and_white_negative(), paper(2), frame=f), GREY).std() for f in (3.6e4, 12e4)]
+    spread = [
+        printed(Darkroom(black_and_white_negative(), black_and_white_paper(2), frame=f), GREY).std()
+        for f in (3.6e4, 12e4)
+    ]
     assert 2.8 < spread[0] / spread[1] < 3.9
 
 

@@ -77,13 +77,13 @@ def test_noise_of_one_channel_that_lags_behind_another_is_found_and_made_again()
     assert grain is not None
     assert grain.correlation[0, 2, 3 + 1, 3 + 2] == pytest.approx(1, abs=0.02)
     assert grain.correlation[0, 2, 3 - 1, 3 - 2] == pytest.approx(0, abs=0.02)
-    again = grain.drawn((384, 288), seed=5)
+    again = grain.draw((384, 288), seed=5)
     assert correlation_of(again, 1, 2)[0, 2] == pytest.approx(1, abs=0.03)
     assert correlation_of(again, -1, -2)[0, 2] == pytest.approx(0, abs=0.03)
 
 
 def test_grain_put_on_a_clean_picture_measures_as_the_photograph_did():
-    values = np.rint(measured().applied(ramp(), seed=3)).astype(np.uint8)
+    values = np.rint(measured().apply(ramp(), seed=3)).astype(np.uint8)
     again = photograph_grain(Photograph(values))
     assert again is not None
     np.testing.assert_allclose(again.deviation, measured().deviation, rtol=0.06)
@@ -92,18 +92,18 @@ def test_grain_put_on_a_clean_picture_measures_as_the_photograph_did():
 
 
 def test_drawn_noise_has_variance_1_and_follows_its_seed():
-    noise = measured().drawn((300, 200), seed=7)
+    noise = measured().draw((300, 200), seed=7)
     assert noise.shape == (200, 300, 3)
     np.testing.assert_allclose(noise.var((0, 1)), 1, rtol=0.03)
-    np.testing.assert_array_equal(noise, measured().drawn((300, 200), seed=7))
-    assert np.abs(np.mean(noise * measured().drawn((300, 200), seed=8))) < 0.02
+    np.testing.assert_array_equal(noise, measured().draw((300, 200), seed=7))
+    assert np.abs(np.mean(noise * measured().draw((300, 200), seed=8))) < 0.02
 
 
 def test_no_share_leaves_a_value_as_it_is_and_the_noise_is_proportional_to_it():
     share = np.zeros((20, 30))
     share[:, 10:20], share[:, 20:] = 0.5, 1
     values = np.full((20, 30, 3), 100.0)
-    plain, once = measured().applied(values, share, seed=1) - values, measured().applied(values, seed=1) - values
+    plain, once = measured().apply(values, share, seed=1) - values, measured().apply(values, seed=1) - values
     np.testing.assert_array_equal(plain[:, :10], 0)
     np.testing.assert_allclose(plain[:, 10:20], 0.5 * once[:, 10:20])
     np.testing.assert_allclose(plain[:, 20:], once[:, 20:])

@@ -10,7 +10,14 @@ from relume.composite.differential import Ratio, composed
 from relume.image.photograph import Photograph
 from relume.renderers.results import Change
 from relume.virtual_camera.film.grain import Grain
-from relume.virtual_camera.plate_matching.matching import Match, dimmed, grain_share, grained, matched, sat_in
+from relume.virtual_camera.plate_matching.matching import (
+    Match,
+    add_grain,
+    apply_vignetting,
+    composite_into_photograph,
+    grain_share,
+    match_to_plate,
+)
 from relume.virtual_camera.plate_matching.sharpness import Sharpness
 
 SIZE = (60, 80)
@@ -39,14 +46,14 @@ def change() -> Change:
 
 def test_with_nothing_measured_nothing_is_done():
     one, picture = change(), np.random.default_rng(1).random((*SIZE, 3), np.float32)
-    assert matched(one, Match()) is one
-    assert grained(picture, one.matte, Match()) is picture and dimmed(picture, Match()) is picture
+    assert match_to_plate(one, Match()) is one
+    assert add_grain(picture, one.matte, Match()) is picture and apply_vignetting(picture, Match()) is picture
 
 
 def test_the_fall_off_dims_all_that_was_rendered_and_its_variance_by_the_square():
     vignetting = Vignetting((-0.4, 0.1))
     one, falloff = change(), vignetting.falloff((80, 60))[..., None]
-    dim = matched(one, Match(vignetting=vignetting))
+    dim = match_to_plate(one, Match(vignetting=vignetting))
     np.testing.assert_allclose(dim.objects, one.objects * falloff, rtol=1e-6)
     np.testing.assert_allclose(dim.difference, one.difference * falloff, rtol=1e-6)
     np.testing.assert_allclose(dim.objects_variance, one.objects_variance * falloff**2, rtol=1e-6)
@@ -59,20 +66,20 @@ def test_compositing_into_a_vignetted_plate_is_vignetting_the_composite():
     # The truth: the place with its objects, photographed through the lens. By sum and by ratio alike.
     one, match = change(), Match(vignetting=Vignetting((-0.4,)))
     place = np.full((*SIZE, 3), 2, np.float32)
-    expected = dimmed(composed(place, one), match)
-    plate = dimmed(place, match)
-    np.testing.assert_allclose(composed(plate, matched(one, match)), expected, rtol=1e-5)
-    without = dimmed(0.5 * place, match)
+    expected = apply_vignetting(composed(place, one), match)
+    plate = apply_vignetting(place, match)
+    np.testing.assert_allclose(composed(plate, match_to_plate(one, match)), expected, rtol=1e-5)
+    without = apply_vignetting(0.5 * place, match)
     picture = composed(
-        plate, matched(replace(one, difference=one.difference / 2), match), mode=Ratio(without, floor=1e-4)
+        plate, match_to_plate(replace(one, difference=one.difference / 2), match), mode=Ratio(without, floor=1e-4)
     )
     np.testing.assert_allclose(picture, expected, rtol=1e-4)
 
 
 def test_the_fall_off_comes_before_the_blur():
     one, vignetting, sharpness = change(), Vignetting((-0.9,)), Sharpness(1.0)
-    both = matched(one, Match(vignetting, sharpness))
-    np.testing.assert_array_equal(both.objects, sharpness.applied(matched(one, Match(vignetting))).objects)
+    both = match_to_plate(one, Match(vignetting, sharpness))
+    np.testing.assert_array_equal(both.objects, sharpness.apply(match_to_plate(one, Match(vignetting))).objects)
     np.testing.assert_array_equal(both.matte, sharpness.blurred(one.matte))
 
 
@@ -82,19 +89,19 @@ def test_grain_fills_up_what_the_covered_share_of_the_plates_grain_lacks():
     generator = np.random.default_rng(2)
     plate = np.full((200, 200, 3), 100.0) + 4 * generator.standard_normal((200, 200, 3))
     match = Match(radiance_grain=grain_of(4, 4))
-    picture = grained((0.5 * plate + 50).astype(np.float32), matte, match)
+    picture = add_grain((0.5 * plate + 50).astype(np.float32), matte, match)
     assert picture.std() == pytest.approx(4, rel=0.02)
 
 
 def test_grain_of_the_radiance_stays_on_the_objects():
     one = change()
     picture = np.full((*SIZE, 3), 3, np.float32)
-    noisy = grained(picture, one.matte, Match(radiance_grain=grain_of(1, 1), seed=4))
+    noisy = add_grain(picture, one.matte, Match(radiance_grain=grain_of(1, 1), seed=4))
     assert noisy[one.matte == 0].tobytes() == picture[one.matte == 0].tobytes()
     assert noisy[one.matte == 1].std() == pytest.approx(1, rel=0.1) and noisy.dtype == np.float32
-    assert np.all(grained(picture * 0, one.matte, Match(radiance_grain=grain_of(9, 9))) >= 0)
-    np.testing.assert_array_equal(noisy, grained(picture, one.matte, Match(radiance_grain=grain_of(1, 1), seed=4)))
-    assert np.any(noisy != grained(picture, one.matte, Match(radiance_grain=grain_of(1, 1), seed=5)))
+    assert np.all(add_grain(picture * 0, one.matte, Match(radiance_grain=grain_of(9, 9))) >= 0)
+    np.testing.assert_array_equal(noisy, add_grain(picture, one.matte, Match(radiance_grain=grain_of(1, 1), seed=4)))
+    assert np.any(noisy != add_grain(picture, one.matte, Match(radiance_grain=grain_of(1, 1), seed=5)))
 
 
 def photographed(before: np.ndarray, deviation: float, kind: type = np.uint8) -> Photograph:
@@ -109,7 +116,7 @@ def test_where_nothing_changed_the_photographs_bytes_stay(kind):
     picture, matte = before.copy(), np.zeros(SIZE)
     picture[30:, :20], picture[10:20, 40:60], matte[10:20, 40:60] = 60, 200, 1
     photograph = photographed(before, 3, kind)
-    result = sat_in(photograph, picture, before, matte, Match(photograph_grain=grain_of(3, 3)))
+    result = composite_into_photograph(photograph, picture, before, matte, Match(photograph_grain=grain_of(3, 3)))
     same = np.all(picture == before, axis=-1) & (matte == 0)
     assert result.pixels.dtype == kind
     assert result.pixels[same].tobytes() == photograph.pixels[same].tobytes()
@@ -123,11 +130,13 @@ def test_the_objects_have_the_grain_of_the_surroundings():
     before, matte = np.full((100, 200, 3), 120.0), np.zeros((100, 200))
     matte[:, 100:], matte[:, 80:100] = 1, 0.5
     photograph = photographed(before, 3)
-    result = sat_in(photograph, before.copy(), before, matte, Match(photograph_grain=grain_of(3, 3))).pixels
+    result = composite_into_photograph(
+        photograph, before.copy(), before, matte, Match(photograph_grain=grain_of(3, 3))
+    ).pixels
     for part in (result[:, :80], result[:, 80:100], result[:, 100:]):
         assert part.std() == pytest.approx(3, rel=0.03)
     # Without any grain measured the objects are smooth.
-    assert sat_in(photograph, before.copy(), before, matte, Match()).pixels[:, 100:].std() == 0
+    assert composite_into_photograph(photograph, before.copy(), before, matte, Match()).pixels[:, 100:].std() == 0
 
 
 def test_in_a_shadow_the_photographs_own_grain_becomes_that_of_the_darker_value():
@@ -135,7 +144,9 @@ def test_in_a_shadow_the_photographs_own_grain_becomes_that_of_the_darker_value(
     picture = before.copy()
     picture[:, 100:] = 90.3
     photograph = photographed(before, 8)
-    result = sat_in(photograph, picture, before, matte, Match(photograph_grain=grain_of(0, 2, 4, 6, 8, 10)))
+    result = composite_into_photograph(
+        photograph, picture, before, matte, Match(photograph_grain=grain_of(0, 2, 4, 6, 8, 10))
+    )
     # A deviation of 90.3 · 8 / 204, rounded twice.
     assert result.pixels[:, 100:].std() == pytest.approx(np.sqrt((90.3 * 8 / 204) ** 2 + 2 / 12), rel=0.03)
     assert result.pixels[:, :100].std() == pytest.approx(8, rel=0.03)
@@ -146,7 +157,7 @@ def test_in_a_shadow_the_photographs_own_grain_becomes_that_of_the_darker_value(
 def test_where_the_photograph_was_white_a_shadow_gets_grain_of_its_own():
     before, matte = np.full((100, 100, 3), 255.0), np.zeros((100, 100))
     white = Photograph(np.full((100, 100, 3), 255, np.uint8))
-    result = sat_in(white, before - 100, before, matte, Match(photograph_grain=grain_of(3, 3)))
+    result = composite_into_photograph(white, before - 100, before, matte, Match(photograph_grain=grain_of(3, 3)))
     assert result.pixels.std() == pytest.approx(3, rel=0.05) and result.pixels.mean() == pytest.approx(155, abs=0.1)
 
 
@@ -154,7 +165,9 @@ def test_what_is_white_or_black_is_so_without_grain():
     before, matte = np.full((20, 40, 3), 100.0), np.ones((20, 40))
     picture = before.copy()
     picture[:, :20], picture[:, 20:30] = 255, 0
-    result = sat_in(photographed(before, 3), picture, before, matte, Match(photograph_grain=grain_of(3, 3))).pixels
+    result = composite_into_photograph(
+        photographed(before, 3), picture, before, matte, Match(photograph_grain=grain_of(3, 3))
+    ).pixels
     assert np.all(result[:, :20] == 255) and np.all(result[:, 20:30] == 0) and result[:, 30:].std() > 2
 
 
@@ -162,6 +175,6 @@ def test_pictures_of_another_size_are_refused():
     values = np.zeros((10, 12, 3))
     photograph = Photograph(np.zeros((10, 12, 3), np.uint8))
     with pytest.raises(ValueError, match="differ in size; develop them at the photograph's size"):
-        sat_in(photograph, values[:9], values, np.zeros((10, 12)), Match())
+        composite_into_photograph(photograph, values[:9], values, np.zeros((10, 12)), Match())
     with pytest.raises(ValueError, match="differ in size"):
-        sat_in(photograph, values, values, np.zeros((10, 11)), Match())
+        composite_into_photograph(photograph, values, values, np.zeros((10, 11)), Match())

@@ -31,8 +31,8 @@ def densities(grain: DensityGrain | None, mean: float, *, seed: int = 0, sides=S
     factor = 10 ** float(stock.curves[0].log_exposure(mean)) / stock.grey_exposure
     light = np.full((height, width, 3), factor, np.float32)
     darkroom = Darkroom(stock, frame=PIXEL * width)
-    metered = darkroom.adapted(np.ones((1, 1, 3), np.float32), View(1.0))
-    seen = darkroom.displayed(light, View(1.0, seed=seed), metered)[..., 0]
+    metered = darkroom.adapt(np.ones((1, 1, 3), np.float32), View(1.0))
+    seen = darkroom.display_values(light, View(1.0, seed=seed), metered)[..., 0]
     return stock.curves[0].minimum - np.log10(seen.astype(np.float64))
 
 

@@ -18,7 +18,7 @@ def test_light_goes_where_the_kernel_says():
     kernel[3, 30], kernel[5, 50], kernel[3, 27], kernel[2, 5] = 0.5, 0.25, (0.25, 0.15, 0.05), (0.0, 0.1, 0.2)
     lamp = np.zeros((40, 90, 3), np.float32)
     lamp[10, 45] = 8.0
-    seen = MeasuredGlare(kernel).applied(lamp, VIEW)
+    seen = MeasuredGlare(kernel).apply(lamp, VIEW)
     expected = np.zeros_like(lamp)
     expected[10, 45], expected[12, 65], expected[10, 42], expected[9, 20] = 4, 2, (2, 1.2, 0.4), (0, 0.8, 1.6)
     assert np.abs(seen - expected).max() < 1e-6
@@ -28,9 +28,9 @@ def test_what_leaves_the_frame_does_not_come_back():
     kernel = np.zeros((1, 81))
     kernel[0, 80] = 1.0
     lamp = np.ones((3, 60, 3), np.float32)
-    seen = MeasuredGlare(kernel).applied(lamp, VIEW)
+    seen = MeasuredGlare(kernel).apply(lamp, VIEW)
     assert np.abs(seen[:, :40]).max() < 1e-6 and np.abs(seen[:, 40:] - 1).max() < 1e-6
-    mirrored = MeasuredGlare(kernel, mirrored=True).applied(lamp, VIEW)
+    mirrored = MeasuredGlare(kernel, mirrored=True).apply(lamp, VIEW)
     assert np.abs(mirrored - 1).max() < 1e-6
 
 
@@ -40,7 +40,7 @@ def test_no_light_is_lost_inside(size):
     kernel /= kernel.sum((0, 1))
     lamp = np.zeros((120, 80, 3), np.float32)
     lamp[60, 40] = 5, 6, 7
-    assert MeasuredGlare(kernel).applied(lamp, VIEW).sum((0, 1)) == pytest.approx([5, 6, 7], rel=1e-5)
+    assert MeasuredGlare(kernel).apply(lamp, VIEW).sum((0, 1)) == pytest.approx([5, 6, 7], rel=1e-5)
 
 
 def test_another_sum_is_made_one_and_said():
@@ -48,7 +48,7 @@ def test_another_sum_is_made_one_and_said():
         glare = MeasuredGlare(np.full((3, 3), 0.1))
     lamp = np.zeros((9, 9, 3), np.float32)
     lamp[4, 4] = 9.0
-    seen = glare.applied(lamp, VIEW)
+    seen = glare.apply(lamp, VIEW)
     assert np.abs(seen[3:6, 3:6] - 1).max() < 1e-6
     with warnings.catch_warnings():
         warnings.simplefilter("error")

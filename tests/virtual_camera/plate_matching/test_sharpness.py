@@ -105,7 +105,7 @@ def test_the_blur_keeps_the_light_and_is_round():
 def test_what_is_far_from_the_objects_stays_exactly_zero():
     objects, matte = np.zeros((30, 60, 3), np.float32), np.zeros((30, 60), np.float32)
     objects[10:20, 10:20], matte[10:20, 10:20] = 0.7, 1
-    soft = Sharpness(0.6).applied(change_of(objects, matte))
+    soft = Sharpness(0.6).apply(change_of(objects, matte))
     assert np.count_nonzero(soft.matte[:, 26:]) == 0 and np.count_nonzero(soft.objects[:, 26:]) == 0
     assert 0 < soft.matte[9, 15] < 0.5 and soft.matte.max() <= 1 and soft.matte.dtype == np.float32
     # Premultiplied light and its matte are softened alike: the colour stays.
@@ -116,13 +116,13 @@ def test_what_is_far_from_the_objects_stays_exactly_zero():
 def test_objects_softened_to_the_plate_measure_as_sharp_as_it():
     for sigma in (0.5, 1.0):
         light = np.repeat(board(0.0)[..., None], 3, axis=2).astype(np.float32)
-        soft = Sharpness(sigma).applied(change_of(light, np.ones(light.shape[:2], np.float32)))
+        soft = Sharpness(sigma).apply(change_of(light, np.ones(light.shape[:2], np.float32)))
         found = measured_sharpness(RadianceMap(soft.objects))
         assert found is not None and found.sigma == pytest.approx(sigma, abs=0.03)
 
 
 def test_a_sharp_plate_changes_no_bit():
     change = change_of(np.ones((5, 5, 3), np.float32), np.ones((5, 5), np.float32))
-    assert Sharpness(0.0).applied(change) is change
+    assert Sharpness(0.0).apply(change) is change
     with pytest.raises(ValueError, match=r"sigma is -1; expected pixels"):
         Sharpness(-1)

@@ -43,7 +43,7 @@ def room(height: int, width: int) -> np.ndarray:
 def test_every_pixel_is_the_sum_over_all_others(height, width):
     radiance, spread = room(height, width), eye_spread()
     given = radiance.copy()
-    expected = summed(radiance, spread.drawn(height - 1, width - 1))
+    expected = summed(radiance, spread.draw(height - 1, width - 1))
     found = spread_out(radiance, spread)
     assert found.dtype == np.float32 and found.shape == radiance.shape
     assert np.abs(found / expected - 1).max() < 2e-6
@@ -53,7 +53,7 @@ def test_every_pixel_is_the_sum_over_all_others(height, width):
 def test_a_mirrored_world_sends_its_light_too_and_an_even_one_stays_even():
     radiance, spread = room(40, 53), eye_spread()
     # Offsets of the full width meet at the seam of the two images and are left out.
-    expected = summed(radiance, spread.drawn(39, 52), mirrored=True)
+    expected = summed(radiance, spread.draw(39, 52), mirrored=True)
     assert np.abs(spread_out(radiance, spread, mirrored=True) / expected - 1).max() < 2e-6
     even = spread_out(np.ones((40, 53, 3), np.float32), spread, mirrored=True)
     assert np.ptp(even, axis=(0, 1)).max() < 1e-6
@@ -65,7 +65,7 @@ def test_a_lamp_at_one_border_does_not_glow_at_the_other():
     radiance[24, 0] = 1000.0
     spread = eye_spread()
     row = spread_out(radiance, spread)[24, :, 1]
-    expected = 1000 * spread.drawn(0, 199)[0, 199:, 1]
+    expected = 1000 * spread.draw(0, 199)[0, 199:, 1]
     assert np.abs(row / expected - 1).max() < 1e-4
     assert row[199] < 0.2 * row[100]
 
@@ -80,7 +80,7 @@ def test_stars_draw_no_lines_over_the_night():
     expected = np.empty(radiance.shape)
     shape = 3 * height, 3 * width
     for channel in range(3):
-        kernel = np.fft.rfft2(spread.drawn(height - 1, width - 1)[..., channel].astype(np.float64), shape)
+        kernel = np.fft.rfft2(spread.draw(height - 1, width - 1)[..., channel].astype(np.float64), shape)
         light = np.fft.rfft2(radiance[..., channel].astype(np.float64), shape)
         expected[..., channel] = np.fft.irfft2(kernel * light, shape)[height - 1 : 2 * height - 1, width - 1 : -1][
             :, :width
@@ -119,7 +119,7 @@ def test_threads_do_not_change_a_bit(monkeypatch):
 def test_both_ways_to_a_transfer_agree_where_both_are_right():
     canvas = Canvas(20, 31)
     spread = eye_spread()
-    kernel = spread.drawn(19, 30)[..., 2].copy()
+    kernel = spread.draw(19, 30)[..., 2].copy()
     kernel[19, 30] = 0
     columns = canvas.columns // 2 + 1
     real = symmetric_transfer(lambda begin, end: spread.rows(2, begin, end, canvas), canvas)(0, columns)(0, columns)

@@ -17,7 +17,7 @@ from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.film.grain import photograph_grain
 from relume.virtual_camera.film.undeveloping import undevelop
 from relume.virtual_camera.lens.vignetting import MeasuredVignetting
-from relume.virtual_camera.plate_matching.matched_film import Softness, matched_film
+from relume.virtual_camera.plate_matching.camera_matching import Softness, match_camera
 from relume.virtual_camera.plate_matching.sharpness import Sharpness, measured_sharpness
 from relume.virtual_camera.view import View
 from synthetic import NOISELESS
@@ -62,11 +62,11 @@ LIT = RadianceMap(np.full((40, 50, 3), 1.0, np.float32))
 
 
 def test_what_is_developed_looks_as_the_plate_does():
-    camera = matched_film(plate(), RadianceMap(board()), response(), clean=clean())
+    camera = match_camera(plate(), RadianceMap(board()), response(), clean=clean())
     light = board()
     for step in camera.optics:
-        light = step.applied(light, VIEW)
-    shown = camera.film.displayed(light, VIEW, camera.film.adapted(light, VIEW))
+        light = step.apply(light, VIEW)
+    shown = camera.film.display_values(light, VIEW, camera.film.adapt(light, VIEW))
     again = Photograph(np.rint(255 * encode_srgb(shown)).astype(np.uint8))
     difference = again.pixels.astype(int) - plate().pixels
     # Both have noise of two values, so their difference 2.8 and its mean over 35,000 pixels hardly any.
@@ -88,7 +88,7 @@ def radiance_at_118(film: Film) -> float:
 
 
 def exposure_of(photograph: Photograph, picture: RadianceMap, profile=None) -> tuple[float, str]:
-    camera = matched_film(photograph, picture, profile)
+    camera = match_camera(photograph, picture, profile)
     return camera.film.exposure, next(line for line in camera.facts if line.startswith("exposure"))
 
 
@@ -105,11 +105,11 @@ def test_a_picture_in_candelas_takes_it_by_the_profiles_scale_or_by_the_iso_numb
     assert exposure == pytest.approx(0.125 / 50) and "the profile's scale" in fact
     other = replace(profile, scale_exposure=(False, False))
     picture = replace(LIT, unit="cd/m²")
-    camera = matched_film(SMALL, picture, other)
+    camera = match_camera(SMALL, picture, other)
     assert any(line.startswith("scale: the profile's holds for exposures") for line in camera.facts)
     # ISO 12232 at 200: 10 / 200 lx·s = 0.65 L / 4 / 4 make 118, L = 1.2308 cd/m².
     for known in (None, other):
-        camera = matched_film(SMALL, picture, known)
+        camera = match_camera(SMALL, picture, known)
         assert radiance_at_118(camera.film) == pytest.approx(1.23077, rel=1e-4)
         assert any("ISO 12232" in line for line in camera.facts)
 
@@ -123,7 +123,7 @@ def test_a_picture_in_candelas_takes_it_by_the_profiles_scale_or_by_the_iso_numb
     ],
 )
 def test_where_no_exposure_holds_the_picture_is_metered_and_that_is_said(photograph, unit, why):
-    camera = matched_film(photograph, replace(DIM, unit=unit))
+    camera = match_camera(photograph, replace(DIM, unit=unit))
     assert camera.film.pixel_values(np.full((1, 1, 3), 30.0))[0, 0] == pytest.approx(118, abs=0.05)
     fact = next(line for line in camera.facts if line.startswith("exposure"))
     assert fact.startswith("exposure: metered, the picture's log mean becomes 118 of 255") and why in fact
@@ -131,22 +131,22 @@ def test_where_no_exposure_holds_the_picture_is_metered_and_that_is_said(photogr
 
 
 def test_a_camera_without_exposure_is_metered_on_its_own_curve():
-    assert radiance_at_118(matched_film(replace(SMALL, exposure=None), DIM, response()).film) == pytest.approx(30)
+    assert radiance_at_118(match_camera(replace(SMALL, exposure=None), DIM, response()).film) == pytest.approx(30)
 
 
 def test_softness_comes_before_the_profiles_fall_off_as_in_a_virtual_camera():
     profile = CameraProfile("one", response(), vignetting=Vignetting((-0.3,), f_number=2.0).to_dict())
-    camera = matched_film(plate(), LIT, profile)
+    camera = match_camera(plate(), LIT, profile)
     assert [type(step) for step in camera.optics] == [Softness, MeasuredVignetting]
     assert "vignetting: of the profile" in camera.facts
     wide = replace(profile, vignetting=Vignetting((-0.3,), f_number=8.0).to_dict())
-    facts = matched_film(SMALL, LIT, wide).facts
+    facts = match_camera(SMALL, LIT, wide).facts
     assert "vignetting: of the profile, measured at f/8; the plate is at f/2" in facts
 
 
 def test_a_profiles_balance_is_undone_before_the_response():
     profile = CameraProfile("one", response(), balance=(2.0, 1.0, 0.5))
-    film = matched_film(SMALL, LIT, profile).film
+    film = match_camera(SMALL, LIT, profile).film
     balanced = np.full((1, 1, 3), 1.0) * np.array(profile.balance)
     plain = Film(film.exposure, response())
     np.testing.assert_allclose(film.pixel_values(balanced), plain.pixel_values(np.ones((1, 1, 3))))
@@ -154,7 +154,7 @@ def test_a_profiles_balance_is_undone_before_the_response():
 
 def test_a_plate_that_shows_nothing_says_so():
     blank = Photograph(np.full((40, 50, 3), 255, np.uint8))
-    camera = matched_film(blank, DIM)
+    camera = match_camera(blank, DIM)
     assert camera.optics == () and camera.film.grain is None
     assert any("too few clean edges" in line for line in camera.facts)
     assert any("too few flat patches" in line for line in camera.facts)
@@ -162,7 +162,7 @@ def test_a_plate_that_shows_nothing_says_so():
 
 def test_sixteen_bits_have_the_grain_of_eight():
     deep = replace(plate(), pixels=plate().pixels.astype(np.uint16) * 257)
-    grain = matched_film(deep, DIM, clean=257 * clean()).film.grain
+    grain = match_camera(deep, DIM, clean=257 * clean()).film.grain
     assert grain is not None
     assert grain.deviation_at(np.full(3, 120.0)).mean() == pytest.approx(2.0, abs=0.2)
 
@@ -171,7 +171,7 @@ def test_softness_keeps_the_light():
     light = np.zeros((30, 40, 3), np.float32)
     light[15, 20] = 1000, 500, 1
     before = light.copy()
-    soft = Softness(Sharpness(1.3)).applied(light, VIEW)
+    soft = Softness(Sharpness(1.3)).apply(light, VIEW)
     np.testing.assert_allclose(soft.sum((0, 1)), [1000, 500, 1], rtol=1e-5)
     assert soft[15, 20, 0] < 150 and soft.dtype == np.float32
     np.testing.assert_array_equal(light, before)
@@ -181,7 +181,7 @@ def test_softness_keeps_the_light():
 def test_the_facts_tell_how_much_brighter_the_picture_comes_out_and_at_which_exposure(factor, told):
     light = np.exp(response().log_exposure[:, 118]) / TOLD.factor
     picture = RadianceMap(np.broadcast_to(factor * light, (40, 50, 3)).astype(np.float32))
-    facts = matched_film(SMALL, picture, response()).facts
+    facts = match_camera(SMALL, picture, response()).facts
     assert f"brightness: the picture comes out {told} than the plate, by their medians" in facts
     assert "exposed by 0.125 per unit of radiance" in facts
 
@@ -190,8 +190,8 @@ def test_a_picture_in_another_unit_than_the_exposure_holds_for_is_warned_of():
     light = 50 * np.exp(response().log_exposure[:, 118]) / TOLD.factor
     picture = RadianceMap(np.broadcast_to(light, (40, 50, 3)).astype(np.float32))
     with pytest.warns(UserWarning, match=r"5\.6 stops brighter than the plate, .* expose by -5\.6 stops$") as warned:
-        camera = matched_film(SMALL, picture, response())
+        camera = match_camera(SMALL, picture, response())
     assert len(warned) == 1 and warned[0].filename == __file__
     assert any("5.6 stops brighter" in line for line in camera.facts)
-    white = matched_film(replace(SMALL, pixels=np.full((40, 50, 3), 255, np.uint8)), picture, response())
+    white = match_camera(replace(SMALL, pixels=np.full((40, 50, 3), 255, np.uint8)), picture, response())
     assert any(line.startswith("brightness: the plate is white or black nearly everywhere") for line in white.facts)

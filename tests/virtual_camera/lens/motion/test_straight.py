@@ -42,8 +42,8 @@ def test_it_is_the_mean_of_many_shifted_pictures(motion: tuple[float, float], op
     expected, known = averaged(
         picture, lambda x, y, t: (x - t * motion[0], y - t * motion[1]), shutter.light, samples=240
     )
-    np.testing.assert_allclose(blur.applied(picture, VIEW), expected, rtol=2e-3, atol=2e-4 * expected.max())
-    np.testing.assert_allclose(blur.known(picture.shape[:2], VIEW), known, atol=2e-3)
+    np.testing.assert_allclose(blur.apply(picture, VIEW), expected, rtol=2e-3, atol=2e-4 * expected.max())
+    np.testing.assert_allclose(blur.coverage(picture.shape[:2], VIEW), known, atol=2e-3)
 
 
 def test_running_sums_are_the_taps_sums():
@@ -57,14 +57,14 @@ def test_running_sums_are_the_taps_sums():
             there = ((y >= 0) & (y < height))[:, None] & ((x >= 0) & (x < width))
             total += weight * (there[..., None] * picture[np.clip(y, 0, height - 1)][:, np.clip(x, 0, width - 1)])
             known += weight * there
-        seen = StraightMotion(*motion).applied(picture, VIEW)
+        seen = StraightMotion(*motion).apply(picture, VIEW)
         np.testing.assert_allclose(seen, total / known[..., None], rtol=2e-6)
 
 
 @pytest.mark.parametrize("motion", [(37.0, 0.0), (0.0, 33.0), (20.0, -13.0), (7.5, 7.5)])
 def test_light_is_kept(motion: tuple[float, float]):
     for shutter in (Shutter(), Shutter(0.2)):
-        seen = StraightMotion(*motion, shutter).applied(sun(81, 83, 1e6), VIEW)
+        seen = StraightMotion(*motion, shutter).apply(sun(81, 83, 1e6), VIEW)
         assert seen.sum(dtype=np.float64) == pytest.approx(3e6, rel=1e-6)
         assert seen.min() == 0
         row, column = (np.tensordot(seen[..., 0], axis, 2) / 1e6 for axis in np.mgrid[:81, :83])
@@ -76,7 +76,7 @@ def test_nothing_of_a_sun_is_left_behind_it():
     for axis in (0, 1):
         picture = np.full((90, 90, 3), 1e-3, np.float32)
         picture[45, 45] = 1e12
-        seen = StraightMotion(*((20.0, 0.0) if axis else (0.0, 20.0))).applied(picture, VIEW)
+        seen = StraightMotion(*((20.0, 0.0) if axis else (0.0, 20.0))).apply(picture, VIEW)
         line = seen[45] if axis else seen[:, 45]
         np.testing.assert_allclose(line[:34], 1e-3, rtol=1e-6)
         np.testing.assert_allclose(line[57:], 1e-3, rtol=1e-6)
@@ -87,7 +87,7 @@ def test_even_light_stays_even_and_small_pictures_are_right():
     for shape in ((1, 1, 3), (3, 40, 3), (40, 2, 3)):
         for motion in ((50.0, 0.0), (0.0, 50.0), (11.0, 12.0)):
             np.testing.assert_allclose(
-                StraightMotion(*motion).applied(np.full(shape, 0.25, np.float32), VIEW), 0.25, rtol=1e-6
+                StraightMotion(*motion).apply(np.full(shape, 0.25, np.float32), VIEW), 0.25, rtol=1e-6
             )
 
 

@@ -17,14 +17,14 @@ def area(outline):
 def test_openings_of_one_f_number_have_one_area(blades):
     assert area(blades.outline()) == pytest.approx(np.pi, rel=1e-12)
     assert np.abs(blades.outline().mean(0)).max() < 1e-9
-    drawn = blades.drawn(128)
+    drawn = blades.draw(128)
     assert drawn.sum() * (2 * blades.corner / 128) ** 2 == pytest.approx(np.pi / 4, rel=2e-3)
     assert not drawn[0, 0] and drawn[64, 64] == 1
 
 
 @pytest.mark.parametrize("blades", [Blades(), Blades(3, 0.0, 0.4), Blades(5, 0.5, 0.3), Blades(7, 0.2)])
 def test_outline_and_drawn_opening_are_one_shape(blades):
-    drawn = blades.drawn(400)
+    drawn = blades.draw(400)
     for scale, expected in ((0.98, 1), (1.02, 0)):
         cells = (scale * blades.outline() / 2 / blades.corner + 1) * 200
         column, row = np.floor(cells).astype(int).T
@@ -64,7 +64,7 @@ def test_half_round_edges_are_arcs_of_half_the_turn():
 def test_rotation_is_anticlockwise_with_y_down():
     np.testing.assert_allclose(Blades(6, rotation=np.pi / 2).outline()[0], [0, -1.0996361], atol=1e-7)
     assert Blades(3, rotation=0.1).normals == pytest.approx(0.1 + np.array([1, 3, 5]) * np.pi / 3)
-    right, up = (Blades(3, rotation=turn).drawn(64) for turn in (0.0, np.pi / 2))
+    right, up = (Blades(3, rotation=turn).draw(64) for turn in (0.0, np.pi / 2))
     # A triangle's corner points right and its straight edge stands left, at half of the distance.
     assert right[32, 60] == 1 and right[32, 4] == 0
     assert up[4, 32] == 1 and up[60, 32] == 0
