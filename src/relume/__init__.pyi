@@ -44,6 +44,7 @@ from .light.suns.extraction import extract_sun as extract_sun
 from .probe.ball.blending import assemble as assemble
 from .probe.ball.unwrapping import unwrap_ball as unwrap_ball
 from .probe.panorama.stitching import mosaic as mosaic
+from .project.developing.develop_files import DevelopedFile as DevelopedFile
 from .project.developing.develop_files import DevelopSettings as DevelopSettings
 from .project.developing.develop_files import develop_file as develop_file
 from .project.developing.develop_files import develop_sequence as develop_sequence

@@ -20,9 +20,9 @@ def test_a_sound_picture_is_itself():
 def test_what_is_not_finite_is_refused_by_its_place(value):
     radiance = flat()
     radiance[4, 3, 1] = value
-    with pytest.raises(ValueError, match=r"plate\.exr: the radiance at x 3, y 4 is .* 0 more pixels") as told:
+    with pytest.raises(ValueError, match=r"plate\.exr: the radiance at x 3, y 4 is .* 0 more pixels") as caught:
         validate_radiance(RadianceMap(radiance), name="plate.exr")
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_repair_takes_nan_from_what_is_about_it_and_infinity_from_the_brightest():

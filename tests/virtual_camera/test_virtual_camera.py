@@ -107,9 +107,9 @@ def test_adaptation_arrives_after_its_settling():
 def test_a_sequence_knows_its_luminance_from_the_first_frame():
     camera = VirtualCamera(tone=Absolute())
     frames = [RadianceMap(np.full((4, 4, 3), level, np.float32)) for level in (1.0, 2.0)]
-    with pytest.warns(UserWarning, match="100 cd/m²") as told:
+    with pytest.warns(UserWarning, match="100 cd/m²") as caught:
         made = [each.adaptation.values[0] for each in camera.tone_map_frames(frames, settling=0)]
-    assert len(told) == 1 and made == pytest.approx([100, 200], rel=1e-5)
+    assert len(caught) == 1 and made == pytest.approx([100, 200], rel=1e-5)
 
 
 @dataclass(frozen=True)

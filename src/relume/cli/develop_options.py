@@ -7,11 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
+from cyclopts.validators import Number
 
+from relume.cli.arguments import refuse_input, require_suffix
+from relume.cli.console import version
 from relume.cli.option_types import numbers
 
 if TYPE_CHECKING:
-    from relume import Preset
+    from relume import DevelopedFile, Preset
 
 ToneName = Literal[
     "exposure", "reinhard", "reinhard-local", "histogram", "human", "tumblin-rushmeier", "ferwerda", "pattanaik",
@@ -172,3 +175,107 @@ class SceneOptions:
         Path | None, Parameter(help="An EXR of motion, pixels right in R and down in G while the shutter is open.")
     ] = None
     seed: Annotated[int | None, Parameter(help="Of grain and needles; the same seed gives the same picture.")] = None
+
+    def settings(self) -> dict[str, Any]:
+        """The same by name, for `DevelopSettings`; raises ValueError."""
+        if self.depth_along is not None and self.depth is None:
+            raise ValueError("--depth-along is of --depth; give that too, or leave it out")
+        return vars(self)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class RealCameraOptions:
+    """A real camera in place of a tone operator."""
+
+    response: Annotated[
+        Path | None,
+        Parameter(help="A profile or response that merge or insert wrote, or a curve of pfstools or hdrgen."),
+    ] = None
+    seconds: Annotated[
+        float | None,
+        Parameter(help="With --response: exposure per unit of radiance; metered from the picture unless given."),
+    ] = None
+    match: Annotated[
+        Path | None, Parameter(help="Match this photograph's camera: its exposure, vignetting, sharpness and grain.")
+    ] = None
+
+    def refuse_contradictions(self, camera: CameraOptions, *, undo: bool) -> None:
+        """Raise ValueError for options that exclude or need each other."""
+        if self.match is not None and self.seconds is not None:
+            raise ValueError("--match takes the plate's exposure; leave --seconds out")
+        if self.match is not None and (camera.chooses_tone or camera.soft is not None or camera.vignetting):
+            raise ValueError("--match is a whole camera; leave --tone, --film, --shutter, --soft and --vignetting out")
+        if self.response is None and self.seconds is not None and not undo:
+            raise ValueError("--seconds is the exposure on --response; give that too, or leave it out")
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class BesideOptions:
+    """What is written beside the picture."""
+
+    sheet: Annotated[Path | None, Parameter(help="Also write a contact sheet at several --stops.")] = None
+    stops: Annotated[
+        tuple[float, ...] | None,
+        numbers("STOPS,…", like="-4,-2,0,2,4", help="Stops of --sheet; -4,-2,0,2,4 unless given."),
+    ] = None
+    false_colour: Annotated[
+        Path | None, Parameter(help="Also write the luminances in false colour, with their scale.")
+    ] = None
+    report: Annotated[Path | None, Parameter(help="Also write a report with a wipe, stops and facts, .html.")] = None
+
+    def refuse_contradictions(self, out: Path, pictures: list[Path], *, several: bool) -> None:
+        """Raise ValueError for files of other kinds, the inputs, and two of one name."""
+        if self.stops is not None and self.sheet is None:
+            raise ValueError("--stops are of --sheet; give that too, or leave them out")
+        if several and (self.sheet or self.false_colour or self.report):
+            raise ValueError("--sheet, --false-colour and --report are of one picture; leave them out")
+        seen = {out.resolve()}
+        for option, path in (("--sheet", self.sheet), ("--false-colour", self.false_colour), ("--report", self.report)):
+            if path is None:
+                continue
+            require_suffix(path, *((".html",) if option == "--report" else (".png", ".jpg")), option=option)
+            refuse_input(path, pictures)
+            if path.resolve() in seen:
+                raise ValueError(f"{option} {path}: another output has that name; give each its own")
+            seen.add(path.resolve())
+
+    def write(self, made: DevelopedFile) -> dict[str, str]:
+        """Write what is asked for; the files by what they are."""
+        import relume as rl
+
+        files: dict[str, str] = {}
+        if self.sheet:
+            rl.write(self.sheet, made.stops_sheet(self.stops or (-4, -2, 0, 2, 4)))
+            files["sheet"] = str(self.sheet)
+        if self.false_colour:
+            rl.write(self.false_colour, rl.tone.false_colour(made.image))
+            files["false colour"] = str(self.false_colour)
+        if self.report:
+            rl.write_develop_report(self.report, made, facts={**made.facts, **files, "relume": version()})
+            files["report"] = str(self.report)
+        return files
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class SequenceOptions:
+    """How the frames of a sequence are developed."""
+
+    fps: Annotated[
+        float | None, Parameter(help="Frames per second of a sequence; 24 unless given.", validator=Number(gt=0))
+    ] = None
+    settling: Annotated[
+        float | None,
+        Parameter(
+            help="Seconds in which a sequence's adaptation follows the light, 0.4; 0 takes each frame alone.",
+            validator=Number(gte=0),
+        ),
+    ] = None
+
+    def refuse_single_picture(self, sequence: bool) -> None:
+        """Raise ValueError for options of a sequence with a single picture."""
+        for option, value in (("--fps", self.fps), ("--settling", self.settling)):
+            if value is not None and not sequence:
+                raise ValueError(f"{option} is of a sequence; give several pictures, or leave it out")

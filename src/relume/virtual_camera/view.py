@@ -11,7 +11,7 @@ from relume.image.colour import luminance
 from relume.image.radiance import RadianceMap
 
 FIELD_OF_VIEW = np.radians(50.0)
-"""Horizontal, of a picture that tells none: that of a 39 mm lens on 35 mm film, between the usual 35 and 50 mm."""
+"""Horizontal, of a picture that names none: that of a 39 mm lens on 35 mm film, between the usual 35 and 50 mm."""
 SUPPOSED_LUMINANCE = 100.0
 """cd/m², the log mean of a relative map that is shown to an eye: a lit room seen by day."""
 
@@ -20,7 +20,7 @@ SUPPOSED_LUMINANCE = 100.0
 class View:
     """A picture's lens, unit and planes.
 
-    focal_length : pixels; tells what angle a pixel covers in the middle of the picture
+    focal_length : pixels; sets what angle a pixel covers in the middle of the picture
     luminance_scale : cd/m² per unit of radiance
     depth : (H, W) float32, metres along the viewing axis, infinity for the distance; None where unknown
     motion : (H, W, 2) float32, pixels right and down by which each pixel moves while the shutter is open; None where
@@ -69,7 +69,7 @@ def view_of(
     """The view of a picture, its planes checked.
 
     field_of_view : horizontal, radians, below π
-    luminance_scale : cd/m² per unit of a relative map; None for what is told under `absolute`
+    luminance_scale : cd/m² per unit of a relative map; None for the rule under `absolute`
     absolute : whether luminances in cd/m² will be asked for, as by the models of the eye. A relative map without a
         scale is then taken to have the log mean SUPPOSED_LUMINANCE, with a warning
 
@@ -113,7 +113,7 @@ def log_mean(light: np.ndarray) -> float:
 def seen_luminance(radiance: np.ndarray, view: View) -> float:
     """The log mean luminance, cd/m², of a picture (H, W, 3): what an eye in front of it is used to.
 
-    Of a quarter of a million pixels, which tell a mean.
+    From a quarter of a million pixels, enough for a mean.
     """
     stride = max(1, int(np.sqrt(radiance.shape[0] * radiance.shape[1] / 2.5e5)))
     return view.luminance_scale * log_mean(luminance(radiance[::stride, ::stride]))

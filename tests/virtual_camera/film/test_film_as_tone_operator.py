@@ -161,9 +161,9 @@ def test_a_film_that_does_not_reach_the_exposure_asked_says_so_in_one_line(own):
     light = np.exp2(np.random.default_rng(0).uniform(5, 6, (40, 60, 1))).astype(np.float32).repeat(3, axis=2)
     with pytest.warns(
         UserWarning, match=r"^100 % of the picture is white: its middle is 5\.\d stops above the most"
-    ) as told:
+    ) as caught:
         Film(1.0, own).display_values(light, VIEW, NOTHING)
-    assert "expose by -5." in str(told[0].message) and "\n" not in str(told[0].message)
+    assert "expose by -5." in str(caught[0].message) and "\n" not in str(caught[0].message)
     with pytest.warns(UserWarning, match=r"^100 % of the picture is black: .* below the least .* expose by \+"):
         Film(1e-12, own).display_values(light, VIEW, NOTHING)
 

@@ -106,7 +106,7 @@ def test_a_picture_in_candelas_takes_it_by_the_profiles_scale_or_by_the_iso_numb
     other = replace(profile, scale_exposure=(False, False))
     picture = replace(LIT, unit="cd/m²")
     camera = match_camera(SMALL, picture, other)
-    assert any(line.startswith("scale: the profile's holds for exposures") for line in camera.facts)
+    assert any(line.startswith("scale: the profile's needs f-number and ISO") for line in camera.facts)
     # ISO 12232 at 200: 10 / 200 lx·s = 0.65 L / 4 / 4 make 118, L = 1.2308 cd/m².
     for known in (None, other):
         camera = match_camera(SMALL, picture, known)
@@ -117,9 +117,9 @@ def test_a_picture_in_candelas_takes_it_by_the_profiles_scale_or_by_the_iso_numb
 @pytest.mark.parametrize(
     "photograph, unit, why",
     [
-        (replace(SMALL, exposure=None), "relative", "the plate tells no exposure"),
+        (replace(SMALL, exposure=None), "relative", "the plate has no exposure"),
         (SMALL, "relative", "the picture is relative, and sRGB has no scale of its own"),
-        (replace(SMALL, exposure=Exposure(0.25)), "cd/m²", "the plate tells no f-number or ISO"),
+        (replace(SMALL, exposure=Exposure(0.25)), "cd/m²", "the plate has no f-number or ISO"),
     ],
 )
 def test_where_no_exposure_holds_the_picture_is_metered_and_that_is_said(photograph, unit, why):

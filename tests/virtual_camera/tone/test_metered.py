@@ -117,7 +117,7 @@ def test_a_cameras_own_picture_has_118_where_the_plate_that_it_calibrates_has():
 
 @pytest.mark.parametrize("wrong", [Exposure(0.01, None, 100.0), Exposure(0.01, 8.0, None)])
 def test_an_exposure_without_aperture_or_iso_is_refused(wrong: Exposure):
-    with pytest.raises(ValueError, match=r"tells no (f-number|ISO)"):
+    with pytest.raises(ValueError, match=r"has no (f-number|ISO)"):
         CameraExposure(wrong)
 
 

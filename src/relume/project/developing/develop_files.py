@@ -190,10 +190,11 @@ def develop_sequence(
     out : a folder for pictures, named as the frames are, or an .mp4 (sRGB)
     Raises ValueError, UnreadableFile, OutputNotWritten.
     """
+    # Refuse what a sequence cannot have, and name its files.
     movie = out.suffix.lower() == ".mp4"
     if settings.depth is not None or settings.vectors is not None:
         raise ValueError("depth and vectors are of one picture; develop the frames of a sequence one by one")
-    # Read the first frame, and choose the camera of all by it.
+    # Read the first frame; choose the camera of all by it.
     display = settings.preset.camera.display
     suffix = ".avif" if isinstance(display, PQ | HLG) else ".jpg" if isinstance(display, HdrGainMap) else ".png"
     targets = [] if movie else _targets(paths, out, suffix)

@@ -52,7 +52,7 @@ class Darkroom:
         if not (np.isfinite(self.frame) and self.frame > 0):
             raise ValueError(f"frame is {self.frame}; expected micrometres, positive")
         if self.exposure is not None and self.exposure.f_number is None:
-            raise ValueError("the exposure tells no f-number; give one, or no exposure to have the light metered")
+            raise ValueError("the exposure has no f-number; give one, or no exposure to have the light metered")
         if self.exposure is not None and self.exposure.iso not in (None, self.negative.speed):
             raise ValueError(
                 f"the exposure is at ISO {self.exposure.iso:g} and the film's speed is {self.negative.speed:g}; "
@@ -75,7 +75,7 @@ class Darkroom:
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """The print by white light: 1 is white paper, or clear film. The same seed gives the same grain.
 
-        Warns where most of the picture is beyond what the film tells apart.
+        Warns where most of the picture is beyond the range of the film.
         """
         from relume._kernel import in_threads
         from relume.virtual_camera.film.printing_kernel import print_rows

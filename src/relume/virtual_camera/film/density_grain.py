@@ -11,7 +11,7 @@ from relume.virtual_camera.film.characteristic_curve import CharacteristicCurve
 APERTURE = 48.0
 """µm, diameter of the round aperture through which RMS granularity is measured."""
 MEASURED_AT = 1.0
-"""Density above the minimum at which RMS granularity is told."""
+"""Density above the minimum at which RMS granularity is specified."""
 REACH = 3.0
 """Deviations to which a clump is followed."""
 

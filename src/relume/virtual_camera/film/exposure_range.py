@@ -1,4 +1,4 @@
-"""What a film reaches: one clear line where most of a picture lies beyond it."""
+"""The range of exposures of a film, and a warning where most of a picture lies beyond it."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from collections.abc import Callable
 import numpy as np
 
 MOST = 0.5
-"""Share of the lit pixels beyond one end above which that is told: more than an exposure for one part of a picture
-leaves out."""
+"""Share of the lit pixels beyond one end above which a warning says so: more than an exposure for one part of a
+picture leaves out."""
 LOOKED_AT = 2**18
-"""Pixels that tell the share to a thousandth."""
+"""Pixels that are looked at; they give the share to a thousandth."""
 
 
 def warn_of_range(
@@ -26,7 +26,7 @@ def warn_of_range(
 
     radiance : (H, W, 3); what is 0 is black in any picture and does not count
     exposures : gives the exposures (N, layers) of radiances (N, 3)
-    least, most : (layers,) exposures at and beyond which the film tells nothing apart
+    least, most : (layers,) exposures at and beyond which all light makes the same density
     """
     step = max(1, int(np.sqrt(radiance.shape[0] * radiance.shape[1] / LOOKED_AT)))
     light = radiance[::step, ::step].reshape(-1, 3)
@@ -41,6 +41,6 @@ def warn_of_range(
     stops = float(np.log2(np.median(exposed.max(1)) / end.mean()))
     warnings.warn(
         f"{100 * max(over, under):.0f} % of the picture is {colour}: its middle is {abs(stops):.1f} stops {where} the "
-        f"{side} exposure that the film tells apart; expose by {-stops:+.1f} stops or more",
+        f"{side} exposure in the film's range; expose by {-stops:+.1f} stops or more",
         stacklevel=stacklevel,
     )

@@ -66,7 +66,7 @@ class Film:
             return Film(exposure.factor / scale_from_exposure(srgb_response(), exposure).luminance, grain=grain)
         if scale is None:
             return Film(exposure.factor, response, grain)
-        # Where the scale tells the channels apart, that is part of the response.
+        # Where the scale differs between channels, that is part of the response.
         own = np.log(scale.factor) - np.log(scale.luminance)
         balanced = Response(response.log_exposure + own[:, None], response.noise)
         return Film(exposure.factor / scale.luminance, balanced if np.any(own) else response, grain)

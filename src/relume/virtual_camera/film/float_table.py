@@ -12,7 +12,7 @@ LOWEST, HIGHEST = -40, 40
 """Octaves tabulated, 2⁻⁴⁰ to 2⁴⁰: beyond the range of any picture, in any unit; outside the ends count."""
 FINE = 9
 """Leading bits of the mantissa with an entry of their own, 512 in an octave; between them the line is followed. A
-curve with slope 1 per octave and a bend a tenth of an octave wide is then told to 1e-5."""
+curve with slope 1 per octave and a bend a tenth of an octave wide is then exact to 1e-5."""
 SHIFT = 23 - FINE
 OFFSET = (127 + LOWEST) << 23
 LAST = (HIGHEST - LOWEST) << 23

@@ -27,7 +27,7 @@ SPECTRUM = 32
 """Side, in pixels, of the grid on which the spectrum of the grain is taken: room for ±3 pixels without wrapping."""
 
 ENOUGH = 800_000
-"""Pixels of the middle of a photograph that tell its grain: 3000 patches."""
+"""Pixels of the middle of a photograph from which its grain is measured: 3000 patches."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,12 +92,12 @@ class Grain:
 def photograph_grain(
     photograph: Photograph, *, clean: np.ndarray | None = None, response: Response | None = None
 ) -> Grain | None:
-    """The grain of a photograph, in its pixel values; None where it cannot be told.
+    """The grain of a photograph, in its pixel values; None where it cannot be measured.
 
     clean : (H, W, 3) the values, not rounded, that the photograph would have without noise: its bracket merged,
         denoised and developed again. Without it the photograph's own flat patches are looked at, and fine texture
         that is everywhere (wood, cloth) is taken for grain
-    response : of its camera. Its deviation tells the noise of values that no flat patch shows; None takes the nearest
+    response : of its camera. Its deviation is the noise of values that no flat patch shows; None takes the nearest
         that is shown
 
     The photograph is believed before the response, which knows nothing of what JPEG took from flat places.
@@ -112,22 +112,22 @@ def photograph_grain(
     grain = _measured(found, ROUNDING)
     if response is None:
         return grain
-    told = _by_response(response, white)
-    deviation = told.deviation.copy()
-    for c, values in enumerate(told.values):
+    given = _by_response(response, white)
+    deviation = given.deviation.copy()
+    for c, values in enumerate(given.values):
         # Flat patches correct the response where they are; beyond them it keeps its shape.
         factor = grain.deviation[c] / np.maximum(np.interp(grain.values[c], values, deviation[c]), 1e-6)
         deviation[c] *= np.interp(values, grain.values[c], factor)
-    return Grain(told.values, deviation, grain.correlation)
+    return Grain(given.values, deviation, grain.correlation)
 
 
 def bracket_grain(bracket: Bracket, index: int, response: Response) -> Grain | None:
-    """The grain of one photograph of a bracket, in its pixel values; None where it cannot be told.
+    """The grain of one photograph of a bracket, in its pixel values; None where it cannot be measured.
 
     index : of the photograph in the bracket
     response : of the camera
 
-    What it would be without noise is told by the others, merged and denoised: a merge with its own noise in it would
+    What it would be without noise is taken from the others, merged and denoised: a merge with its own noise in it would
     hide some. Of a bracket of one, or where the others do not overlap with it in brightness, the photograph's flat
     patches are looked at instead.
     """
@@ -163,7 +163,7 @@ def _cut(photograph: Photograph, rows: slice, columns: slice) -> Photograph:
 
 
 def radiance_grain(plate: RadianceMap) -> Grain | None:
-    """The grain of a radiance map that was not denoised, in its unit; None where it cannot be told.
+    """The grain of a radiance map that was not denoised, in its unit; None where it cannot be measured.
 
     Where the map has a variance plane, its noise is what `denoise` takes from it; else what its flat patches show.
     Beyond the brightest and darkest patches the deviation goes on as that of photon noise, with the root of the light.

@@ -25,7 +25,7 @@ QUANTILES = tabulated(_quantile)
 
 @exact_inlined
 def _normal(drawn, quantiles):
-    """A normal number from 32 even bits: one tells its sign, 31 the chance to be farther from 0."""
+    """A normal number from 32 even bits: one is its sign, 31 the chance to be farther from 0."""
     chance = (np.float32((drawn >> _SIGN) & _SIZE) + np.float32(0.5)) * _HALF
     size = looked_up(quantiles, np.int64(np.float32(chance).view(np.int32)))
     return size if drawn & _SIGN else -size

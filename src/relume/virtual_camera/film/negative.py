@@ -14,7 +14,7 @@ from relume.virtual_camera.film.halation import Halation
 METER = 12.5
 """K of ISO 2720: a reflected-light meter gives N² / t = L S / K, L in cd/m²."""
 APART = 0.02
-"""Density that the eye still tells from that beside it, held against a light."""
+"""Density difference that the eye still sees, held against a light."""
 
 
 @dataclass(frozen=True, eq=False)

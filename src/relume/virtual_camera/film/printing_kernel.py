@@ -95,6 +95,7 @@ def print_rows(
     noise = np.empty(width, np.float32)
     smoothed = np.empty((layers, taps.shape[0], width), np.float32)
     for row in range(begin, end):
+        # The negative: light exposes each layer, its halo included, and the curve makes density.
         for layer in range(layers):
             red, green, blue = sensitivity[layer, 0], sensitivity[layer, 1], sensitivity[layer, 2]
             for x in range(width):
@@ -118,6 +119,7 @@ def print_rows(
                 for x in range(width):
                     spread = max((own[x] - low) * (high - own[x]), np.float32(0))
                     own[x] += strength * np.sqrt(spread) * noise[x]
+        # The print: what each of its layers is exposed to through the negative's dyes.
         for layer in range(layers):
             table = prints[layer]
             for x in range(width):
@@ -128,6 +130,7 @@ def print_rows(
                 entry = min(int(place), last)
                 below = table[entry]
                 out[row, x, layer] = below + (place - np.float32(entry)) * (table[entry + 1] - below)
+        # One layer is grey.
         for layer in range(layers, 3):
             for x in range(width):
                 out[row, x, layer] = out[row, x, 0]

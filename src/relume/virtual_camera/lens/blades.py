@@ -21,8 +21,8 @@ class Blades:
         share of 2π / count
     rotation : radians, anticlockwise in the picture; at 0 a corner points right
 
-    Round unless told: an iris shows once it is stopped down. All lengths are in diameters of the round opening of the
-    same area: the f-number tells how much light passes, so openings of one f-number have one area, whatever their
+    Round by default: an iris shows once it is stopped down. All lengths are in diameters of the round opening of the
+    same area: the f-number says how much light passes, so openings of one f-number have one area, whatever their
     shape.
     """
 

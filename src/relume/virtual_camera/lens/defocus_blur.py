@@ -27,7 +27,7 @@ class Defocus:
 
     Every pixel is spread over its own disc, within a sixteenth of a pixel of its radius, and all discs are added front
     to back, so that nothing sharp is smeared over what is behind it, while what is blurred before it covers it softly.
-    Behind near things the background goes on as beside them: a picture does not tell what they hide. A plane at one
+    Behind near things the background goes on as beside them: a picture does not show what they hide. A plane at one
     depth keeps its light, lamps and all; near an edge some is covered and some uncovered, as by a lens, so the sum may
     change. At the border the picture goes on as its mirror image, so no dark frame appears.
 

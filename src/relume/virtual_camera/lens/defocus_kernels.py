@@ -53,6 +53,7 @@ def _defocus(
     for j in range(source_x.size):
         x = (left - widest + j) % (2 * width)
         source_x[j] = x if x < width else 2 * width - 1 - x
+    # Sort the pixels whose discs reach this block into layers of depth: count first, then place.
     layers = (reach.size - 1) // LAYER + 1
     begins = np.zeros(layers + 2, np.int64)
     for counting in range(2):
@@ -84,6 +85,7 @@ def _defocus(
                     else:
                         place[following[layer]], pixel[following[layer]] = i * source_x.size + j, source
                         following[layer] += 1
+    # Each layer, front to back: its discs as changes along the rows, ...
     changes, light = np.zeros((rows, columns + 1, 4)), np.zeros((rows, columns, 3))
     covered = np.zeros((rows, columns))
     for layer in range(layers):
@@ -106,6 +108,7 @@ def _defocus(
                 changes[row, column, 1] += weight * green
                 changes[row, column, 2] += weight * blue
                 changes[row, column, 3] += weight
+        # ... summed along the rows, and added to what is still open.
         for y in range(lowest_row, highest_row):
             red, green, blue, cover = 0.0, 0.0, 0.0, 0.0
             for x in range(columns):

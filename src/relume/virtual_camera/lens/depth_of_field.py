@@ -29,7 +29,7 @@ def aperture_of(f_number: float, focal_length: float) -> float:
 
 
 def aperture_from(photograph: Photograph) -> float | None:
-    """The aperture that a photograph's EXIF tells, metres; None without f-number or focal length in mm."""
+    """The aperture by a photograph's EXIF, metres; None without f-number or focal length in mm."""
     f_number = None if photograph.exposure is None else photograph.exposure.f_number
     focal_length = photograph.settings.focal_length
     return None if f_number is None or focal_length is None else aperture_of(f_number, focal_length)

@@ -34,6 +34,7 @@ def _resample(radiance, places, hide, begin, end, out):
     colours, rows, columns = places.shape[:3]
     line = np.empty((columns, 2))
     for y in range(begin, end):
+        # The grid of places, interpolated at this row.
         v = (y + 0.5) * (rows - 1) / height
         above = min(max(int(v) - 1, 0), rows - 4)
         w0, w1, w2, w3 = _lagrange(v - above)
@@ -48,6 +49,7 @@ def _resample(radiance, places, hide, begin, end, out):
                     )
             lowest, highest = (0, 3) if colours == 1 else (colour, colour + 1)
             for x in range(width):
+                # The place of this pixel in the picture.
                 u = (x + 0.5) * (columns - 1) / width
                 before = min(max(int(u) - 1, 0), columns - 4)
                 u0, u1, u2, u3 = _lagrange(u - before)
@@ -60,6 +62,7 @@ def _resample(radiance, places, hide, begin, end, out):
                     for c in range(lowest, highest):
                         out[y, x, c] = np.nan
                     continue
+                # Radiance there, by Keys' cubic.
                 right = min(max(right - 0.5, 0.0), width - 1.0)
                 down = min(max(down - 0.5, 0.0), height - 1.0)
                 i, j = int(down), int(right)

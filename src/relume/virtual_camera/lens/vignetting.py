@@ -64,7 +64,7 @@ class PolynomialVignetting:
 
 @dataclass(frozen=True)
 class MeasuredVignetting:
-    """What `recover_vignetting` found of a lens, or its profile tells.
+    """What `recover_vignetting` found of a lens, or its profile holds.
 
     vignetting : it holds at the aperture it was measured at
     """

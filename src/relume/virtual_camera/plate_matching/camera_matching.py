@@ -83,7 +83,7 @@ def match_camera(
     The plate's EXIF exposure counts where picture and camera are on one scale: a picture in cd/m² and a camera with
     f-number and ISO or a measured scale, or a relative picture and a response, on whose scale merging puts radiance.
     Else a light meter exposes the picture: its log mean becomes 118 of 255. The tones of the plate say nothing of
-    that, for it shows another scene; but the facts tell by how much the picture comes out brighter than the plate, and
+    that, for it shows another scene; but the facts say by how much the picture comes out brighter than the plate, and
     a warning does so above FAR stops.
     """
     facts: list[str] = []
@@ -91,7 +91,7 @@ def match_camera(
     film = _exposed(photograph, picture, response, scale, facts)
     facts.append(f"exposed by {film.exposure:.4g} per unit of radiance")
     seen = _seen(photograph, film)
-    _tell_brightness(picture, seen, facts)
+    _compare_brightness(picture, seen, facts)
     optics: list[Optics] = []
     sharpness = None if seen is None else measured_sharpness(seen)
     if sharpness is None:
@@ -115,7 +115,7 @@ def match_camera(
 def _known(
     profile: CameraProfile | Response | None, photograph: Photograph, facts: list[str]
 ) -> tuple[Response | None, Vignetting | None, Scale | None]:
-    """Response, fall-off and scale that a profile tells and that hold for the photograph."""
+    """Response, vignetting and scale of a profile that hold for the photograph."""
     if isinstance(profile, Response):
         facts.append("response: as given")
         return profile, None, None
@@ -128,18 +128,18 @@ def _known(
         response = profiled_response(profile)
     if profile is None:
         return response, None, None
-    told = photograph.exposure
+    exposure = photograph.exposure
     vignetting = profiled_vignetting(profile)
     if vignetting is not None:
-        at = None if told is None else told.f_number
+        at = None if exposure is None else exposure.f_number
         other = vignetting.f_number is not None and at is not None and abs(np.log(at / vignetting.f_number)) > 0.03
         facts.append(
             "vignetting: of the profile"
             + (f", measured at f/{vignetting.f_number:g}; the plate is at f/{at:g}" if other else "")
         )
-    scale = profiled_scale(profile, told)
-    if scale is None and profile.scale is not None and told is not None:
-        facts.append("scale: the profile's holds for exposures that tell other settings than the plate's; not used")
+    scale = profiled_scale(profile, exposure)
+    if scale is None and profile.scale is not None and exposure is not None:
+        facts.append("scale: the profile's needs f-number and ISO as it was measured with; not used")
     return response, vignetting, scale
 
 
@@ -147,23 +147,25 @@ def _exposed(
     photograph: Photograph, picture: RadianceMap, response: Response | None, scale: Scale | None, facts: list[str]
 ) -> Film:
     """The film at the plate's exposure where that holds for the picture, else at a meter's."""
-    told, absolute = photograph.exposure, picture.unit == "cd/m²"
-    why = "the plate tells no exposure"
-    if told is not None:
-        settings = f"{told.seconds:.4g} s"
-        settings += "" if told.f_number is None else f", f/{told.f_number:g}"
-        settings += "" if told.iso is None else f", ISO {told.iso:g}"
+    exposure, absolute = photograph.exposure, picture.unit == "cd/m²"
+    why = "the plate has no exposure"
+    if exposure is not None:
+        settings = f"{exposure.seconds:.4g} s"
+        settings += "" if exposure.f_number is None else f", f/{exposure.f_number:g}"
+        settings += "" if exposure.iso is None else f", ISO {exposure.iso:g}"
         if absolute and response is not None and scale is not None:
             facts.append(f"exposure: the plate's, {settings}, and the profile's scale")
-            return Film.of(told, response, scale=scale)
-        if absolute and told.f_number is not None and told.iso is not None:
+            return Film.of(exposure, response, scale=scale)
+        if absolute and exposure.f_number is not None and exposure.iso is not None:
             facts.append(f"exposure: the plate's, {settings}, by what ISO 12232 promises (to a third of a stop)")
-            return Film.of(told, response, scale=None if response is None else scale_from_exposure(response, told))
+            return Film.of(
+                exposure, response, scale=None if response is None else scale_from_exposure(response, exposure)
+            )
         if not absolute and response is not None:
             facts.append(f"exposure: the plate's, {settings}; the picture is taken to be on the response's scale")
-            return Film.of(told, response)
+            return Film.of(exposure, response)
         why = (
-            "the plate tells no f-number or ISO, and no scale is known"
+            "the plate has no f-number or ISO, and no scale is known"
             if absolute
             else "the picture is relative, and sRGB has no scale of its own"
         )
@@ -185,7 +187,7 @@ def _seen(photograph: Photograph, film: Film) -> RadianceMap | None:
         return None
 
 
-def _tell_brightness(picture: RadianceMap, seen: RadianceMap | None, facts: list[str]) -> None:
+def _compare_brightness(picture: RadianceMap, seen: RadianceMap | None, facts: list[str]) -> None:
     """How much brighter the picture comes out than the plate: by medians of what is lit, for suns sway any mean."""
     if seen is None:
         facts.append("brightness: the plate is white or black nearly everywhere; not compared with it")
@@ -195,11 +197,11 @@ def _tell_brightness(picture: RadianceMap, seen: RadianceMap | None, facts: list
         facts.append("brightness: the picture or the plate is black; not compared")
         return
     stops = float(np.log2(medians[0] / medians[1]))
-    told = f"the picture comes out {abs(stops):.1f} stops {'brighter' if stops >= 0 else 'darker'} than the plate"
-    facts.append(f"brightness: {told}, by their medians")
+    words = f"the picture comes out {abs(stops):.1f} stops {'brighter' if stops >= 0 else 'darker'} than the plate"
+    facts.append(f"brightness: {words}, by their medians")
     if abs(stops) > FAR:
         warnings.warn(
-            f"{told}, by their medians: the plate's exposure may not be of the picture's unit; where both show the "
+            f"{words}, by their medians: the plate's exposure may not be of the picture's unit; where both show the "
             f"same light, expose by {-stops:+.1f} stops",
             stacklevel=3,
         )

@@ -1,4 +1,4 @@
-"""What a camera's profile tells a virtual camera: its response, fall-off and scale, where they hold."""
+"""A camera's profile as a virtual camera uses it: its response, vignetting and scale, where they hold."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def profiled_vignetting(profile: CameraProfile) -> Vignetting | None:
 def profiled_scale(profile: CameraProfile, exposure: Exposure | None) -> Scale | None:
     """cd/m² per unit of that camera's radiance, where it holds for an exposure; None where it does not.
 
-    Relative radiance takes an unknown f-number as 1 and an unknown ISO as 100, so a scale holds for exposures that tell
+    Relative radiance takes an unknown f-number as 1 and an unknown ISO as 100, so a scale holds for exposures that have
     the same settings as those it was measured with.
     """
     if profile.scale is None or exposure is None:

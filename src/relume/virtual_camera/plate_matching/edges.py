@@ -1,7 +1,7 @@
 """Clean straight edges of a picture and how blurred each of them is: the slanted edge of ISO 12233, found and fitted.
 
 Where a straight edge crosses the pixel grid aslant, each pixel beside it samples the same profile at another distance;
-together they tell a profile finer than the pixels.
+together they give a profile finer than the pixels.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ FLAT = 3.0
 
 @dataclass(frozen=True, eq=False)
 class FlatPatches:
-    """What flat patches tell of a picture's noise.
+    """A picture's noise, measured on its flat patches.
 
     values : (3, N) mean values, rising, a channel each
     variance : (3, N) of the noise there, rounding included
@@ -55,13 +55,13 @@ def flat_patches(
     brightest: float = np.inf,
     least: float = 0.0,
 ) -> FlatPatches | None:
-    """The flat patches of a picture (H, W, 3); None where there are too few to tell the noise.
+    """The flat patches of a picture (H, W, 3); None where there are too few to measure the noise.
 
     picture : pixel values or radiances; NaN where nothing was measured
     clean : (H, W, 3) the same without noise, where it is known; then the difference is looked at, in which texture is
         none. NaN where it is not known. Without it fine texture that is everywhere is taken for noise
     darkest, brightest : values at and beyond which noise is cut off; patches that reach them are left out
-    least : variance below which a patch shows only rounding and tells nothing of how neighbours are alike
+    least : variance below which a patch shows only rounding, and not how neighbours are alike
     """
     if clean is not None:
         picture = np.where(np.isfinite(clean), picture, np.nan)
@@ -82,19 +82,19 @@ def flat_patches(
         level = np.stack([_medians(variance[:, c], flattest[:, c], bins[:, c]) for c in range(3)])
         of_patch = np.stack([level[c, bins[:, c]] for c in range(3)], axis=-1)
         together = flattest.all(-1) if flattest.all(-1).sum() >= FEWEST else flattest[:, 1]
-        told = together & (of_patch > max(least, 0.0)).all(-1)
-        if told.sum() < FEWEST:
+        noisy = together & (of_patch > max(least, 0.0)).all(-1)
+        if noisy.sum() < FEWEST:
             return None
-        scaled = residual[told] / np.sqrt(of_patch[told])[:, None, None]
+        scaled = residual[noisy] / np.sqrt(of_patch[noisy])[:, None, None]
         covariance, shrinkage = _covariance(scaled, losses)
         expected = of_patch * _of_block_means(covariance)
         flattest = unevenness <= FLAT * expected
         # In a picture that is nowhere flat, the flattest places still are the best there is.
     level = level / shrinkage[:, None]
     # 1 over the variances, as the residuals were divided by what they were before the planes' share was added back.
-    rounding_share = (1 / of_patch[told]).mean(0)
+    rounding_share = (1 / of_patch[noisy]).mean(0)
     values = np.stack([_bin_means(means[:, c], bins[:, c]) for c in range(3)])
-    return FlatPatches(values, level, covariance, rounding_share, int(told.sum()))
+    return FlatPatches(values, level, covariance, rounding_share, int(noisy.sum()))
 
 
 def _patches(picture: np.ndarray, darkest: float, brightest: float) -> tuple[np.ndarray, np.ndarray]:

@@ -27,7 +27,7 @@ class BlackWhitePoint:
         the darker"
 
     Pixel values are (L / white)^g, g = ln 255 / ln(255 white / black), a channel each. With 1 and 1 radiance becomes
-    pixel value as it is: that filter knew no sRGB, and its base image is darker than a plain exposure. The text tells
+    pixel value as it is: that filter knew no sRGB, and its base image is darker than a plain exposure. The text gives
     the ends and likens what lies between to gamma; the power is the curve that does both and leaves the base image
     alone. Values stay finite: beyond 1e12 times white they are held. Raises ValueError unless 0 < black / 255 < white.
     """
@@ -49,7 +49,7 @@ class BlackWhitePoint:
         return float(np.log(255) / np.log(255 * self.white / self.black))
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """Nothing: both points are told, not measured."""
+        """Nothing: both points are given, not measured."""
         return Adaptation(np.zeros(0))
 
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:

@@ -26,6 +26,6 @@ class DisplayRange:
         """Linear display values that show luminances in cd/m²: (L − black) / (white − black).
 
         The screen and the room add the black by themselves, whatever is shown. What is darker is below 0, where a
-        display clips it and tells how much there was.
+        display clips it and reports how much there was.
         """
         return (luminance - self.black) / (self.white - self.black)

@@ -1,4 +1,4 @@
-"""What an eye adapted to the scene can just tell apart (Ferwerda, Pattanaik, Shirley & Greenberg 1996)."""
+"""What an eye adapted to the scene can just distinguish (Ferwerda, Pattanaik, Shirley & Greenberg 1996)."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def multipliers(adaptation: Adaptation, screen: DisplayRange) -> np.ndarray:
 
     Tp(Lda) / Tp(Lwa) and k · Tp(Lda) / Ts(Lwa) (Ferwerda et al. 1996, §4.1): a difference at the scene's threshold is
     brought to the screen's, which is that of cones. The share k falls from 1 at the bottom of the mesopic range to 0 at
-    its top; the paper tells the ends alone, and between them it is linear in the logarithm, as thresholds nearly are.
+    its top; the paper gives only the ends, and between them it is linear in the logarithm, as thresholds nearly are.
     """
     cones, rods = np.exp(adaptation.values)
     low, high = np.log(DARKEST_MESOPIC), np.log(BRIGHTEST_MESOPIC)

@@ -86,7 +86,7 @@ class MeteredExposure:
 
 @dataclass(frozen=True)
 class FixedExposure:
-    """Exposed as told, whatever the picture shows.
+    """A fixed exposure, whatever the picture shows.
 
     display_per_radiance : display values per unit of radiance; 1 shows radiance as it is
     """
@@ -159,6 +159,6 @@ def saturation_luminance(exposure: Exposure) -> float:
     """
     for name, value in (("f-number", exposure.f_number), ("ISO", exposure.iso)):
         if value is None:
-            raise ValueError(f"the exposure tells no {name}; absolute exposure needs seconds, f-number and ISO")
+            raise ValueError(f"the exposure has no {name}; absolute exposure needs seconds, f-number and ISO")
     assert exposure.f_number is not None and exposure.iso is not None
     return SATURATING * exposure.f_number**2 / (SPEED_FACTOR * exposure.iso * exposure.seconds)

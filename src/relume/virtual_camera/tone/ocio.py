@@ -87,7 +87,7 @@ class Ocio:
         gain = np.float32(GREY / np.exp(adaptation.values[0]))
         processor, is_encoded = self._processor()
         height, width = radiance.shape[:2]
-        # Beyond float32 lies nothing that a view could tell from white.
+        # Beyond float32 everything is white in a view.
         with np.errstate(over="ignore"):
             shown = np.multiply(radiance, gain, order="C", dtype=np.float32)
         np.minimum(shown, np.finfo(np.float32).max, out=shown)
@@ -139,7 +139,7 @@ def _decoding(config: Any, display: str, view: str) -> list[Any] | None:
     """The steps from a view's code values to linear Rec. 709; None where they are sRGB and we decode them.
 
     A configuration of version 2 knows its displays as light, by way of CIE XYZ. In older ones a view is a colour space
-    of the scene, whose inverse would undo the view as well: there the display's name has to tell.
+    of the scene, whose inverse would undo the view as well: there the display's name decides.
     """
     ocio = _ocio()
     name = config.getDisplayViewColorSpaceName(display, view)
@@ -155,7 +155,7 @@ def _decoding(config: Any, display: str, view: str) -> list[Any] | None:
     if "srgb" in display.lower():
         return None
     raise ValueError(
-        f'this configuration does not tell what the code values of its display "{display}" mean; choose an sRGB '
+        f'this configuration does not say what the code values of its display "{display}" mean; choose an sRGB '
         f"display, or a configuration of version 2 with the role {_DISPLAY_ROLE}"
     )
 

@@ -57,8 +57,8 @@ def screen_luminance(luminance: np.ndarray, adapted: float, screen: DisplayRange
 
     adapted : Lwa, cd/m²
 
-    The exponent of m is told with a bare "log", and some programs take the natural one there; by the decimal one, that
-    of γ, a scene to which an eye is adapted as to the screen comes out as it is.
+    The exponent of m is written with a bare "log", and some programs take the natural one there; by the decimal
+    one, that of γ, a scene to which an eye is adapted as to the screen comes out as it is.
     """
     display = float(np.sqrt(screen.white * screen.black))
     ratio = brightness_exponent(adapted) / brightness_exponent(display)

@@ -1,4 +1,4 @@
-"""The eye: what it can tell apart at a luminance, how sharply, in which colours, and how wide its pupil is.
+"""The eye: what it can distinguish at a luminance, how sharply, in which colours, and how wide its pupil is.
 
 Luminances are in cd/m². Thresholds are those of Ferwerda, Pattanaik, Shirley & Greenberg 1996, joined to one curve as
 by Ward Larson, Rushmeier & Piatko 1997.

@@ -174,9 +174,9 @@ def test_a_turn_that_takes_a_corner_behind_the_camera_is_refused_with_the_larges
     # 70 pixels at a focal length of 35 are 90° wide: a corner lies 45° off the axis, and reaches 90° at half of 90°.
     picture, view = rough(), View(35.0)
     for degrees in (91.0, 140.0, 180.0):
-        with pytest.raises(ValueError, match=r"behind the camera; .* at most 89\.9°") as told:
+        with pytest.raises(ValueError, match=r"behind the camera; .* at most 89\.9°") as caught:
             TurningCamera(np.radians(degrees)).apply(picture, view)
-        assert f"turns by {degrees:g}° and a picture of 90° × 71.1°" in str(told.value)
+        assert f"turns by {degrees:g}° and a picture of 90° × 71.1°" in str(caught.value)
     with pytest.raises(ValueError, match="behind the camera"):
         TurningCamera(np.radians(91.0)).coverage((50, 70), view)
     TurningCamera(np.radians(89.8)).apply(picture, view)

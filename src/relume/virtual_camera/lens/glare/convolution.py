@@ -208,7 +208,7 @@ def row_waves(
 
 
 def symmetric_transfer(rows: Callable[[int, int], np.ndarray], canvas: Canvas) -> Transfer:
-    """Of a spread that is the same when turned by half a turn: real, and told by its rows 0…H below the point.
+    """Of a spread that is the same when turned by half a turn: real, and given by its rows 0…H below the point.
 
     rows : gives rows begin…end, (n, padded columns) float32 in the order of transforms: 0, 1, …, −2, −1 pixels right
     """

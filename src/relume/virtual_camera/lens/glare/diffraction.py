@@ -97,7 +97,7 @@ def _pattern(blades: Blades, most: int) -> np.ndarray:
 
 
 def _pixel_means(step: float, reach: int, most: int) -> np.ndarray:
-    """(2 reach + 1, 2 most + 1) means over pixels of what is told every `step` pixels, by Catmull and Rom's cubic."""
+    """(2 reach + 1, 2 most + 1) means over pixels of what is given every `step` pixels, by Catmull and Rom's cubic."""
     fine = max(4, int(np.ceil(2 / step)))
     size = 2 * reach + 1
     place = ((np.arange(size * fine) + 0.5) / fine - reach - 0.5) / step + most

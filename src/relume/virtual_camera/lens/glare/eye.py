@@ -78,7 +78,7 @@ class EyeGlare:
 
     @property
     def absolute(self) -> bool:
-        """Whether luminances have to be in cd/m²: where the adaptation is not told."""
+        """Whether luminances have to be in cd/m²: where the adaptation is not given."""
         return self.adaptation is None
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
@@ -98,6 +98,7 @@ class EyeGlare:
 
     def point_spread(self, adaptation: float, view: View, reach: float) -> PolarSpread:
         """The point spread at an adaptation in cd/m², for pixels up to `reach` away."""
+        # Shares of the light, and the needles of the ciliary corona.
         shares = self.shares(adaptation)
         focal, reach = view.focal_length, max(reach, INTEGRATED * 2.0)
         amounts = channel_shares(WAVELENGTHS)
@@ -107,6 +108,7 @@ class EyeGlare:
         wide = CORE * np.pi / 180 * focal > 2
         blurred, blur_near = not self.sharp and wide, not self.sharp and not wide
 
+        # Densities by distance: of f₁ and f₂ for all channels, of the halo and f₀ for each.
         norms, halo = norms_of_scatter(), shares[3] * halo_of_channels(amounts)
 
         def scattered(distance: np.ndarray) -> np.ndarray:
@@ -130,6 +132,7 @@ class EyeGlare:
             radial[channel] = pixel_means(density, distances)
             kept[channel] = within_pixel(density) + (0 if blurred else shares[0])
             near.append(_integrated(density, needles[channel], reach))
+        # f₀ where it is narrower than pixels.
         patch = np.stack(near)
         if blur_near:
             blur = shares[0] * _blur(CORE * np.pi / 180 * focal)

@@ -1,4 +1,4 @@
-"""Point spreads that are the same when turned by half a turn, told in polar coordinates about the point.
+"""Point spreads that are the same when turned by half a turn, in polar coordinates about the point.
 
 All glare here falls as a power of the distance and is drawn out along rays; both are smooth in the fourth root of the
 distance, which is therefore the tables' coordinate.

@@ -1,4 +1,4 @@
-"""The loop that draws a point spread told in polar coordinates, row by row."""
+"""The loop that draws a point spread given in polar coordinates, row by row."""
 
 from __future__ import annotations
 

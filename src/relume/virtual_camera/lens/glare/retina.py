@@ -15,7 +15,7 @@ CORE = 0.02
 WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
 """nm; the halo of one is wider than the way to the next."""
 HALO_DEGREES = np.linspace(0, 8, 2001)
-"""Degrees at which the halo is told: the reddest ends before 5."""
+"""Degrees at which the halo is tabulated: the reddest ends before 5."""
 
 
 def unscattered(degrees: np.ndarray) -> np.ndarray:

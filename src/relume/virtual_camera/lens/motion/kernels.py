@@ -171,15 +171,15 @@ def _added_run(light, start, below, pixel_of, x, y, across, down, bend_x, bend_y
 def _added_pixel(light, height, width, x, y, weight, sums, place):
     """Adds one pixel's bilinear radiance at (x, y) from those neighbours that are there; what their weights sum to."""
     left, top = int(np.floor(x)), int(np.floor(y))
-    told = 0.0
+    known_share = 0.0
     for row in range(top, top + 2):
         for column in range(left, left + 2):
             if 0 <= row < height and 0 <= column < width:
                 share = weight * (1 - abs(x - column)) * (1 - abs(y - row))
-                told += share
+                known_share += share
                 for channel in range(3):
                     sums[3 * place + channel] += share * light[3 * (row * width + column) + channel]
-    return told
+    return known_share
 
 
 @kernel
@@ -220,7 +220,7 @@ def along_paths(light, height, width, matrices, times, opening, shown, known, be
         pixel_of[i] = i // 3
     sums, whole = np.zeros(3 * RUN, np.float32), np.empty(3 * RUN)
     singles = np.empty(3 * RUN)
-    told = np.empty(RUN)
+    known_share = np.empty(RUN)
     # Where a run's first pixel is at each key time (x, y), how far apart its pixels are, and how that changes.
     path = np.empty((keys, 6))
     ahead, lengths = np.empty(keys, np.bool_), np.empty(keys - 1)
@@ -229,8 +229,8 @@ def along_paths(light, height, width, matrices, times, opening, shown, known, be
             column = min(part * RUN, width - run)
             for k in range(keys):
                 ahead[k] = _placed(matrices[k], column, row, run, path[k])
-            whole[:], singles[:], told[:] = 0.0, 0.0, 0.0
-            all_told, lit, waiting = 0.0, 0.0, 0
+            whole[:], singles[:], known_share[:] = 0.0, 0.0, 0.0
+            all_known, lit, waiting = 0.0, 0.0, 0
             total = 0.0
             for k in range(keys - 1):
                 lengths[k] = _UNSEEN
@@ -291,7 +291,7 @@ def along_paths(light, height, width, matrices, times, opening, shown, known, be
                         )
                     else:
                         _added_inside(light, width, x, y, across, down, bend_x, bend_y, np.float32(weight), sums)
-                    all_told += weight
+                    all_known += weight
                     waiting += 1
                     if waiting == _FLUSH:
                         waiting = 0
@@ -301,9 +301,9 @@ def along_paths(light, height, width, matrices, times, opening, shown, known, be
                     continue
                 for i in range(run):
                     u, v = x + i * (across + i * bend_x), y + i * (down + i * bend_y)
-                    told[i] += _added_pixel(light, height, width, u, v, weight, singles, i)
+                    known_share[i] += _added_pixel(light, height, width, u, v, weight, singles, i)
             for i in range(run):
-                share = all_told + told[i]
+                share = all_known + known_share[i]
                 place = row * width + column + i
                 for channel in range(3):
                     j = 3 * i + channel

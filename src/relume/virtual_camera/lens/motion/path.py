@@ -40,7 +40,7 @@ class HomographyPath:
     sensor gathers: even light stays even, and what is kept of a source is the sum of radiance × solid angle, not that
     of pixel values, where homographies change the size of things: to 1e-4 for lights of a few pixels. A single point on
     a line that a turn leaves in place may differ by its change of scale there, for so bilinear weights do. Pixels are
-    averaged over the time for which the picture tells what they saw (`coverage`); those that never saw it are black.
+    averaged over the time for which the picture shows what they saw (`coverage`); those that never saw it are black.
     Raises ValueError for matrices of another shape, not finite or singular, and for times that do not rise from
     −½ to ½; when applied, for a path on which a corner of the picture is not before the camera at a key time.
     """
@@ -67,7 +67,7 @@ class HomographyPath:
     def along(
         cls, matrix_at: Callable[[float], np.ndarray], keys: int, *, shutter: Shutter | None = None
     ) -> HomographyPath:
-        """The path that a function of the time, −½ to ½, tells as a (3, 3) matrix, asked at `keys` even times."""
+        """The path that a function of the time, −½ to ½, gives as a (3, 3) matrix, sampled at `keys` even times."""
         matrices = np.stack([np.asarray(matrix_at(float(time)), np.float64) for time in np.linspace(-0.5, 0.5, keys)])
         return cls(matrices, shutter=shutter or Shutter())
 
@@ -76,7 +76,7 @@ class HomographyPath:
         return _along(self, radiance, np.empty((0, 0), np.float32))
 
     def coverage(self, shape: tuple[int, int], view: View) -> np.ndarray:
-        """The share (H, W) float32 of a pixel's light that a picture of that shape (rows, columns) tells."""
+        """The share (H, W) float32 of a pixel's light that a picture of that shape (rows, columns) shows."""
         known = np.empty(shape, np.float32)
         _along(self, np.zeros((*shape, 3), np.float32), known)
         return known
@@ -131,7 +131,7 @@ class TurningCamera:
         return self.path((radiance.shape[0], radiance.shape[1]), view.focal_length).apply(radiance, view)
 
     def coverage(self, shape: tuple[int, int], view: View) -> np.ndarray:
-        """The share (H, W) float32 of a pixel's light that a picture of that shape (rows, columns) tells."""
+        """The share (H, W) float32 of a pixel's light that a picture of that shape (rows, columns) shows."""
         return self.path(shape, view.focal_length).coverage(shape, view)
 
 
@@ -215,7 +215,7 @@ def _chord_error(matrix_at: Callable[[float], np.ndarray], keys: int, shape: tup
     height, width = shape
     y, x = (side.ravel() for side in np.mgrid[0 : height : _PROBES * 1j, 0 : width : _PROBES * 1j])
     grid = np.stack([x, y, np.ones_like(x)])
-    # Curvature changes slowly along an arc: its first, middle and last pieces tell of all.
+    # Curvature changes slowly along an arc: its first, middle and last pieces stand for all.
     worst, step = 0.0, 1 / (keys - 1)
     for piece in {0, (keys - 1) // 2, keys - 2}:
         begin = piece * step - 0.5

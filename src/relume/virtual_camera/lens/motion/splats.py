@@ -121,7 +121,7 @@ def carried_tile(light, motion, remoteness, boxes, opening, shown, known, tile):
     nearest = np.empty((rows, columns), np.float32)
     layers = np.empty((rows, columns, 2, 4))
     whole = np.zeros((rows, columns, 3))
-    told, hidden = np.zeros((rows, columns)), np.zeros((rows, columns))
+    known_share, hidden = np.zeros((rows, columns)), np.zeros((rows, columns))
     by_column = np.empty(4)
     lit = 0.0
     for sample in range(samples):
@@ -172,7 +172,7 @@ def carried_tile(light, motion, remoteness, boxes, opening, shown, known, tile):
                 else:
                     # Surfaces that grow leave no holes between their pixels.
                     scale = weight / (covered + seen)
-                told[b, a] += scale * (covered + seen)
+                known_share[b, a] += scale * (covered + seen)
                 for channel in range(3):
                     if covered > 0:
                         whole[b, a, channel] += scale * covered * front[channel] / front[3]
@@ -181,13 +181,13 @@ def carried_tile(light, motion, remoteness, boxes, opening, shown, known, tile):
     for b in range(rows):
         for a in range(columns):
             y, x = top + b, left + a
-            share = told[b, a]
+            share = known_share[b, a]
             if hidden[b, a] > 0:
                 source, place = _behind(motion, remoteness, y, x)
                 if source != y or place != x:
                     share += hidden[b, a]
                     for channel in range(3):
                         whole[b, a, channel] += hidden[b, a] * light[source, place, channel]
-            known[y, x] = told[b, a] / lit
+            known[y, x] = known_share[b, a] / lit
             for channel in range(3):
                 shown[y, x, channel] = whole[b, a, channel] / share if share > 0 else light[y, x, channel]

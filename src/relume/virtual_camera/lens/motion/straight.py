@@ -25,7 +25,7 @@ class StraightMotion:
     The picture given shows the middle of the exposure, and every pixel becomes the integral along the line of the
     bilinear interpolation of radiance: Debevec & Malik's 37×1 box (1997, §3, Fig. 9b), of any length and angle. Its
     weights are not negative, so that a sun has no dark rings, and they sum to 1: light whose streak ends at least a
-    length within the border is kept. Nearer to it a pixel is averaged over the time for which the picture tells what
+    length within the border is kept. Nearer to it a pixel is averaged over the time for which the picture shows what
     it saw (`coverage`): even light stays even.
 
     A level or upright line behind a box shutter costs the same whatever its length.
@@ -72,7 +72,7 @@ class StraightMotion:
         return result
 
     def coverage(self, shape: tuple[int, int], view: View) -> np.ndarray:
-        """The share (H, W) float32 of a pixel's light that a picture of that shape (rows, columns) tells."""
+        """The share (H, W) float32 of a pixel's light that a picture of that shape (rows, columns) shows."""
         height, width = shape
         steps = np.zeros((height + 1, width + 1))
         for row, column, weight in zip(*self._weights(), strict=True):

@@ -22,7 +22,7 @@ class MotionVectors:
     is behind a camera that moves, and as things that move before a background are. So a still thing stays as it is to
     the bit and sheds no light over what moves behind it, while a moving one spreads over both.
 
-    Behind a moving thing the picture does not tell what comes into sight: it is taken from the first pixel farther
+    Behind a moving thing the picture does not show what comes into sight: it is taken from the first pixel farther
     back on the way, as in McGuire et al. 2012, §2; where there is none, a pixel is averaged over the time known.
     Where all vectors are alike light is kept as by StraightMotion; elsewhere things cover each other, and the sum of
     light does change, as it does on a sensor. Raises ValueError for a view without motion, and for motion or depth of
@@ -38,7 +38,7 @@ class MotionVectors:
         return _carried(self.shutter, radiance, view)[0]
 
     def coverage(self, shape: tuple[int, int], view: View) -> np.ndarray:
-        """The share (H, W) float32 of a pixel's light that a picture of that shape tells, guesses apart."""
+        """The share (H, W) float32 of a pixel's light that a picture of that shape shows, without guesses."""
         return _carried(self.shutter, np.zeros((*shape, 3), np.float32), view)[1]
 
 
@@ -57,7 +57,7 @@ def _carried(shutter: Shutter, radiance: np.ndarray, view: View) -> tuple[np.nda
             raise ValueError(f"the view's {name} is {plane.shape} and the picture {height}×{width}; expected {shape}")
     motion = np.ascontiguousarray(view.motion, np.float32)
     radiance = np.ascontiguousarray(radiance, np.float32)
-    # Orders and tells apart layers by ratios, of distance or of speed.
+    # Orders and separates layers by ratios, of distance or of speed.
     if view.depth is None:
         remoteness = -np.log1p(np.hypot(motion[..., 0], motion[..., 1]))
     else:

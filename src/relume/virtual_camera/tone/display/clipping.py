@@ -33,5 +33,5 @@ def clipping_of(above: np.ndarray, below: np.ndarray, pixels: int) -> Clipping:
 
 
 def _percent(share: float) -> str:
-    # A single pixel of many is told too: "0 %" would say that there is none.
+    # A single pixel of many is reported too: "0 %" would say that there is none.
     return f"{100 * share:.2g} %" if share >= 0.0001 or share == 0 else "less than 0.01 %"

@@ -1,7 +1,7 @@
 """The look-up table from floats to code values of Tchou & Debevec's HDR Shop (2001), made exact to rounding.
 
 The sketch indexes a table by the sign-less top 16 bits of a float, 8 of exponent and 8 of mantissa. Here the table
-tells the code at which such a bin begins, and one comparison with the float at which the next code begins, found once
+gives the code at which such a bin begins, and one comparison with the float at which the next code begins, found once
 by bisection over the bits of floats, makes the result that of rounding the curve itself.
 """
 
@@ -32,7 +32,7 @@ class CodeTable:
     thresholds : (1 or 3, 2**bits) float32, the least float whose code is above k, for each code k; NaN where none is
     starts : (1 or 3, bins) uint8 or uint16, the code of the float at which each bin begins
     lowest : the bits of the float at which the first bin begins, shifted; all below are in it
-    shift : how many bits of a float do not tell its bin
+    shift : how many low bits of a float do not matter for its bin
     comparisons : the most thresholds that lie within a bin, 1 but for curves that leap
     black, white : (1 or 3,) float32, the exposures beyond which the curve stays as it is; infinite where it never does
     """
@@ -71,8 +71,8 @@ def code_table(curve: Curve, bits: int = 8) -> CodeTable:
     first = shown(np.zeros((1, 3), np.float32))
     white = _least(lambda floats: shown(floats) >= last - _ROUNDING, (1, 3))[0]
     black = _below(_least(lambda floats: shown(floats) > first, (1, 3))[0])
-    told = np.concatenate([found, [black, white]])
-    channels = 1 if all(np.array_equal(told[:, 0], told[:, c], equal_nan=True) for c in (1, 2)) else 3
+    bounds = np.concatenate([found, [black, white]])
+    channels = 1 if all(np.array_equal(bounds[:, 0], bounds[:, c], equal_nan=True) for c in (1, 2)) else 3
     thresholds = np.full((channels, top + 1), np.nan, np.float32)
     thresholds[:, :-1] = found.T[:channels]
     lowest, shift, comparisons, starts = _bins(thresholds)

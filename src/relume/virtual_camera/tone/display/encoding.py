@@ -29,7 +29,7 @@ def encoded_and_clipped(
     """Codes (H, W, 3) of linear display values, and the share of pixels that the display cannot show as they are.
 
     values : (H, W, 3) float32, linear Rec. 709, 1 = white
-    display : sRGB unless told, which every program shows
+    display : sRGB by default, which every program shows
     gain : what values are multiplied by first. Of radiance it is an exposure, and with sRGB both are one pass
     returns : uint8, or uint16 for 16 bits, PQ and HLG, whose signal 1 is 65535; of a gain map the base. sRGB codes are
         the rounding of the curve exactly, those of others of the float32 values in their primaries
@@ -72,7 +72,7 @@ def _banded(
     gain: float,
     further: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> np.ndarray:
-    """The values times gain in other primaries, some rows at a time, and each band taken further where told."""
+    """The values times gain in other primaries, some rows at a time, and each band taken further by `further`."""
     from relume._kernel import in_threads
 
     if values.ndim != 3 or values.shape[2] != 3 or values.dtype != np.float32:

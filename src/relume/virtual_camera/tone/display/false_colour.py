@@ -1,4 +1,4 @@
-"""Luminance told in colours, beside a scale that says what each stands for (Debevec & Malik 1997, Fig. 8d)."""
+"""Luminance in false colours, beside a scale that says what each stands for (Debevec & Malik 1997, Fig. 8d)."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def stops_sheet(
     for index, stop in enumerate(stops):
         y, x = _GAP + index // columns * (high + _CAPTION + _GAP), _GAP + index % columns * (wide + _GAP)
         page[y : y + high, x : x + wide] = _developed(small * np.float32(2.0**stop), film)
-        words.append(Words(x + wide / 2, y + high + 5, _told(stop), _POINTS, align="center"))
+        words.append(Words(x + wide / 2, y + high + 5, _signed(stop), _POINTS, align="center"))
     return Photograph(lettered(page, words), "stops")
 
 
@@ -60,5 +60,5 @@ def _developed(radiance: np.ndarray, film: Film | Callable[[np.ndarray], Photogr
     return shown
 
 
-def _told(stop: float) -> str:
+def _signed(stop: float) -> str:
     return f"{stop:+g}".replace("-", "−") if stop else "0"

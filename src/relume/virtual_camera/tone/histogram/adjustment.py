@@ -30,7 +30,7 @@ from relume.virtual_camera.tone.overflow import MOST, without_overflow
 from relume.virtual_camera.view import View
 
 _UNITS = 1e-30, 1e30
-"""Log means that single precision can tell other luminances by."""
+"""Log means by which single precision can represent the other luminances."""
 
 
 @dataclass(frozen=True)
@@ -68,10 +68,10 @@ class HistogramAdjustment:
         return self.acuity or self.colour or self.contrast.absolute
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """Logarithms of the luminance that is told as 1 (cd/m²), and by it of the mean, the least and the greatest of
+        """Logarithms of the luminance that counts as 1 (cd/m²), and by it of the mean, the least and the greatest of
         all samples; then the share of every bin of the fine histogram.
 
-        Told as 1 is the picture's log mean, or, where the contrast is of an eye, 1 cd/m². What is below 1e-7 of it
+        1 is the picture's log mean, or, where the contrast is of an eye, 1 cd/m². What is below 1e-7 of it
         counts as black, and is no sample; what is above 1e7 is shown as that.
         The veil lies over the foveal samples alone, as in `pcond`: a curve that knew it of all pixels would stretch its
         grey to the screen's black again.
@@ -123,7 +123,7 @@ class HistogramAdjustment:
 
 
 def _weights(scale: float) -> tuple[np.float32, np.float32, np.float32]:
-    """Of linear R, G, B in a luminance that is told in another unit."""
+    """Of linear R, G, B in a luminance of another unit."""
     red, green, blue = (LUMINANCE_WEIGHTS * scale).astype(np.float32)
     return red, green, blue
 

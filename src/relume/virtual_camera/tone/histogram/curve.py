@@ -16,8 +16,8 @@ from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.tone.vision import threshold
 
 DARKEST, BRIGHTEST = 1e-7, 1e7
-"""Luminances that can be told from black and from each other, at most: the limits of Radiance's `pcond`, cd/m²; where
-no eye is asked, multiples of the picture's log mean."""
+"""Luminances that can be distinguished from black and from each other, at most: the limits of Radiance's `pcond`,
+cd/m²; where no eye is asked, multiples of the picture's log mean."""
 
 BINS = 100
 """Of the histogram that is adjusted: as many as Ward Larson et al. take, §4.2."""
@@ -101,7 +101,7 @@ def gains(
 
     A scene that fits on the screen is shown in proportion, its log mean at the screen's. What is above BRIGHTEST is as
     bright as that to the curve, and in proportion at most white, so that a sun leaves the rest its place; of a scene
-    that lies above altogether the mean, which alone is told as it is, comes to the middle.
+    that lies above altogether the mean, which alone is given as it is, comes to the middle.
     """
     edges = fine_edges()
     total = shares.sum()

@@ -22,7 +22,7 @@ def colours_in_the_dark(
     out : where it goes, which may be `radiance` itself; None for an array of its own
 
     Above 5.62 cd/m² colours are kept, below 5.6e-3 they are greys of the scotopic luminance, and between them they are
-    mixed in proportion to the luminance (Ward Larson et al. 1997, §5.2 and eq. 13). The rods' luminance is told in the
+    mixed in proportion to the luminance (Ward Larson et al. 1997, §5.2 and eq. 13). The rods' luminance is given in the
     unit in which white is as bright to rods as to cones: greys stay as they are, reds darken and blues brighten. What
     the picture loses in brightness in the dark is the tone operator's to say.
     """

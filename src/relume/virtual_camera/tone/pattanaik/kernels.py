@@ -107,6 +107,7 @@ def add_band(fine, coarse, picture, ratio, first, seen, achromatic, shown, bends
             middle = (seen[1, 0] * red + seen[1, 1] * green + seen[1, 2] * blue - around) * _cone_gain(around)
             around = seen[2, 0] * low[0] + seen[2, 1] * low[1] + seen[2, 2] * low[2]
             short = (seen[2, 0] * red + seen[2, 1] * green + seen[2, 2] * blue - around) * _cone_gain(around)
+            # What the rods add to the achromatic contrast.
             if rods_see:
                 around = max(seen[3, 0] * low[0] + seen[3, 1] * low[1] + seen[3, 2] * low[2], _ZERO)
                 rods = max(seen[3, 0] * red + seen[3, 1] * green + seen[3, 2] * blue, _ZERO)
@@ -120,5 +121,6 @@ def add_band(fine, coarse, picture, ratio, first, seen, achromatic, shown, bends
                 grey = _contrast(abs(both), bends[0, 0], bends[0, 1], bends[0, 2])
                 grey = (grey if both >= _ZERO else -grey) - cones
                 long, middle, short = long + grey, middle + grey, short + grey
+            # The contrasts on the screen, over what is shown up to the coarser band.
             for k in range(3):
                 target[y, x, k] = result[k] + shown[k, 0] * long + shown[k, 1] * middle + shown[k, 2] * short
