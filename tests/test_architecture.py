@@ -48,9 +48,6 @@ USERS_OF_THE_PUBLIC_API = ["cli", "studio"]  # they alone may say `import relume
 NOT_YET_ON_THE_PUBLIC_NAMES: set[str] = {
     "cli/arguments.py",
     "cli/console.py",
-    "cli/convert.py",
-    "cli/convert_format.py",
-    "cli/convert_input.py",
     "cli/demo.py",
     "cli/info.py",
     "cli/insert.py",

@@ -38,8 +38,8 @@ def test_light_goes_to_every_mapping_and_back_with_its_energy(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     light, there, back = sunny(48), str(tmp_path / "there.exr"), str(tmp_path / "back.exr")
-    told = made([stored(tmp_path, light), "-o", there, "--to", name], capsys)
-    assert told["mapping"] == name == read_radiance(there).attributes["mapping"]
+    report = made([stored(tmp_path, light), "-o", there, "--to", name], capsys)
+    assert report["mapping"] == name == read_radiance(there).attributes["mapping"]
     made([there, "-o", back, "--to", "latlong", "--size", "48"], capsys)
     again = as_environment(read_radiance(back))
     assert isinstance(again.mapping, LatLong)
@@ -50,12 +50,12 @@ def test_light_goes_to_every_mapping_and_back_with_its_energy(
 
 def test_six_faces_are_written_and_read_in_opengls_order(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     light = sunny(48)
-    told = made([stored(tmp_path, light), "-o", str(tmp_path / "cube.exr"), "--to", "faces", "--size", "32"], capsys)
-    names = [Path(path).name for path in told["written"]]
+    report = made([stored(tmp_path, light), "-o", str(tmp_path / "cube.exr"), "--to", "faces", "--size", "32"], capsys)
+    names = [Path(path).name for path in report["written"]]
     assert names == [f"cube_{word}.exr" for word in ("px", "nx", "py", "ny", "pz", "nz")]
-    assert read_radiance(told["written"][2]).size == (32, 32)
-    assert read_radiance(told["written"][2]).radiance.mean() > read_radiance(told["written"][3]).radiance.mean()
-    made([*told["written"], "-o", str(tmp_path / "back.exr"), "--to", "latlong", "--size", "48"], capsys)
+    assert read_radiance(report["written"][2]).size == (32, 32)
+    assert read_radiance(report["written"][2]).radiance.mean() > read_radiance(report["written"][3]).radiance.mean()
+    made([*report["written"], "-o", str(tmp_path / "back.exr"), "--to", "latlong", "--size", "48"], capsys)
     again = as_environment(read_radiance(tmp_path / "back.exr"))
     np.testing.assert_allclose(again.total(), light.total(), rtol=1e-3)
     assert degrees_between(brightest(again), SUN) < 4
@@ -69,7 +69,7 @@ def test_faces_for_engines_that_negate_an_axis_show_the_same_light(
     three = made([source, "-o", str(tmp_path / "three.exr"), "--to", "faces", "--size", "32", "--mirror", "x"], capsys)[
         "written"
     ]
-    # An unmirrored view of +X has −Z at its left: such an engine's px is our −X face, told the other way round.
+    # An unmirrored view of +X has −Z at its left: such an engine's px is our −X face, report the other way round.
     np.testing.assert_array_equal(read_radiance(three[0]).radiance, read_radiance(plain[1]).radiance[:, ::-1])
     made([*three, "-o", out, "--to", "latlong", "--size", "48", "--mirror", "x"], capsys)
     made([*plain, "-o", str(tmp_path / "plain.exr"), "--to", "latlong", "--size", "48"], capsys)
@@ -104,18 +104,18 @@ def test_a_turn_moves_the_sun_as_the_help_says(
 
 
 def test_the_audit_is_of_the_file_as_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    told = made([stored(tmp_path, sunny(32)), "-o", str(tmp_path / "out.hdr")], capsys)
-    assert told["after"]["total"] == pytest.approx(told["before"]["total"], rel=4e-3)
-    assert told["after"]["total"] != told["before"]["total"]  # RGBE rounds
-    assert told["before"]["irradiance"].keys() == {"+X", "-X", "+Y", "-Y", "+Z", "-Z"}
+    report = made([stored(tmp_path, sunny(32)), "-o", str(tmp_path / "out.hdr")], capsys)
+    assert report["after"]["total"] == pytest.approx(report["before"]["total"], rel=4e-3)
+    assert report["after"]["total"] != report["before"]["total"]  # RGBE rounds
+    assert report["before"]["irradiance"].keys() == {"+X", "-X", "+Y", "-Y", "+Z", "-Z"}
 
 
 def test_what_was_clipped_stays_marked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     light = sunny(32)
     clipped = np.where(light.radiance[..., 0] > 10, SATURATED, 0).astype(np.uint8)
     source = stored(tmp_path, EnvironmentMap(light.radiance, clipped=clipped))
-    told = made([source, "-o", str(tmp_path / "out.exr"), "--to", "angular"], capsys)
-    assert 0 < told["before"]["clipped sr"] < 2 * told["after"]["clipped sr"] < 8 * told["before"]["clipped sr"]
+    report = made([source, "-o", str(tmp_path / "out.exr"), "--to", "angular"], capsys)
+    assert 0 < report["before"]["clipped sr"] < 2 * report["after"]["clipped sr"] < 8 * report["before"]["clipped sr"]
 
 
 def test_a_fisheye_says_what_it_leaves_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -136,8 +136,8 @@ def test_a_map_for_another_program_comes_back_as_it_was(tmp_path: Path, capsys: 
 def test_a_view_is_cropped_and_put_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     light = sunny(96)
     source, view = stored(tmp_path, light), str(tmp_path / "view.exr")
-    told = made([source, "-o", view, "--view", "45,10", "--field", "60", "--pixels", "160x120"], capsys)
-    assert told["size"] == [160, 120]
+    report = made([source, "-o", view, "--view", "45,10", "--field", "60", "--pixels", "160x120"], capsys)
+    assert report["size"] == [160, 120]
     picture = read_radiance(view)
     painted = RadianceMap(np.full_like(picture.radiance, 2.0), None, None, picture.unit, picture.attributes)
     write(tmp_path / "painted.exr", painted)
@@ -173,15 +173,15 @@ def test_a_painting_needs_its_gamma_and_gets_its_suns(tmp_path: Path, capsys: py
         (["--to", "mercator"], '--to: there is no mapping "mercator"'),
         (["--to", "angular", "--for", "usd"], "leave --to out"),
         (["--for", "maya"], '"maya"'),
-        (["--rotate", "north"], '--rotate: "north" is no turn'),
-        (["--size", "0"], "--size is 0"),
+        (["--rotate", "north"], '--rotate: "north" is not of the form'),
+        (["--size", "0"], "size is 0"),
         (["--to", "cross", "--size", "100"], "a cross map of 100 rows; expected a multiple of 3"),
         (["--hot", "a.png=3"], "give --gamma too"),
         (["--view", "0", "--to", "ball"], "leave --to"),
         (["--view", "0", "--rotate", "90"], "leave --to, --for, --rotate"),
         (["--field", "60"], "--field and --pixels are for --view"),
-        (["--from", "angular"], "24×12 pixels, but a picture in angular of 12 rows is 12 wide"),
-        (["--gamma", "2.2", "--hot", "sun.png"], "write MASK=STOPS"),
+        (["--from", "angular"], "24×12 pixels, but in the mapping angular 12 rows are 12 wide"),
+        (["--gamma", "2.2", "--hot", "sun.png"], "not of the form MASK=STOPS"),
     ],
 )
 def test_wrong_words_are_refused_in_one_line(
@@ -212,8 +212,8 @@ def test_maps_that_are_no_light_are_refused_with_what_is_wrong(
 
 
 def test_a_dry_run_names_the_files_and_writes_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    told = made([stored(tmp_path, sunny(12)), "-o", str(tmp_path / "o.exr"), "--to", "faces", "--dry-run"], capsys)
-    assert len(told["would write"]) == 6 and not list(tmp_path.glob("o_*"))
+    report = made([stored(tmp_path, sunny(12)), "-o", str(tmp_path / "o.exr"), "--to", "faces", "--dry-run"], capsys)
+    assert len(report["would write"]) == 6 and not list(tmp_path.glob("o_*"))
 
 
 def test_info_draws_a_map_with_its_axes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,4 +1,4 @@
-"""`relume convert` between formats: what is written, what is told of it, and what is refused."""
+"""`relume convert` between formats: what is written, what is report of it, and what is refused."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ import pytest
 
 from command_line import refused
 from relume.cli import main
-from relume.cli.convert_format import kept
 from relume.image import files
 from relume.image.colour import encode_srgb
 from relume.image.files import read_photograph, read_radiance, write
@@ -20,6 +19,7 @@ from relume.image.files.encodings import LogLuv
 from relume.image.files.gain_map import gain_map
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import OUTSIDE, RadianceMap
+from relume.light.conversion.file_formats import kept
 
 
 def made(words: list[object], capsys: pytest.CaptureFixture[str]) -> dict:
@@ -39,8 +39,8 @@ def stored(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("name", ["out.exr", "out.tif"])
 def test_what_holds_floats_keeps_every_bit(name: str, stored: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = stored.with_name(name)
-    told = made([stored, "-o", out], capsys)
-    assert told["kept"] == {"exact": True} and told["unit"] == "cd/m²" and told["size"] == [20, 12]
+    report = made([stored, "-o", out], capsys)
+    assert report["kept"] == {"exact": True} and report["unit"] == "cd/m²" and report["size"] == [20, 12]
     before, after = read_radiance(stored), read_radiance(out)
     np.testing.assert_array_equal(after.radiance.view(np.uint32), before.radiance.view(np.uint32))
     assert (after.unit, after.attributes) == (before.unit, before.attributes)
@@ -62,9 +62,9 @@ def test_a_picture_that_a_format_cannot_hold_is_refused(stored: Path, capsys: py
 
 def test_halves_are_written_where_they_hold_the_picture(stored: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = stored.with_name("half.exr")
-    told = made([stored, "-o", out, "--half", "--roi", "0,0,20,8"], capsys)
-    assert "half" in told["format"] and told["size"] == [20, 8]
-    assert told["kept"]["error % of the largest channel"]["largest"] <= 100 * 2**-11
+    report = made([stored, "-o", out, "--half", "--roi", "0,0,20,8"], capsys)
+    assert "half" in report["format"] and report["size"] == [20, 8]
+    assert report["kept"]["error % of the largest channel"]["largest"] <= 100 * 2**-11
     assert main(["convert", str(stored), "-o", str(out), "--half"]) == 0
     assert "65504" in capsys.readouterr().err
     assert np.nanmax(read_radiance(out).radiance) == 1e6
@@ -93,8 +93,8 @@ def test_varieties_of_a_format_are_asked_for(
 ) -> None:
     grey = np.full((4, 4, 3), 0.5, np.float32)
     write(tmp_path / "in.exr", RadianceMap(grey))
-    told = made([tmp_path / "in.exr", "-o", tmp_path / words[0], *words[1:]], capsys)
-    assert subtype in told["format"]
+    report = made([tmp_path / "in.exr", "-o", tmp_path / words[0], *words[1:]], capsys)
+    assert subtype in report["format"]
     # A cell of u′v′ is 0.0035 wide: up to 3 % of a neutral's blue.
     np.testing.assert_allclose(read_radiance(tmp_path / words[0]).radiance, grey, rtol=0.03)
 
@@ -102,7 +102,7 @@ def test_varieties_of_a_format_are_asked_for(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["out.hdr", "--half"], "--half is for .exr; out.hdr is none"),
+        (["out.hdr", "--half"], "--half is for .exr; out.hdr is not one"),
         (["out.exr", "--as", "xyze"], "--as xyze is for .hdr, .pic"),
         (["out.exr", "--half", "--float"], "contradict"),
         (["out.hdr", "--float"], "--float is for .exr, .tif"),
@@ -142,7 +142,7 @@ def test_limits_are_raised_and_lowered(stored: Path, capsys: pytest.CaptureFixtu
     assert main([*words, "--largest", "500"]) == 0
 
 
-def test_a_raw_float_is_read_with_the_size_it_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_raw_float_is_read_with_the_size_it_is_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pixels = np.random.default_rng(1).random((3, 5, 3), np.float32)
     (tmp_path / "a.float").write_bytes(pixels.astype(">f4").tobytes())
     made([tmp_path / "a.float", "-o", tmp_path / "a.exr", "--float-size", "5x3"], capsys)
@@ -155,8 +155,8 @@ def test_photographs_change_their_format_with_their_exif(tmp_path: Path, capsys:
     pixels = np.random.default_rng(1).integers(0, 65536, (6, 8, 3), np.uint16)
     taken = Exposure(1 / 60, 5.6, 200, "EXIF")
     write(tmp_path / "a.png", Photograph(pixels, exposure=taken, camera="A B"))
-    told = made([tmp_path / "a.png", "-o", tmp_path / "a.tif"], capsys)
-    assert told["bits"] == 16
+    report = made([tmp_path / "a.png", "-o", tmp_path / "a.tif"], capsys)
+    assert report["bits"] == 16
     back = read_photograph(tmp_path / "a.tif")
     assert (back.exposure, back.camera) == (taken, "A B")
     np.testing.assert_array_equal(back.pixels, pixels)
@@ -204,17 +204,17 @@ def test_the_input_is_never_written_over(stored: Path, capsys: pytest.CaptureFix
 def test_a_damaged_tiff_is_no_painting(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files.write(tmp_path / "a.tif", RadianceMap(np.ones((8, 8, 3), np.float32)), LogLuv())
     (tmp_path / "short.tif").write_bytes((tmp_path / "a.tif").read_bytes()[:60])
-    told = refused(["convert", str(tmp_path / "short.tif"), "-o", str(tmp_path / "b.exr")], capsys)
-    assert "damaged TIFF" in told and "light" not in told
+    report = refused(["convert", str(tmp_path / "short.tif"), "-o", str(tmp_path / "b.exr")], capsys)
+    assert "damaged TIFF" in report and "light" not in report
 
 
-def test_what_is_told_of_a_copy_counts_every_kind_of_change() -> None:
+def test_what_is_report_of_a_copy_counts_every_kind_of_change() -> None:
     before = np.array([[[0, 0, 0], [1, 1, 1], [2, 2, 2], [np.nan, 1, 1]]], np.float32)
     after = np.array([[[0, 3, 0], [1, 1.5, 1], [np.inf, 2, 2], [np.nan, 1, 1]]], np.float32)
-    told = kept(RadianceMap(before), RadianceMap(after))
-    assert told["black becomes"] == 3 and told["no longer finite"] == 1 and not told["exact"]
-    assert told["error % of the largest channel"] == {"half": 50, "99 of 100": 50, "largest": 50}
-    assert told["mean change %"] == [0, 350, 0]
+    report = kept(RadianceMap(before), RadianceMap(after))
+    assert report["black becomes"] == 3 and report["no longer finite"] == 1 and not report["exact"]
+    assert report["error % of the largest channel"] == {"half": 50, "99 of 100": 50, "largest": 50}
+    assert report["mean change %"] == [0, 350, 0]
     assert kept(RadianceMap(before), RadianceMap(before.copy())) == {"exact": True}
 
 

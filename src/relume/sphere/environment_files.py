@@ -39,7 +39,7 @@ def read_environment(
     try:
         if mapping is not None and (height, width) != mapping.shape(height):
             raise ValueError(
-                f"{width}×{height} pixels, but a {mapping.name} map of {height} rows is "
+                f"{width}×{height} pixels, but in the mapping {mapping.name} {height} rows are "
                 f"{mapping.shape(height)[1]} wide; give another mapping, or crop the map"
             )
         return as_environment(picture, mapping)

@@ -1,0 +1,1 @@
+"""Conversion of files between formats, and of environment maps between mappings."""
