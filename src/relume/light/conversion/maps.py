@@ -115,10 +115,8 @@ def convert_map(
     losses = before.losses(after)
     shown = float(result.mapping.solid_angles(result.size).sum())
     whole = shown > 4 * math.pi * 0.999
-    notes = (
-        [] if whole else [f"a {result.mapping.name} map shows {shown:.3g} of the sphere's 12.6 sr; the rest is left out"
+    part = f"a {result.mapping.name} map shows {shown:.3g} of the sphere's 12.6 sr; the rest is left out"
     notes = () if whole else (part, *losses)
-    )
     facts = {
         "written": [str(path) for path in paths],
         "mapping": result.mapping.name,
