@@ -109,13 +109,13 @@ def test_a_photograph_is_told_with_how_it_was_made(tmp_path: Path, capsys: pytes
     }
     write(tmp_path / "b.png", Photograph(pixels, settings=Settings(automatic_white=False, bias=1)))
     lines = printed([str(tmp_path / "b.png")], capsys)
-    assert (lines["exposure"], lines["white balance"]) == ("the file tells none", "set by hand")
+    assert (lines["exposure"], lines["white balance"]) == ("the file stores none", "set by hand")
 
 
 def test_a_camera_raw_and_a_cube_are_told(shared: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     lines = printed([str(shared / "data" / "formats" / "raw" / "colorchart.dng")], capsys)
     assert (lines["format"], lines["black"], lines["white"]) == ("camera raw: Bayer RGGB", "2056", "15000")
-    assert lines["at white"] == "none" and lines["exposure"] == "the file tells none"
+    assert lines["at white"] == "none" and lines["exposure"] == "the file stores none"
     write_cube(tmp_path / "a.ktx2", [np.full((6, side, side, 3), 0.5, np.float32) for side in (4, 2, 1)])
     lines = printed([str(tmp_path / "a.ktx2")], capsys)
     assert lines["format"] == "KTX 2.0: half"

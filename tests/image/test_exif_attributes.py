@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from PIL.TiffImagePlugin import IFDRational
 
-from relume.image.files.metadata.exif_attributes import attributes_of, told, typed
+from relume.image.files.metadata.exif_attributes import attributes_of, text_of, value_of
 
 
 @pytest.mark.parametrize(
@@ -26,7 +26,7 @@ from relume.image.files.metadata.exif_attributes import attributes_of, told, typ
     ],
 )
 def test_a_tag_holds_what_it_can(name, text, value):
-    assert typed(name, text) == value
+    assert value_of(name, text) == value
 
 
 @pytest.mark.parametrize(
@@ -47,7 +47,7 @@ def test_a_tag_holds_what_it_can(name, text, value):
     ],
 )
 def test_values_mean_a_text_or_nothing(name, values, text):
-    assert told(name, values) == text
+    assert text_of(name, values) == text
 
 
 def test_senseless_values_of_others_are_left_out():

@@ -333,7 +333,7 @@ def test_a_header_that_cannot_be_right_is_refused(tmp_path, header, resolution, 
 
 def test_a_header_that_does_not_end_is_read_no_further_than_the_limit(tmp_path):
     (tmp_path / "a.hdr").write_bytes(b"#?RADIANCE\n" + b"a b\n" * 50000)
-    with pytest.raises(FormatError, match="expected an empty line and one that tells the size, found none in 100000 "):
+    with pytest.raises(FormatError, match="expected an empty line and one with the size, found none in 100000 "):
         read(tmp_path / "a.hdr", ReadOptions(metadata=100_000))
 
 

@@ -10,13 +10,13 @@ from typing import Any
 _FORMATS = {"EXR": "OpenEXR", "HDR": "Radiance", "RAW": "camera raw", "KTX2": "KTX 2.0"}
 _LARGEST_HALF = 65504
 _CAPTURE = ("exposure_time", "f_number", "iso", "camera_make", "camera", "lens", "focal_length", "taken")
-_UNTOLD = {"exposure": "the file tells none"}  # unless it does; without one no photograph can be merged
+_NO_EXPOSURE = {"exposure": "the file stores none"}  # unless it does; without one no photograph can be merged
 _WIDEST = 30  # of its name: a column as wide as the longest is left for them all
 _LONGEST = 100  # characters of an attribute that fit beside its name
 
 
 def lines_of(facts: Mapping[str, Any], *, whole: bool = False) -> dict[str, str]:
-    """The facts of `relume.image.files.description.describe` as label → text, in the order to print.
+    """The facts of `rl.describe` as label → text, in the order to print.
 
     facts : with "direction" in the places that have one
     whole : print attributes to their end, however long
@@ -25,11 +25,11 @@ def lines_of(facts: Mapping[str, Any], *, whole: bool = False) -> dict[str, str]
     name = _FORMATS.get(facts["format"], facts["format"])
     lines = {"format": f"{name}: {facts['subtype']}" if facts["subtype"] else name, "size": _size(facts)}
     if kind == "photograph":
-        lines |= {"holds": "an encoded photograph", **_UNTOLD} | _captured(_of_photograph(facts)) | _codes(facts)
+        lines |= {"holds": "an encoded photograph", **_NO_EXPOSURE} | _captured(_of_photograph(facts)) | _codes(facts)
         if facts["light"] is not None:
             lines |= {f"light: {name}": text for name, text in _light(facts["light"]).items()}
     elif kind == "camera raw":
-        lines |= {"holds": "a sensor's own values, one a photosite", **_UNTOLD}
+        lines |= {"holds": "a sensor's own values, one a photosite", **_NO_EXPOSURE}
         lines |= _captured(_of_photograph(facts)) | _sensor(facts)
     else:
         if kind == "radiance map":
@@ -62,16 +62,16 @@ def _size(facts: Mapping[str, Any]) -> str:
 
 def _meaning(facts: Mapping[str, Any]) -> str:
     unit = "radiance in cd/m²" if facts["unit"] == "cd/m²" else "radiance, no absolute unit"
-    told = facts["primaries_of_file"]
-    if told is None:
+    given = facts["primaries_of_file"]
+    if given is None:
         return f"{unit}, {facts['primaries']}"
-    return f"{unit}, {facts['primaries']} (converted from primaries {_printable(told)})"
+    return f"{unit}, {facts['primaries']} (converted from primaries {_printable(given)})"
 
 
 def _of_photograph(facts: Mapping[str, Any]) -> dict[str, str]:
     """The capture facts of a photograph under the names that attributes of maps have."""
     exposure, settings = facts["exposure"] or {}, facts["settings"]
-    told = {
+    found = {
         "exposure_time": exposure.get("seconds"),
         "f_number": exposure.get("f_number"),
         "iso": exposure.get("iso"),
@@ -80,34 +80,34 @@ def _of_photograph(facts: Mapping[str, Any]) -> dict[str, str]:
     }
     if settings["taken"] is not None:
         day, _, time = settings["taken"].partition("T")
-        told["taken"] = f"{day} {time.rstrip('0') if '.' in time else time}"
-    return {name: str(value) for name, value in told.items() if value not in (None, "")}
+        found["taken"] = f"{day} {time.rstrip('0') if '.' in time else time}"
+    return {name: str(value) for name, value in found.items() if value not in (None, "")}
 
 
-def _captured(told: Mapping[str, str]) -> dict[str, str]:
-    """Exposure, camera and time of what a file tells by the names of `relume.image.files.metadata.attributes`."""
+def _captured(found: Mapping[str, str]) -> dict[str, str]:
+    """Exposure, camera and time of a file, by the names that attributes have in `rl.files`."""
     exposure = []
-    if "exposure_time" in told:
-        exposure.append(_seconds(told["exposure_time"]))
-    if "f_number" in told:
-        exposure.append(f"f/{_plain(told['f_number'])}")
-    if "iso" in told:
-        exposure.append(f"ISO {_plain(told['iso'])}")
-    bias = _float(told.get("bias"))
+    if "exposure_time" in found:
+        exposure.append(_seconds(found["exposure_time"]))
+    if "f_number" in found:
+        exposure.append(f"f/{_plain(found['f_number'])}")
+    if "iso" in found:
+        exposure.append(f"ISO {_plain(found['iso'])}")
+    bias = _float(found.get("bias"))
     if bias and exposure:
         exposure.append(f"compensated by {bias:+.3g} stops")
-    make, model = told.get("camera_make", ""), told.get("camera", "")
+    make, model = found.get("camera_make", ""), found.get("camera", "")
     camera = [model if model.lower().startswith(make.lower()) else f"{make} {model}".strip()]
-    lens = told.get("lens", "")
+    lens = found.get("lens", "")
     camera += [lens] * bool(lens)
-    focal_length = _plain(told.get("focal_length", ""))
+    focal_length = _plain(found.get("focal_length", ""))
     # A fixed lens has its focal length in its name.
     camera += [f"at {focal_length} mm"] * bool(focal_length and f"{focal_length}mm" not in lens.replace(" ", ""))
     lines = {
         "exposure": ", ".join(exposure),
-        "white balance": {"True": "automatic", "False": "set by hand"}.get(told.get("automatic_white", ""), ""),
+        "white balance": {"True": "automatic", "False": "set by hand"}.get(found.get("automatic_white", ""), ""),
         "camera": ", ".join(filter(None, camera)),
-        "taken": re.sub(r"^(\d{4}):(\d\d):", r"\1-\2-", told.get("taken", "")),
+        "taken": re.sub(r"^(\d{4}):(\d\d):", r"\1-\2-", found.get("taken", "")),
     }
     return {label: _printable(text) for label, text in lines.items() if text}
 
@@ -166,8 +166,8 @@ def _faults(facts: Mapping[str, Any]) -> dict[str, str]:
     if facts.get("clipped") is not None:
         counts = facts["clipped"]
         words = {"saturated": "saturated in every photograph", "black": "black in every one", "outside": "outside all"}
-        told = [f"{counts[name]:,} {text}" for name, text in words.items() if counts[name]]
-        lines["marked pixels"] = ", ".join(told) or "none: every pixel was measured"
+        found = [f"{counts[name]:,} {text}" for name, text in words.items() if counts[name]]
+        lines["marked pixels"] = ", ".join(found) or "none: every pixel was measured"
     names = {"nan": "not a number", "infinite": "infinite", "negative": "below 0"}
     odd = [f"{facts[name]:,} {text}" for name, text in names.items() if facts[name]]
     if odd:
@@ -207,14 +207,14 @@ def _sensor(facts: Mapping[str, Any]) -> dict[str, str]:
 def _parts(facts: Mapping[str, Any]) -> dict[str, str]:
     """Channels of an EXR's parts; their size too where it is not that of the picture."""
     parts = facts["parts"]
-    told = []
+    found = []
     for part in parts:
         text = f"{', '.join(map(_printable, part['channels']))} ({part['dtype']})"
-        told.append(text if part["size"] == facts["size"] else f"{text}, {' × '.join(map(str, part['size']))} pixels")
+        found.append(text if part["size"] == facts["size"] else f"{text}, {' × '.join(map(str, part['size']))} pixels")
     if len(parts) == 1:
-        return {"channels": told[0]}
+        return {"channels": found[0]}
     names = [f"{_printable(part['name'])}: " if part["name"] else "" for part in parts]
-    return {f"part {count}": name + text for count, (name, text) in enumerate(zip(names, told, strict=True), 1)}
+    return {f"part {count}": name + text for count, (name, text) in enumerate(zip(names, found, strict=True), 1)}
 
 
 def _percentiles(values: Mapping[str, Any], shown: Any) -> str:

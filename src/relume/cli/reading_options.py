@@ -38,7 +38,7 @@ class ReadingOptions:
     ] = False
     float_size: Annotated[
         str | None,
-        Parameter(help="Size of a raw .float file, as WIDTHxHEIGHT; a square one tells it by its length."),
+        Parameter(help="Size of a raw .float file, as WIDTHxHEIGHT; that of a square one is inferred."),
     ] = None
     float_order: Annotated[
         Literal["little", "big"] | None,

@@ -21,7 +21,7 @@ Operand = RadianceMap | float | tuple[float, float, float]
 Pair = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 _LAYOUT = {"orientation": "for", "mirror": "mirrored in"}
-"""Attributes besides the mapping that tell where a file's pixels look, and how they are said."""
+"""Attributes besides the mapping that say where a file's pixels look, and their names in messages."""
 _OPPOSITE = np.array([0, BLACK, SATURATED, OUTSIDE], np.uint8)
 
 
@@ -99,7 +99,7 @@ def average(pictures: Sequence[RadianceMap]) -> RadianceMap:
 
 
 def without_negative(picture: RadianceMap) -> RadianceMap:
-    """The map with negative radiance set to 0, with a warning that counts the pixels and tells the light that was."""
+    """The map with negative radiance set to 0, with a warning that counts the pixels and the light removed."""
     below = picture.radiance < 0
     if not below.any():
         return picture

@@ -42,7 +42,7 @@ def spread_through(picture: RadianceMap, spread: Spread, square: Spread) -> Radi
 
 
 def spread_clipped(radiance: np.ndarray, clipped: np.ndarray, spread: Spread) -> np.ndarray:
-    """What spread light could not tell, (H', W') uint8 with the codes of RadianceMap.
+    """Marks of spread light, (H', W') uint8 with the codes of RadianceMap.
 
     radiance : (H, W, 3) before
     clipped : (H, W) uint8 before

@@ -149,7 +149,7 @@ class Repainted:
 
 
 def fingerprint(picture: RadianceMap) -> str:
-    """A text that tells whether a slice was cut from this map: a digest of its radiance."""
+    """A digest of the radiance, by which a slice is known to be cut from this map."""
     return sha256(np.ascontiguousarray(picture.radiance).tobytes()).hexdigest()[:32]
 
 

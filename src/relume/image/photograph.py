@@ -13,8 +13,8 @@ class Exposure:
     """How much light the sensor was given: shutter, aperture and sensitivity.
 
     seconds : exposure time Δt, s
-    f_number : aperture N; None for a lens that tells none
-    iso : sensitivity S; None where the camera tells none
+    f_number : aperture N; None for a lens that reports none
+    iso : sensitivity S; None where the camera stores none
     source : who says so: "given", "sidecar", "EXIF" or "estimated"; exposures of different sources may be equal
     """
 
@@ -41,13 +41,13 @@ class Exposure:
 
 @dataclass(frozen=True)
 class Settings:
-    """What else a file tells of how its photograph was made; None where it tells nothing.
+    """What else a file stores about how its photograph was made; None for what it does not.
 
     taken : when the shutter opened, to the fraction of a second where the camera writes one
     automatic_white : whether the camera chose the white balance itself
     bias : exposure compensation, stops; it moved what the camera chose and is already in `Exposure`, so never added
     lens : its model
-    serial : of the body, so that two cameras of one model are told apart
+    serial : of the body, so that two cameras of one model are distinguished
     focal_length : of the lens, mm
     make, model : of the camera, each as EXIF has it; `Photograph.camera` is both in one
     owner, copyright, comments : who took it, who has the rights, what it shows
@@ -77,16 +77,16 @@ class Settings:
 
 @dataclass(frozen=True, eq=False)
 class Photograph:
-    """Encoded pixels as a camera wrote them, with what the file tells of how they were made.
+    """Encoded pixels as a camera wrote them, with what the file stores about how they were made.
 
     pixels : (H, W, 3) uint8 or uint16, encoded by the camera's response
     name : the file it came from, for messages
-    exposure : shutter, aperture, ISO; None where the file tells none
+    exposure : shutter, aperture, ISO; None where the file has none
     camera : make and model, "" where unknown; photographs of one camera share a response
     focal_length : in pixels of this photograph's width, None where unknown
     outside : (H, W) bool, True where a pixel is not part of the picture (a border left by registration, alpha 0, a
         thing that moved through this frame alone); such pixels count nowhere. None where all are part
-    settings : what else the file tells
+    settings : what else the file stores
     profile : the ICC profile that the file says its values are of, as embedded; nothing here heeds it. None where it
         has none
     """
@@ -119,7 +119,7 @@ class Photograph:
     def make_and_model(self) -> tuple[str, str]:
         """The camera's make and model apart, as EXIF has them; "" for each that is unknown.
 
-        Where `settings` tells another camera than `camera` does, `camera` is believed and the make is unknown.
+        Where `settings` names another camera than `camera` does, `camera` is believed and the make is unknown.
         """
         make, model = self.settings.make or "", self.settings.model or ""
         if not self.camera or self.camera == named(make, model):

@@ -76,7 +76,7 @@ def between(given: Primaries, wanted: Primaries) -> np.ndarray:
 
 
 def converted(image: RadianceMap, given: Primaries, wanted: Primaries) -> RadianceMap:
-    """The map with its colours of primaries `given` told in `wanted`; variances as of independent channels."""
+    """The map converted from primaries `given` to `wanted`; variances as of independent channels."""
     matrix = between(given, wanted)
     variance = None if image.variance is None else mixed(image.variance, matrix**2)
     return replace(image, radiance=mixed(image.radiance, matrix), variance=variance)

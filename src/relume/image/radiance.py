@@ -19,7 +19,7 @@ class RadianceMap:
         2 black in every photograph (radiance is an upper bound), 3 outside every photograph (radiance is 0 and says
         nothing); None where unknown
     unit : "cd/m²" when calibrated, else "relative"
-    attributes : what else the file tells (text), e.g. {"mapping": "latlong"}
+    attributes : what else the file stores (text), e.g. {"mapping": "latlong"}
     """
 
     radiance: np.ndarray

@@ -20,12 +20,12 @@ class RawPhotograph:
     matrix : (3, 3) float64, balanced camera colours → Rec. 709; its rows sum to 1, so that neutral stays neutral
     daylight : (3,) float64, what camera colours are multiplied by so that light of Rec. 709's white (D65) is neutral;
         the least of them is 1
-    as_shot : (3,) float64, the same of the white that the camera set or its user chose; None where the file tells none
+    as_shot : (3,) float64, the same of the white that the camera set or its user chose; None where the file has none
     name : the file it came from, for messages
-    exposure : shutter, aperture, ISO; None where the file tells none
+    exposure : shutter, aperture, ISO; None where the file has none
     camera : make and model, "" where unknown
     focal_length : in pixels, None where unknown
-    settings : what else the file tells
+    settings : what else the file stores
     """
 
     mosaic: np.ndarray

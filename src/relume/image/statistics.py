@@ -26,7 +26,7 @@ _BAND = 2**18  # pixels worked on at a time, which stay in the cache
 
 @dataclass(frozen=True)
 class Spot:
-    """A pixel that is told of by its place and its light.
+    """A pixel, by its place and its light.
 
     x, y : column and row, from 0 at the top left
     radiance : R, G, B there, in the map's unit
@@ -43,7 +43,7 @@ class Spot:
 
 @dataclass(frozen=True)
 class Statistics:
-    """What the pixels of a radiance map hold; luminances and values in its unit, None where there is none to tell.
+    """What the pixels of a radiance map hold; luminances and values in its unit, None where there are none.
 
     minimum, maximum, mean : of the finite values of all three channels
     mean_luminance : of the pixels whose channels are all finite
@@ -97,7 +97,7 @@ def statistics_of(radiance: np.ndarray) -> Statistics:
     """The same of pixels alone, (H, W, 3) float32; raises ValueError where there are none."""
     height, width = radiance.shape[:2]
     if height * width == 0:
-        raise ValueError(f"{width} x {height} pixels; a map without pixels holds nothing to tell of")
+        raise ValueError(f"{width} x {height} pixels; a map without pixels has no statistics")
     seen = np.empty((height, width), np.float32)
     finite_values = nan = infinite = negative = whole = 0
     low, high, total, total_luminance = math.inf, -math.inf, 0.0, 0.0

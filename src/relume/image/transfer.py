@@ -58,7 +58,7 @@ def hlg_gamma(peak: float) -> float:
     Raises ValueError beyond 400 to 2000 cd/m², for which the formula is meant.
     """
     if not 400 <= peak <= 2000:
-        raise ValueError(f"the peak is {peak} cd/m²; HLG's system gamma is told for 400 to 2000: give one of these")
+        raise ValueError(f"the peak is {peak} cd/m²; HLG's system gamma is defined for 400 to 2000: give one of these")
     return float(1.2 + 0.42 * np.log10(peak / 1000))
 
 

@@ -86,7 +86,7 @@ def _photograph(
 
 
 def _filters(raw: rawpy.RawPy) -> np.ndarray:
-    """(8, 8) LibRaw's colour of each photosite from the corner of the lit part; enough to tell X-Trans from Bayer."""
+    """(8, 8) LibRaw's colour of each photosite from the corner of the lit part, by which X-Trans differs from Bayer."""
     top, left = raw.sizes.top_margin, raw.sizes.left_margin
     return np.array([[raw.raw_color(top + y, left + x) for x in range(8)] for y in range(8)])
 
@@ -100,7 +100,7 @@ def _upright(stored: np.ndarray, flip: int) -> np.ndarray:
 def _colour(path: str | os.PathLike[str], raw: rawpy.RawPy, camera_name: str) -> tuple[np.ndarray, np.ndarray]:
     """Balanced camera colours → Rec. 709, and the balance for daylight.
 
-    Camera ← XYZ is known by LibRaw or written in a DNG. Its product with XYZ ← Rec. 709 tells what the camera sees of
+    Camera ← XYZ is known by LibRaw or written in a DNG. Its product with XYZ ← Rec. 709 is what the camera sees of
     white; divided by that, its inverse keeps white white.
     """
     camera_from_xyz = np.asarray(raw.rgb_xyz_matrix, np.float64)[:3]
@@ -144,7 +144,7 @@ def _rounded(value: float) -> float:
 
 
 def refusal(path: str | os.PathLike[str], error: object) -> FormatError:
-    """That LibRaw cannot read a file; it tells what is wrong and never where."""
+    """That LibRaw cannot read a file: what is wrong; it never says where."""
     detail = error.args[0] if isinstance(error, Exception) and error.args else error
     found = one_line(detail.decode("utf-8", "replace") if isinstance(detail, bytes) else detail)
     where = f"LibRaw's reading of its {os.path.getsize(path)} bytes"

@@ -1,4 +1,4 @@
-"""What a file holds, told in plain values: the content of `relume info FILE`."""
+"""What a file holds, in plain values: the content of `relume info FILE`."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _ROWS = 64
 
 
 def describe(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> dict[str, object]:
-    """What a file holds, in plain values that JSON can hold; None where there is nothing to tell.
+    """What a file holds, in plain values that JSON can hold; None where there is nothing.
 
-    Of every file: file, format, subtype (as told by the header), size [width, height], megapixels and kind.
+    Of every file: file, format, subtype (from its header), size [width, height], megapixels and kind.
 
     kind "radiance map" : unit; primaries of the pixels and primaries_of_file; attributes; channels and dtype as stored
         in the first part of an EXR, as read of other formats; parts of an EXR; minimum, maximum, mean of finite
@@ -34,7 +34,7 @@ def describe(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions())
         spot and a lone brighter pixel; how many values are nan, infinite, negative, how many pixels at_maximum, and
         clipped as the planes of the map say (see `relume.image.statistics`)
     kind "photograph" : exposure, camera, settings; focal_length in pixels; minimum, maximum, mean and percentiles of
-        codes, and the share of pixels at_black and at_white in each channel; gain_map as its header tells it, and
+        codes, and the share of pixels at_black and at_white in each channel; gain_map as its header describes it, and
         light, the radiance map that it makes of the photograph
     kind "camera raw" : the same, with pattern, black, white, as_shot and daylight balance
     kind "cube" : levels, their sides in pixels; values, luminance and range of the largest
@@ -54,7 +54,7 @@ def describe(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions())
 
 def _of_map(path: str | os.PathLike[str], kind: str, image: RadianceMap, reading: ReadOptions) -> dict[str, object]:
     parts = _parts(path, reading) if kind == "EXR" else []
-    told = statistics(image)
+    found = statistics(image)
     marks = None
     if image.clipped is not None:
         codes = {"saturated": SATURATED, "black": BLACK, "outside": OUTSIDE}
@@ -68,9 +68,9 @@ def _of_map(path: str | os.PathLike[str], kind: str, image: RadianceMap, reading
         "attributes": dict(image.attributes),
         "channels": parts[0]["channels"] if parts else ["R", "G", "B"],
         "dtype": parts[0]["dtype"] if parts else str(image.radiance.dtype),
-        **_values(told),
-        "brightest": _place(told.spot),
-        "lone": _place(told.lone),
+        **_values(found),
+        "brightest": _place(found.spot),
+        "lone": _place(found.lone),
         "clipped": marks,
         "has_variance": image.variance is not None,
         "parts": parts,
@@ -82,7 +82,7 @@ def _of_photograph(
 ) -> dict[str, object]:
     from relume.image.files.photographs import photographs
 
-    told = code_values(image)
+    found = code_values(image)
     # Of such a JPEG the library's own word on its variety is that of the gain map.
     gain_map = files.subtype(path, reading) if kind == "JPEG" and files.has_radiance(path) else None
     return {
@@ -93,12 +93,12 @@ def _of_photograph(
         "attributes": {},
         "channels": ["R", "G", "B"],
         "dtype": str(image.pixels.dtype),
-        "minimum": told.minimum,
-        "maximum": told.maximum,
-        "mean": told.mean,
-        "percentiles": {f"{percent:g}": code for percent, code in told.percentiles.items()},
-        "at_black": list(told.black),
-        "at_white": list(told.white),
+        "minimum": found.minimum,
+        "maximum": found.maximum,
+        "mean": found.mean,
+        "percentiles": {f"{percent:g}": code for percent, code in found.percentiles.items()},
+        "at_black": list(found.black),
+        "at_white": list(found.white),
         "transparent": 0 if image.outside is None else int(np.count_nonzero(image.outside)),
         "nan": 0,
         "infinite": 0,
@@ -166,31 +166,31 @@ def _file(path: str | os.PathLike[str], kind: str, subtype: str, size: tuple[int
     return {"file": str(path), "format": kind, "subtype": subtype, "size": [width, height], "megapixels": megapixels}
 
 
-def _values(told: Statistics) -> dict[str, object]:
-    low, high = told.robust or (None, None)
+def _values(found: Statistics) -> dict[str, object]:
+    low, high = found.robust or (None, None)
     return {
-        "minimum": told.minimum,
-        "maximum": told.maximum,
-        "mean": told.mean,
+        "minimum": found.minimum,
+        "maximum": found.maximum,
+        "mean": found.mean,
         "luminance": {
-            "lit": told.lit,
-            "minimum": told.darkest,
-            "maximum": told.brightest,
-            "mean": told.mean_luminance,
+            "lit": found.lit,
+            "minimum": found.darkest,
+            "maximum": found.brightest,
+            "mean": found.mean_luminance,
             "robust_minimum": low,
             "robust_maximum": high,
-            "percentiles": {f"{percent:g}": value for percent, value in told.percentiles.items()},
+            "percentiles": {f"{percent:g}": value for percent, value in found.percentiles.items()},
         },
         "dynamic_range": {
-            "stops": told.stops,
-            "ratio": None if told.stops is None else 2.0**told.stops,
-            "robust_stops": told.robust_stops,
-            "robust_ratio": None if told.robust_stops is None else 2.0**told.robust_stops,
+            "stops": found.stops,
+            "ratio": None if found.stops is None else 2.0**found.stops,
+            "robust_stops": found.robust_stops,
+            "robust_ratio": None if found.robust_stops is None else 2.0**found.robust_stops,
         },
-        "nan": told.nan,
-        "infinite": told.infinite,
-        "negative": told.negative,
-        "at_maximum": told.at_maximum,
+        "nan": found.nan,
+        "infinite": found.infinite,
+        "negative": found.negative,
+        "at_maximum": found.at_maximum,
     }
 
 

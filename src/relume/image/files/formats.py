@@ -1,10 +1,10 @@
 """The only place where relume opens image files: one module a format behind `read` and `write`.
 
-Files are told by their content, never by their suffix (but raw .float, which has no content but pixels). A JPEG, PNG or
-TIFF of 8 or 16 bits is a `Photograph` (encoded values); an OpenEXR, Radiance picture, LogLuv or float TIFF, PFM or raw
-float file a `RadianceMap` (scene-linear): what a file is decides what it becomes, and nothing converts between the two
-unseen. A JPEG with a gain map is both, and each is had by asking for it. A camera raw is neither until it is merged:
-`read_raw` gives its sensor's own values. Format libraries are imported at first use.
+The content of a file decides what it is, never its suffix (but raw .float, which is nothing but pixels). A JPEG, PNG or
+TIFF of 8 or 16 bits is a `Photograph` (encoded values). An OpenEXR, Radiance picture, LogLuv or float TIFF, PFM or
+raw float file is a `RadianceMap` (scene-linear). Nothing converts between the two unseen. A JPEG with a gain map is
+both: `read_photograph` gives one, `read_radiance` the other. A camera raw is neither until it is merged: `read_raw`
+gives its sensor's own values. Format libraries are imported at first use.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ def _decoded(path: str | os.PathLike[str], module: str, reading: ReadOptions) ->
 
 
 def read_facts(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> Facts:
-    """What the header of a photograph tells, without its pixels; raises UnreadableFile for what is no photograph."""
+    """The facts in the header of a photograph, without its pixels; raises UnreadableFile for what is no photograph."""
     from relume.image.files.photographs import facts
 
     return facts.read(path, reading)

@@ -1,8 +1,8 @@
 """Portable float maps (.pfm): a header of three words and 32-bit floats, read and written without a library.
 
-The header is "PF" (colour) or "Pf" (grey), width and height, and a scale whose sign tells the byte order: negative is
+The header is "PF" (colour) or "Pf" (grey), width and height, and a scale whose sign is the byte order: negative is
 little-endian. One byte of white space follows, then the rows, the bottom one first (Debevec, "Portable FloatMap image
-format"; netpbm's pfm(5)). Photoshop writes the top row first, and nothing in its files tells.
+format"; netpbm's pfm(5)). Photoshop writes the top row first, and nothing in its files says so.
 
 Debevec's format knows no scale but 1. netpbm's is the unit of the samples, so that a value is a sample times the scale:
 that is done here, as OpenImageIO does, with a warning; OpenCV divides, Pillow and HDR Shop leave the samples alone.
@@ -76,7 +76,7 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
         for row in radiance[missing:][::-1]:
             into = row.reshape(-1) if header.channels == 3 else line
             if file.readinto(into.data.cast("B")) < header.row:
-                _refuse_short(path, header, file.tell(), start)
+                _refuse_short(path, header, file.seek(0, os.SEEK_CUR), start)
             if np.dtype(header.order + "f4") != np.float32:
                 into.byteswap(inplace=True)
             if header.scale != 1:
@@ -146,7 +146,7 @@ def _header(path: str | os.PathLike[str], file: BinaryIO) -> _Header:
         at = match.end()
     scale = float(values[2])
     if not 0 < abs(scale) <= float(np.finfo(np.float32).max):
-        raise _damaged(path, "the scale", "a number other than 0, whose sign tells the byte order", _shown(values[2]))
+        raise _damaged(path, "the scale", "a number other than 0, whose sign is the byte order", _shown(values[2]))
     comments = b"\n".join(comment.strip() for comment in _COMMENT.findall(head[:at])).decode("utf-8", "replace")
     order, channels = "<" if scale < 0 else ">", 3 if head[1:2] == b"F" else 1
     return _Header(int(values[0]), int(values[1]), channels, order, abs(scale), comments.strip(), at)

@@ -1,9 +1,9 @@
 """Raw floating-point images (.float, .float.gz): 32-bit floats and nothing else, read and written without a library.
 
 Three floats a pixel, the channels interleaved, the top row first, big-endian from workstations and little-endian for
-personal computers (Debevec, "Light Probe Image Gallery"); HDR Shop writes and asks for the same. No header tells the
-size or the byte order: a square picture's size is inferred, the order is told by which of the two makes sense, and what
-cannot be told is asked for.
+personal computers (Debevec, "Light Probe Image Gallery"); HDR Shop writes and asks for the same. No header gives the
+size or the byte order: a square picture's size is inferred, the order is the one of the two that makes sense, and what
+cannot be inferred is asked for.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _WINDOW = 31  # zlib's word for gzip's header and trailer, and its own largest w
 _LEVEL = 6  # gzip's own
 _CHUNK = 2**18  # bytes handed to zlib, and taken from it, at once
 _BATCH = 256  # rows written at once
-_RUNS, _RUN = 64, 1024  # runs of values, evenly spread, and values in each, that tell the byte order
+_RUNS, _RUN = 64, 1024  # runs of values, evenly spread, and values in each, from which the byte order is inferred
 # A value read in the wrong order has its last bits for an exponent, out of this range in seven of ten cases.
 _SMALLEST, _LARGEST = 2.0**-40, 2.0**40
 _MOST = 0.9  # of the values that are not 0
@@ -44,8 +44,8 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
 
     reading : `float_size` and `float_order` where they are known. Without a size the picture must be square: of three
         channels, or of one where no picture of three has that length. Without an order it is guessed, with a warning
-        where few different values tell it, or values that light seldom has
-    Raises FormatError, UnreadableFile, which tells the pixels to share out or asks for the byte order; ValueError for a
+        where it rests on few different values, or values that light seldom has
+    Raises FormatError, UnreadableFile, which names the number of pixels or asks for the byte order; ValueError for a
     size below 1.
     """
     with open(path, "rb") as file:
@@ -84,7 +84,7 @@ def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) 
         *_, channels = _shape(path, there, reading)
         data = file.read(_CHUNK)
     if _is_packed(path):
-        with suppress(zlib.error):  # reading will tell
+        with suppress(zlib.error):  # reading will say what is wrong
             data = zlib.decompressobj(_WINDOW).decompress(data, _CHUNK)
     orders = [reading.float_order] if reading.float_order else _sensible(np.frombuffer(data, "<f4", len(data) // 4))
     words = [f"{orders[0]}-endian"] if len(orders) == 1 else []
@@ -97,17 +97,17 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: RawFloat =
     """Write a radiance map bit for bit, in three channels, and gzipped where the name ends in .gz.
 
     Warns of all that is not kept: the size too, where it is not square. Raises ValueError for a map without pixels, and
-    for one that gzip cannot tell the length of (4 GiB); OutputNotWritten.
+    for one whose length gzip cannot store (4 GiB); OutputNotWritten.
     """
     width, height = image.size
     if not width * height:
         raise ValueError(f"the map is {width} x {height} pixels; a .float file holds at least one")
     if _is_packed(path) and image.radiance.nbytes >= 2**32:
-        raise ValueError(f"the map has {image.radiance.nbytes} bytes; gzip tells lengths below 4 GiB: write .float")
+        raise ValueError(f"the map has {image.radiance.nbytes} bytes; gzip stores lengths below 4 GiB: write .float")
     warn_of_losses(path, image, (), unit=False)
     if width != height:
         warnings.warn(
-            f"{path}: does not tell its size; to read it again give it, --float-size {width}x{height}", stacklevel=3
+            f"{path}: does not store its size; to read it again give it, --float-size {width}x{height}", stacklevel=3
         )
     number = ">f4" if encoding.big_endian else "<f4"
     packer = zlib.compressobj(_LEVEL, wbits=_WINDOW) if _is_packed(path) else None
@@ -161,9 +161,7 @@ def _shape(path: str | os.PathLike[str], there: int, reading: ReadOptions) -> tu
         return side, side, 1
     shared = f"{values} pixels of one channel" if values % 3 else f"{values // 3} pixels of three channels"
     shared += f", or {values} of one" if values % 3 == 0 and math.isqrt(values) ** 2 == values else ""
-    raise UnreadableFile(
-        f"{path}: {shared}, no square, and nothing tells the shape; give it, --float-size WIDTHxHEIGHT"
-    )
+    raise UnreadableFile(f"{path}: {shared}, no square, and the file has no shape; give it, --float-size WIDTHxHEIGHT")
 
 
 def _unpack(path: str | os.PathLike[str], file: BinaryIO, data: memoryview) -> int:
@@ -173,7 +171,7 @@ def _unpack(path: str | os.PathLike[str], file: BinaryIO, data: memoryview) -> i
         try:
             piece = unpacker.decompress(packed, _CHUNK)
         except zlib.error as error:
-            where = f"near byte {file.tell() - len(packed)}"
+            where = f"near byte {file.seek(0, os.SEEK_CUR) - len(packed)}"
             raise FormatError(path, "gzip", where, "packed floats", str(error).split(": ")[-1]) from None
         if done + len(piece) > len(data):
             where = "the length in its last four bytes"
@@ -181,7 +179,7 @@ def _unpack(path: str | os.PathLike[str], file: BinaryIO, data: memoryview) -> i
         data[done : done + len(piece)] = piece
         done += len(piece)
     if unpacker.eof and (unpacker.unused_data or file.read(1)):
-        where = f"byte {file.tell() - len(unpacker.unused_data)}"
+        where = f"byte {file.seek(0, os.SEEK_CUR) - len(unpacker.unused_data)}"
         raise FormatError(path, "gzip", where, "the end of the file", "more", "unpack it with gunzip")
     return done
 
@@ -211,8 +209,10 @@ def _order(path: str | os.PathLike[str], values: np.ndarray) -> str:
     few = different < _MANY and _any_number(bits if other == "little" else bits.byteswap())
     if shares[guess] < _CLEAR or shares[other] >= _UNCLEAR or few:
         sense = f"{shares[guess]:.0%} make sense so, {shares[other]:.0%} the other way"
-        told = f"of its values, {different} different ones, {sense}"
-        warnings.warn(f"{path}: {guess}-endian by a guess: {told}; give --float-order {guess} or {other}", stacklevel=5)
+        evidence = f"of its values, {different} different ones, {sense}"
+        warnings.warn(
+            f"{path}: {guess}-endian by a guess: {evidence}; give --float-order {guess} or {other}", stacklevel=5
+        )
     return guess
 
 

@@ -27,11 +27,11 @@ class ReadOptions:
     ratio : of decoded bytes to those of the file, at most, above 64 MiB: no photograph packs tighter
     metadata : bytes of one header or block of metadata, at most
     parts : of an EXR, or folders of a TIFF, at most; our own maps of a BRDF have 264
-    salvage : read a file that ends early as far as it goes; what is missing is 0, marked OUTSIDE and told in a warning
+    salvage : read a file that ends early as far as it goes; what is missing is 0 and marked OUTSIDE, with a warning
     mantissa_middle : read Radiance mantissas as the middle of their step, c + ½, as programs do that write by
         truncation (old Radiance, Mitsuba, OpenImageIO); off because rounding writers, as ours, mean c itself
-    float_size : (width, height) of a raw .float file, which tells none; a square one is inferred
-    float_order : byte order of a raw .float file; None tells it by which of the two makes sense
+    float_size : (width, height) of a raw .float file, which stores none; a square one is inferred
+    float_order : byte order of a raw .float file; None takes the one of the two that makes sense
     """
 
     side: int = 2**16
@@ -95,7 +95,7 @@ def refuse_absurd_amount(
 
 
 def _half_of_free_memory() -> int:
-    """Half the memory that the machine, and the container it may be, can give now; where they do not tell, no bound."""
+    """Half the memory that the machine, and the container it may be, can give now; no bound where that is unknown."""
     free = 2**63
     try:
         with open("/proc/meminfo", encoding="ascii") as file:

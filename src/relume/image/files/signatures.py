@@ -1,4 +1,4 @@
-"""What a file is, told by its content and never by its suffix; but for raw floats, which have no content but pixels."""
+"""What a file is, by its content and never by its suffix; but for raw floats, which have no content but pixels."""
 
 from __future__ import annotations
 
@@ -100,14 +100,14 @@ def _kind_of_tiff(path: Path, file: BinaryIO) -> str:
     try:
         folder = folders_in(path, file)[0]
     except UnreadableFile:
-        return "TIFF"  # its decoder will tell
+        return "TIFF"  # its decoder will say what is wrong
     if folder.number(_PHOTOMETRIC) in _LOGLUV_PHOTOMETRICS:
         return "LogLuv TIFF"
     return "float TIFF" if folder.number(_SAMPLE_FORMAT) == 3 else "TIFF"
 
 
 def _is_raw_tiff(file: BinaryIO) -> bool:
-    """Whether a TIFF's folders of tags tell of a sensor's own values; a damaged one is told by its decoder."""
+    """Whether a TIFF's folders of tags belong to a camera raw; a damaged one is left to its decoder."""
     file.seek(0)
     head = file.read(10)
     if len(head) < 10 or head[2:4] not in (b"*\x00", b"\x00*"):  # no camera writes BigTIFF

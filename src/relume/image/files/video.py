@@ -16,8 +16,7 @@ from relume.image.files.atomic import replacing
 from relume.image.files.signatures import one_line
 
 _QUALITY = "16"
-"""x264's constant rate factor: finer than what the eye tells from the frames (18), so that an editor may cut it again.
-"""
+"""x264's constant rate factor: finer than what looks like the frames (18), so that an editor may cut it again."""
 _BT709 = 1  # ITU-T H.273: primaries, transfer and matrix of Rec. 709 all have the number 1
 _LIMITED = 1  # black 16, white 235, which players expect of H.264
 
@@ -128,4 +127,4 @@ class Movie:
 
 
 class _Abandoned(Exception):
-    """Tells `replacing` to remove its temporary file."""
+    """Makes `replacing` remove its temporary file."""

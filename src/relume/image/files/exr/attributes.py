@@ -1,7 +1,7 @@
-"""What an EXR header tells beside the picture, as texts, and back to the types that other programs read.
+"""The metadata of an EXR header as texts, and back to the types that other programs read.
 
 Standard attributes go to their own places with their own types (`attributes.EXR`), and "envmap", latlong or cube, to
-OpenEXR's own, which tells programs that a picture is of all directions; all else is relume's and stored as
+OpenEXR's own, which marks a picture of all directions; all else is relume's and stored as
 strings under "relume:". Strings of other programs are read by their own names. What has neither a standard place nor is
 a string (time codes, matrices, key codes) is not kept.
 """

@@ -1,7 +1,7 @@
 """Where the pixels of an EXR file lie, and what of them is missing.
 
 Behind the headers each part has a table of the offsets of its chunks: some rows or one tile, each with a head that
-tells its place and its size. A file that was cut short, or that its writer left before its end (its table is then 0),
+holds its place and its size. A file that was cut short, or that its writer left before its end (its table is then 0),
 lacks some; the others are found by the table or by going from chunk to chunk.
 """
 

@@ -42,7 +42,7 @@ _FLOAT_PIXEL = 12  # bytes of R, G, B as they are read
 class Compression:
     """What a file calls it, how many rows go into one chunk, and whether an even picture packs beyond any ratio.
 
-    talkative : whether its decoder, OpenJPH, tells of damage on stdout
+    talkative : whether its decoder, OpenJPH, prints about damage on stdout
     """
 
     name: str
@@ -130,7 +130,7 @@ class Header:
 
 @dataclass(frozen=True)
 class Headers:
-    """The headers of all parts; `end` is the byte after them, `many` whether chunks tell which part they are of."""
+    """The headers of all parts; `end` is the byte after them, `many` whether chunks name the part they are of."""
 
     parts: tuple[Header, ...]
     end: int

@@ -2,7 +2,7 @@
 
 A radiance map is one part `radiance` (R, G, B), followed by `variance` (R, G, B) and `clipped` (Y) where it has them.
 The unit is the standard attribute `whiteLuminance`, the luminance of RGB (1, 1, 1) in cd/m²: a calibrated map is stored
-as it is, with whiteLuminance 1. Attributes: see `exr_attributes`.
+as it is, with whiteLuminance 1. Attributes: see `exr.attributes`.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def radiance_map(path: str | os.PathLike[str], parts: list[Part]) -> RadianceMap
 
 
 def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
-    """What the header alone tells of how pixels are stored, such as "half, PIZ, tiled 64 × 64, 2 parts"."""
+    """How pixels are stored, from the header alone, such as "half, PIZ, tiled 64 × 64, 2 parts"."""
     headers = read_headers(path, reading).parts
     first = headers[0]
     kinds = sorted({channel.kind for header in headers for channel in header.channels})
@@ -182,7 +182,7 @@ def _radiance_map(path: str | os.PathLike[str], parts: list[Part]) -> RadianceMa
 
 
 def _in_rec709(image: RadianceMap, given: Primaries, header: Mapping[str, Any]) -> RadianceMap:
-    """The map told in Rec. 709; variances as of independent channels.
+    """The map in Rec. 709; variances as of independent channels.
 
     What is neutral in the file stays neutral: its `adoptedNeutral`, else its white. CIE XYZ itself has no white, and is
     converted as it is (OpenEXR "Standard Attributes"; in its sample pair Rec709_YC and XYZ_YC the colours then agree
@@ -241,13 +241,13 @@ def _scaled(path: str | os.PathLike[str], plane: np.ndarray, scale: float) -> np
     with np.errstate(over="ignore"):
         scaled = plane * np.float32(scale)
     if beyond := np.count_nonzero(np.isinf(scaled)) - np.count_nonzero(np.isinf(plane)):
-        told = f"times its whiteLuminance of {scale:g}, {beyond} values are beyond float32"
-        raise UnreadableFile(f"{path}: {told}; correct it")
+        problem = f"times its whiteLuminance of {scale:g}, {beyond} values are beyond float32"
+        raise UnreadableFile(f"{path}: {problem}; correct it")
     return scaled
 
 
 def _padding(path: str | os.PathLike[str], part: Part, shown: str) -> np.ndarray | None:
-    """What of the display window has no pixels, told in a warning as `shown`; None where there is nothing."""
+    """What of the display window has no pixels, with a warning that they are `shown`; None where all has."""
     padding = outside(part.header)
     if padding is not None:
         count = np.count_nonzero(padding)

@@ -63,8 +63,8 @@ def read_parts(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions(
     lost = exr_chunks.first_missing(headers, chunks)
     if lost and (not reading.salvage or lost[1] == lost[2]):
         where, missing, number = lost
-        told = (path, "EXR", where, f"{number} chunks of pixels", f"{number - missing}")
-        raise FormatError(*told, *([OR_SALVAGE] if missing < number else []))
+        problem = (path, "EXR", where, f"{number} chunks of pixels", f"{number - missing}")
+        raise FormatError(*problem, *([OR_SALVAGE] if missing < number else []))
     _warn_of_contradiction(path, headers)
     if lost or any(header.foreign for header in headers.parts):
         with exr_chunks.mended(path, headers, chunks, end) as copy:
@@ -141,11 +141,11 @@ def _warn_of_contradiction(path: str | os.PathLike[str], headers: Headers) -> No
     field, and chunks laid out in another way would not have been found.
     """
     header = headers.parts[0]
-    told = header.texts.get("type")
+    claimed = header.texts.get("type")
     expected, stored = ("scanlineimage", "scan lines") if header.tiling is None else ("tiledimage", "tiles")
-    if headers.many or told is None or told == expected:
+    if headers.many or claimed is None or claimed == expected:
         return
-    found = f'its attribute "type" is {told[:40]!a}, but its version field says {stored}'
+    found = f'its attribute "type" is {claimed[:40]!a}, but its version field says {stored}'
     warnings.warn(f"{path}: {found}, and as those it is read; save it again", stacklevel=5)
 
 

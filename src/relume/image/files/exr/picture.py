@@ -51,9 +51,9 @@ def left_out(part: Part, prefix: str, parts: list[Part]) -> tuple[list[str], lis
 def warn_of_left_out(path: str | os.PathLike[str], parts: Collection[str], channels: Collection[str]) -> None:
     """Say in one warning which parts and channels are not read."""
     kinds = (("part", parts), ("channel", channels))
-    told = [f"the {kind}{'s' * (len(names) > 1)} {_listed(names)}" for kind, names in kinds if names]
-    if told:
-        warnings.warn(f"{path}: left out: {' and '.join(told)}; save each on its own to read it", stacklevel=5)
+    lists = [f"the {kind}{'s' * (len(names) > 1)} {_listed(names)}" for kind, names in kinds if names]
+    if lists:
+        warnings.warn(f"{path}: left out: {' and '.join(lists)}; save each on its own to read it", stacklevel=5)
 
 
 def _listed(names: Collection[str]) -> str:
@@ -93,8 +93,8 @@ def pixels(path: str | os.PathLike[str], part: Part, names: tuple[str, ...], pri
     """(H, W, 3) float32 of the channels `names`, which the part gives up."""
     lacking = sorted(set(names) - part.channels.keys())
     if lacking:
-        told = f'its part "{part.name}" has no channel {", ".join(lacking)}'
-        raise UnreadableFile(f"{path}: {told}; save it as R, G, B or Y")
+        problem = f'its part "{part.name}" has no channel {", ".join(lacking)}'
+        raise UnreadableFile(f"{path}: {problem}; save it as R, G, B or Y")
     planes = [part.channels.pop(name) for name in names]
     if any(plane.dtype.kind != "f" for plane in planes):
         raise UnreadableFile(f"{path}: its colours are integers (uint); save it as half or float")

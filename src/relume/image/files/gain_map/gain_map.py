@@ -31,13 +31,13 @@ _PICTURES = ("base picture", "gain map")
 
 
 def is_present(path: str | os.PathLike[str]) -> bool:
-    """Whether a file is a JPEG that has, or claims, a gain map; told by headers alone, and never raises."""
+    """Whether a file is a JPEG that has, or claims, a gain map, by headers alone; never raises."""
     try:
         with open(path, "rb") as file:
             return gain_map_layout.located(path, file, ReadOptions()) is not None
     except FormatError as error:
         return error.format == gain_map_layout.FORMAT
-    except Exception:  # whatever a file does; what is wrong with it is told when it is read
+    except Exception:  # whatever a file does; reading it says what is wrong
         return False
 
 
@@ -154,7 +154,7 @@ def _bytes(file: BinaryIO, header: jpeg_segments.Header, end: int) -> bytes:
 
 
 def _own(packet: bytes | None, reading: ReadOptions) -> dict[str, str]:
-    """What a writer of ours told; nothing where the packet is damaged or its scale makes no sense."""
+    """The attributes of a file of ours; none where the packet is damaged or its scale makes no sense."""
     try:
         own = xmp.attributes(packet, reading) if packet is not None else {}
         known = own.get(UNIT) in ("relative", "cd/m²")

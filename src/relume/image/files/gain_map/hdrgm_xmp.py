@@ -1,4 +1,4 @@
-"""What XMP tells of a gain map: the hdrgm parameters, and the directory of the pictures in a file.
+"""The XMP of a gain map: the hdrgm parameters, and the directory of the pictures in a file.
 
 Source: Ultra HDR 1.1 ("XMP attributes", "GContainer"). `metadata.xmp` holds what is true of all packets.
 """
@@ -35,7 +35,7 @@ def metadata_in(properties: Properties) -> GainMapMetadata:
     version = properties.get(f"{HDRGM}Version", ("1.0",))[0].strip()
     if version.partition(".")[0] != "1":
         raise ValueError(f'hdrgm:Version is "{one_line(version)[:40]}"; expected 1.0')
-    low, high, gamma, base_offset, bright_offset = (_three(properties, *told) for told in _FIELDS.values())
+    low, high, gamma, base_offset, bright_offset = (_three(properties, *field) for field in _FIELDS.values())
     base = _three(properties, "HDRCapacityMin", 0.0)[0]
     bright = _three(properties, "HDRCapacityMax", max(high))[0]
     if properties.get(f"{HDRGM}BaseRenditionIsHDR", ("False",))[0].strip().lower() == "true":
@@ -103,10 +103,10 @@ def directory(length: int) -> str:
 def description(metadata: GainMapMetadata) -> str:
     """The element that goes into the gain map's own packet: all parameters, three values each."""
     properties = "".join(
-        f"<hdrgm:{told}><rdf:Seq>"
+        f"<hdrgm:{field}><rdf:Seq>"
         + "".join(f"<rdf:li>{_decimal(value)}</rdf:li>" for value in getattr(metadata, name))
-        + f"</rdf:Seq></hdrgm:{told}>"
-        for name, (told, _) in _FIELDS.items()
+        + f"</rdf:Seq></hdrgm:{field}>"
+        for name, (field, _) in _FIELDS.items()
     )
     return (
         f'<rdf:Description rdf:about="" xmlns:hdrgm="{HDRGM}" hdrgm:Version="1.0" hdrgm:BaseRenditionIsHDR="False"'

@@ -58,7 +58,7 @@ def located(path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions) 
     """
     base = jpeg_segments.header_at(path, file, 0, reading)
     packet = base.first(APP1, jpeg_segments.XMP)
-    claims, lengths = _told(packet, reading)
+    claims, lengths = _claims_and_lengths(packet, reading)
     claims = claims or base.first(APP2, jpeg_segments.ISO_GAIN_MAP) is not None
     size = file.seek(0, os.SEEK_END)
     tried: set[int] = set()
@@ -73,7 +73,7 @@ def located(path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions) 
             header = jpeg_segments.header_at(path, file, begin, reading)
         except FormatError:
             continue
-        if end <= header.scan:  # another place may tell its length rightly
+        if end <= header.scan:  # another place may have its length right
             tried.discard(begin)
             continue
         if (found := _metadata_in(path, header, reading)) is not None:
@@ -86,10 +86,10 @@ def located(path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions) 
     return None
 
 
-def _told(packet: bytes | None, reading: ReadOptions) -> tuple[bool, list[tuple[str, int]]]:
+def _claims_and_lengths(packet: bytes | None, reading: ReadOptions) -> tuple[bool, list[tuple[str, int]]]:
     """Whether the primary picture's XMP claims a gain map, and its directory; of a damaged packet, nothing.
 
-    The picture index and the gain map itself still tell then.
+    The picture index and the gain map itself are still there then.
     """
     if packet is None:
         return False, []

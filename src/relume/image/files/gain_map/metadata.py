@@ -10,7 +10,7 @@ import math
 import struct
 from dataclasses import dataclass, fields
 
-_SINGLE = 1 / 64  # the offset of Ultra HDR 1.1 where a file tells none
+_SINGLE = 1 / 64  # the offset of Ultra HDR 1.1 where a file has none
 _MOST = 64.0  # stops; a gain beyond is no picture's
 _THREE, _IN_BASE, _BACKWARD, _COMMON = 0x80, 0x40, 0x04, 0x08  # the two last: libultrahdr 1.2
 _GRID = 2**20  # a gain's denominator: 2¹¹ stops fit before the point

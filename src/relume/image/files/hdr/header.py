@@ -1,4 +1,4 @@
-"""Headers of Radiance pictures: lines of text, an empty one, and one that tells the size and the axes.
+"""Headers of Radiance pictures: lines of text, an empty one, and one with the size and the axes.
 
 Lines of the form KEY=value are variables; the others are the commands that made the picture. EXPOSURE, COLORCORR and
 PIXASPECT are cumulative, and so is VIEW: later options add to earlier ones (Radiance File Formats, "Picture File
@@ -43,7 +43,7 @@ _OPENCV_BUFFER = 127  # characters that OpenCV reads of a header line at a time
 
 @dataclass(frozen=True)
 class Header:
-    """What is told before the pixels.
+    """What stands before the pixels.
 
     xyz : they are X, Y, Z, not R, G, B
     axes : that the scan lines follow each other along, and the pixels in them, like ("-Y", "+X"): downwards, and right
@@ -67,9 +67,9 @@ class Header:
 
     @property
     def gamma(self) -> str:
-        """What a GAMMA line tells of the pixels, "" where they are linear."""
-        told = self.attributes.get("GAMMA", "1")
-        return "" if _NUMBER.fullmatch(told) and float(told) == 1 else told
+        """What a GAMMA line gives for the pixels, "" where they are linear."""
+        gamma = self.attributes.get("GAMMA", "1")
+        return "" if _NUMBER.fullmatch(gamma) and float(gamma) == 1 else gamma
 
     @property
     def size(self) -> tuple[int, int]:
@@ -78,7 +78,7 @@ class Header:
 
 
 def read_header(path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions = ReadOptions()) -> Header:
-    """What the header tells; raises FormatError for one that is damaged, and names the line."""
+    """The header; raises FormatError for one that is damaged, and names the line."""
     data = file.read(min(_FIRST_READ, reading.metadata))
     while not _is_whole(data) and len(data) < reading.metadata and (more := file.read(reading.metadata - len(data))):
         data += more
@@ -95,7 +95,7 @@ def read_header(path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptio
     stop = data.find(b"\n", end + 2)
     if end < 0 or stop < 0:
         found = f"none in {len(data)} bytes"
-        raise FormatError(path, FORMAT, "its header", "an empty line and one that tells the size", found)
+        raise FormatError(path, FORMAT, "its header", "an empty line and one with the size", found)
     if data.count(b"\n", 0, end) > _MOST_LINES:
         raise FormatError(path, FORMAT, "its header", f"at most {_MOST_LINES} lines", "more")
     match = _RESOLUTION.fullmatch(data[end + 2 : min(stop, end + 100)].strip())

@@ -13,7 +13,7 @@ from relume._kernel import exact_inlined, exact_kernel
 ENDS_EARLY, EMPTY_RUN, LONG_RUN, NOTHING_TO_REPEAT, OTHER_LENGTH = 1, 2, 3, 4, 5
 """Why `find_lines` stopped before the last line."""
 
-_SHORTEST, _LONGEST = 8, 32767  # pixels of a line that new runs can hold: its length is told in 15 bits
+_SHORTEST, _LONGEST = 8, 32767  # pixels of a line that new runs can hold: its length has 15 bits
 _LONGEST_RUN, _LONGEST_LITERAL, _SHORTEST_RUN = 127, 128, 4  # bytes; a shorter run saves nothing between literals
 
 
@@ -64,7 +64,7 @@ def find_lines(data, lines, length, begins):
                 if place + 4 > data.size:
                     return line, data.size, ENDS_EARLY
                 if data[place] == 1 and data[place + 1] == 1 and data[place + 2] == 1:
-                    # Runs that follow each other are digits to base 256; no line is longer than four of them tell.
+                    # Runs that follow each other are digits to base 256; no line is longer than four of them say.
                     count = np.int64(data[place + 3]) << min(shift, 32)
                     if left == length:
                         return line, place, NOTHING_TO_REPEAT

@@ -72,7 +72,7 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
             warnings.warn(f"{path}: its primaries are {what}; converted to Rec. 709", stacklevel=5)
     if header.gamma:
         what = f"a GAMMA of {header.gamma[:20]}"
-        warnings.warn(f"{path}: its header tells {what}; its pixels are taken to be linear all the same", stacklevel=5)
+        warnings.warn(f"{path}: its header names {what}; its pixels are taken to be linear all the same", stacklevel=5)
     clipped = None
     if whole < header.lines:
         clipped = np.zeros((height, width), np.uint8)
@@ -112,7 +112,7 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: RadianceHD
 def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
     """The form of the pixels, like "RGBE, new runs", and the order of the axes where it is not "-Y +X".
 
-    Raises FormatError for a damaged header. Whether lines are flat is told from the size of the file.
+    Raises FormatError for a damaged header. Whether lines are flat is inferred from the size of the file.
     """
     with open(path, "rb") as file:
         header = read_header(path, file, reading)

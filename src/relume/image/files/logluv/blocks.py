@@ -80,7 +80,7 @@ def bits_of(path: str | os.PathLike[str], folder: Folder) -> int:
 
 
 def blocks_of(path: str | os.PathLike[str], folder: Folder, size: int, reading: ReadOptions) -> Blocks:
-    """The blocks that a folder tells of, as far as they lie in a file of `size` bytes.
+    """The blocks that a folder lists, as far as they lie in a file of `size` bytes.
 
     Raises UnreadableFile for what is beyond `reading`, FormatError for what breaks the format, such as blocks beyond
     the end of the file; with reading.salvage these are cut short.

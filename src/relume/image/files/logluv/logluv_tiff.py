@@ -2,8 +2,8 @@
 
 A luminance step is 0.27 % (1.1 % in 24 bits) and a code stands for its middle, so that nothing is off by more than half
 of that, nor biased over many values; u′ and v′ are off by at most 0.00122 (0.00175), evenly over many colours but one
-and the same way for each: see `logluv_codes`. The pixels are CIE XYZ in the file: on reading they
-become Rec. 709, and the file's white, where it tells one, becomes D65. STONITS makes luminance cd/m².
+and the same way for each: see `codes`. The pixels are CIE XYZ in the file: on reading they
+become Rec. 709, and the white that the file names becomes D65. STONITS makes luminance cd/m².
 """
 
 from __future__ import annotations
@@ -61,12 +61,12 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
         raise UnreadableFile(f"{path}: times its STONITS of {scale:g}, pixels are beyond float32; correct it")
     warn_of_strange(path, strange, blocks)
     with open(path, "rb") as file:
-        told = attributes_of(path, file, folder, reading)
+        attributes = attributes_of(path, file, folder, reading)
     return RadianceMap(
         upright(picture, folder),
         clipped=_outside(path, rows, folder),
         unit="relative" if scale is None else "cd/m²",
-        attributes=told | white,
+        attributes=attributes | white,
     )
 
 
@@ -103,7 +103,7 @@ def tables(blocks: Blocks, matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def to_d65(path: str | os.PathLike[str], folder: Folder, blocks: Blocks) -> tuple[np.ndarray, dict[str, str]]:
     """(3, 3) on XYZ that takes the file's white to D65, and the attribute that keeps that white where it was another.
 
-    A file that tells no white is taken as it is: its XYZ are those of the light itself.
+    A file that names no white is taken as it is: its XYZ are those of the light itself.
     """
     white = folder.values.get(WHITE_POINT)
     if white is None or blocks.bits == 16:

@@ -1,4 +1,4 @@
-"""What a file tells beside its pixels, by one name in every format.
+"""The metadata that every format may store, by one name each.
 
 The attributes of a radiance map are texts. Those below have a place of their own in several formats; all others are
 relume's (their mapping, their orientation, …) or of the format they came from, and are stored under "relume:".

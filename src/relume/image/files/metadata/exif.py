@@ -1,4 +1,4 @@
-"""What a photograph's EXIF tells: exposure, settings, camera, orientation; read through Pillow.
+"""What a photograph's EXIF holds: exposure, settings, camera, orientation; read through Pillow.
 
 Pillow and not OpenImageIO, because it keeps rationals exact (OpenImageIO hands 1/60 over as a 32-bit float, and a
 bracket written and read again would change its exposures). `exif_writing` writes the same tags. Tags and units: EXIF
@@ -47,7 +47,7 @@ def tags(path: str | os.PathLike[str], kind: str) -> dict[int, object]:
     """All tags of a JPEG, PNG, TIFF or raw TIFF by number, those of the EXIF folder among them.
 
     The value of `gps.FOLDER` is that folder, tags by number. Texts are read as UTF-8, where they are none as Latin-1.
-    Warns where they are damaged; what is not is still told.
+    Warns where they are damaged, and returns the others.
     """
     damage: list[str] = []
     found: dict[int, object] = {}
@@ -57,7 +57,7 @@ def tags(path: str | os.PathLike[str], kind: str) -> dict[int, object]:
                 with _OPENERS[kind](file) as image:
                     # The base class's method: that of PNG decodes the whole picture in search of a late chunk.
                     exif = Image.Image.getexif(image)
-            else:  # only the tags: Pillow tells of pixels it could not decode on the error output
+            else:  # only the tags: Pillow prints about pixels it cannot decode
                 exif = _of_tiff(file)
             found.update(exif)
             found.update(exif.get_ifd(_EXIF_IFD))
@@ -135,7 +135,7 @@ def camera_of(tags: dict[int, object]) -> str:
 
 
 def focal_length_of(tags: dict[int, object], width: int, height: int) -> float | None:
-    """Focal length in pixels of a picture of that size, None where the tags do not tell it.
+    """Focal length in pixels of a picture of that size, None where the tags do not give it.
 
     FocalLengthIn35mmFilm comes first: it survives resizing. It is an integer, so where FocalLength rounds to it the
     camera is full-frame and the finer FocalLength is meant. FocalPlaneXResolution counts pixels of the sensor, and

@@ -1,6 +1,6 @@
 """EXIF and the attributes of a radiance map: the same facts by two names (`attributes.EXIF`).
 
-`typed` and `told` are how text becomes the value of a tag and comes back, in a TIFF as in a JPEG.
+`value_of` and `text_of` are how text becomes the value of a tag and comes back, in a TIFF as in a JPEG.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def letters(stored: bytes) -> str:
         return stored.decode("latin-1")
 
 
-def typed(name: str, text: str) -> tuple[int, list[float] | bytes] | None:
+def value_of(name: str, text: str) -> tuple[int, list[float] | bytes] | None:
     """An attribute as the type and value of its tag; None where the tag cannot hold it."""
     if name in _RATIONALS or name == "iso":
         try:
@@ -48,7 +48,7 @@ def typed(name: str, text: str) -> tuple[int, list[float] | bytes] | None:
     return (ASCII, encoded + b"\0") if encoded else None
 
 
-def told(name: str, values: Sequence[float] | bytes) -> str:
+def text_of(name: str, values: Sequence[float] | bytes) -> str:
     """The text that the values of a tag mean, "" for none; numbers with the digits that float32 holds."""
     numeric = name in _RATIONALS or name == "iso"
     if isinstance(values, bytes):
@@ -78,7 +78,7 @@ def rationals(numbers: Sequence[float]) -> list[float]:
 
 
 def attributes_of(tags: Mapping[int, object]) -> dict[str, str]:
-    """The attributes that EXIF tags tell, as text; what is empty, no number or 0 where a number is due is left out.
+    """The attributes in EXIF tags, as text; what is empty, no number or 0 where a number is due is left out.
 
     tags : by number, as `exif.tags` gives them
     """
@@ -87,7 +87,7 @@ def attributes_of(tags: Mapping[int, object]) -> dict[str, str]:
 
 
 def position_in(folder: object) -> dict[str, str]:
-    """The attributes latitude and longitude that a GPS folder tells, tags by number; none where it is no folder."""
+    """The attributes latitude and longitude in a GPS folder, tags by number; none where it is no folder."""
     found = gps.position_of(folder) if isinstance(folder, Mapping) else {}
     return {name: gps.text_of(degrees) for name, degrees in found.items()}
 
@@ -96,8 +96,8 @@ def _text(name: str, value: object) -> str:
     if isinstance(value, tuple) and value:
         value = value[0]
     if isinstance(value, str):
-        return told(name, value.strip("\0 ").encode("utf-8", "replace"))
+        return text_of(name, value.strip("\0 ").encode("utf-8", "replace"))
     try:
-        return told(name, [float(value)])  # pyright: ignore[reportArgumentType]
+        return text_of(name, [float(value)])  # pyright: ignore[reportArgumentType]
     except (TypeError, ValueError, ZeroDivisionError, OverflowError):
         return ""

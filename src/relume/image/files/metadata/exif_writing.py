@@ -36,8 +36,8 @@ def encoded(photograph: Photograph) -> bytes:
 def folders(photograph: Photograph) -> tuple[Tags, Tags]:
     """As `encoded`, the tags of a TIFF's own folder and those of its EXIF folder.
 
-    The focal length in pixels is told as that of a full-frame camera of the same view, a whole number of mm. Where the
-    lens's own is not known it takes its place too: only so are more than two leading digits kept.
+    The focal length in pixels is written as that of a full-frame camera of the same view, a whole number of mm. Where
+    the lens's own is not known it takes its place too: only so are more than two leading digits kept.
     """
     make, model = photograph.make_and_model
     settings = photograph.settings
@@ -50,10 +50,10 @@ def folders(photograph: Photograph) -> tuple[Tags, Tags]:
         "copyright": settings.copyright,
         "comments": settings.comments,
     }
-    told = {EXIF[name]: (ASCII, _text(text)) for name, text in texts.items() if text}
+    values = {EXIF[name]: (ASCII, _text(text)) for name, text in texts.items() if text}
     main: dict[int, tuple[int, list[float] | bytes] | Tags] = {}
-    main.update({tag: value for tag, value in told.items() if not is_of_exif(tag)})
-    folder: _Values = {tag: value for tag, value in told.items() if is_of_exif(tag)}
+    main.update({tag: value for tag, value in values.items() if not is_of_exif(tag)})
+    folder: _Values = {tag: value for tag, value in values.items() if is_of_exif(tag)}
     folder |= _of_exposure(photograph.exposure) | _of_settings(settings)
     if photograph.focal_length is not None:
         millimetres = photograph.focal_length * _FULL_FRAME / max(photograph.size)

@@ -1,4 +1,4 @@
-"""XMP packets, which carry what a file tells beside its pixels: ours under "relume:", and what others put there.
+"""XMP packets, which carry metadata: ours under "relume:", and what others put there.
 
 A packet is RDF in XML (ISO 16684-1, part 1). It comes from strangers: no document type, so no entity to expand, no
 nesting deeper than any writer's, and no more bytes than allowed.

@@ -1,4 +1,4 @@
-"""What the header of a photograph tells without decoding a pixel: enough to sort a folder into brackets."""
+"""A photograph without its pixels, from its header: enough to sort a folder into brackets."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class Facts:
 
     name : the file
     size : (width, height) in pixels, upright
-    exposure : shutter, aperture, ISO; None where the file tells none
+    exposure : shutter, aperture, ISO; None where the file has none
     camera : make and model, "" where unknown
-    settings : what else the file tells
+    settings : what else the file stores
     shutter_speed : −log₂ of the exposure time in seconds as the camera wrote it beside (APEX), None where it did not
     """
 
@@ -73,5 +73,5 @@ def _of_raw(path: str | os.PathLike[str]) -> Facts:
             size = (sizes.width, sizes.height)
     except (rawpy.LibRawError, OSError, ValueError, AttributeError, TypeError) as error:
         raise camera_raw.refusal(path, error) from error
-    told = tags or {}
-    return Facts(str(path), size, exposure, exif.camera_of(told), settings, exif.shutter_speed_of(told))
+    known = tags or {}
+    return Facts(str(path), size, exposure, exif.camera_of(known), settings, exif.shutter_speed_of(known))

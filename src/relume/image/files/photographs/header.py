@@ -1,4 +1,4 @@
-"""What the header of a JPEG, PNG or TIFF tells of its pixels before one is decoded: how many, how deep, how stored."""
+"""The form of a photograph's pixels, from the header of its JPEG, PNG or TIFF: how many, how deep, how stored."""
 
 from __future__ import annotations
 
@@ -58,9 +58,9 @@ def form_of(path: str | os.PathLike[str], kind: str, reading: ReadOptions) -> Fo
     if kind == "TIFF":
         return _tiff(path, size, reading)
     if kind == "PNG":
-        told = png.header(path)
-        packing = "interlaced" if told.interlaced else ""
-        form = Form(told.width, told.height, told.channels, told.bits, told.colour, packing)
+        found = png.header(path)
+        packing = "interlaced" if found.interlaced else ""
+        form = Form(found.width, found.height, found.channels, found.bits, found.colour, packing)
     else:
         with open(path, "rb") as file:
             form = _jpeg(path, file, size, reading)

@@ -1,6 +1,6 @@
 """The pixels of one JPEG among several in a file: decoded alone, and refused where data is missing or altered.
 
-OpenImageIO decodes, because it tells of a hole in the data, which Pillow takes for whole. It opens files only, and of
+OpenImageIO decodes, because it reports a hole in the data, which Pillow takes for whole. It opens files only, and of
 one with a gain map it gives what its own library makes of both pictures; so the JPEG is given to it alone, in a
 temporary file without metadata.
 """

@@ -167,7 +167,7 @@ def with_segments(jpeg: bytes, added: Sequence[bytes]) -> bytes:
 
 
 def without_metadata(jpeg: bytes, header: Header) -> bytes:
-    """A JPEG without stray bytes, comments and APP segments, but for those that tell how its colours are stored.
+    """A JPEG without stray bytes, comments and APP segments, but for those that say how its colours are stored.
 
     jpeg : whole; header : its own
     """

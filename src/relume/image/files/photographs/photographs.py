@@ -13,7 +13,6 @@ import io
 import os
 import re
 import warnings
-import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -39,6 +38,7 @@ from relume.image.photograph import Photograph
 # Only before markers that come ahead of the pixels: APP, COM, DQT, DRI, SOF. Elsewhere such bytes are lost pixels.
 _HARMLESS = re.compile(r"extraneous bytes before marker 0x(e[0-9a-f]|fe|db|dd|c[012])")
 _STRIP = 2**18  # bytes before compression
+_LEVEL = 6  # of libdeflate
 _PROFILE, _UNDEFINED = 34675, 7  # ICC.1:2022, B.3; TIFF 6.0, section 2
 _MOST_EXIF = 65533  # bytes behind the length of a JPEG's segment
 _MOST_PROFILE = 255 * (65533 - 14)  # of numbered pieces (ICC.1:2022, B.4)
@@ -46,7 +46,7 @@ _LONG_TEXT = 1024  # letters; five of these fit
 
 
 def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> Photograph:
-    """The photograph in a JPEG, PNG or TIFF, with the exposure, settings, camera and focal length its EXIF tells.
+    """The photograph in a JPEG, PNG or TIFF, with the exposure, settings, camera and focal length in its EXIF.
 
     Grey becomes three equal channels. Where alpha is 0 the picture is `outside`. Of a JPEG with a gain map it is the
     base picture; of a TIFF the first page. Warns of other pages, where alpha is dropped that was neither 0 nor opaque,
@@ -99,13 +99,13 @@ def write_jpeg(path: str | os.PathLike[str], photograph: Photograph) -> None:
         raise ValueError(f"the photograph is {photograph.size} pixels; a JPEG's side is at most 65500: write .png")
     # Not straight into the file: on a full disk Pillow takes a short write for a whole one.
     encoded = io.BytesIO()
-    told, lost = _within_segment(photograph)
+    block, lost = _within_segment(photograph)
     profile = _profile_to_write(path, photograph)
     if profile is not None and len(profile) > _MOST_PROFILE:
         lost.append(f"its profile of {len(profile)} bytes")
         profile = None
     picture = Image.fromarray(photograph.pixels)
-    picture.save(encoded, "JPEG", quality=95, subsampling=0, exif=told, icc_profile=profile)
+    picture.save(encoded, "JPEG", quality=95, subsampling=0, exif=block, icc_profile=profile)
     with replacing(path) as temporary:
         temporary.write_bytes(encoded.getvalue())
     if photograph.outside is not None and (count := int(np.count_nonzero(photograph.outside))):
@@ -117,8 +117,8 @@ def write_jpeg(path: str | os.PathLike[str], photograph: Photograph) -> None:
 def write_png(path: str | os.PathLike[str], photograph: Photograph) -> None:
     """Write a PNG of 8 or 16 bits with EXIF and profile, and an alpha channel where some of it is `outside`."""
     profile = _profile_to_write(path, photograph)
-    told = exif_writing.encoded(photograph)
-    encoded = png.encode(_with_alpha(photograph), told, profile, drawing=False)
+    block = exif_writing.encoded(photograph)
+    encoded = png.encode(_with_alpha(photograph), block, profile, drawing=False)
     with replacing(path) as temporary:
         temporary.write_bytes(encoded)
 
@@ -128,6 +128,8 @@ def write_tiff(path: str | os.PathLike[str], photograph: Photograph) -> None:
 
     Packed by ZIP with the horizontal predictor, which lose nothing.
     """
+    import imagecodecs
+
     from relume._kernel import in_threads
 
     pixels = _with_alpha(photograph)
@@ -138,9 +140,9 @@ def write_tiff(path: str | os.PathLike[str], photograph: Photograph) -> None:
     profile = _profile_to_write(path, photograph)
 
     def strip(begin: int, end: int) -> bytes:
-        told = pixels[begin:end].copy()
-        told[:, 1:] -= pixels[begin:end, :-1]
-        return zlib.compress(told.tobytes())
+        differences = pixels[begin:end].copy()
+        differences[:, 1:] -= pixels[begin:end, :-1]
+        return bytes(imagecodecs.deflate_encode(differences.tobytes(), level=_LEVEL))
 
     tags = {
         256: (4, [width]),
@@ -162,16 +164,16 @@ def write_tiff(path: str | os.PathLike[str], photograph: Photograph) -> None:
 def _within_segment(photograph: Photograph) -> tuple[bytes, list[str]]:
     """The EXIF of a JPEG, without the texts for which its one segment has no room, and those."""
     lost: list[str] = []
-    told = exif_writing.encoded(photograph)
+    block = exif_writing.encoded(photograph)
     for name in ("comments", "copyright", "owner", "lens", "serial"):
-        if len(told) + len(exif_attributes.HEAD) <= _MOST_EXIF:
+        if len(block) + len(exif_attributes.HEAD) <= _MOST_EXIF:
             break
         text = getattr(photograph.settings, name) or ""
         if len(text) > _LONG_TEXT:
             lost.append(f"its {name} of {len(text)} letters")
             photograph = replace(photograph, settings=replace(photograph.settings, **{name: None}))
-            told = exif_writing.encoded(photograph)
-    return exif_attributes.HEAD + told if told else b"", lost
+            block = exif_writing.encoded(photograph)
+    return exif_attributes.HEAD + block if block else b"", lost
 
 
 def _with_alpha(photograph: Photograph) -> np.ndarray:
@@ -302,7 +304,7 @@ def _warn_of_profile(path: str | os.PathLike[str], description: str) -> None:
 
 
 def _refuse_truncated(path: str | os.PathLike[str], kind: str) -> None:
-    """Ask another decoder whether the data ends early: the first one tells only the first of its troubles."""
+    """Ask another decoder whether the data ends early: the first one reports only the first of its troubles."""
     try:
         with exif.heard([]), open(path, "rb") as file, Image.open(file, formats=[kind]) as image:
             image.load()

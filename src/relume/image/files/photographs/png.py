@@ -78,7 +78,7 @@ class Chunks:
 
 def header(path: str | os.PathLike[str]) -> Header:
     """The header of a PNG, from its chunks ahead of the pixels; raises FormatError where it is damaged."""
-    told: dict[bytes, bytes] = {}
+    ahead: dict[bytes, bytes] = {}
     with open(path, "rb") as file:
         place = len(SIGNATURE)
         file.seek(place)
@@ -87,10 +87,10 @@ def header(path: str | os.PathLike[str]) -> Header:
                 break
             length, name = struct.unpack(">I4s", head)
             if name in (b"gAMA", b"cICP", b"sRGB", b"iCCP") or (name == b"IHDR" and length == 13):
-                told.setdefault(name, file.read(min(length, 13)))
+                ahead.setdefault(name, file.read(min(length, 13)))
             place += 12 + length
             file.seek(place)
-    fields = told.get(b"IHDR", b"")
+    fields = ahead.get(b"IHDR", b"")
     if len(fields) != 13:
         raise FormatError(path, "PNG", "byte 8", "an IHDR chunk of 13 bytes", f"{len(fields)} bytes")
     width, height, bits, colour, packing, filtering, interlace = struct.unpack(">IIBBBBB", fields)
@@ -99,9 +99,9 @@ def header(path: str | os.PathLike[str]) -> Header:
     if packing or filtering or interlace > 1:
         found = f"{packing}, {filtering} and {interlace}"
         raise FormatError(path, "PNG", "its IHDR chunk", "compression 0, filtering 0 and interlacing 0 or 1", found)
-    code = told.get(b"cICP", b"")
-    gamma = told.get(b"gAMA", b"")
-    named = len(gamma) != 4 or told.keys() & {b"sRGB", b"iCCP", b"cICP"}
+    code = ahead.get(b"cICP", b"")
+    gamma = ahead.get(b"gAMA", b"")
+    named = len(gamma) != 4 or ahead.keys() & {b"sRGB", b"iCCP", b"cICP"}
     return Header(
         width,
         height,
@@ -198,12 +198,12 @@ def _by_libpng(path: str | os.PathLike[str], chunks: Chunks, packed: Sequence[me
 
 def profile(chunks: Chunks, reading: ReadOptions) -> bytes | None:
     """The ICC profile in a PNG, None where it has none; b"" for one that is damaged or beyond `reading`."""
-    if (told := chunks.ahead.get(b"iCCP")) is None:
+    if (packed := chunks.ahead.get(b"iCCP")) is None:
         return None
     # Behind its name, a zero, and the number of the compression (11.3.2.3).
     try:
         engine = zlib.decompressobj()
-        inflated = engine.decompress(told.partition(b"\0")[2][1:], reading.metadata)
+        inflated = engine.decompress(packed.partition(b"\0")[2][1:], reading.metadata)
         return inflated if engine.eof else b""
     except zlib.error:
         return b""

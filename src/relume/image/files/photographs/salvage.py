@@ -1,4 +1,4 @@
-"""What is left of a JPEG, PNG or TIFF that ends early: the rows that are there, where that can be told honestly."""
+"""What is left of a JPEG, PNG or TIFF that ends early: the rows that are there, where these are known for certain."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Salvaged:
 def salvaged(path: str | os.PathLike[str], kind: str, form: Form, reading: ReadOptions) -> Salvaged | None:
     """The rows of a photograph that ends early; None of one that does not, which is read as any other.
 
-    Raises UnreadableFile where no row is there, or nobody can tell which are: a progressive JPEG, an interlaced PNG.
+    Raises UnreadableFile where no row is there, or unknown which are: a progressive JPEG, an interlaced PNG.
     """
     found = {"JPEG": _jpeg, "PNG": _png, "TIFF": _tiff}[kind](path, form, reading)
     if found is not None and not len(found.pixels):
@@ -56,7 +56,7 @@ def _jpeg(path: str | os.PathLike[str], form: Form, reading: ReadOptions) -> Sal
     if form.gain_map or b"\xff\xd9" in data[-1024:]:
         return None
     if form.packing:
-        raise _untold(path, "a progressive JPEG")
+        raise _unknown_rows(path, "a progressive JPEG")
     source = _opened(path)
     try:
         spec = source.spec()
@@ -81,7 +81,7 @@ def _png(path: str | os.PathLike[str], form: Form, reading: ReadOptions) -> Salv
     if chunks.end is None:
         return None
     if header.interlaced:
-        raise _untold(path, "an interlaced PNG")
+        raise _unknown_rows(path, "an interlaced PNG")
     rows = png.whole_rows(path, header, chunks)
     return None if rows is None else Salvaged(rows, form.height, png.profile(chunks, reading))
 
@@ -140,7 +140,5 @@ def _opened(path: str | os.PathLike[str]) -> oiio.ImageInput:
     return source
 
 
-def _untold(path: str | os.PathLike[str], what: str) -> UnreadableFile:
-    return UnreadableFile(
-        f"{path}: {what} that ends early, of which nobody can tell which rows are whole; copy it again"
-    )
+def _unknown_rows(path: str | os.PathLike[str], what: str) -> UnreadableFile:
+    return UnreadableFile(f"{path}: {what} that ends early, whose whole rows are unknown; copy it again")

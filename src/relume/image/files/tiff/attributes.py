@@ -1,4 +1,4 @@
-"""What a TIFF of radiance tells beside its pixels: attributes, primaries and unit, and the tags that hold them.
+"""The metadata of a TIFF of radiance: attributes, primaries and unit, and the tags that hold them.
 
 Attributes that have a tag of TIFF or EXIF go there, for other programs; all that a tag does not give back to the last
 letter goes into an XMP packet too, under "relume:", and comes back from there.
@@ -13,7 +13,15 @@ from typing import BinaryIO
 from relume.errors import FormatError
 from relume.image.files.metadata import attributes as names
 from relume.image.files.metadata import gps, xmp
-from relume.image.files.metadata.exif_attributes import ASCII, RATIONAL, is_of_exif, position_in, rationals, told, typed
+from relume.image.files.metadata.exif_attributes import (
+    ASCII,
+    RATIONAL,
+    is_of_exif,
+    position_in,
+    rationals,
+    text_of,
+    value_of,
+)
 from relume.image.files.read_options import ReadOptions
 from relume.image.files.tiff.directories import Folder, folder_at
 from relume.image.files.tiff.writing import EXIF_FOLDER, Tags
@@ -39,12 +47,12 @@ def tags_of(image: RadianceMap) -> tuple[Tags, Tags]:
         main[gps.FOLDER] = gps.tags_of(**position)
     rest = {}
     for name, text in image.attributes.items():
-        tag, value = names.EXIF.get(name, 0), typed(name, text)
+        tag, value = names.EXIF.get(name, 0), value_of(name, text)
         if tag and value is not None:
             (exif if is_of_exif(tag) else main)[tag] = value
         if name in position and gps.text_of(position[name]) == text:
             continue
-        if not tag or value is None or told(name, value[1]) != text:
+        if not tag or value is None or text_of(name, value[1]) != text:
             rest[name] = text
     if rest:
         main[XMP] = (_BYTE, xmp.packet(rest))
@@ -60,7 +68,7 @@ def attributes_of(
     found = {}
     for name, tag in names.EXIF.items():
         source = exif if is_of_exif(tag) and exif is not None else folder
-        text = told(name, source.values.get(tag, ()))
+        text = text_of(name, source.values.get(tag, ()))
         if text and (name, text) != ("software", "relume"):
             found[name] = text
     if position is not None:
@@ -93,7 +101,7 @@ def primaries_of(path: str | os.PathLike[str], folder: Folder) -> Primaries:
 
 
 def scale_of(path: str | os.PathLike[str], folder: Folder) -> float | None:
-    """The luminance of RGB (1, 1, 1), cd/m², which STONITS tells; None where it is missing. Raises FormatError."""
+    """The luminance of RGB (1, 1, 1), cd/m², in STONITS; None where it is missing. Raises FormatError."""
     if STONITS not in folder.values:
         return None
     scale = folder.number(STONITS)
@@ -110,5 +118,5 @@ def _in_packet(path: str | os.PathLike[str], folder: Folder, reading: ReadOption
     try:
         return xmp.attributes(packet, reading)
     except ValueError as error:
-        warnings.warn(f"{path}: {error}; what it tells is left out", stacklevel=5)
+        warnings.warn(f"{path}: {error}; its attributes are left out", stacklevel=5)
         return {}

@@ -25,7 +25,7 @@ In place of these, the tags of a folder of their own, to which the tag leads, su
 def write_tiff(
     path: str | os.PathLike[str], tags: Tags, strips: Sequence[bytes | memoryview], exif: Tags | None = None
 ) -> None:
-    """Write a little-endian TIFF whole or not at all; the tags that tell where the strips are and how long are added.
+    """Write a little-endian TIFF whole or not at all; the tags for the places and lengths of the strips are added.
 
     exif : the tags of its EXIF folder, where it has one
     Raises OutputNotWritten.
@@ -38,8 +38,8 @@ def write_tiff(
     for length in lengths:
         places.append(place)
         place += length + length % 2
-    told = {STRIP_OFFSETS: (offset_type, places), STRIP_COUNTS: (offset_type, lengths)}
-    nested, main = _folders({**tags, **told, **({EXIF_FOLDER: exif} if exif else {})}, place, big)
+    strip_tags = {STRIP_OFFSETS: (offset_type, places), STRIP_COUNTS: (offset_type, lengths)}
+    nested, main = _folders({**tags, **strip_tags, **({EXIF_FOLDER: exif} if exif else {})}, place, big)
     first = place + len(nested)
     start = b"II" + (struct.pack("<HHHQ", 43, 8, 0, first) if big else struct.pack("<HI", 42, first))
     with replacing(path) as temporary, open(temporary, "wb") as file:
