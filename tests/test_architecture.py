@@ -49,13 +49,11 @@ NOT_YET_ON_THE_PUBLIC_NAMES: set[str] = {
     "cli/arguments.py",
     "cli/console.py",
     "cli/demo.py",
-    "cli/info.py",
     "cli/insert.py",
     "cli/panorama.py",
     "cli/probe.py",
     "cli/probe_facts.py",
     "cli/probe_views.py",
-    "cli/reading_options.py",
     "cli/stage/inspect.py",
 }
 

@@ -69,6 +69,8 @@ from .renderers.results import Render as Render
 from .renderers.whitted.whitted import Whitted as Whitted
 from .report.constellation_plot import draw_lights as draw_lights
 from .report.develop_report import write_develop_report as write_develop_report
+from .report.file_facts import describe as describe
+from .report.file_facts import draw_environment as draw_environment
 from .report.ray_tree_plot import draw_ray_tree as draw_ray_tree
 from .report.reflection_sheet import draw_reflection_sheet as draw_reflection_sheet
 from .scene.cameras.camera import Camera as Camera

@@ -256,13 +256,15 @@ def test_options_become_the_reading_they_name() -> None:
     assert ReadingOptions(salvage=True, mantissa_middle=True).reading() == ReadOptions(
         salvage=True, mantissa_middle=True
     )
-    assert ReadingOptions(float_size="640×480").reading().float_size == (640, 480)
+    assert ReadingOptions(float_size=(640, 480)).reading().float_size == (640, 480)
     for wrong in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(ValueError, match="--largest"):
             ReadingOptions(largest=wrong).reading()
-    for text in ("640", "640x", "0x5", "axb", "1x2x3", "-1x-1"):
-        with pytest.raises(ValueError, match="--float-size"):
-            ReadingOptions(float_size=text).reading()
+
+
+@pytest.mark.parametrize("text", ["640", "640x", "0x5", "axb", "1x2x3", "-1x-1"])
+def test_a_size_that_is_none_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str) -> None:
+    assert "--float-size" in refused(["info", str(tmp_path / "a.float"), "--float-size", text], capsys)
 
 
 @pytest.mark.parametrize(

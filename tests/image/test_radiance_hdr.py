@@ -9,10 +9,11 @@ import pytest
 from relume.errors import FormatError, OutputNotWritten, UnreadableFile
 from relume.image.files import ReadOptions, read, read_radiance, write
 from relume.image.files.encodings import RadianceHDR
-from relume.image.files.hdr.radiance_hdr import encode, subtype
+from relume.image.files.hdr.radiance_hdr import subtype
 from relume.image.files.hdr.scanlines import DARKEST, encoded
 from relume.image.primaries import EQUAL_ENERGY, REC709, Primaries, between
 from relume.image.radiance import OUTSIDE, RadianceMap
+from rgbe import encode
 
 
 def picture(path, pixels, resolution="-Y 2 +X 3", header="FORMAT=32-bit_rle_rgbe\n", first="#?RADIANCE\n"):

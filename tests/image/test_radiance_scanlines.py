@@ -6,8 +6,9 @@ import pytest
 from relume.errors import FormatError
 from relume.image.files import read, read_radiance, write
 from relume.image.files.encodings import RadianceHDR
-from relume.image.files.hdr.radiance_hdr import encode, subtype
+from relume.image.files.hdr.radiance_hdr import subtype
 from relume.image.radiance import RadianceMap
+from rgbe import encode
 
 HEADER = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n"
 

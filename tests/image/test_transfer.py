@@ -5,14 +5,12 @@ import pytest
 
 from relume.image.colour import encode_srgb
 from relume.image.transfer import (
-    decode_hlg,
-    decode_pq,
     encode_hlg,
     encode_pq,
-    hlg_displayed,
     hlg_gamma,
     hlg_scene,
 )
+from screens import decode_hlg, decode_pq, hlg_displayed
 
 
 @pytest.mark.parametrize(

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-if TYPE_CHECKING:
-    from relume.image.files.read_options import ReadOptions
+import relume as rl
+from relume.cli.option_types import numbers
 
 _MEGAPIXEL = 1e6
 _BYTES = 32  # a pixel being read: its floats, those of the file, and a mask or two
@@ -37,41 +37,34 @@ class ReadingOptions:
         ),
     ] = False
     float_size: Annotated[
-        str | None,
-        Parameter(help="Size of a raw .float file, as WIDTHxHEIGHT; that of a square one is inferred."),
+        tuple[int, int] | None,
+        numbers(
+            "WIDTHxHEIGHT",
+            like="640x480",
+            above=0,
+            help="Size of a raw .float file, as WIDTHxHEIGHT; that of a square one is inferred.",
+        ),
     ] = None
     float_order: Annotated[
         Literal["little", "big"] | None,
         Parameter(help="Byte order of a raw .float file; the one that makes sense unless given."),
     ] = None
 
-    def reading(self) -> ReadOptions:
-        """The same for `relume.image.files.read`; raises ValueError naming the option."""
-        from relume.image.files.read_options import ReadOptions
-
-        limits = ReadOptions()
+    def reading(self) -> rl.ReadOptions:
+        """The same for `rl.read`; raises ValueError that names the option."""
+        limits = rl.ReadOptions()
         pixels = limits.pixels
         if self.largest is not None:
             if not (math.isfinite(self.largest) and self.largest * _MEGAPIXEL >= 1):
                 raise ValueError(f"--largest is {self.largest:g} megapixels; give a number like 500")
             pixels = int(self.largest * _MEGAPIXEL)
-        return ReadOptions(
+        return rl.ReadOptions(
             # Who raises the area means long strips too; memory is still held against what the machine has free.
             side=limits.side if pixels <= limits.pixels else pixels,
             pixels=pixels,
             decoded=max(limits.decoded, _BYTES * pixels),
             salvage=self.salvage,
             mantissa_middle=self.mantissa_middle,
-            float_size=None if self.float_size is None else _size(self.float_size),
+            float_size=self.float_size,
             float_order=self.float_order,
         )
-
-
-def _size(text: str) -> tuple[int, int]:
-    try:
-        width, height = (int(word) for word in text.lower().replace("×", "x").split("x"))
-    except ValueError:
-        width = height = 0
-    if width < 1 or height < 1:
-        raise ValueError(f'--float-size: "{text}" is no size; write WIDTHxHEIGHT, like 640x480')
-    return width, height

@@ -184,6 +184,7 @@ def painted(
     """
     if tolerance < 0:
         raise ValueError(f"the tolerance is {tolerance}; expected 0 or more pixel values")
+    # Both slices must be of the map's size, opaque and of the same bits.
     bits = 8 * edited.pixels.itemsize
     for image in (edited,) if original is None else (edited, original):
         if image.size != picture.size:
@@ -193,6 +194,7 @@ def painted(
             raise ValueError(f"{image.name} has transparent pixels; flatten it and save it without alpha")
         if image.pixels.dtype != edited.pixels.dtype:
             raise ValueError(f"{image.name} and {edited.name} differ in bits; save both alike")
+    # Which pixels the painter changed.
     before = _codes(picture, cut, bits) if original is None else original.pixels.astype(np.int64)
     after = edited.pixels.astype(np.int64)
     # Within the tolerance a channel is as it was, in changed pixels too.
@@ -200,6 +202,7 @@ def painted(
     changed = np.asarray((after != before).any(-1))
     if not changed.any():
         return Repainted(picture, changed, 0, 0.0, 0)
+    # What their light becomes, and how much of what the slice clipped is lost.
     top = 2**bits - 1
     old, new = before[changed], after[changed]
     old_radiance = picture.radiance[changed].astype(np.float64)
@@ -208,6 +211,7 @@ def painted(
     lost = luminance(np.maximum(old_radiance - radiance, 0))[beyond].sum()
     result = picture.radiance.copy()
     result[changed] = radiance
+    # The other planes follow.
     variance = clipped = None
     if picture.variance is not None:
         variance = picture.variance.copy()

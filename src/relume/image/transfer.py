@@ -1,4 +1,4 @@
-"""The transfer curves of HDR screens: PQ (SMPTE ST 2084) and HLG, both ways, as ITU-R BT.2100-2 gives them.
+"""The transfer curves of HDR screens: PQ (SMPTE ST 2084) and HLG, as ITU-R BT.2100-2 gives them.
 
 PQ codes absolute luminance. HLG codes scene light, and the screen makes luminance of it by the OOTF, a power of the
 pixel's luminance that depends on how bright the screen is.
@@ -33,23 +33,11 @@ def encode_pq(luminance: np.ndarray | float) -> np.ndarray:
     return ((_C1 + _C2 * power) / (1 + _C3 * power)) ** _M2
 
 
-def decode_pq(signal: np.ndarray | float) -> np.ndarray:
-    """Luminance in cd/m² of a PQ signal, the EOTF (BT.2100-2, table 4); signals are clipped to 0 … 1."""
-    root = np.clip(np.asarray(signal, np.float64), 0, 1) ** (1 / _M2)
-    return PQ_PEAK * (np.maximum(root - _C1, 0) / (_C2 - _C3 * root)) ** (1 / _M1)
-
-
 def encode_hlg(scene: np.ndarray | float) -> np.ndarray:
     """HLG signal, 0 to 1, of linear scene light, 0 to 1, the OETF (BT.2100-2, table 5); clipped to both ends."""
     light = np.clip(np.asarray(scene, np.float64), 0, 1)
     # The logarithm is of no dark value: those are on the other piece.
     return np.where(light <= 1 / 12, np.sqrt(3 * light), _A * np.log(np.maximum(12 * light, 1) - _B) + _C)
-
-
-def decode_hlg(signal: np.ndarray | float) -> np.ndarray:
-    """Linear scene light, 0 to 1, of an HLG signal, the inverse OETF (BT.2100-2, table 5); clipped to 0 … 1."""
-    code = np.clip(np.asarray(signal, np.float64), 0, 1)
-    return np.where(code <= 0.5, code**2 / 3, (np.exp((code - _C) / _A) + _B) / 12)
 
 
 def hlg_gamma(peak: float) -> float:
@@ -62,19 +50,8 @@ def hlg_gamma(peak: float) -> float:
     return float(1.2 + 0.42 * np.log10(peak / 1000))
 
 
-def hlg_displayed(scene: np.ndarray, peak: float = 1000.0) -> np.ndarray:
-    """What a screen shows of HLG's scene light, the OOTF, α·Y^(γ−1)·E (BT.2100-2, table 5), black at 0 cd/m².
-
-    scene : (..., 3) linear, BT.2020, 0 to 1
-    peak : of the screen, cd/m²; 1000 is what the standard's nominal gamma is for
-    returns : (..., 3) float64, cd/m²
-    """
-    light = np.maximum(np.asarray(scene, np.float64), 0)
-    return peak * light * (light @ BT2020_WEIGHTS)[..., None] ** (hlg_gamma(peak) - 1)
-
-
 def hlg_scene(displayed: np.ndarray, peak: float = 1000.0) -> np.ndarray:
-    """The scene light that a screen shows so, the inverse of `hlg_displayed`; nothing is clipped at the top.
+    """The scene light that a screen shows so, the inverse of the OOTF, α·Y^(γ−1)·E; nothing is clipped at the top.
 
     displayed : (..., 3) linear, BT.2020, cd/m²; below 0 it is taken for 0
     returns : (..., 3) float64; above 1 where the screen cannot show it

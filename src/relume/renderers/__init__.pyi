@@ -1,2 +1,3 @@
 from .environment_probe import environment as environment
+from .mitsuba.variant import choose_variant as choose_variant
 from .results import Change as Change

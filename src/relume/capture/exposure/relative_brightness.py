@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from relume.errors import NotABracket
+from relume.image.colour import decode_srgb
 from relume.image.photograph import Photograph
 
 WIDTH = 300
@@ -88,7 +89,7 @@ def log_ratio(less: Reduced, more: Reduced) -> float | None:
     first, second = (np.concatenate(values) for values in zip(*matched(less, more), strict=True))
     if len(first) < _LEAST_SEEN:
         return None
-    return float(np.median(np.log(linear(second) / linear(first))))
+    return float(np.median(np.log(decode_srgb(second) / decode_srgb(first))))
 
 
 def brightness_chain(pictures: Sequence[Reduced]) -> np.ndarray:
@@ -107,11 +108,6 @@ def brightness_chain(pictures: Sequence[Reduced]) -> np.ndarray:
             )
         exposures[brighter] = exposures[darker] + ratio
     return exposures
-
-
-def linear(encoded: np.ndarray) -> np.ndarray:
-    """Linear light of pixel values, both 0 to 1, by the inverse of sRGB's encoding (IEC 61966-2-1)."""
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
 def _matched_channel(less: Reduced, more: Reduced, channel: int) -> tuple[np.ndarray, np.ndarray]:

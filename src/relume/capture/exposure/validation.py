@@ -14,7 +14,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from relume.capture.exposure.relative_brightness import Reduced, linear, matched
+from relume.capture.exposure.relative_brightness import Reduced, matched
+from relume.image.colour import decode_srgb
 from relume.image.response import Response
 
 _USUAL = np.array([0.7, 0.0, -0.2, 0.3, 0.8])
@@ -109,7 +110,7 @@ class _Pair:
 
 def _terms(values: np.ndarray) -> np.ndarray:
     """The curve's terms: sRGB's own, a toe, and the three lowest powers for a shoulder or an S."""
-    return np.stack([np.log(linear(values)), np.exp(-values / _TOE), values, values**2, values**3], axis=-1)
+    return np.stack([np.log(decode_srgb(values)), np.exp(-values / _TOE), values, values**2, values**3], axis=-1)
 
 
 def _rise(response: Response, channel: int, first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -26,7 +26,7 @@ from relume.image.files.read_options import ReadOptions
 from relume.image.primaries import EQUAL_ENERGY, REC709, Primaries, adaptation, mixed
 from relume.image.radiance import OUTSIDE, RadianceMap
 
-__all__ = ["attributes_of", "radiance_map", "read", "read_layers", "subtype", "write", "write_layers"]
+__all__ = ["attributes_of", "read", "read_layers", "subtype", "write", "write_layers"]
 
 _XYZ = Primaries((1.0, 0.0), (0.0, 1.0), (0.0, 0.0), EQUAL_ENERGY)
 
@@ -41,11 +41,6 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
     a file read with `reading.salvage`. Raises FormatError, UnreadableFile.
     """
     return _radiance_map(path, read_parts(path, reading))
-
-
-def radiance_map(path: str | os.PathLike[str], parts: list[Part]) -> RadianceMap:
-    """The radiance map that parts of a file hold; `path` is for messages."""
-    return _radiance_map(path, [replace(part, channels=dict(part.channels)) for part in parts])
 
 
 def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:

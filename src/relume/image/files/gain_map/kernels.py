@@ -41,10 +41,12 @@ def bright_rows(
             x0 = int(x)
             x1 = min(x0 + 1, map_width - 1)
             dx = np.float32(x - x0)
+            # The base, linear.
             first = curves[base[row, column, 0], 0]
             second = curves[base[row, column, min(1, base_channels - 1)], 1]
             third = curves[base[row, column, base_channels - 1], 2]
             for channel in range(3):
+                # The gain of this channel, interpolated where the map is smaller.
                 source = min(channel, map_channels - 1)
                 if same:
                     factor = gains[codes[row, column, source], channel]
@@ -55,6 +57,7 @@ def bright_rows(
                     if parameters[2, channel] != 1:
                         code = code ** parameters[2, channel]
                     factor = np.exp2(parameters[0, channel] + parameters[1, channel] * code)
+                # The bright picture, in the primaries of the gains.
                 value = mixing[channel, 0] * first + mixing[channel, 1] * second + mixing[channel, 2] * third
                 value = (value + parameters[3, channel]) * factor - parameters[4, channel]
                 # The offsets may leave a little below black; there is no such light.

@@ -92,6 +92,7 @@ def decode_lines(data, begins, first, last, length, scale, middle, out, start, l
     for line in range(first, last):
         place = begins[line]
         to = start + line * line_step
+        # New runs: four planes of bytes one after the other, put together to pixels.
         if _is_marked(data, place, length):
             place += 4
             filled = 0
@@ -114,6 +115,7 @@ def decode_lines(data, begins, first, last, length, scale, middle, out, start, l
                 out[to + 1] = (planes[length + i] + middle) * scale[1, exponent]
                 out[to + 2] = (planes[2 * length + i] + middle) * scale[2, exponent]
                 to += pixel_step
+        # Flat pixels, or old runs that repeat the last one.
         else:
             left = length
             shift = 0

@@ -40,6 +40,7 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
     Raises FormatError for a damaged file and a truncated one that is not to be salvaged, UnreadableFile for one beyond
     the limits.
     """
+    # The header, and its claims held against the limits.
     stored = os.path.getsize(path)
     with open(path, "rb") as file:
         header = read_header(path, file, reading)
@@ -49,6 +50,7 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
         # Nothing beyond the longest form there is, a run for every byte, belongs to the picture.
         file.seek(header.start)
         data = np.fromfile(file, np.uint8, min(8 * pixels + 4 * header.lines, max(0, stored - header.start)))
+    # The pixels, in Rec. 709.
     width, height = header.size
     radiance = (np.zeros if reading.salvage else np.empty)((height, width, 3), np.float32)
     matrix = _to_rec709(header)
@@ -64,6 +66,7 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
         salvage=reading.salvage,
     )
     _refuse_overflow(path, radiance, header, matrix)
+    # The metadata, and warnings of what was converted or is missing.
     attributes = dict(header.attributes)
     if header.primaries is not None and not header.primaries.is_close(REC709):
         attributes["primaries"] = header.primaries.text
@@ -125,14 +128,6 @@ def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) 
         form = "flat" if stored >= 4 * header.lines * header.length else "old runs"
     words = ["XYZE" if header.xyz else "RGBE", form]
     return ", ".join(words + ([] if header.axes == _UPRIGHT else [" ".join(header.axes)]))
-
-
-def encode(radiance: np.ndarray) -> np.ndarray:
-    """(..., 4) uint8 RGBE of (..., 3) float32, rounded to nearest; raises ValueError for pixels it cannot hold."""
-    pieces, unfit, _ = encoded(np.reshape(radiance, (-1, 1, 3)), compressed=False)
-    if unfit:
-        raise ValueError(_cannot_hold(unfit, np.size(radiance) // 3, xyz=False))
-    return np.concatenate([*pieces, np.empty(0, np.uint8)]).reshape(*np.shape(radiance)[:-1], 4)
 
 
 def _from_xyz(white: tuple[float, float]) -> np.ndarray:

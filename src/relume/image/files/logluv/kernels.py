@@ -170,6 +170,7 @@ def encode(
     steps, lowest, codes, signed = scale
     for i in range(pixels.shape[0]):
         r, g, b = float(pixels[i, 0]), float(pixels[i, 1]), float(pixels[i, 2])
+        # CIE XYZ, and the code of the luminance.
         x = to_xyz[0, 0] * r + to_xyz[0, 1] * g + to_xyz[0, 2] * b
         y = to_xyz[1, 0] * r + to_xyz[1, 1] * g + to_xyz[1, 2] * b
         z = to_xyz[2, 0] * r + to_xyz[2, 1] * g + to_xyz[2, 2] * b
@@ -187,6 +188,7 @@ def encode(
                 luminance = 0
         elif r != 0 or g != 0 or b != 0:
             doubts[TOO_DARK] += 1
+        # The chromaticity; neutral for black.
         u, v = _NEUTRAL_U, _NEUTRAL_V
         if luminance > 0:
             if y < 0:
@@ -199,6 +201,7 @@ def encode(
                 doubts[NO_SUCH_COLOUR] += 1
             if max(r, g, b) - min(r, g, b) > _COLOURED * y:
                 doubts[COLOURED] += 1
+        # The code of the colour: a cell of the gamut in 24 bits, else one of the square grid.
         if starts.shape[0]:
             colour = -1
             line = math.floor((v - LOWEST) / CELL)

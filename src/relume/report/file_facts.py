@@ -1,0 +1,70 @@
+"""What `relume info` shows: what a file holds, with the direction of its brightest places; and a drawing of a map."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping as MappingOf
+from pathlib import Path
+from typing import Any
+
+from relume.image import files
+from relume.image.files.description import describe as described
+from relume.image.files.read_options import ReadOptions
+from relume.sphere.environment_map import EnvironmentMap
+
+
+def describe(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> dict[str, Any]:
+    """What a file holds, in plain values that JSON can hold: see `relume.image.files.description.describe`.
+
+    The places "brightest" and "lone" of a map have a "direction" besides, None where the map has no directions:
+    azimuth and elevation, degrees to the right of −Z and up from level; the name of the mapping; and whether it is
+    assumed, because only the shape says that the map is equirectangular (lat-long).
+    Raises UnreadableFile.
+    """
+    facts: dict[str, Any] = described(path, options)
+    places = {name: facts[name] for name in ("brightest", "lone") if facts.get(name)}
+    return facts | {name: {**place, "direction": _direction(facts, place)} for name, place in places.items()}
+
+
+def draw_environment(light: EnvironmentMap, path: str | os.PathLike[str], *, title: str = "") -> None:
+    """Write a map at three exposures with its axes as a .png; raises OutputNotWritten.
+
+    title : above the drawing; the name of the file unless given
+    """
+    from relume.report.light_plot import light_plot
+
+    with files.replacing(path) as temporary:
+        temporary.write_bytes(light_plot(light, title or Path(path).name))
+
+
+def _direction(facts: MappingOf[str, Any], place: MappingOf[str, Any]) -> dict[str, Any] | None:
+    attributes, (width, height) = facts["attributes"], facts["size"]
+    if "mirror" in attributes or "face" in attributes or ("mapping" not in attributes and width != 2 * height):
+        return None
+
+    import numpy as np
+
+    from relume.sphere.mappings.mapping import LatLong
+    from relume.sphere.mappings.names import mapping_named
+
+    try:
+        mapping = mapping_named(attributes["mapping"]) if "mapping" in attributes else LatLong()
+        if mapping.shape(height) != (height, width):
+            return None
+        view = mapping
+        if "orientation" in attributes:
+            from relume.sphere.mappings.orientation import orientation_named
+
+            view = orientation_named(attributes["orientation"])
+    except ValueError:  # of another program, or of another time
+        return None
+    x, y, z = view.directions(np.array([(place["x"] + 0.5) / width, (place["y"] + 0.5) / height]))
+    if np.isnan(x):
+        return None
+    azimuth, elevation = np.degrees([np.arctan2(x, -z), np.arcsin(np.clip(y, -1, 1))])
+    return {
+        "azimuth": round(float(azimuth), 2),
+        "elevation": round(float(elevation), 2),
+        "mapping": mapping.name,
+        "assumed": "mapping" not in attributes and attributes.get("envmap") != "latlong",
+    }
