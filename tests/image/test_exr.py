@@ -12,8 +12,6 @@ import pytest
 
 from relume.errors import OutputNotWritten, UnreadableFile
 from relume.image.files import describe, read_layers, read_radiance, write, write_layers
-from relume.image.files.exr.maps import radiance_map
-from relume.image.files.exr.parts import read_parts
 from relume.image.primaries import REC709, Primaries
 from relume.image.radiance import OUTSIDE, RadianceMap
 
@@ -311,15 +309,6 @@ def test_integers_are_refused(tmp_path):
     path = foreign(tmp_path / "a.exr", {letter: np.zeros((2, 2), np.uint32) for letter in "RGB"})
     with pytest.raises(UnreadableFile, match="its colours are integers"):
         read_radiance(path)
-
-
-def test_a_map_of_parts_leaves_the_parts_as_they_are(tmp_path, numbered):
-    write(tmp_path / "a.exr", RadianceMap(numbered, numbered, None, "cd/m²"))
-    parts = read_parts(tmp_path / "a.exr")
-    image = radiance_map(tmp_path / "a.exr", parts)
-    assert [sorted(part.channels) for part in parts] == [["B", "G", "R"]] * 2
-    np.testing.assert_array_equal(parts[0].channels["G"], image.radiance[..., 1])
-    np.testing.assert_array_equal(radiance_map(tmp_path / "a.exr", parts).radiance, image.radiance)
 
 
 def test_layers_come_back_by_name_shape_and_value(tmp_path, numbered):
