@@ -65,7 +65,7 @@ RENDERERS = {"mitsuba", "drjit", "mitsuba_oidn"}
 INSTALLED_AS = {"PIL": "pillow", "cv2": "opencv-python-headless", "PyOpenColorIO": "opencolorio", "pxr": "usd-core"}
 NAMES_WITHOUT_MEANING = {"utils", "util", "common", "core", "helpers", "types"}
 LONGEST = 400
-MOST_PUBLIC_NAMES = 102  # 80 when all areas have moved theirs
+MOST_PUBLIC_NAMES = 105  # 80 when all areas have moved theirs
 MOST_LINES_OF_COMMANDS = 6000
 MOST_ENTRIES = 22
 # Path in the package → the reason why it is not split.
@@ -368,7 +368,8 @@ def test_every_public_name_can_be_had():
 
 
 def test_the_public_names_fit_on_a_page():
-    count = f"import relume\nassert 0 < len(set(relume.__all__)) == len(relume.__all__) <= {MOST_PUBLIC_NAMES}, len(relume.__all__)"
+    count = "import relume\nnames = relume.__all__\nassert 0 < len(set(names)) == len(names), names\n"
+    count += f"assert len(names) <= {MOST_PUBLIC_NAMES}, len(names)"
     assert heavy_modules_loaded_by(count, PACKAGE) == []
 
 

@@ -2,8 +2,8 @@
 
 A kernel is a private loop beside the friendly function that validates and allocates. Each module of kernels has a
 proof: a test that reaches it and holds it against a slow twin, a closed form or an identity, as the table in
-`tests/architecture/kernels.py` says. Tuples of arrays are unpacked before the loop: inside it every access would count references.
-Import this module only where a kernel is used: it imports Numba.
+`tests/architecture/kernels.py` says. Tuples of arrays are unpacked before the loop: inside it every access would count
+references. Import this module only where a kernel is used: it imports Numba.
 """
 
 from __future__ import annotations
