@@ -46,10 +46,6 @@ ABOVE_ALL = ["", "__main__"]  # the package's own __init__ and `python -m relume
 USERS_OF_THE_PUBLIC_API = ["cli", "studio"]  # they alone may say `import relume`
 
 NOT_YET_ON_THE_PUBLIC_NAMES: set[str] = {
-    "cli/arguments.py",
-    "cli/console.py",
-    "cli/demo.py",
-    "cli/insert.py",
     "cli/panorama.py",
     "cli/probe.py",
     "cli/probe_facts.py",

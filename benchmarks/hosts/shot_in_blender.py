@@ -19,9 +19,9 @@ import numpy as np
 from trial import finish, run_inside
 
 import relume as rl
-from relume.export import bundle as hand_over
-from relume.export.shot_formats import FORMATS, HandOver
+from relume.export.shot_files import SHOT_FORMATS, export_shot
 from relume.light.constellations.residual import key_lights
+from relume.project.insertion.prepared import PreparedShot
 from relume.project.shot_file.objects import placed_meshes
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.scene.distant import Box
@@ -35,7 +35,7 @@ LATELY = 0.03
 """Of the grey sphere's brightness: what the two renderers' materials differ by, and noise."""
 
 
-def room(light: Path) -> HandOver:
+def room(light: Path) -> PreparedShot:
     """The shot at a quarter of its size, with a plain table."""
     shot = rl.read_shot(ROOM / "shot.toml")
     camera = rl.camera_from_grid(rl.read_photograph(ROOM / "plate_grid.jpg"), squares=(9, 6), square=0.03)
@@ -48,10 +48,10 @@ def room(light: Path) -> HandOver:
         (rl.Plane(rl.Diffuse(TABLE), (1.7, 1.0)),),
         placed_meshes(shot),
     )
-    return HandOver(scene, camera.resized(WIDTH, HEIGHT), rl.RadianceMap(plate), samples=SAMPLES)
+    return PreparedShot(scene, camera.resized(WIDTH, HEIGHT), rl.RadianceMap(plate), samples=SAMPLES)
 
 
-def seen_as(value: HandOver, name: str) -> np.ndarray:
+def seen_as(value: PreparedShot, name: str) -> np.ndarray:
     """(H, W) bool: the pixels whose nearest object has this name."""
     ways = value.camera.rays().reshape(-1, 3)
     reach = np.array([RayCaster.of([m]).nearest(value.camera.position, ways).distance for m in value.scene.objects])
@@ -65,10 +65,10 @@ def blocks(picture: np.ndarray, side: int = 4) -> np.ndarray:
     return picture.reshape(HEIGHT // side, side, WIDTH // side, side, -1).mean((1, 3))
 
 
-def compare(python: str, value: HandOver, folder: Path, name: str) -> bool:
+def compare(python: str, value: PreparedShot, folder: Path, name: str) -> bool:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        hand_over(value, folder, FORMATS["blender"])
+        export_shot(value, folder, SHOT_FORMATS["blender"])
     run_inside(python, Path(__file__).with_name("inside_shot.py"), str(folder), str(SAMPLES), needs="bpy")
     there = rl.read_radiance(folder / "composite.exr").radiance.astype(np.float64)
     cover = alpha(folder / "objects.exr")

@@ -18,8 +18,7 @@ import numpy as np
 from shot_in_blender import room
 from trial import finish, run_inside
 
-from relume.export import bundle as hand_over
-from relume.export.shot_formats import FORMATS
+from relume.export.shot_files import SHOT_FORMATS, export_shot
 from relume.scene.distant import Box
 
 
@@ -30,7 +29,7 @@ def main(python: str, light: Path, folder: Path) -> None:
     for name, scene in (("infinite", value.scene), ("box", box)):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            hand_over(replace(value, scene=scene), folder / name, FORMATS["usd"])
+            export_shot(replace(value, scene=scene), folder / name, SHOT_FORMATS["usd"])
         script, result = Path(__file__).with_name("inside_shot_usd.py"), folder / f"{name}.json"
         layer = str(folder / name / "shot.usda")
         run_inside(python, script, layer, str(result), needs="pxr", package="usd-core")

@@ -1,5 +1,6 @@
 from . import capture as capture
 from . import errors as errors
+from . import export as export
 from . import light as light
 from . import lightstage as lightstage
 from . import probe as probe
@@ -50,7 +51,8 @@ from .project.developing.develop_files import develop_file as develop_file
 from .project.developing.develop_files import develop_sequence as develop_sequence
 from .project.developing.develop_files import undevelop_file as undevelop_file
 from .project.insertion.insert import insert as insert
-from .project.insertion.outcome import Inserted as Inserted
+from .project.insertion.insert import prepare_shot as prepare_shot
+from .project.insertion.sequence import insert_frames as insert_frames
 from .project.presets.preset import Preset as Preset
 from .project.scene_file.rendering import RenderSettings as RenderSettings
 from .project.scene_file.rendering import render_environment as render_environment
@@ -73,6 +75,7 @@ from .report.file_facts import describe as describe
 from .report.file_facts import draw_environment as draw_environment
 from .report.ray_tree_plot import draw_ray_tree as draw_ray_tree
 from .report.reflection_sheet import draw_reflection_sheet as draw_reflection_sheet
+from .report.write_report import write_report as write_report
 from .scene.cameras.camera import Camera as Camera
 from .scene.cameras.files import read_camera as read_camera
 from .scene.cameras.grid import camera_from_grid as camera_from_grid
@@ -97,7 +100,7 @@ from .sphere.mappings.discs import Angular as Angular
 from .sphere.mappings.discs import MirrorBall as MirrorBall
 from .sphere.mappings.mapping import LatLong as LatLong
 from .sphere.mappings.squares import Octahedral as Octahedral
-from .surface.reflectance import recover as recover
+from .surface.reflectance import recover_reflectance as recover_reflectance
 from .virtual_camera import film as film
 from .virtual_camera import lens as lens
 from .virtual_camera import tone as tone

@@ -2,13 +2,13 @@
 
     RelumeError
     ├── UnreadableFile      a photograph, map or mesh is missing, damaged or of a kind relume does not read
-    │   └── FormatError     its format is broken: tells where, what was expected there and what was found
+    │   └── FormatError     its format is broken: where, what was expected there and what was found
     ├── NotABracket         photographs that cannot be merged: no exposure, different sizes, nothing well exposed
     ├── BallNotFound        no mirrored ball is seen in the photograph
     ├── NotAPanorama        views that make no panorama: too few, or without overlap
     ├── SunNotFound         no sun or lamp stands out of an illumination map
-    ├── LampsNotMatched     two probes share no lamp whose place could be told
-    ├── SunNotRecovered     what a clipped sun held cannot be told from the readings
+    ├── LampsNotMatched     two probes share no lamp that could be located
+    ├── SunNotRecovered     the radiance of a clipped sun cannot be recovered from the readings
     ├── GridNotFound        no calibration grid is seen in the photograph
     ├── InvalidShot         the shot file has an unknown key, a missing one or a wrong value
     ├── InvalidScene        the scene file has an unknown key, a missing one or a wrong value
@@ -74,11 +74,11 @@ class SunNotFound(RelumeError):
 
 
 class LampsNotMatched(RelumeError):
-    """Two probes share no lamp whose place could be told."""
+    """Two probes share no lamp that could be located."""
 
 
 class SunNotRecovered(RelumeError):
-    """What a clipped sun held cannot be told: nothing clipped, or the readings do not see it."""
+    """The radiance of a clipped sun cannot be recovered: nothing is clipped, or the readings do not see it."""
 
 
 class GridNotFound(RelumeError):

@@ -17,8 +17,13 @@ KERNELS = {"kernel", "inlined", "exact_kernel", "exact_inlined", "exact_small"}
 
 
 def modules(package: Path) -> Iterator[tuple[str, ast.Module]]:
-    """Every module of the package: its path inside it, and its syntax tree."""
+    """Every module of the package: its path inside it, and its syntax tree.
+
+    What lies in a folder `scripts` is data: other programs run it, and relume never imports it.
+    """
     for file in sorted(package.rglob("*.py")):
+        if file.parent.name == "scripts":
+            continue
         yield file.relative_to(package).as_posix(), parsed(file.read_text(encoding="utf-8"))
 
 

@@ -14,7 +14,7 @@ from relume.scene.shapes.shapes import Mesh, Plane
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
 from relume.surface.gloss import FittedGloss, Gloss, ViewOfProbe, fit_gloss, glossy
-from relume.surface.reflectance import Wanted, recover
+from relume.surface.reflectance import Recovery, recover_reflectance
 from relume.surface.two_views import common_points
 
 WIDTH, HEIGHT = 96, 64
@@ -163,7 +163,7 @@ def test_what_arrives_is_what_the_path_tracer_sees(taken):
 @pytest.mark.slow
 def test_a_gloss_is_taken_out_before_the_albedo(taken):
     plate, scene = taken
-    told = recover(plate, CAMERA, scene, [Wanted(gloss=TRUE)], renderer=Mitsuba(samples=256, depth=2))
+    told = recover_reflectance(plate, CAMERA, scene, [Recovery(gloss=TRUE)], renderer=Mitsuba(samples=256, depth=2))
     points, met = on_table(np.array(CAMERA.position), CAMERA.rays().reshape(-1, 3))
     truth = PATTERN[((points[:, 2] + 0.5) * 10).astype(int), ((points[:, 0] / 1.7 + 0.5) * 17).astype(int)]
     near = points[:, 2] > -0.4  # the outline is not trusted

@@ -17,7 +17,7 @@ from relume.sphere.mappings.mapping import LatLong, pixel_directions
 from relume.surface.clean_pixels import filled_in, trustworthy
 from relume.surface.gloss import Gloss, glossy
 from relume.surface.projection import box_mesh
-from relume.surface.reflectance import Even, Given, RecoveredLocal, Wanted, recover
+from relume.surface.reflectance import ConstantAlbedo, KnownMaterial, RecoveredLocal, Recovery, recover_reflectance
 
 CAMERA = Camera.looking_at(np.array([0.1, 0.6, 1.2]), np.zeros(3), width=96, height=64, focal_length=90.0)
 QUICK = Mitsuba(samples=64, depth=6)
@@ -64,7 +64,7 @@ def room() -> Scene:
 @pytest.fixture(scope="module")
 def stripes(room: Scene) -> tuple[RadianceMap, RecoveredLocal]:
     plate = photograph(room.with_local([striped()]))
-    return plate, recover(plate, CAMERA, room, [Wanted()], renderer=QUICK)
+    return plate, recover_reflectance(plate, CAMERA, room, [Recovery()], renderer=QUICK)
 
 
 def test_a_patterned_plane_gives_its_pattern_back(stripes):
@@ -99,7 +99,7 @@ def test_surfaces_that_light_one_another_are_iterated_until_the_light_stays():
     scene = room.with_local([BARE, wall])
     truth = room.with_local([replace(BARE, material=table), replace(wall, material=paint)])
     plate = photograph(truth)
-    found = recover(plate, CAMERA, scene, [Wanted(), Wanted(Even())], renderer=QUICK)
+    found = recover_reflectance(plate, CAMERA, scene, [Recovery(), Recovery(ConstantAlbedo())], renderer=QUICK)
     assert 2 <= found.iterations < 8 and found.change < 0.005
     assert found.surfaces[0].reflectance == pytest.approx((0.7, 0.7, 0.7), rel=0.02)
     assert found.surfaces[1].reflectance == pytest.approx((0.85, 0.1, 0.1), rel=0.03)
@@ -113,9 +113,9 @@ def test_a_given_surface_stays_and_what_is_clipped_is_filled_from_beside(room):
     clipped[30:40, 40:50] = SATURATED
     radiance = plate.radiance.copy()
     radiance[clipped > 0] = 99.0
-    found = recover(RadianceMap(radiance, None, clipped), CAMERA, room, [Wanted()], renderer=ROUGH)
+    found = recover_reflectance(RadianceMap(radiance, None, clipped), CAMERA, room, [Recovery()], renderer=ROUGH)
     assert found.albedo[clipped > 0] == pytest.approx(np.broadcast_to([0.4, 0.3, 0.2], (100, 3)), rel=0.05)
-    kept = recover(plate, CAMERA, room.with_local([truth]), [Wanted(Given())], renderer=ROUGH)
+    kept = recover_reflectance(plate, CAMERA, room.with_local([truth]), [Recovery(KnownMaterial())], renderer=ROUGH)
     assert kept.shapes == (truth,) and kept.surfaces[0].reflectance is None
 
 
@@ -126,7 +126,7 @@ def test_an_albedo_above_one_is_told_with_its_place(room):
     with pytest.warns(
         UserWarning, match=r"albedo of local surface 1 .* above 1, up to 1\.[5-9]\d, in \d+ pixels .*x \d"
     ):
-        found = recover(plate, CAMERA, dim, [Wanted()], renderer=ROUGH)
+        found = recover_reflectance(plate, CAMERA, dim, [Recovery()], renderer=ROUGH)
     measured = found.surfaces[0].measured
     assert measured is not None and measured[0] == pytest.approx(1.6, rel=0.03)
     assert found.albedo.max() <= 1
@@ -137,7 +137,7 @@ def test_a_few_pixels_of_another_thing_are_noted_and_not_warned_of(stripes, room
     plate, _ = stripes
     radiance = plate.radiance.copy()
     radiance[30:40, 40:52] = 20
-    (note,) = recover(RadianceMap(radiance), CAMERA, room, [Wanted()], renderer=ROUGH).notes
+    (note,) = recover_reflectance(RadianceMap(radiance), CAMERA, room, [Recovery()], renderer=ROUGH).notes
     assert "local surface 1 ('plane') comes out above 1, up to" in note
     assert "in 120 pixels (4." in note and "within x 40–51, y 30–39" in note
 
@@ -147,15 +147,15 @@ def test_what_is_darker_than_the_gloss_is_noted_where_it_is_little_and_warned_of
     table = glossy((0.4, 0.3, 0.2), Gloss(0.04, 0.6))
     radiance = photograph(room.with_local([replace(BARE, material=table)]), 64).radiance.copy()
     radiance[30:40, 40:52] = 0
-    wanted = [Wanted(gloss=Gloss(0.04, 0.6))]
-    found = recover(RadianceMap(radiance), CAMERA, room, wanted, renderer=QUICK)
+    wanted = [Recovery(gloss=Gloss(0.04, 0.6))]
+    found = recover_reflectance(RadianceMap(radiance), CAMERA, room, wanted, renderer=QUICK)
     (note,) = found.notes
     assert "local surface 1 ('plane') comes out below 0, in 120 pixels (4." in note
     assert "within x 40–51, y 30–39" in note and "another thing or its reflection" in note
     assert np.all(found.albedo[32:38, 42:50] == 0)
     radiance[30:50, 30:66] = 0
     with pytest.warns(UserWarning, match="comes out below 0, in 720 pixels"):
-        recover(RadianceMap(radiance), CAMERA, room, wanted, renderer=QUICK)
+        recover_reflectance(RadianceMap(radiance), CAMERA, room, wanted, renderer=QUICK)
 
 
 def test_no_light_no_view_and_wrong_numbers_are_refused(room):
@@ -163,12 +163,12 @@ def test_no_light_no_view_and_wrong_numbers_are_refused(room):
     below = pixel_directions(LatLong(), 32)[..., 1:2] < -0.1
     from_below = EnvironmentMap(np.where(below, [1.0, 1.0, 1.0], 0).astype(np.float32))
     with pytest.raises(ValueError, match="no light arrives at local surface 1"):
-        recover(plate, CAMERA, replace(room, light=from_below), [Wanted()], renderer=ROUGH)
+        recover_reflectance(plate, CAMERA, replace(room, light=from_below), [Recovery()], renderer=ROUGH)
     away = Camera.looking_at(np.array([0.0, 0.6, 0.0]), np.array([0, 2.0, 1.0]), width=96, height=64, focal_length=90.0)
     with pytest.raises(ValueError, match="the camera sees 0 measured pixels"):
-        recover(plate, away, room, [Wanted()], renderer=ROUGH)
+        recover_reflectance(plate, away, room, [Recovery()], renderer=ROUGH)
     with pytest.raises(ValueError, match="0 choices for 1 local surfaces"):
-        recover(plate, CAMERA, room, [], renderer=ROUGH)
+        recover_reflectance(plate, CAMERA, room, [], renderer=ROUGH)
 
 
 def test_pixels_at_outlines_are_not_trusted_and_are_filled_from_their_own_surface():

@@ -14,6 +14,7 @@ from relume.project.insertion.insert import insert
 from relume.project.insertion.outcome import Inserted
 from relume.project.shot_file.shot import read_shot
 from relume.renderers.renderer import Constant
+from relume.report.write_report import write_report
 
 ROOM = Path(__file__).parents[2] / "examples" / "room"
 
@@ -36,7 +37,9 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> tuple[Inserted, Path]:
     """The outcome and its folder."""
     folder = tmp_path_factory.mktemp("room")
     out = folder / "out"
-    return insert(read_shot(copy_of_room(folder / "room")), out, renderer=Constant((3.0, 2.0, 1.0))), out
+    result = insert(read_shot(copy_of_room(folder / "room")), out, renderer=Constant((3.0, 2.0, 1.0)))
+    write_report(result, out)
+    return result, out
 
 
 @pytest.fixture

@@ -33,7 +33,7 @@ def test_the_job_writes_every_output_whole_and_no_temporary_file(room: Room) -> 
         "stages",
     ]
     assert sorted(p.name for p in (out / "stages").iterdir()) == [
-        "light.npz", "match.npz", "plate.npz", "reflectance.npz", "render.npz", "response.npz",
+        "denoised.npz", "light.npz", "match.npz", "plate.npz", "reflectance.npz", "render.npz", "response.npz",
     ]  # fmt: skip
 
 
@@ -56,14 +56,14 @@ def test_a_shot_without_objects_gives_the_plate_back_exactly(copied_room: tuple[
     shot = read_shot(path).model_copy(update={"objects": []})
     result = insert(shot, out, renderer=FAKE)
     assert np.array_equal(result.composite, result.plate.radiance)
-    assert np.array_equal(read_photograph(out / "composite.png").pixels, result.before.pixels)
+    assert np.array_equal(read_photograph(out / "composite.png").pixels, result.composited.before.pixels)
 
 
 def test_the_developed_plate_looks_like_the_photograph_it_came_from(room: Room) -> None:
     result, _ = room
     room_folder = Path(__file__).parents[2] / "examples" / "room"
     photographs = [read_photograph(p).pixels.astype(int) for p in sorted((room_folder / "plate").glob("*.jpg"))]
-    differences = [float(np.median(np.abs(p - result.before.pixels))) for p in photographs]
+    differences = [float(np.median(np.abs(p - result.composited.before.pixels))) for p in photographs]
     assert min(differences) <= 1
 
 
@@ -83,7 +83,7 @@ def test_a_second_run_redoes_nothing_and_writes_the_same_bytes(copied_room: tupl
     path, out = copied_room
     before = {n: (out / n).read_bytes() for n in ("composite.exr", "composite.png", "light.exr", "layers.exr")}
     result = insert(read_shot(path), out, renderer=FAKE)
-    assert set(result.kept) == {"response", "plate", "light", "reflectance", "render", "match"}
+    assert set(result.kept) == {"response", "plate", "denoised", "light", "reflectance", "render", "match"}
     assert all((out / n).read_bytes() == data for n, data in before.items())
 
 
@@ -91,9 +91,16 @@ def test_only_what_changed_is_redone(copied_room: tuple[Path, Path]) -> None:
     path, out = copied_room
     shot = read_shot(path)
     moved = shot.model_copy(update={"objects": [Object(mesh="objects/cube_gold.glb", translate=(0.0, 0.0, 0.1))]})
-    assert set(insert(moved, out, renderer=FAKE).kept) == {"response", "plate", "light", "reflectance", "match"}
+    assert set(insert(moved, out, renderer=FAKE).kept) == {
+        "response",
+        "plate",
+        "denoised",
+        "light",
+        "reflectance",
+        "match",
+    }
     noisier = shot.model_copy(update={"plate": shot.plate.model_copy(update={"denoise": False})})
-    assert set(insert(noisier, out, renderer=FAKE).kept) == {"response", "light"}
+    assert set(insert(noisier, out, renderer=FAKE).kept) == {"response", "plate", "light"}
 
 
 def test_a_damaged_kept_stage_is_made_again(copied_room: tuple[Path, Path]) -> None:
@@ -106,7 +113,7 @@ def test_a_damaged_kept_stage_is_made_again(copied_room: tuple[Path, Path]) -> N
 def test_the_camera_and_light_of_the_room_are_where_they_were_measured(room: Room) -> None:
     result, _ = room
     # The window lies towards −X and the bulb up, to the right and behind the grid: both seen in the photographs.
-    light = result.probe.light
+    light = result.calibrated.probe.light
     window, bulb = light.lookup(np.array([[-0.95, 0.25, -0.1], [0.45, 0.7, -0.55]]))
     dark = light.lookup(np.array([0.0, 0.2, 1.0]))
     assert window.sum() > 5 * dark.sum()
@@ -173,7 +180,7 @@ def test_a_radiance_map_is_a_plate_and_a_map_is_light(room: Room, copied_room: t
     light = type(shot.light)(map=str(room[1] / "light.exr"))
     result = insert(shot.model_copy(update={"plate": plate, "light": light, "objects": []}), out, renderer=FAKE)
     assert np.array_equal(result.composite, read_radiance(room[1] / "composite.exr").radiance)
-    assert result.calibrations == {}
+    assert result.calibrated.cameras == {}
     with pytest.raises(InvalidShot, match=r"plate\.denoise"):
         noisy = plate.model_copy(update={"denoise": True})
         insert(shot.model_copy(update={"plate": noisy, "light": light}), out, renderer=FAKE)

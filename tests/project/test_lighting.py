@@ -21,7 +21,7 @@ def test_times_for_the_plate_alone_are_refused_when_the_balls_tell_an_aperture(c
     path, out = copied_room
     shot = read_shot(path)
     timed = shot.plate.model_copy(update={"times": [0.25, 1.0, 4.0, 16.0]})
-    with pytest.raises(NotABracket, match="tells no f_number"):
+    with pytest.raises(NotABracket, match="f_number"):
         insert(shot.model_copy(update={"plate": timed}), out, renderer=FAKE)
 
 
@@ -54,6 +54,6 @@ def test_the_picture_is_the_photograph_itself_where_nothing_changed(room: tuple[
 
     folder = Path(__file__).parents[2] / "examples/room/plate"
     photographs = [read_photograph(path).pixels for path in sorted(folder.glob("*.jpg"))]
-    assert any((result.before.pixels == photograph).all() for photograph in photographs)
+    assert any((result.composited.before.pixels == photograph).all() for photograph in photographs)
     untouched = result.change.matte == 0
-    assert (result.picture.pixels[untouched] == result.before.pixels[untouched]).all()
+    assert (result.picture.pixels[untouched] == result.composited.before.pixels[untouched]).all()

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from relume.cli import main
-from relume.export.shot_formats import FORMATS
+from relume.export.shot_files import SHOT_FORMATS
 from relume.image.files import read_radiance, write
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
@@ -122,7 +122,7 @@ def test_by_ratio_the_plate_keeps_its_share_of_the_light(made: tuple[Shot, Path,
     # Of one colour, the recovered table is not the patterned plate: the sum and the ratio differ.
     even = shot.model_copy(update={"local": [shot.local[0].model_copy(update={"reflectance": "recover even"})]})
     result = insert(changed(even, "match", mode="ratio"), out)
-    without, change = result.without.astype(np.float64), result.change
+    without, change = result.composited.without.astype(np.float64), result.change
     shadow = (change.matte == 0) & (change.difference.max(-1) < -0.01)
     assert shadow.sum() > 20
     share = (without + change.difference) / without
@@ -145,19 +145,21 @@ def test_a_place_without_surfaces_is_noted_and_keeps_the_plate_beside_the_object
 ) -> None:
     shot, _, _ = made
     result = insert(changed(shot.model_copy(update={"local": []}), "render", samples=16), tmp_path / "out")
-    assert any("no local surface" in note for note in result.notes) and result.recovered is None
+    assert any("no local surface" in note for note in result.notes) and result.place.recovered is None
     beside = result.change.matte == 0
     assert np.array_equal(result.composite[beside], result.plate.radiance[beside])
 
 
-@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize("name", SHOT_FORMATS)
 def test_a_shot_is_handed_over_whole_and_not_rendered(
     tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shot, out = small_shot_in(tmp_path), tmp_path / name
     assert main(["insert", str(shot), "-o", str(out), "--to", name, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert Path(told["written"]) == out / FORMATS[name].main and (out / FORMATS[name].main).stat().st_size > 100
+    assert (
+        Path(told["written"]) == out / SHOT_FORMATS[name].main and (out / SHOT_FORMATS[name].main).stat().st_size > 100
+    )
     assert not (out / "composite.exr").exists() and not (out / "stages" / "render.npz").exists()
 
 

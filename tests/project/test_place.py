@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,23 +11,20 @@ import trimesh
 from relume.errors import InvalidShot
 from relume.image.files import write
 from relume.probe.ball.blending import Probe
-from relume.project.insertion.lighting import light_from_map
-from relume.project.insertion.local_stage import local_arrays, local_from
-from relume.project.insertion.place import place_of, relit, require_in_place
+from relume.project.insertion.photographs import light_from_map
+from relume.project.insertion.place import bare_place, relit, require_in_place
 from relume.project.shot_file.distant_table import distant_scene
 from relume.project.shot_file.objects import doubts_about, placed_meshes, require_outside
 from relume.project.shot_file.shot import Shot, read_shot
 from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Box, Dome, Enclosure, Infinite
 from relume.scene.lights import SphereLight
-from relume.scene.materials.materials import Diffuse, Material
+from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Scene
-from relume.scene.shapes.shapes import Mesh, Plane
+from relume.scene.shapes.shapes import Plane
 from relume.sphere.environment_files import as_radiance_map
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
-from relume.surface.gloss import FittedGloss, Gloss, glossy
-from relume.surface.reflectance import RecoveredLocal, RecoveredSurface
 from solids import sphere
 
 SHOT = """
@@ -118,7 +114,7 @@ def test_the_distant_scene_is_what_the_table_says(folder: Path) -> None:
 def test_a_lamp_is_taken_out_of_the_light_and_hangs_in_its_place(folder: Path) -> None:
     shot = shot_of(folder, SHOT + f"lamps = [{list(LAMP)}]\n[[local]]\nshape = 'plane'\nheight = 0.1")
     probe = probe_of(shot)
-    place = place_of(shot, probe)
+    place = bare_place(shot, probe)
     (lamp,) = place.lights
     assert isinstance(lamp, SphereLight) and lamp.position == pytest.approx(LAMP, abs=0.03)
     assert place.probe == (0.2, 0.1, -0.3) and isinstance(place.local[0], Plane) and place.local[0].height == 0.1
@@ -127,12 +123,12 @@ def test_a_lamp_is_taken_out_of_the_light_and_hangs_in_its_place(folder: Path) -
     given = np.pi * lamp.radius**2 * np.array(lamp.radiance) / distance**2
     assert given == pytest.approx(probe.light.total() - place.light.total(), rel=1e-4)
     with pytest.raises(InvalidShot, match=r"^light.lamps.1: the light shows no lamp towards"):
-        place_of(shot_of(folder, SHOT + f"lamps = [{list(LAMP)}, [-1.0, 1.0, 1.0]]"), probe)
+        bare_place(shot_of(folder, SHOT + f"lamps = [{list(LAMP)}, [-1.0, 1.0, 1.0]]"), probe)
 
 
 def test_light_that_a_shot_makes_brighter_is_brighter_lamps_too_and_lamps_do_not_turn(folder: Path) -> None:
     shot = shot_of(folder, SHOT + f"lamps = [{list(LAMP)}]\nexposure = 1.0")
-    place = place_of(shot, probe_of(shot))
+    place = bare_place(shot, probe_of(shot))
     brighter = relit(place, shot)
     before, after = place.lights[0], brighter.lights[0]
     assert isinstance(before, SphereLight) and isinstance(after, SphereLight)
@@ -146,51 +142,8 @@ def test_light_that_a_shot_makes_brighter_is_brighter_lamps_too_and_lamps_do_not
 def test_a_place_without_surfaces_is_doubted(folder: Path) -> None:
     shot = shot_of(folder, "local = []\n" + SHOT)
     with pytest.warns(UserWarning, match=r"no local surface.*\[\[local\]\]"):
-        place = place_of(shot, probe_of(shot))
+        place = bare_place(shot, probe_of(shot))
     assert place.local == ()
-
-
-def test_surfaces_that_are_recovered_come_back_from_their_arrays_to_the_bit() -> None:
-    generator = np.random.default_rng(1)
-    albedo, without, light = (generator.random((5, 7, 3)).astype(np.float32) for _ in range(3))
-    seen = Mesh(
-        generator.random((4, 3)).astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.int32), Diffuse(albedo),
-        None, generator.random((4, 2)).astype(np.float32),
-    )  # fmt: skip
-    even = (0.1, 0.2, 1 / 3)
-    gloss = Gloss(0.0412, 0.173)
-    shiny = replace(seen, material=glossy(albedo, gloss), normals=seen.vertices)
-    unseen = replace(seen, material=glossy(even, gloss), uv=None)
-    given = Plane(Diffuse((0.5, 0.4, 0.3)))
-    fitted = FittedGloss(
-        gloss, f0_error=0.003, roughness_error=0.02, points=1234, scatter=0.04, views=2, notes=("a note",)
-    )
-    found = RecoveredLocal(
-        (
-            RecoveredSurface(even, (0.1, 0.2, 1.1), (0.01, 0.02, 0.03), 321, None, None, (seen,)),
-            RecoveredSurface(None, None, None, 0, None, None, (given,)),
-            RecoveredSurface(even, even, even, 9, gloss, fitted, (shiny, unseen)),
-        ),
-        albedo, without, light, 3, 0.0012, ("one", "two"),
-    )  # fmt: skip
-    back = local_from(local_arrays(found), [given] * 3)
-    for name in ("albedo", "without", "irradiance"):
-        assert np.array_equal(getattr(back, name), getattr(found, name)), name
-    assert (back.iterations, back.change, back.notes) == (3, 0.0012, ("one", "two"))
-    for one, other in zip(found.surfaces, back.surfaces, strict=True):
-        for name in ("reflectance", "measured", "spread", "pixels", "gloss", "fitted"):
-            assert getattr(one, name) == getattr(other, name), name
-        assert len(one.shapes) == len(other.shapes)
-    assert back.surfaces[1].shapes == (given,)
-    for one, other in ((seen, back.surfaces[0].shapes[0]), *zip((shiny, unseen), back.surfaces[2].shapes, strict=True)):
-        assert isinstance(other, Mesh) and type(one.material) is type(other.material)
-        for name in ("vertices", "faces", "normals", "uv"):
-            before, after = getattr(one, name), getattr(other, name)
-            assert (before is None) == (after is None) and (before is None or np.array_equal(before, after)), name
-        name = "reflectance" if isinstance(one.material, Diffuse) else "base_color"
-        assert np.array_equal(getattr(one.material, name), getattr(other.material, name))
-    material = back.surfaces[2].shapes[0].material
-    assert isinstance(material, Material) and material.roughness == glossy(even, gloss).roughness
 
 
 CAMERA = Camera.looking_at(np.array([0, 1.0, 3.0]), np.zeros(3), width=60, height=40, focal_length=100)

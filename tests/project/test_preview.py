@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from relume.image.files import read_photograph, read_radiance
-from relume.project.insertion.preview import Previews, composed_change
+from relume.image.radiance import RadianceMap
+from relume.project.insertion.render_change import Previews
 from relume.renderers.progressive.accumulation import Watch, accumulate
 from relume.renderers.progressive.accumulators import Sums
 from relume.virtual_camera.film.film import Film
@@ -20,7 +21,7 @@ def passing(seed: int) -> dict[str, np.ndarray]:
 
 
 def test_it_is_the_composite_of_what_there_is(tmp_path):
-    previews = Previews(tmp_path, lambda sums: composed_change(sums, PLATE), Film(1.0))
+    previews = Previews(tmp_path, RadianceMap(PLATE), Film(1.0))
     accumulate(passing, passes=3, watch=Watch(preview=previews))
     picture = read_radiance(tmp_path / "preview.exr").radiance
     assert [picture[i, i].tolist() for i in range(3)] == [[1.25] * 3, [0.5] * 3, [2.0] * 3]
@@ -31,7 +32,7 @@ def test_it_is_the_composite_of_what_there_is(tmp_path):
 
 
 def test_a_preview_that_cannot_be_written_is_told_and_stops_nothing(tmp_path):
-    previews = Previews(tmp_path / "nowhere", lambda sums: composed_change(sums, PLATE), Film(1.0))
+    previews = Previews(tmp_path / "nowhere", RadianceMap(PLATE), Film(1.0))
     with pytest.warns(UserWarning, match="no preview: .*nowhere"):
         sums = accumulate(passing, passes=2, watch=Watch(preview=previews))
     assert isinstance(sums, Sums) and sums.passes == 2

@@ -13,11 +13,13 @@ from gltf_files import square_glb
 from relume.errors import Interrupted, InvalidShot
 from relume.image import files
 from relume.image.photograph import Photograph
-from relume.project.insertion.sequence import frame_key, insert_sequence, sparkles
-from relume.project.insertion.sequence_moments import at_frame, changed_light, frames_of, moments
+from relume.project.insertion.frame_shots import at_frame, frames_of
+from relume.project.insertion.place import turned_light
+from relume.project.insertion.sequence import frame_key, make_frames, sparkles
 from relume.project.shot_file.objects import placed_meshes
 from relume.project.shot_file.sequence_table import SequenceTable, frames_in
 from relume.project.shot_file.shot import Shot, read_shot
+from relume.report.write_report import write_report
 from relume.sphere.environment_map import EnvironmentMap
 
 SHOT = """
@@ -194,22 +196,14 @@ def test_a_value_that_keys_make_but_no_file_may_have_is_told_with_its_frame(fold
         at_frame(shot_of(folder, text), 3)
 
 
-def test_passes_see_the_moments_of_the_shutter(folder):
-    shot = shot_of(folder, SHOT)
-    assert moments(shot, 3, 4) == [3.0] * 4
-    blurred = shot_of(folder, SHOT.replace('"1-4"', '"1-4"\nshutter = [-0.25, 0.25]'))
-    times = np.array(moments(blurred, 3, 8))
-    assert np.array_equal(np.floor((np.sort(times) - 2.75) * 16), np.arange(8))
-
-
 def test_the_light_turns_counter_clockwise_seen_from_above_and_grows_by_stops():
     radiance = np.zeros((32, 64, 3), np.float32)
     radiance[15:17, 31:33] = 1  # towards −Z
-    light = changed_light(EnvironmentMap(radiance), 90.0, 1.0)
+    light = turned_light(EnvironmentMap(radiance), 90.0, 1.0)
     # A quarter turn about +Y takes −Z to −X.
     assert light.lookup(np.array([-1.0, 0, 0])).max() > 1.5 and light.lookup(np.array([0, 0, -1.0])).max() < 0.01
     assert light.total() == pytest.approx(2 * EnvironmentMap(radiance).total(), rel=1e-3)
-    assert changed_light(light, 720.0, 0.0) is light
+    assert turned_light(light, 720.0, 0.0) is light
 
 
 # Making them
@@ -236,44 +230,45 @@ class Maker:
 
 def test_every_frame_is_made_once_and_a_second_run_makes_none(folder, tmp_path):
     shot, out, maker = shot_of(folder, SHOT + KEYS), tmp_path / "out", Maker()
-    first = insert_sequence(shot, out, insert=maker)
+    first = make_frames(shot, out, maker)
     assert maker.made == pytest.approx([0, 2, 4, 4])
     assert maker.others == [(), (out / "frame_0001" / "stages",),
                             (out / "frame_0001" / "stages", out / "frame_0002" / "stages"),
                             (out / "frame_0001" / "stages", out / "frame_0003" / "stages")]  # fmt: skip
     assert sorted(p.name for p in out.iterdir()) == [
-        "frame_0001", "frame_0002", "frame_0003", "frame_0004", "report.html", "sequence.mp4",
+        "frame_0001", "frame_0002", "frame_0003", "frame_0004", "sequence.mp4",
     ]  # fmt: skip
     assert first.notes == ("the same everywhere", "frame 1: dark")
-    again = insert_sequence(shot, out, insert=Maker())
+    again = make_frames(shot, out, Maker())
     assert [frame.kept for frame in again.frames] == [True] * 4
     assert again.notes == first.notes
+    write_report(again, out)
     page = (out / "report.html").read_text()
     assert page.count("kept from before") == 4 and page.count("data:image/png") == 4 and "dark" in page
 
 
-def test_what_was_interrupted_is_gone_on_with(folder, tmp_path):
+def test_an_interrupted_sequence_is_resumed(folder, tmp_path):
     shot, out = shot_of(folder, SHOT + KEYS.replace("[4, 0, 0]", "[3, 0, 0]")), tmp_path / "out"
     with pytest.raises(Interrupted):
-        insert_sequence(shot, out, insert=Maker(stop_at=1.5))
+        make_frames(shot, out, Maker(stop_at=1.5))
     assert not (out / "sequence.mp4").exists()
     maker = Maker()
-    done = insert_sequence(shot, out, insert=maker)
+    done = make_frames(shot, out, maker)
     assert maker.made == pytest.approx([1.5, 3, 3]) and [frame.kept for frame in done.frames] == [True] + [False] * 3
 
 
 def test_a_frame_that_is_not_whole_or_of_other_files_is_made_again(folder, tmp_path):
     shot, out = shot_of(folder, SHOT + KEYS), tmp_path / "out"
-    insert_sequence(shot, out, insert=Maker())
+    make_frames(shot, out, Maker())
     (out / "frame_0002" / "composite.png").unlink()
     (out / "frame_0003" / "composite.png").write_bytes(b"cut")
     (out / "frame_0004" / "frame.json").write_text("{")
     maker = Maker()
-    insert_sequence(shot, out, insert=maker)
+    make_frames(shot, out, maker)
     assert maker.made == pytest.approx([2, 4, 4])
     (folder / "plate.exr").write_bytes(b"another")
     maker = Maker()
-    insert_sequence(shot, out, insert=maker)
+    make_frames(shot, out, maker)
     assert len(maker.made) == 4
 
 
@@ -299,7 +294,7 @@ def test_a_gltf_depends_on_what_it_names(folder):
 def test_the_movie_shows_the_frames_in_order_at_the_rate_asked_for(folder, tmp_path):
     av = pytest.importorskip("av")
     shot = shot_of(folder, SHOT.replace('"1-4"', '"1-4"\nrate = 30') + KEYS)
-    made = insert_sequence(shot, tmp_path / "out", insert=Maker())
+    made = make_frames(shot, tmp_path / "out", Maker())
     assert made.movie is not None
     with av.open(str(made.movie)) as container:
         stream = container.streams.video[0]

@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         name="relume",
         help="Photographs in, light out; light in, photographs out.",
         version=console.version,
-        help_epilogue="`relume COMMAND --help` tells each command's options. Angles are degrees, lengths metres.",
+        help_epilogue="`relume COMMAND --help` shows each command's options. Angles are degrees, lengths metres.",
     )
     for name, help_text in COMMANDS.items():
         module = "relume.cli.stage.stage" if name == "stage" else f"relume.cli.{name}"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from relume.errors import OutputNotWritten, UnreadableFile
+import relume as rl
 
 if TYPE_CHECKING:
     import numpy as np
@@ -61,22 +61,16 @@ def read_angles(text: str, option: str) -> np.ndarray:
 
 def read_rotation(text: str, option: str) -> np.ndarray:
     """The rotation of light: roll about +Z first, pitch about +X, then yaw about +Y, right-handed."""
-    import numpy as np
-
-    from relume.sphere.directions import rotation_about
-
-    yaw, pitch, roll = read_angles(text, option)
-    x, y, z = np.eye(3)
-    return rotation_about(y, yaw) @ rotation_about(x, pitch) @ rotation_about(z, roll)
+    return rl.mappings.rotation_from_angles(*read_angles(text, option))
 
 
 def require_files(paths: Sequence[Path]) -> None:
-    """Refuse paths that are not files, so that a dry run tells too."""
+    """Refuse paths that are not files, so that a dry run reports them too."""
     for path in paths:
         if path.is_dir():
-            raise UnreadableFile(f"{path}: a folder; name the files in it, like {path}/*.jpg")
+            raise rl.errors.UnreadableFile(f"{path}: a folder; name the files in it, like {path}/*.jpg")
         if not path.is_file():
-            raise UnreadableFile(f"{path}: no such file; check the path")
+            raise rl.errors.UnreadableFile(f"{path}: no such file; check the path")
 
 
 def made_folder(out: Path) -> Path:
@@ -84,7 +78,9 @@ def made_folder(out: Path) -> Path:
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputNotWritten(f"-o {out}: cannot be made a folder ({error.strerror}); choose another") from None
+        raise rl.errors.OutputNotWritten(
+            f"-o {out}: cannot be made a folder ({error.strerror}); choose another"
+        ) from None
     return out
 
 
@@ -97,12 +93,10 @@ def refuse_input(out: Path, paths: Sequence[Path]) -> None:
 
 def require_suffix(out: Path, *suffixes: str, option: str = "-o") -> None:
     """Refuse an output that cannot be written, before any work is done."""
-    from relume.image.files.encodings import suffix_of
-
-    if suffix_of(out) not in suffixes:
+    if not out.name.lower().endswith(suffixes):
         raise ValueError(f"{option} {out}: the file must end in {' or '.join(suffixes)}")
     if not out.parent.is_dir():
-        raise OutputNotWritten(f"{option} {out}: no folder {out.parent}; make it first or choose another")
+        raise rl.errors.OutputNotWritten(f"{option} {out}: no folder {out.parent}; make it first or choose another")
 
 
 def numbers(text: str, option: str, *counts: int) -> list[float]:

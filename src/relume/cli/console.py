@@ -11,14 +11,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version as _version
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from relume.errors import DoubtfulResult, Interrupted, OutputNotWritten, RelumeError
-
-if TYPE_CHECKING:
-    from relume.renderers.progressive.graceful_shutdown import Force
+import relume as rl
 
 _LONG = 96
 """Characters of a fact that a terminal shows on one line, beside its name."""
@@ -50,13 +47,13 @@ def refuse_error(error: Exception, *, verbose: bool) -> int:
     """Turn any error into one line and its exit code; with `verbose` where it arose comes before."""
     if verbose:
         traceback.print_exc()
-    if isinstance(error, OutputNotWritten):
+    if isinstance(error, rl.errors.OutputNotWritten):
         return refuse(str(error), 3)
-    if isinstance(error, DoubtfulResult):
+    if isinstance(error, rl.errors.DoubtfulResult):
         return refuse(str(error), 4)
-    if isinstance(error, Interrupted):
+    if isinstance(error, rl.errors.Interrupted):
         return refuse(str(error), error.exit_code)
-    if isinstance(error, RelumeError | ValueError):
+    if isinstance(error, rl.errors.RelumeError | ValueError):
         return refuse(str(error), 2)
     if isinstance(error, MemoryError):
         return refuse("not enough memory; use smaller pictures or fewer at a time", 2)
@@ -74,16 +71,15 @@ def warnings_as_notes(output: OutputOptions) -> Iterator[None]:
         yield
 
 
-def force() -> Force:
+def force() -> rl.renderers.Force:
     """How a long render is ended in time: by this process's own end, said in one line."""
-    from relume.renderers.progressive.graceful_shutdown import Force
 
     def end(number: int, words: str) -> None:
         if words:
             print(f"relume: {words}", file=sys.stderr, flush=True)
         os._exit(128 + number)
 
-    return Force(end)
+    return rl.renderers.Force(end)
 
 
 def note(output: OutputOptions, line: str) -> None:
@@ -102,7 +98,7 @@ def finish(output: OutputOptions, doubts: Sequence[str], *, accept: bool = False
     line = doubts[0] if len(doubts) == 1 else f"{len(doubts)} doubts, noted above"
     if output.quiet and len(doubts) > 1:
         line = f"{len(doubts)} doubts: {' | '.join(doubts)}"
-    raise DoubtfulResult(f"{line} (all was written; --accept takes it as it is)")
+    raise rl.errors.DoubtfulResult(f"{line} (all was written; --accept takes it as it is)")
 
 
 def print_facts(output: OutputOptions, lines: Mapping[str, object], *, title: str = "") -> None:

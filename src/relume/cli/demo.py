@@ -10,7 +10,6 @@ from cyclopts import Parameter
 
 from relume.cli.arguments import Threads
 from relume.cli.console import OutputOptions, warnings_as_notes
-from relume.errors import UnreadableFile
 
 
 def demo(
@@ -20,17 +19,19 @@ def demo(
     output: OutputOptions = OutputOptions(),
 ) -> None:
     """Insert five objects into the photograph of a room, and say where the pictures are."""
+    import relume as rl
     from relume.cli.insert import run
-    from relume.project.shot_file.shot import read_shot
 
     with warnings_as_notes(output):
-        run(read_shot(_room() / "shot.toml"), out, output, threads)
+        run(rl.read_shot(_room() / "shot.toml"), out, output, threads)
 
 
 def _room() -> Path:
     """The example: beside the package in a checkout, inside it when installed from a wheel."""
+    import relume as rl
+
     package = Path(str(files("relume")))
     for folder in (package / "examples" / "room", package.parents[1] / "examples" / "room"):
         if (folder / "shot.toml").is_file():
             return folder
-    raise UnreadableFile("the example room is not installed; use a checkout of relume, or its wheel")
+    raise rl.UnreadableFile("the example room is not installed; use a checkout of relume, or its wheel")

@@ -132,7 +132,7 @@ def _known_keys(model: type[BaseModel], loc: Sequence[int | str]) -> list[str]:
             named_by_user = False
         elif field is not None:
             within, named_by_user = _models_within(field.annotation), get_origin(field.annotation) is dict
-        else:  # the kind that tells the tables of a union apart
+        else:  # the kind that selects one table of a union
             within = [m for m in within if part in _kinds(m)] or within
     return [key for m in within for key in m.model_fields]
 

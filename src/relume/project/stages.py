@@ -1,11 +1,21 @@
-"""Stages of a job, kept on disk with the hash of what made them, so that a second run redoes only what changed."""
+"""Results of steps, kept on disk under the hash of what made them, so that a second run redoes only what changed.
+
+A result is any value of frozen dataclasses, tuples, dictionaries, texts, numbers and arrays: it is kept as one .npz,
+its arrays by number and the rest as JSON.
+"""
 
 from __future__ import annotations
 
+import importlib
+import json
+import time
+import warnings
 import zipfile
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -13,46 +23,149 @@ from relume.errors import OutputNotWritten
 from relume.image.files import replacing
 from relume.renderers.progressive.fingerprint import fingerprint, program
 
-Arrays = dict[str, np.ndarray]
+Result = TypeVar("Result")
+Progress = Callable[[str, float], None]
+"""Called with the name of a step and the share of it that is done."""
+_FORM, _KEY = "form", "key"
 
 
 @dataclass(frozen=True)
 class Stages:
-    """The kept stages of one output folder.
+    """The kept results of one output folder.
 
-    folder : where they are kept, one .npz a stage
-    others : folders of other jobs whose stages serve as well where they were made from the same: other frames
+    folder : where they are kept, one .npz a step
+    others : folders of other jobs whose results serve as well where they were made from the same: other frames
     """
 
     folder: Path
     others: tuple[Path, ...] = ()
 
-    def get(self, name: str, made_from: object, make: Callable[[], Arrays]) -> tuple[Arrays, bool]:
-        """The arrays of stage `name`, and whether they were kept from an earlier run.
+    def get(self, name: str, made_from: object, make: Callable[[], Result]) -> tuple[Result, bool]:
+        """The result of step `name`, and whether it was kept from an earlier run.
 
         made_from : everything the result depends on: JSON-able values, paths, arrays and dataclasses of them
         """
         key = fingerprint([program(), name, made_from])
         path = self.folder / f"{name}.npz"
         for folder in (self.folder, *self.others):
-            kept = _kept(folder / path.name, key)
-            if kept is not None:
-                return kept, True
-        arrays = make()
+            arrays = _kept(folder / path.name, key)
+            if arrays is not None:
+                return unpacked(arrays), True
+        result = make()
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputNotWritten(f"{self.folder}: cannot be made ({error.strerror}); choose another -o") from None
         with replacing(path) as temporary, open(temporary, "wb") as file:
-            np.savez(file, _key=np.array(key), **arrays)  # pyright: ignore[reportArgumentType]
-        return arrays, False
+            np.savez(file, **{_KEY: np.array(key)}, **packed(result))  # pyright: ignore[reportArgumentType]
+        return result, False
 
 
-def _kept(path: Path, key: str) -> Arrays | None:
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """How the steps of a job run: where their results are kept, who is informed, and a record of both.
+
+    seconds : of each step so far
+    kept : the steps whose results an earlier run had made
+    """
+
+    stages: Stages
+    progress: Progress = lambda step, share: None
+    seconds: dict[str, float] = field(default_factory=dict)
+    kept: list[str] = field(default_factory=list)
+
+    @contextmanager
+    def timed(self, name: str) -> Iterator[None]:
+        """Measure and report a step."""
+        self.progress(name, 0.0)
+        start = time.perf_counter()
+        yield
+        self.seconds[name] = time.perf_counter() - start
+        self.progress(name, 1.0)
+
+    def keep(self, name: str, made_from: object, make: Callable[[], Result]) -> Result:
+        """The result of a step, made now or kept from an earlier run; its warnings are given either way."""
+
+        def with_warnings() -> tuple[Result, tuple[str, ...]]:
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                result = make()
+            return result, tuple(str(each.message) for each in caught)
+
+        with self.timed(name):
+            (result, lines), was_kept = self.stages.get(name, made_from, with_warnings)
+        if was_kept:
+            self.kept.append(name)
+        for line in lines:
+            warnings.warn(line, stacklevel=2)
+        return result
+
+
+def packed(value: object) -> dict[str, np.ndarray]:
+    """The value as named arrays, for `unpacked`; an array that stands in it twice is packed once.
+
+    Raises TypeError for a value that is none of relume's dataclasses and no plain value.
+    """
+    arrays: dict[str, np.ndarray] = {}
+    names: dict[int, str] = {}
+
+    def form(value: Any) -> Any:
+        if value is None or isinstance(value, bool | int | float | str):
+            return value
+        if isinstance(value, np.generic):
+            return value.item()
+        if isinstance(value, np.ndarray):
+            name = names.setdefault(id(value), str(len(names)))
+            arrays[name] = value
+            return {"array": name}
+        if isinstance(value, list | tuple):
+            return {type(value).__name__: [form(each) for each in value]}
+        if isinstance(value, dict):
+            return {"dict": [[form(key), form(each)] for key, each in value.items()]}
+        if is_dataclass(value) and not isinstance(value, type):
+            parts = {each.name: form(getattr(value, each.name)) for each in fields(value) if each.init}
+            return {"class": f"{type(value).__module__}:{type(value).__qualname__}", "fields": parts}
+        raise TypeError(f"{type(value).__name__} cannot be kept")
+
+    text = json.dumps(form(value))
+    return {_FORM: np.array(text), **arrays}
+
+
+def unpacked(arrays: dict[str, np.ndarray]) -> Any:
+    """The value that `packed` packed."""
+
+    def value(form: Any) -> Any:
+        if not isinstance(form, dict):
+            return form
+        if "array" in form:
+            return arrays[form["array"]]
+        if "class" in form:
+            return _class(form["class"])(**{name: value(each) for name, each in form["fields"].items()})
+        if "dict" in form:
+            return {value(key): value(each) for key, each in form["dict"]}
+        return tuple(map(value, form["tuple"])) if "tuple" in form else [value(each) for each in form["list"]]
+
+    return value(json.loads(str(arrays[_FORM])))
+
+
+def _class(name: str) -> Any:
+    module, _, qualified = name.partition(":")
+    if not module.startswith("relume."):
+        raise ValueError(f"{name} is no class of relume")
+    found: Any = importlib.import_module(module)
+    for part in qualified.split("."):
+        found = getattr(found, part)
+    if not is_dataclass(found):
+        raise ValueError(f"{name} is no dataclass")
+    return found
+
+
+def _kept(path: Path, key: str) -> dict[str, np.ndarray] | None:
+    """The arrays in a file of this key; None for any other file, and for a damaged one."""
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
-            if str(file["_key"]) != key:
+            if str(file[_KEY]) != key:
                 return None
-            return {name: file[name] for name in file.files if name != "_key"}
+            return {name: file[name] for name in file.files if name != _KEY}
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None

@@ -13,13 +13,13 @@ from relume.report.page import figure, heading, note, page, paragraph, side_by_s
 from relume.sphere.directions import UP
 
 
-def write_report(result: Inserted, path: Path) -> None:
+def write_insert_report(result: Inserted, path: Path) -> None:
     """Write the page: before and after, response curves, light, matte, signed difference, energy audit, timings."""
     files.write_text(path, _page(result))
 
 
 def _page(result: Inserted) -> str:
-    after, before = plots.encoded(result.picture.pixels), plots.encoded(result.before.pixels)
+    after, before = plots.encoded(result.picture.pixels), plots.encoded(result.composited.before.pixels)
     parts = [
         "<h1>relume insert</h1>",
         *(note(each) for each in result.notes),
@@ -31,7 +31,7 @@ def _page(result: Inserted) -> str:
         heading("The light"),
         _light(result),
         heading("The camera's response"),
-        *(_response(camera, result) for camera in result.calibrations),
+        *(_response(camera, result) for camera in result.calibrated.calibrations),
         heading("Energy audit"),
         _audit(result),
         heading("Timings"),
@@ -56,7 +56,7 @@ def _difference(result: Inserted) -> str:
 
 
 def _surfaces(result: Inserted) -> str:
-    found = result.recovered
+    found = result.place.recovered
     if found is None:
         return paragraph("None: the objects throw no shadow and no light on anything.")
     white = float(np.percentile(result.plate.radiance, 99))
@@ -81,23 +81,21 @@ def _surfaces(result: Inserted) -> str:
 
 
 def _light(result: Inserted) -> str:
-    light = result.probe.light.radiance
+    light = result.calibrated.probe.light.radiance
     white = float(np.percentile(light, 95))
     shown = [
         figure(plots.exposed(light, white * 2.0**stops), f"{-stops:+g} stops" if stops else "as it is")
         for stops in (0.0, 3.5, 7.0)
     ]
-    turned = ", ".join(f"{np.degrees(c):.2f}°" for c in result.probe.corrections[1:])
-    words = (
-        f"Lat-long: −Z in the middle, +X to its right. Registration turned the other views by {turned}."
-        if turned
-        else "Lat-long: −Z in the middle, +X to its right."
-    )
+    turned = ", ".join(f"{np.degrees(c):.2f}°" for c in result.calibrated.probe.corrections[1:])
+    words = "Equirectangular (lat-long): −Z in the middle, +X to its right."
+    if turned:
+        words += f" Registration turned the other views by {turned}."
     return side_by_side(shown) + paragraph(words)
 
 
 def _response(camera: str, result: Inserted) -> str:
-    calibration = result.calibrations[camera]
+    calibration = result.calibrated.calibrations[camera]
     residual = ", ".join(f"{r:.3f}" for r in calibration.residual)
     response = calibration.response
     noise = ", ".join(f"{n:.2f}" for n in response.deviation[:, response.levels // 2])
@@ -109,7 +107,7 @@ def _response(camera: str, result: Inserted) -> str:
 
 
 def _audit(result: Inserted) -> str:
-    probe, plate = result.probe, result.plate
+    probe, plate = result.calibrated.probe, result.plate
     rows = [
         ("unit", plate.unit),
         ("total of the light, ∫ L dω", triple(probe.light.total())),
@@ -121,8 +119,8 @@ def _audit(result: Inserted) -> str:
     if plate.clipped is not None:
         rows.append(("plate pixels clipped in every photograph", str(int((plate.clipped > 0).sum()))))
     place = ", ".join(f"{v:.3f}" for v in result.camera.position)
-    rows.append(("camera", f"at {place} metres; {result.fit.agreement}"))
-    sharpness = result.match.sharpness
+    rows.append(("camera", f"at {place} metres; {result.place.fit.agreement}"))
+    sharpness = result.composited.match.sharpness
     rows.append(("sharpness of the plate", "not matched" if sharpness is None else f"σ {sharpness.sigma:.2f} pixels"))
     change = result.change.difference[result.change.matte == 0]
     rows.append(("light taken from the surroundings", triple(-np.minimum(change, 0).sum(0))))
@@ -131,5 +129,5 @@ def _audit(result: Inserted) -> str:
 
 
 def _unseen(result: Inserted) -> float:
-    light = result.probe.light
-    return float(((result.probe.confidence < 0.05) * light.mapping.solid_angles(light.size)).sum())
+    light = result.calibrated.probe.light
+    return float(((result.calibrated.probe.confidence < 0.05) * light.mapping.solid_angles(light.size)).sum())

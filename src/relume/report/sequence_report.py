@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from relume.image import files
+from relume.project.insertion.sequence import SequenceMade, sparkles
 from relume.report import plots
 from relume.report.page import figure, heading, note, page, paragraph, side_by_side, table
-
-if TYPE_CHECKING:
-    from relume.project.insertion.sequence import SequenceMade
 
 SHOWN = 9
 WIDTH = 480
@@ -21,8 +18,6 @@ WIDTH = 480
 
 def write_sequence_report(result: SequenceMade, path: Path) -> None:
     """Write the page; frames without a composite.png are in the table only."""
-    from relume.project.insertion.sequence import sparkles
-
     there = [frame for frame in result.frames if (frame.folder / "composite.png").is_file()]
     chosen = [there[i] for i in np.unique(np.linspace(0, len(there) - 1, min(SHOWN, len(there))).astype(int))]
     shown = [figure(_small(frame.folder / "composite.png"), f"Frame {frame.number}") for frame in chosen]

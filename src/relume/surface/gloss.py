@@ -208,6 +208,7 @@ def _fitted(
     Neighbouring points err alike (a wrong albedo, a thing on the table), so the scatter is taken between cells and not
     between points (the sandwich of White and Huber, clustered).
     """
+    # Descend from the best start (Levenberg and Marquardt).
     costs = [_cost(residuals(start), start, usual) for start in starts]
     theta, cost, damping = starts[int(np.argmin(costs))], min(costs), 1e-3
     for _ in range(25):
@@ -225,6 +226,7 @@ def _fitted(
             damping *= 10
             if damping > 1e6:
                 break
+    # The error, from the scatter between cells.
     value, slope, weight = _linear(residuals, theta)
     normal, _ = _normal(value, slope, weight, theta, usual)
     scores = np.zeros((cells.max() + 1, 2))

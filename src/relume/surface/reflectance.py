@@ -20,6 +20,7 @@ from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Render
 from relume.scene.cameras.camera import Camera
+from relume.scene.materials.checks import triple
 from relume.scene.materials.materials import Colour, Diffuse, Material
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Plane, Shape
@@ -28,7 +29,7 @@ from relume.surface.gloss import FittedGloss, Gloss, ViewOfProbe, fit_gloss, glo
 from relume.surface.projection import Projected, projected
 
 STEADY = 0.005
-"""Share by which the arriving light may still change when the iteration ends (issue: "until it stops changing")."""
+"""Share by which the arriving light may still change when the iteration ends."""
 ITERATIONS = 8
 """At most: each takes the albedo's share (at most 0.9 of a closed white box) off the error, here half or less."""
 COARSE = 192
@@ -45,35 +46,35 @@ FEWEST_PIXELS = 100
 
 
 @dataclass(frozen=True)
-class Even:
+class ConstantAlbedo:
     """One diffuse reflectance for the whole surface: the median of what its pixels say."""
 
 
 @dataclass(frozen=True)
-class Varying:
+class TexturedAlbedo:
     """A diffuse reflectance for every pixel of the photograph, so that the model looks as the photograph does."""
 
 
 @dataclass(frozen=True)
-class Given:
+class KnownMaterial:
     """The surface's own material, as it is."""
 
 
 @dataclass(frozen=True)
-class Fit:
+class EstimatedGloss:
     """The gloss is to be found from what the probe and the photograph show of the same places."""
 
 
 @dataclass(frozen=True)
-class Wanted:
+class Recovery:
     """What is to be recovered of a surface.
 
-    albedo : Varying unless said otherwise: it is right for patterned and for even surfaces
-    gloss : None for a matte surface; a known Gloss; or Fit
+    albedo : TexturedAlbedo unless said otherwise: it is right for patterned and for even surfaces
+    gloss : None for a matte surface; a known Gloss; or EstimatedGloss
     """
 
-    albedo: Even | Varying | Given = Varying()
-    gloss: Gloss | Fit | None = None
+    albedo: ConstantAlbedo | TexturedAlbedo | KnownMaterial = TexturedAlbedo()
+    gloss: Gloss | EstimatedGloss | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,11 +150,11 @@ class _Work:
         return bilinear(whole, *np.broadcast_arrays(x[None, :], y[:, None])).astype(np.float32)
 
 
-def recover(
+def recover_reflectance(
     plate: RadianceMap,
     camera: Camera,
     scene: Scene,
-    wanted: Sequence[Wanted],
+    wanted: Sequence[Recovery] | None = None,
     *,
     probe: ViewOfProbe | None = None,
     renderer: Renderer = Mitsuba(samples=64, depth=6),
@@ -164,51 +165,43 @@ def recover(
 
     plate : of the camera's size, in the unit of the scene's light
     scene : its light, distant scene, lights and local surfaces; objects are left out
-    wanted : one for each local surface
-    probe : how well the light's map shows the surfaces themselves, for `Fit`; None for a map that does not show them
+    wanted : one for each local surface; a matte surface of varying albedo each unless given
+    probe : how well the light's map shows the surfaces themselves, for `EstimatedGloss`; None for a map that does not
+        show them
     renderer : 64 rays a pixel are enough, because the light is smoothed; six bounces between real surfaces leave less
         than 0.5 % of the light out for albedos up to 0.4
-    Albedos above 1 and below 0 are told with their place: in the notes where they are few, else by a warning.
+
+    Albedos above 1 and below 0 are reported with their place: in the notes where they are few, else by a warning.
     Raises ValueError where a surface is hardly seen or not lit.
     """
-    if len(wanted) != len(scene.local):
-        raise ValueError(f"{len(wanted)} choices for {len(scene.local)} local surfaces; give one for each")
-    if plate.size != (camera.width, camera.height):
-        raise ValueError(f"a plate of {plate.size} for a camera of {camera.width}×{camera.height}; give one size")
-    scene, notes = scene.without_objects(), []
+    # Which pixels of the plate show which surface.
+    wanted = [Recovery()] * len(scene.local) if wanted is None else wanted
+    scene = scene.without_objects()
     parts = _parts(scene, camera)
-    pieces = [
-        Projected(None, None) if isinstance(wish.albedo, Given)
-        else projected(shape, camera, [other for other in scene.local if other is not shape])
-        for shape, wish in zip(scene.local, wanted, strict=True)
-    ]  # fmt: skip
-    looks = _Looks(scene.local, wanted, pieces)
     usable = [_usable(plate, parts, index) for index in range(len(wanted))]
-    for index, wish in enumerate(wanted):
-        if not isinstance(wish.albedo, Given) and usable[index].sum() < FEWEST_PIXELS:
-            raise ValueError(
-                f"the camera sees {usable[index].sum()} measured pixels of {_called(scene.local, index)}; "
-                "give its reflectance instead"
-            )
-    fits: list[FittedGloss | None] = [None] * len(wanted)
-    glosses: list[Gloss | None] = [None if isinstance(wish.gloss, Fit) else wish.gloss for wish in wanted]
-    for index, wish in enumerate(wanted):
-        if isinstance(wish.gloss, Fit) and not isinstance(wish.albedo, Given):
-            found = fit_gloss(plate, camera, scene, index, usable[index], probe, seed=seed)
-            fits[index], glosses[index] = found, found.gloss
-            notes += [f"{_called(scene.local, index)}: {note}" for note in found.notes]
+    _require_seen(plate, camera, scene, wanted, usable)
+    looks = _Looks.of_scene(scene, camera, wanted)
+
+    # The gloss of each surface.
+    fits = [
+        fit_gloss(plate, camera, scene, index, usable[index], probe, seed=seed)
+        if isinstance(wish.gloss, EstimatedGloss) and not isinstance(wish.albedo, KnownMaterial) else None
+        for index, wish in enumerate(wanted)
+    ]  # fmt: skip
+    glosses = [_gloss(fit, wish) for fit, wish in zip(fits, wanted, strict=True)]
+    notes = [f"{_called(scene.local, i)}: {note}" for i, fit in enumerate(fits) if fit for note in fit.notes]
     progress(0.2)
 
+    # The model in grey, and in black: what is left when nothing is diffuse is gloss, and all that is not recovered.
     grey = np.full((*plate.radiance.shape[:2], 3), 0.5, np.float32)
     black = [(0.0, 0.0, 0.0)] * len(wanted)
-    no_gloss = all(gloss is None for gloss in glosses) and not any(isinstance(w.albedo, Given) for w in wanted)
+    no_gloss = all(gloss is None for gloss in glosses) and not any(isinstance(w.albedo, KnownMaterial) for w in wanted)
     even = [(0.5, 0.5, 0.5)] * len(wanted)
     fine = not _alone(scene.local) or any(gloss is not None and gloss.roughness < WIDE for gloss in glosses)
     work = _Work(renderer, camera, scene, seed, fine)
-    wished = [i for i, wish in enumerate(wanted) if not isinstance(wish.albedo, Given)]
-    recovered, inside = np.isin(parts, wished), np.isin(work.parts, wished)
+    unknown = [i for i, wish in enumerate(wanted) if not isinstance(wish.albedo, KnownMaterial)]
+    recovered, inside = np.isin(parts, unknown), np.isin(work.parts, unknown)
     first = work.render(looks.shapes(grey, even, glosses))
-    # What is left when nothing is diffuse: the gloss, and all that is not to be recovered.
     dark = np.zeros_like(first.radiance)
     if not no_gloss:
         dark = work.render(looks.shapes(0 * grey, black, glosses)).radiance
@@ -220,15 +213,16 @@ def recover(
         light = work.enlarged(smoothed(light, first.normal, work.parts), inside)
         return np.where(recovered[..., None], light, 0).astype(np.float32)
 
+    # Divide the plate by the light that arrives and render again, until that light stops changing.
     light = arriving(first.radiance, 0.5)
     progress(0.5)
-    iterations, change, albedo, colours = 1, 0.0, grey, even
+    iterations, change = 1, 0.0
     while True:
         for index in range(len(wanted)):
             _require_lit(scene.local, wanted, index, light, usable[index])
         raw = np.pi * (plate.radiance - sheen) / np.maximum(light, 1e-30)
         albedo, colours = _albedo(raw, light, parts, usable, wanted)
-        if _alone(scene.local) or iterations >= ITERATIONS:
+        if _alone(scene.local) or iterations >= ITERATIONS or (iterations > 1 and change < STEADY):
             break
         picture = work.render(looks.shapes(albedo, colours, glosses))
         shown = np.stack([_as_rendered(albedo[..., channel]) for channel in range(3)], axis=-1)
@@ -238,33 +232,53 @@ def recover(
         moved = np.abs(again - light)[recovered].mean(0) / np.maximum(light[recovered].mean(0), 1e-30)
         change, light = float(moved.max()), again
         progress(min(0.5 + 0.1 * iterations, 0.95))
-        if change < STEADY:
-            raw = np.pi * (plate.radiance - sheen) / np.maximum(light, 1e-30)
-            albedo, colours = _albedo(raw, light, parts, usable, wanted)
-            break
     if iterations >= ITERATIONS and change >= STEADY:
         notes.append(f"the light between the surfaces still changed by {change:.1%} after {iterations} rounds")
     notes += _doubts(scene.local, wanted, raw, usable)
+
+    # The model's picture, and what was found of each surface.
     shown = _with_even(albedo, parts, wanted, colours)
     elsewhere = work.enlarged(first.radiance, ~inside)
     without = np.where(recovered[..., None], sheen + shown * light / np.pi, elsewhere).astype(np.float32)
     surfaces = []
     for index, wish in enumerate(wanted):
-        if isinstance(wish.albedo, Given):
-            surfaces.append(RecoveredSurface(None, None, None, 0, None, None, (scene.local[index],)))
-            continue
-        lit = usable[index] & _lit(light, usable[index])
-        low, middle, high = np.percentile(raw[lit].astype(np.float64), [16, 50, 84], axis=0)
-        surfaces.append(
-            RecoveredSurface(
-                colours[index], _triple(middle), _triple((high - low) / 2), int(lit.sum()), glosses[index],
-                fits[index], looks.of(index, albedo, colours[index], glosses[index]),
-            )
-        )  # fmt: skip
+        shapes = looks.of(index, albedo, colours[index], glosses[index])
+        if isinstance(wish.albedo, KnownMaterial):
+            surfaces.append(RecoveredSurface(None, None, None, 0, None, None, shapes))
+        else:
+            lit = usable[index] & _lit(light, usable[index])
+            surfaces.append(_surface(raw[lit], colours[index], glosses[index], fits[index], shapes))
     progress(1.0)
-    return RecoveredLocal(
-        tuple(surfaces), albedo, without, light.astype(np.float32), iterations, change, tuple(notes)
-    )  # fmt: skip
+    return RecoveredLocal(tuple(surfaces), albedo, without, light.astype(np.float32), iterations, change, tuple(notes))
+
+
+def _gloss(fit: FittedGloss | None, wish: Recovery) -> Gloss | None:
+    if fit is not None:
+        return fit.gloss
+    return None if isinstance(wish.gloss, EstimatedGloss) else wish.gloss
+
+
+def _require_seen(
+    plate: RadianceMap, camera: Camera, scene: Scene, wanted: Sequence[Recovery], usable: Sequence[np.ndarray]
+) -> None:  # fmt: skip
+    if len(wanted) != len(scene.local):
+        raise ValueError(f"{len(wanted)} choices for {len(scene.local)} local surfaces; give one for each")
+    if plate.size != (camera.width, camera.height):
+        raise ValueError(f"a plate of {plate.size} for a camera of {camera.width}×{camera.height}; give one size")
+    for index, wish in enumerate(wanted):
+        if not isinstance(wish.albedo, KnownMaterial) and usable[index].sum() < FEWEST_PIXELS:
+            raise ValueError(
+                f"the camera sees {usable[index].sum()} measured pixels of {_called(scene.local, index)}; "
+                "give its reflectance instead"
+            )
+
+
+def _surface(
+    raw: np.ndarray, colour: Colour, gloss: Gloss | None, fit: FittedGloss | None, shapes: tuple[Shape, ...]
+) -> RecoveredSurface:  # fmt: skip
+    """What was found of a surface, from the albedos (N, 3) of its pixels."""
+    low, middle, high = np.percentile(raw.astype(np.float64), [16, 50, 84], axis=0)
+    return RecoveredSurface(colour, triple(middle), triple((high - low) / 2), len(raw), gloss, fit, shapes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,14 +286,23 @@ class _Looks:
     """The local scene's shapes for albedos and glosses."""
 
     local: tuple[Shape, ...]
-    wanted: Sequence[Wanted]
+    wanted: Sequence[Recovery]
     pieces: list[Projected]
 
+    @staticmethod
+    def of_scene(scene: Scene, camera: Camera, wanted: Sequence[Recovery]) -> _Looks:
+        pieces = [
+            Projected(None, None) if isinstance(wish.albedo, KnownMaterial)
+            else projected(shape, camera, [other for other in scene.local if other is not shape])
+            for shape, wish in zip(scene.local, wanted, strict=True)
+        ]  # fmt: skip
+        return _Looks(scene.local, wanted, pieces)
+
     def of(self, index: int, albedo: np.ndarray, mean: Colour, gloss: Gloss | None) -> tuple[Shape, ...]:
-        if isinstance(self.wanted[index].albedo, Given):
+        if isinstance(self.wanted[index].albedo, KnownMaterial):
             return (self.local[index],)
         piece = self.pieces[index]
-        image = mean if isinstance(self.wanted[index].albedo, Even) else albedo
+        image = mean if isinstance(self.wanted[index].albedo, ConstantAlbedo) else albedo
         return tuple(
             replace(mesh, material=_material(value, gloss))
             for mesh, value in ((piece.seen, image), (piece.unseen, mean))
@@ -326,9 +349,9 @@ def _lit(light: np.ndarray, usable: np.ndarray) -> np.ndarray:
 
 
 def _require_lit(
-    local: Sequence[Shape], wanted: Sequence[Wanted], index: int, light: np.ndarray, usable: np.ndarray
+    local: Sequence[Shape], wanted: Sequence[Recovery], index: int, light: np.ndarray, usable: np.ndarray
 ) -> None:
-    if isinstance(wanted[index].albedo, Given):
+    if isinstance(wanted[index].albedo, KnownMaterial):
         return
     if not np.all(np.median(light[usable], axis=0) > 0):
         raise ValueError(
@@ -338,39 +361,39 @@ def _require_lit(
 
 
 def _albedo(
-    raw: np.ndarray, light: np.ndarray, parts: np.ndarray, usable: list[np.ndarray], wanted: Sequence[Wanted]
+    raw: np.ndarray, light: np.ndarray, parts: np.ndarray, usable: list[np.ndarray], wanted: Sequence[Recovery]
 ) -> tuple[np.ndarray, list[Colour]]:
     """The image of albedos, complete, and each surface's median."""
     known, colours = np.zeros(parts.shape, bool), []
     for index, wish in enumerate(wanted):
-        if isinstance(wish.albedo, Given):
+        if isinstance(wish.albedo, KnownMaterial):
             colours.append((0.0, 0.0, 0.0))
             continue
         lit = usable[index] & _lit(light, usable[index])
         known |= lit
-        colours.append(_triple(np.clip(np.median(raw[lit].astype(np.float64), axis=0), 0, 1)))
+        colours.append(triple(np.clip(np.median(raw[lit].astype(np.float64), axis=0), 0, 1)))
     return filled_in(np.clip(raw, 0, 1).astype(np.float32), known, parts), colours
 
 
 def _with_even(
-    albedo: np.ndarray, parts: np.ndarray, wanted: Sequence[Wanted], colours: Sequence[Colour]
+    albedo: np.ndarray, parts: np.ndarray, wanted: Sequence[Recovery], colours: Sequence[Colour]
 ) -> np.ndarray:
     result = albedo
     for index, wish in enumerate(wanted):
-        if isinstance(wish.albedo, Even):
+        if isinstance(wish.albedo, ConstantAlbedo):
             result = np.where((parts == index)[..., None], np.array(colours[index], np.float32), result)
     return result
 
 
-def _doubts(local: Sequence[Shape], wanted: Sequence[Wanted], raw: np.ndarray, usable: list[np.ndarray]) -> list[str]:
+def _doubts(local: Sequence[Shape], wanted: Sequence[Recovery], raw: np.ndarray, usable: list[np.ndarray]) -> list[str]:
     """Warn of albedos that cannot be where they are many; notes of them where they are few."""
     notes = []
     for index, wish in enumerate(wanted):
-        if isinstance(wish.albedo, Given):
+        if isinstance(wish.albedo, KnownMaterial):
             continue
         above = usable[index] & np.any(raw > 1, axis=-1)
         below = usable[index] & np.any(raw < 0, axis=-1)
-        for where, told, why in (
+        for where, fault, why in (
             (above, f"comes out above 1, up to {raw[above].max(initial=1):.2f}", "is the light underestimated there "
              "(a lamp clipped in the probe, another unit), or does the plate show something that shines?"),
             (below, "comes out below 0", "is the gloss too strong there, or does the plate show another thing or its "
@@ -383,7 +406,7 @@ def _doubts(local: Sequence[Shape], wanted: Sequence[Wanted], raw: np.ndarray, u
             box = f"x {columns.min()}–{columns.max()}, y {rows.min()}–{rows.max()}"
             share = where.sum() / usable[index].sum()
             place = f"{where.sum()} pixels ({share:.1%} of it) within {box}"
-            line = f"the albedo of {_called(local, index)} {told}, in {place}, and is held to 0 … 1: {why}"
+            line = f"the albedo of {_called(local, index)} {fault}, in {place}, and is held to 0 … 1: {why}"
             if share < FEW:
                 notes.append(line)
             else:
@@ -393,7 +416,3 @@ def _doubts(local: Sequence[Shape], wanted: Sequence[Wanted], raw: np.ndarray, u
 
 def _called(local: Sequence[Shape], index: int) -> str:
     return f"local surface {index + 1} ({getattr(local[index], 'name', 'plane')!r})"
-
-
-def _triple(values: np.ndarray) -> Colour:
-    return float(values[0]), float(values[1]), float(values[2])

@@ -66,7 +66,7 @@ def align(bracket: Bracket, *, rotation: bool = True) -> Aligned:
     are clipped in neither; values are matched by their ranks, since exposure keeps their order (Ward 2003 thresholds
     at one rank). A frame that needs less than an eighth of a pixel, or less than twice its error, is left alone.
     Where nothing can be told, in a frame nearly all black or of another scene, a frame keeps the motion of its
-    neighbour in exposure, in whole pixels, and a warning says so.
+    neighbour in exposure, in whole pixels, and a warning says so if any frame moved.
     """
     photographs = bracket.photographs
     if len(photographs) == 1:
@@ -77,14 +77,16 @@ def align(bracket: Bracket, *, rotation: bool = True) -> Aligned:
     levels = [pyramid(photograph) for photograph in photographs]
     reference = _best_exposed([level[0] for level in levels])
     found = _estimates(levels, reference, rotation, photographs[0].size)
+    motions = tuple(_needed(estimate, photographs[0].size) for estimate in found)
+    # Where no frame moved, the camera stood on a tripod, and a black frame lies as the others do.
+    moved = any(motion != Motion() for motion in motions)
     for photograph, estimate in zip(photographs, found, strict=True):
-        if not _told(estimate):
+        if moved and not _told(estimate):
             warnings.warn(
                 f"{photograph.name}: too little in common with the other frames to align it; it is moved as its "
                 "neighbour is; leave it out if edges are doubled",
                 stacklevel=2,
             )
-    motions = tuple(_needed(estimate, photographs[0].size) for estimate in found)
     frames = tuple(move(photograph, motion) for photograph, motion in zip(photographs, motions, strict=True))
     return Aligned(
         replace(bracket, photographs=frames),

@@ -11,12 +11,12 @@ from pprint import pformat
 import numpy as np
 
 from relume.export.blender import lights
-from relume.export.blender.script import SCRIPT
-from relume.export.bundle import HandOver, lamps_of, straightened
 from relume.export.parts import Part, base_colour, parts_of
+from relume.export.shot_lamps import lamps_of, undistorted
 from relume.image import files
 from relume.image.colour import luminance
 from relume.image.radiance import RadianceMap
+from relume.project.insertion.prepared import PreparedShot
 from relume.renderers.mitsuba.distant import walls
 from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Infinite
@@ -25,6 +25,9 @@ from relume.scene.materials.materials import Diffuse, Material, is_image
 from relume.scene.shapes.shapes import Mesh
 from relume.sphere.environment_files import as_radiance_map
 
+SCRIPT = Path(__file__).parent / "scripts" / "shot.py"
+"""Builds the shot in Blender, once the line of its facts is replaced."""
+FACTS = "SHOT = {}  # relume writes the facts of the shot here"
 SENSOR = 36.0
 """Millimetres across: with a full frame the focal length is the one photographers know."""
 USE = """    blender --python shot.py                          opens the shot in a scene of its own
@@ -39,9 +42,9 @@ STOPS = 2
 """Of luminance a class of walls: within one no triangle is sampled more than four times too often or too seldom."""
 
 
-def write(value: HandOver, folder: Path) -> tuple[str, ...]:
+def write(value: PreparedShot, folder: Path) -> tuple[str, ...]:
     """Write the files; what Blender does not hold."""
-    value, notes = straightened(value)
+    value, notes = undistorted(value)
     parts, lost = parts_of(value.scene)
     lamps = lamps_of(value)
     finite = not isinstance(value.scene.distant, Infinite)
@@ -76,7 +79,8 @@ def write(value: HandOver, folder: Path) -> tuple[str, ...]:
         "distant": "distant.glb" if finite else None,
         "steps": steps,
     }
-    (folder / "shot.py").write_text(SCRIPT.replace("FACTS_GO_HERE", pformat(facts, width=110)), encoding="utf-8")
+    text = SCRIPT.read_text(encoding="utf-8").replace(FACTS, f"SHOT = {pformat(facts, width=110)}")
+    (folder / "shot.py").write_text(text, encoding="utf-8")
     return (*notes, *lost, *_lost(added))
 
 
@@ -84,7 +88,7 @@ def _camera(camera: Camera) -> dict[str, object]:
     """Position and axes in our frame, and the lens in Blender's terms."""
     x, y = camera.principal_point
     lens = SENSOR * camera.focal_length / camera.width
-    told: dict[str, object] = {
+    facts: dict[str, object] = {
         "size": (camera.width, camera.height),
         "position": tuple(map(float, camera.position)),
         "axes": tuple(tuple(map(float, axis)) for axis in np.asarray(camera.rotation).T),
@@ -95,8 +99,8 @@ def _camera(camera: Camera) -> dict[str, object]:
         "f_stop": None,
     }
     if camera.aperture:
-        told |= {"f_stop": float(lens / 1000 / (2 * camera.aperture)), "focus": float(min(camera.focus, 1e6))}
-    return told
+        facts |= {"f_stop": float(lens / 1000 / (2 * camera.aperture)), "focus": float(min(camera.focus, 1e6))}
+    return facts
 
 
 def _albedo(real: list[Part], folder: Path) -> dict[str, str]:
@@ -110,7 +114,7 @@ def _albedo(real: list[Part], folder: Path) -> dict[str, str]:
     return found
 
 
-def _walls(value: HandOver, radiance: np.ndarray) -> tuple[list[Part], list[float]]:
+def _walls(value: PreparedShot, radiance: np.ndarray) -> tuple[list[Part], list[float]]:
     """What the probe saw, where it saw it, a mesh for each step of luminance, and that luminance.
 
     Cycles chooses among shining triangles by their area and the strength of their material, not by what their texture

@@ -14,12 +14,13 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from relume.export.bundle import HandOver, straightened
 from relume.export.lamps import figure, figures
 from relume.export.mitsuba.words import Bitmap, MeshWords, Notebook, Transform, ply
 from relume.export.parts import physical
+from relume.export.shot_lamps import undistorted
 from relume.image import files
 from relume.image.radiance import RadianceMap
+from relume.project.insertion.prepared import PreparedShot
 from relume.renderers.mitsuba.materials import bsdf, interior, not_rendered
 from relume.renderers.mitsuba.scene import scene_dictionary
 from relume.scene.lights import SphereLight
@@ -52,9 +53,9 @@ KINDS = {
 TAGS = {plugin: tag for tag, plugins in KINDS.items() for plugin in plugins}
 
 
-def write(value: HandOver, folder: Path) -> tuple[str, ...]:
+def write(value: PreparedShot, folder: Path) -> tuple[str, ...]:
     """Write the files; what Mitsuba's own plugins do not hold."""
-    value, notes = straightened(value)
+    value, notes = undistorted(value)
     scene, lost = _held(value.scene)
     lamps = tuple(light for light in scene.lights if isinstance(light, SphereLight))
     others = tuple(light for light in scene.lights if not isinstance(light, SphereLight))
@@ -80,7 +81,7 @@ def write(value: HandOver, folder: Path) -> tuple[str, ...]:
     return (*notes, *lost, *told)
 
 
-def _words(scene: Scene, value: HandOver) -> tuple[dict[str, Any], tuple[str, ...]]:
+def _words(scene: Scene, value: PreparedShot) -> tuple[dict[str, Any], tuple[str, ...]]:
     """The scene as `load_dict` takes it, bodies with what fills them, and notes on what no plugin holds."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
@@ -125,7 +126,7 @@ def _scene(elements: list[str]) -> str:
     return f'<?xml version="1.0" encoding="utf-8"?>\n{told}<scene version="3.0.0">\n{"".join(elements)}</scene>\n'
 
 
-def _render(value: HandOver, *, volumes: bool) -> str:
+def _render(value: PreparedShot, *, volumes: bool) -> str:
     kind = "volpath" if volumes else "path"
     return (
         f'    <default name="samples" value="{value.samples}"/>\n'

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from relume.export.bundle import HandOver, lamps_of, straightened
 from relume.export.lamps import figure, figures
 from relume.export.parts import Part, base_colour, parts_of
+from relume.export.shot_lamps import lamps_of, undistorted
 from relume.export.usd import lights
 from relume.image import files
 from relume.image.radiance import RadianceMap
+from relume.project.insertion.prepared import PreparedShot
 from relume.renderers.mitsuba.distant import walls
 from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Infinite
@@ -30,9 +31,9 @@ SENSOR = 0.36
 """Horizontal aperture: 36 mm in tenths of the stage's unit, as UsdGeomCamera wants it."""
 
 
-def write(value: HandOver, folder: Path) -> tuple[str, ...]:
+def write(value: PreparedShot, folder: Path) -> tuple[str, ...]:
     """Write the files; what USD does not hold."""
-    value, notes = straightened(value)
+    value, notes = undistorted(value)
     parts, lost = parts_of(value.scene)
     lamps = lamps_of(value)
     finite = not isinstance(value.scene.distant, Infinite)
@@ -216,7 +217,7 @@ def _network(inputs: list[tuple[str, str, Any]], textures: list[tuple[str, str, 
 """
 
 
-def _walls(value: HandOver) -> str:
+def _walls(value: PreparedShot) -> str:
     built = walls(value.scene.distant, value.scene.probe)
     uv = (built.uv * [1, -1] + [0, 1]).astype(np.float32)
     mesh = Mesh(built.vertices, built.faces, Diffuse((0.0, 0.0, 0.0)), None, uv)

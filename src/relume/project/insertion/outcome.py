@@ -1,4 +1,4 @@
-"""What the main job made, and how it is written to the output folder."""
+"""The result of `insert`: what it holds, what the user should know of it, and its files."""
 
 from __future__ import annotations
 
@@ -8,64 +8,75 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.capture.response.calibration import DOUBTFUL_MISFIT, Calibration
+from relume.capture.response.calibration import DOUBTFUL_MISFIT
 from relume.errors import OutputNotWritten
 from relume.image import files
 from relume.image.photograph import Photograph
 from relume.image.radiance import BLACK, SATURATED, RadianceMap
-from relume.probe.ball.blending import Probe
+from relume.project.insertion.composite import Composite
+from relume.project.insertion.photographs import Calibrated
+from relume.project.insertion.place import Place
 from relume.renderers.results import Change
 from relume.scene.cameras.camera import Camera
-from relume.scene.cameras.fit import CameraFit
 from relume.sphere.environment_files import as_radiance_map
-from relume.surface.reflectance import RecoveredLocal
-from relume.virtual_camera.plate_matching.matching import Match
 
 DARK = 0.03
-"""The reflectance of coal and of black velvet: what reflects less is hardly found."""
+"""The reflectance of coal and of black velvet: hardly anything reflects less."""
 
 
 @dataclass(frozen=True, eq=False)
 class Inserted:
-    """What the job made.
+    """The result of `insert`: the last links of its chain, and what the user should know.
 
-    composite : (H, W, 3) float32 scene-linear
-    picture, before : the developed composite and the plate developed alike
-    plate, camera, fit, probe, calibrations : what it was made from; `fit` tells how well the camera agrees
-    recovered : the real surfaces, or None where there are none
-    change : what the objects change, as it was composited
-    without : (H, W, 3) the model of the place without objects
-    match : what of the plate's look the objects were given
-    seconds : of each stage; kept stages take next to none
+    calibrated : radiance of plate and light
+    place : camera, light and real surfaces
+    composited : the composite and its layers
+    seconds : of each step; kept stages take next to none
     kept : the stages that an earlier run had made
     notes : what the user should know, a line each
     """
 
-    composite: np.ndarray
-    picture: Photograph
-    before: Photograph
-    plate: RadianceMap
-    camera: Camera
-    fit: CameraFit
-    probe: Probe
-    calibrations: dict[str, Calibration]
-    recovered: RecoveredLocal | None
-    change: Change
-    without: np.ndarray
-    match: Match
+    calibrated: Calibrated
+    place: Place
+    composited: Composite
     seconds: dict[str, float]
     kept: tuple[str, ...]
     notes: tuple[str, ...]
 
+    @property
+    def composite(self) -> np.ndarray:
+        """(H, W, 3) float32, scene-linear."""
+        return self.composited.radiance
 
-def notes_on(
-    plate: RadianceMap,
-    probe: Probe,
-    recovered: RecoveredLocal | None,
-    calibrations: dict[str, Calibration],
-    matte_of_objects: np.ndarray | None = None,
-) -> tuple[str, ...]:
-    """What the user should know of the measurements, a line each."""
+    @property
+    def picture(self) -> Photograph:
+        """The developed composite."""
+        return self.composited.picture
+
+    @property
+    def plate(self) -> RadianceMap:
+        """The plate's radiance."""
+        return self.calibrated.plate
+
+    @property
+    def camera(self) -> Camera:
+        """The plate's camera."""
+        return self.place.camera
+
+    @property
+    def change(self) -> Change:
+        """What the objects change, as it was composited."""
+        return self.composited.change
+
+
+def notes_on(calibrated: Calibrated, place: Place, matte_of_objects: np.ndarray | None) -> tuple[str, ...]:
+    """What the user should know of the measurements, a line each.
+
+    matte_of_objects : None where there are no objects
+    """
+    plate, probe, recovered, calibrations = (
+        calibrated.plate, calibrated.probe, place.recovered, calibrated.calibrations,
+    )  # fmt: skip
     notes = list(probe.notes)
     if plate.clipped is not None and plate.clipped.any():
         white, black = int((plate.clipped == SATURATED).sum()), int((plate.clipped == BLACK).sum())
@@ -117,7 +128,8 @@ def require_folder(out: Path) -> None:
 def write_outcome(result: Inserted, out: Path) -> None:
     """Write everything but the report."""
     unit, change = result.plate.unit, result.change
-    model = (1 - change.matte[..., None]) * result.without + change.difference + change.objects
+    without, recovered = result.composited.without, result.place.recovered
+    model = (1 - change.matte[..., None]) * without + change.difference + change.objects
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -128,7 +140,7 @@ def write_outcome(result: Inserted, out: Path) -> None:
         out / "layers.exr",
         {
             "with": model.astype(np.float32),
-            "without": result.without.astype(np.float32),
+            "without": without.astype(np.float32),
             "objects": change.objects,
             "difference": change.difference,
             "matte": change.matte,
@@ -136,11 +148,11 @@ def write_outcome(result: Inserted, out: Path) -> None:
             "normal": change.normal,
             "albedo": change.albedo,
             "variance": change.objects_variance + change.difference_variance,
-            **({} if result.recovered is None else {"reflectance": result.recovered.albedo}),
+            **({} if recovered is None else {"reflectance": recovered.albedo}),
         },
         unit=unit,
     )
-    files.write(out / "light.exr", as_radiance_map(result.probe.light))
-    for index, calibration in enumerate(result.calibrations.values()):
+    files.write(out / "light.exr", as_radiance_map(result.calibrated.probe.light))
+    for index, calibration in enumerate(result.calibrated.calibrations.values()):
         name = "response.json" if index == 0 else f"response_{index}.json"
         files.write_text(out / name, calibration.response.to_json())

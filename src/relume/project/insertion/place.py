@@ -1,39 +1,131 @@
-"""The place of a shot: its light projected onto the distant scene, its lamps, its real surfaces."""
+"""The third step of `insert`: the place as it was photographed, its camera, light, real surfaces and their reflectance.
+
+A place is a scene without objects: the light projected onto the distant scene, its lamps, and its real surfaces.
+"""
 
 from __future__ import annotations
 
 import warnings
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from relume.capture.lens.vignetting import Vignetting
 from relume.errors import InvalidShot
 from relume.image.radiance import RadianceMap
 from relume.light.constellations.local_lamps import free_lamp
 from relume.light.constellations.placement import PlacedLights
 from relume.probe.ball.blending import Probe
-from relume.project.insertion.sequence_moments import changed_light
+from relume.project.insertion.photographs import Calibrated
+from relume.project.shot_file.camera_table import camera_fit
 from relume.project.shot_file.distant_table import distant_scene
+from relume.project.shot_file.objects import require_outside
 from relume.project.shot_file.shot import Shot
+from relume.project.stages import Steps
 from relume.renderers.mitsuba.distant import require_inside
 from relume.renderers.mitsuba.path_tracer import Mitsuba
+from relume.renderers.progressive.fingerprint import without_threads
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Progress
 from relume.scene.cameras.camera import Camera
+from relume.scene.cameras.fit import CameraFit
 from relume.scene.distant import Infinite
 from relume.scene.lights import SphereLight
 from relume.scene.materials.checks import triple
 from relume.scene.scene import Scene
+from relume.scene.shapes.shapes import Mesh
+from relume.sphere.directions import UP, rotation_about
+from relume.sphere.environment_map import EnvironmentMap
 from relume.surface.gloss import ViewOfProbe
-from relume.surface.reflectance import RecoveredLocal, recover
+from relume.surface.reflectance import RecoveredLocal, recover_reflectance
 
 
-def place_of(shot: Shot, probe: Probe) -> Scene:
+@dataclass(frozen=True, eq=False)
+class Place:
+    """The place of a shot.
+
+    fit : the plate's camera, and how well the photograph agrees with it
+    camera : the same with the aperture and the focus that [match] asks for
+    bare : the scene as it was photographed, its surfaces grey where they are to be recovered
+    recovered : the real surfaces, or None where there are none
+    vignetting : the fall-off that is in the plate; None where there is none
+    """
+
+    fit: CameraFit
+    camera: Camera
+    bare: Scene
+    recovered: RecoveredLocal | None
+    vignetting: Vignetting | None
+
+    def relit(self, shot: Shot) -> Scene:
+        """The scene without objects, under the light as `shot` changes it; raises InvalidShot."""
+        shapes = () if self.recovered is None else self.recovered.shapes
+        return relit(self.bare.with_local(shapes), shot)
+
+
+def find_place(
+    shot: Shot, calibrated: Calibrated, meshes: Sequence[Mesh], renderer: Renderer | None, steps: Steps
+) -> Place:
+    """Fit the camera, set up the light, and recover the reflectance of the real surfaces.
+
+    meshes : the objects, which must not hold the camera
+    renderer : lights the surfaces for the recovery; a path tracer of its own unless given
+    Raises InvalidShot, GridNotFound, UnreadableFile.
+    """
+    plate = calibrated.plate
+    with steps.timed("camera"):
+        fit = camera_fit(shot.camera, plate.size, shot.folder, calibrated.focal_length)
+        camera = _with_lens(shot, fit.camera, calibrated)
+    bare = bare_place(shot, calibrated.probe)
+    require_in_place(bare, camera)
+    require_outside(meshes, camera)
+    vignetting = shot.match.vignetting_in(shot.folder, camera.focal_length, plate.size)
+    recovered = None
+    if bare.local:
+        even = _without_vignetting(plate, vignetting)
+        ball = shot.light.ball
+        made_from = [
+            even, camera, bare, calibrated.probe.confidence, [table.model_dump() for table in shot.local],
+            ball and ball.model_dump(), shot.render.seed, without_threads(renderer),
+        ]  # fmt: skip
+        progress: Progress = lambda share: steps.progress("reflectance", share)  # noqa: E731
+        recovered = steps.keep(
+            "reflectance", made_from, lambda: _recovered(shot, even, camera, bare, calibrated.probe, renderer, progress)
+        )
+    return Place(fit, camera, bare, recovered, vignetting)
+
+
+def _with_lens(shot: Shot, camera: Camera, calibrated: Calibrated) -> Camera:
+    """The camera with the aperture and the focus that [match] asks for."""
+    diameter, focus = shot.match.aperture, shot.match.focus
+    if diameter is None or focus is None:
+        return camera
+    if diameter == "exif":
+        from relume.virtual_camera.lens.depth_of_field import aperture_from
+
+        bracket = calibrated.bracket
+        diameter = None if bracket is None else aperture_from(bracket.photographs[0])
+        if diameter is None:
+            raise InvalidShot(
+                "match.aperture: the plate's EXIF has no f-number or focal length; give the diameter in metres"
+            )
+    return replace(camera, aperture=diameter / 2, focus=focus)
+
+
+def _without_vignetting(plate: RadianceMap, vignetting: Vignetting | None) -> RadianceMap:
+    """The plate without its fall-off: what the scene's radiance was, for recovering reflectance."""
+    if vignetting is None:
+        return plate
+    return replace(plate, radiance=(plate.radiance / vignetting.falloff(plate.size)[..., None]).astype(np.float32))
+
+
+def bare_place(shot: Shot, probe: Probe) -> Scene:
     """The scene without objects, as it was photographed; its surfaces grey where they are to be recovered.
 
     Raises InvalidShot where a lamp is not seen in the light, and what reading the meshes raises.
     """
-    light, where = changed_light(probe.light, shot.light.heading, 0.0), (0.0, 0.0, 0.0)
+    light, where = turned_light(probe.light, shot.light.heading, 0.0), (0.0, 0.0, 0.0)
     if shot.light.ball is not None:
         where = shot.light.ball.centre
     elif shot.light.probe is not None:
@@ -85,21 +177,21 @@ def relit(place: Scene, shot: Shot) -> Scene:
         replace(lamp, radiance=tuple(float(c) * 2.0**exposure for c in lamp.radiance)) if isinstance(lamp, SphereLight)
         else lamp for lamp in place.lights
     )  # fmt: skip
-    return replace(place, light=changed_light(place.light, turn, exposure), lights=lamps)
+    return replace(place, light=turned_light(place.light, turn, exposure), lights=lamps)
 
 
-def recovered_place(
+def _recovered(
     shot: Shot, plate: RadianceMap, camera: Camera, place: Scene, probe: Probe, renderer: Renderer | None,
     progress: Progress,
 ) -> RecoveredLocal:  # fmt: skip
-    """The place's surfaces with the reflectance that plate and light tell (Debevec 1998, §7)."""
+    """The place's surfaces with the reflectance that follows from plate and light (Debevec 1998, §7)."""
     ball = shot.light.ball
     seen = ball is not None
     # A mesh file may hold several surfaces, which are all wanted alike.
     wanted = [table.wanted(seen) for table in shot.local for _ in table.shapes(shot.folder)]
     view = ViewOfProbe(probe.confidence, ball.radius) if ball is not None else None
     try:
-        return recover(
+        return recover_reflectance(
             plate, camera, place, wanted, probe=view, renderer=renderer or Mitsuba(samples=64, depth=6),
             seed=shot.render.seed, progress=progress,
         )  # fmt: skip
@@ -109,7 +201,14 @@ def recovered_place(
 
 def _sphere(lamp: PlacedLights) -> SphereLight:
     """The sphere that gives the lamp's light: a sphere of radiance L and radius r has intensity π r² L."""
-    assert lamp.radii is not None  # free_lamp tells it
+    assert lamp.radii is not None  # free_lamp finds it
     radius = float(lamp.radii[0])
     radiance = lamp.intensity[0] / (np.pi * radius**2)
     return SphereLight(triple(lamp.positions[0]), radius, triple(radiance))
+
+
+def turned_light(light: EnvironmentMap, turn: float, exposure: float) -> EnvironmentMap:
+    """The light turned about +Y, degrees, counter-clockwise seen from above, and made brighter by stops."""
+    if turn % 360 != 0:
+        light = light.rotated(rotation_about(UP, np.radians(turn)))
+    return light if exposure == 0 else replace(light, radiance=np.float32(2.0**exposure) * light.radiance)

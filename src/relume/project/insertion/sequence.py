@@ -1,4 +1,4 @@
-"""A sequence: a shot inserted frame by frame, each frame whole or not there, so that it can be gone on with.
+"""A sequence: a shot inserted frame by frame, each frame complete or absent, so that a second run resumes it.
 
 Every frame is rendered with the same seed. What stands still then has the same noise in every frame, to the bit, and
 does not flicker; the noise stands on the screen, and what moves goes through it.
@@ -17,15 +17,20 @@ from typing import Any
 import numpy as np
 
 from relume.image import files
-from relume.project.insertion.outcome import require_folder
-from relume.project.insertion.sequence_moments import at_frame, frames_of
+from relume.project.insertion.frame_shots import at_frame, frames_of
+from relume.project.insertion.insert import insert
+from relume.project.insertion.outcome import Inserted, require_folder
+from relume.project.insertion.render_change import Motion
 from relume.project.shot_file.shot import Shot
+from relume.project.stages import Progress
 from relume.renderers.progressive.fingerprint import fingerprint, program
+from relume.renderers.progressive.graceful_shutdown import Force
+from relume.renderers.renderer import Renderer
+from relume.scene.cameras.shutter import Shutter
 
-Insert = Callable[[Shot, Path, tuple[Path, ...]], Sequence[str]]
-"""Inserts one frame's shot into its folder and returns notes. The last are folders of stages of frames before, which
+MakeFrame = Callable[[Shot, Path, tuple[Path, ...]], Sequence[str]]
+"""Inserts one frame's shot into its folder and returns notes. The last are folders of stages of earlier frames, which
 serve where they were made from the same."""
-Report = Callable[[str, float], None]
 _DONE = "frame.json"
 _SPARKLE = 24
 """Steps of 255 by which a pixel stands out of the frames before and after it to count as a sparkle: three times the
@@ -55,7 +60,7 @@ class SequenceMade:
 
     frames : in order
     movie : the file that shows them, or None where none could be written
-    notes : what the user should know, each once, with the frames it was said of
+    notes : what the user should know, each once, with the frames it belongs to
     """
 
     frames: tuple[FrameMade, ...]
@@ -63,34 +68,59 @@ class SequenceMade:
     notes: tuple[str, ...]
 
 
-def insert_sequence(
-    shot: Shot, out: str | Path, *, insert: Insert, report: Report = lambda stage, share: None
+def insert_frames(
+    shot: Shot, out: str | Path, *, renderer: Renderer | None = None, threads: int | None = None,
+    progress: Progress = lambda step, share: None, restart: bool = False, force: Force | None = None,
+    finished: Callable[[Inserted, Path], None] = lambda result, folder: None,
+) -> SequenceMade:  # fmt: skip
+    """Insert the objects into every frame of the shot's sequence, with what moves blurred while the shutter is open.
+
+    out : folder for frame_0001 and so on, and a movie; frames that are complete there are kept
+    finished : called with each frame's result and folder before the frame counts as made; `write_report` fits
+
+    The other arguments are those of `insert`. Raises RelumeError.
+    """
+    table = shot.sequence
+    shutter = None if table is None or table.shutter is None else Shutter(*table.shutter)
+
+    def make(frame: Shot, folder: Path, others: tuple[Path, ...]) -> Sequence[str]:
+        number = int(folder.name.rpartition("_")[2])
+        motion = None if shutter is None else Motion(lambda time: at_frame(shot, number + time), shutter)
+        result = insert(
+            frame, folder, renderer=renderer, threads=threads, progress=progress, others=others, motion=motion,
+            restart=restart, force=force,
+        )  # fmt: skip
+        finished(result, folder)
+        return result.notes
+
+    return make_frames(shot, out, make, progress=progress)
+
+
+def make_frames(
+    shot: Shot, out: str | Path, make: MakeFrame, *, progress: Progress = lambda step, share: None
 ) -> SequenceMade:
-    """Make every frame of the shot's sequence: `out`/frame_0001 and so on, a movie and one report.
+    """Make every frame of the shot's sequence by `make`: `out`/frame_0001 and so on, and a movie.
 
-    out : folder; frames that are whole there, made from the same files and settings, are kept
-    insert : makes one frame
-    report : told of "frames" and the share of them that is there, beside what `insert` tells
+    out : folder; frames that are complete there, made from the same files and settings, are kept
+    progress : called with "frames" and the share of them that is there, beside what `make` reports
 
-    Raises RelumeError; what ends it, as Interrupted, leaves the frames before it to a later run.
+    Raises RelumeError; an error like Interrupted leaves the frames before it to a later run.
     """
     out = Path(out)
     require_folder(out)
     numbers = frames_of(shot)
-    # All of them first: a key that cannot be is told before hours of rendering.
+    # All shots first, so that a wrong key is reported before hours of rendering.
     shots = {number: at_frame(shot, number) for number in numbers}
     made: list[FrameMade] = []
     for index, number in enumerate(numbers):
-        report("frames", index / len(numbers))
+        progress("frames", index / len(numbers))
         folder = folder_of(out, number)
         before = tuple(dict.fromkeys(each.folder / "stages" for each in (*made[:1], *made[-1:])))
-        made.append(_one(shots[number], number, folder, before, insert, _motion_key(shot)))
-    report("frames", 1.0)
+        made.append(_one(shots[number], number, folder, before, make, _motion_key(shot)))
+    progress("frames", 1.0)
     notes = list(_gathered(made))
     movie = _movie(out, made, float(shot.sequence.rate if shot.sequence is not None else 24), notes)
-    result = SequenceMade(tuple(made), movie, tuple(notes))
-    _write_report(result, out)
-    return result
+    return SequenceMade(tuple(made), movie, tuple(notes))
 
 
 def folder_of(out: Path, number: int) -> Path:
@@ -113,7 +143,7 @@ def sparkles(before: np.ndarray, frame: np.ndarray, after: np.ndarray) -> float:
 
 
 def _motion_key(shot: Shot) -> object:
-    """What moves while the shutter is open, of which a frame's own moment tells nothing; None without a shutter."""
+    """The keys of what moves while the shutter is open, which a frame's own shot lacks; None without a shutter."""
     if shot.sequence is None or shot.sequence.shutter is None:
         return None
     tables = shot.sequence.model_dump(mode="json", exclude={"frames", "plates"})
@@ -121,9 +151,9 @@ def _motion_key(shot: Shot) -> object:
     return [tables, [[key.model_dump(mode="json") for key in some] for some in keys]]
 
 
-def _one(shot: Shot, number: int, folder: Path, before: tuple[Path, ...], insert: Insert, motion: object) -> FrameMade:
+def _one(shot: Shot, number: int, folder: Path, before: tuple[Path, ...], make: MakeFrame, motion: object) -> FrameMade:
     key = fingerprint([frame_key(shot), motion])
-    kept = _whole(folder, key)
+    kept = _complete(folder, key)
     if kept is not None:
         return FrameMade(number, folder, float(kept["seconds"]), True, tuple(kept["notes"]))
     # From here until all is written the frame counts as not made.
@@ -131,7 +161,7 @@ def _one(shot: Shot, number: int, folder: Path, before: tuple[Path, ...], insert
     begun = time.perf_counter()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        notes = insert(shot, folder, before)
+        notes = make(shot, folder, before)
     seconds = time.perf_counter() - begun
     notes = tuple(dict.fromkeys([*(str(each.message) for each in caught), *notes]))
     sizes = {p.name: p.stat().st_size for p in sorted(folder.iterdir()) if p.is_file() and not p.name.startswith(".")}
@@ -141,13 +171,13 @@ def _one(shot: Shot, number: int, folder: Path, before: tuple[Path, ...], insert
     return FrameMade(number, folder, seconds, False, notes)
 
 
-def _whole(folder: Path, key: str) -> dict[str, Any] | None:
-    """What was told of a frame that is there, whole and of this key; None for any other."""
+def _complete(folder: Path, key: str) -> dict[str, Any] | None:
+    """The record of a frame that is there, complete and of this key; None for any other."""
     try:
-        told = json.loads((folder / _DONE).read_text(encoding="utf-8"))
-        same = told["key"] == key and bool(told["files"])
-        there = all((folder / name).stat().st_size == size for name, size in told["files"].items())
-        return told if same and there else None
+        record = json.loads((folder / _DONE).read_text(encoding="utf-8"))
+        same = record["key"] == key and bool(record["files"])
+        there = all((folder / name).stat().st_size == size for name, size in record["files"].items())
+        return record if same and there else None
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
 
@@ -166,7 +196,7 @@ def _named_files(shot: Shot) -> list[Path]:
 def _parts_of(path: Path) -> Iterator[Path]:
     try:
         header = json.loads(path.read_bytes())
-    except (OSError, ValueError):  # told where the mesh is read
+    except (OSError, ValueError):  # reported where the mesh is read
         return
     for text in _strings([header.get("buffers"), header.get("images")]):
         if not text.startswith("data:") and len(text) < 1024 and (path.parent / text).is_file():
@@ -184,11 +214,11 @@ def _strings(value: Any) -> Iterator[str]:
 def _gathered(made: Sequence[FrameMade]) -> Iterator[str]:
     """Each note once; with its frame where not all frames have it."""
     for note in dict.fromkeys(note for frame in made for note in frame.notes):
-        told = [frame.number for frame in made if note in frame.notes]
-        if len(told) == len(made):
+        numbers = [frame.number for frame in made if note in frame.notes]
+        if len(numbers) == len(made):
             yield note
         else:
-            yield f"frame {told[0]}{f' and {len(told) - 1} more' if len(told) > 1 else ''}: {note}"
+            yield f"frame {numbers[0]}{f' and {len(numbers) - 1} more' if len(numbers) > 1 else ''}: {note}"
 
 
 def _movie(out: Path, made: Sequence[FrameMade], rate: float, notes: list[str]) -> Path | None:
@@ -208,9 +238,3 @@ def _movie(out: Path, made: Sequence[FrameMade], rate: float, notes: list[str]) 
         notes.append(f"no movie was written: {error}")
         return None
     return path
-
-
-def _write_report(result: SequenceMade, out: Path) -> None:
-    from relume.report.sequence_report import write_sequence_report
-
-    write_sequence_report(result, out / "report.html")

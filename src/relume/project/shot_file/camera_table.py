@@ -35,7 +35,7 @@ LINES_RESIDUAL = 3.0
 
 
 class Grid(Table):
-    """A chequered board on the ground, photographed by the plate's camera; what of the lens it is to tell."""
+    """A chequered board on the ground, photographed by the plate's camera, and what to estimate from it."""
 
     photograph: str
     squares: tuple[Annotated[int, Field(ge=3)], Annotated[int, Field(ge=3)]]
@@ -74,7 +74,7 @@ class Lines(Table):
     @model_validator(mode="after")
     def _one_length(self) -> Lines:
         if sum(known is not None for known in (self.length, self.upright, self.camera_height)) != 1:
-            raise ValueError("give one of length, upright and camera_height, which tells how large all is")
+            raise ValueError("give one of length, upright and camera_height, which sets the scale")
         return self
 
     def known_length(self) -> KnownLength:
@@ -128,7 +128,7 @@ class CameraTable(Table):
         if sum(getattr(self, source) is not None for source in SOURCES) != 1:
             raise ValueError("give one of grid, pose, lines and file")
         if self.file is not None and (self.focal_length is not None or self.centre is not None):
-            raise ValueError("file tells the focal length and the centre; leave focal_length and centre out")
+            raise ValueError("file holds the focal length and the centre; leave focal_length and centre out")
         if self.focal_length is not None and self.grid is not None and self.grid.estimate_focal_length:
             raise ValueError("both focal_length and grid.estimate_focal_length; give one of them")
         if self.distortion is not None and self.grid is not None and self.grid.estimate_k1:
@@ -144,7 +144,7 @@ def camera_fit(table: CameraTable, size: tuple[int, int], folder: Path, focal_le
     table : [camera]
     size : (width, height) of the plate, pixels
     folder : where its relative paths start
-    focal_length : pixels, as the plate's EXIF tells it; None where it tells none
+    focal_length : pixels, of the plate's EXIF; None where it holds none
     Raises InvalidShot naming the key, UnreadableFile and GridNotFound.
     """
     distortion = Distortion(**table.distortion.model_dump()) if table.distortion is not None else None
@@ -198,9 +198,9 @@ def _from_grid(
 
 
 def _from_lines(
-    table: CameraTable, lines: Lines, size: tuple[int, int], told: float | None, distortion: Distortion | None
+    table: CameraTable, lines: Lines, size: tuple[int, int], exif: float | None, distortion: Distortion | None
 ) -> CameraFit:
-    """Lines tell the focal length where two sets can; what EXIF says is used where they do not."""
+    """Two sets of lines determine the focal length where they can; else that of the EXIF is used."""
 
     def fit(focal_length: float | None) -> CameraFit:
         return fit_vanishing_lines(
@@ -211,17 +211,18 @@ def _from_lines(
     try:
         x, y, z = (np.array(s, np.float64).reshape(-1, 2, 2) for s in (lines.x, lines.y, lines.z))
         drawn, known = AxisLines(x, y, z, lines.level), lines.known_length()
-        # The terms of a distortion refer to a focal length, and lines along one axis tell none.
+        # The terms of a distortion refer to a focal length, and lines along one axis determine none.
         needed = distortion is not None or sum(len(s) > 1 for s in (x, y, z)) < 2
-        given = table.focal_length or (told if needed else None)
-        if given is not None or told is None:
+        given = table.focal_length or (exif if needed else None)
+        if given is not None or exif is None:
             return fit(given)
         try:
             return fit(None)
         except ValueError:
-            found = fit(told)
+            found = fit(exif)
         warnings.warn(
-            f"camera.lines do not tell the focal length; the plate's EXIF does: {told:.0f} pixels", stacklevel=3
+            f"camera.lines do not determine the focal length; that of the plate's EXIF is used: {exif:.0f} pixels",
+            stacklevel=3,
         )
         return found
     except ValueError as error:
@@ -229,9 +230,9 @@ def _from_lines(
 
 
 def _from_pose(
-    table: CameraTable, pose: Pose, size: tuple[int, int], told: float | None, distortion: Distortion | None
+    table: CameraTable, pose: Pose, size: tuple[int, int], exif: float | None, distortion: Distortion | None
 ) -> Camera:
-    focal_length = table.focal_length or told
+    focal_length = table.focal_length or exif
     if focal_length is None:
         raise InvalidShot("camera.focal_length: missing, and the plate's EXIF has none; give it in pixels")
     try:

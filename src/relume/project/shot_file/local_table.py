@@ -16,7 +16,7 @@ from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import Mesh, Plane, Shape
 from relume.surface.gloss import Gloss, glossy
 from relume.surface.projection import box_mesh
-from relume.surface.reflectance import Even, Fit, Given, Varying, Wanted
+from relume.surface.reflectance import ConstantAlbedo, EstimatedGloss, KnownMaterial, Recovery, TexturedAlbedo
 
 GREY = Diffuse((0.5, 0.5, 0.5))
 """What a surface is made of until its reflectance is recovered."""
@@ -80,13 +80,13 @@ class LocalTable(Placement):
         assert self.mesh is not None
         return tuple(replace(placed(m, self), material=material) for m in read_meshes(folder / self.mesh))
 
-    def wanted(self, seen_by_probe: bool) -> Wanted:
+    def wanted(self, seen_by_probe: bool) -> Recovery:
         """What is to be recovered; without a probe that shows the surface its gloss comes from the plate alone."""
         if not isinstance(self.reflectance, str):
-            return Wanted(Given())
+            return Recovery(KnownMaterial())
         gloss = Gloss(self.gloss.strength, self.gloss.roughness) if isinstance(self.gloss, GlossTable) else None
-        albedo = Varying() if self.reflectance == "recover" else Even()
-        return Wanted(albedo, Fit() if self.gloss == "recover" else gloss)
+        albedo = TexturedAlbedo() if self.reflectance == "recover" else ConstantAlbedo()
+        return Recovery(albedo, EstimatedGloss() if self.gloss == "recover" else gloss)
 
     @property
     def _is_placed(self) -> bool:

@@ -19,10 +19,10 @@ class MatchTable(Table):
     grain, sharpness : measured on the plate and given to the objects; on unless turned off
     vignetting : the fall-off that is in the plate: a camera profile in which it was measured, coefficients of r², r⁴, …
         (r is 1 at the corners), "cos4" for an uncorrected lens, or false. Off unless given: most cameras and raw
-        converters correct it, and a plate of any scene does not tell the lens' fall-off from that of its lamps
+        converters correct it, and the lens' fall-off cannot be separated from that of the lamps in a plate
     mode : "additive", the paper's; "ratio" where the reflectance is only roughly known
     occluder : a painted matte of real things in front of the objects
-    aperture : diameter of the lens, metres, or "exif" for what the plate's photograph tells; a pinhole unless given
+    aperture : diameter of the lens, metres, or "exif" for that of the plate's photograph; a pinhole unless given
     focus : distance that the lens was focused on, metres
     seed : of the grain
     """
@@ -57,9 +57,9 @@ class MatchTable(Table):
         if self.vignetting == "cos4":
             return Vignetting.cos4(focal_length, size)
         try:
-            told = read_profile(folder / self.vignetting).vignetting
-            if told is not None:
-                return Vignetting.from_dict(told)
+            found = read_profile(folder / self.vignetting).vignetting
+            if found is not None:
+                return Vignetting.from_dict(found)
         except ValueError as error:
             raise InvalidShot(f"match.vignetting: {error}") from None
         raise InvalidShot(

@@ -21,12 +21,13 @@ from relume.project.shot_file.distant_table import DistantTable
 from relume.project.shot_file.local_table import LocalTable
 from relume.project.shot_file.match_table import MatchTable
 from relume.project.shot_file.material_table import MaterialTable
+from relume.project.shot_file.merge_table import MergeTable
 from relume.project.shot_file.sequence_table import LightKey, ObjectKey, SequenceTable, require_rising
 
 Mirrored = Annotated[float, Field(gt=0, le=1)]
 
 
-class Plate(Table):
+class Plate(MergeTable):
     """The photograph that receives the objects: a bracket, a single photograph or one radiance map."""
 
     photographs: Names = Field(min_length=1)
@@ -34,7 +35,7 @@ class Plate(Table):
     denoise: bool = False
 
 
-class BallPhotographs(Table):
+class BallPhotographs(MergeTable):
     """A bracket of the mirrored ball and where its camera stood."""
 
     photographs: Names = Field(min_length=1)
@@ -86,7 +87,7 @@ class Light(Table):
         if self.map is None and self.probe is not None:
             raise ValueError("probe is for a finished map; of a ball the centre is known: leave it out")
         if self.map is None and self.heading:
-            raise ValueError("heading is for a finished map; photographs of a ball tell their own: leave it out")
+            raise ValueError("heading is for a finished map; photographs of a ball have their own: leave it out")
         if self.map is not None and self.probe is None and (self.distant.shape != "infinite" or self.lamps):
             raise ValueError("a near distant scene needs probe = [x, y, z], the place the map was taken at, metres")
         return self
@@ -148,10 +149,22 @@ class Shot(Table):
     sequence: SequenceTable | None = None
     folder: Path = Field(default=Path("."), exclude=True)
 
+    def with_render(self, *, samples: int | None = None, seed: int | None = None, noise: float | None = None) -> Shot:
+        """The shot with other values in [render]; None keeps the file's. Raises pydantic's ValidationError."""
+        given = {"samples": samples, "seed": seed, "noise": noise}
+        changes = {name: value for name, value in given.items() if value is not None}
+        return self.model_copy(update={"render": RenderTable.model_validate(self.render.model_dump() | changes)})
+
     def named_files(self) -> list[str]:
         """Every file that it names beside photographs: meshes, maps, mattes."""
         light = [name for name in (self.light.map, self.light.distant.mesh, self.match.occluder) if name is not None]
-        return [*light, *(name for table in self.local for name in table.files()), *(o.mesh for o in self.objects)]
+        profiles = [table.profile for table in (self.plate, *(self.light.balls or ())) if table.profile is not None]
+        return [
+            *profiles,
+            *light,
+            *(name for table in self.local for name in table.files()),
+            *(o.mesh for o in self.objects),
+        ]
 
     def files(self, patterns: Sequence[str]) -> list[Path]:
         """The files that names and patterns stand for, in order; raises UnreadableFile where one is none."""

@@ -14,6 +14,7 @@ from .orientation import Orientation as Orientation
 from .orientation import orient_back as orient_back
 from .orientation import orient_for as orient_for
 from .orientation import orientation_named as orientation_named
+from .orientation import rotation_from_angles as rotation_from_angles
 from .orientation_chart import orientation_chart as orientation_chart
 from .perspective import insert_view as insert_view
 from .perspective import perspective_view as perspective_view

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from relume.sphere.directions import rotation_about
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, Mapping
 from relume.sphere.mappings.squares import EqualArea
@@ -20,6 +21,12 @@ _AHEAD_IS_PLUS_X = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]
 """The middle of the file shows +X and +Z lies to its right."""
 _AHEAD_IS_PLUS_Z = np.diag([-1.0, 1.0, -1.0])
 """The middle of the file shows +Z and −X lies to its right."""
+
+
+def rotation_from_angles(yaw: float, pitch: float = 0.0, roll: float = 0.0) -> np.ndarray:
+    """The rotation (3, 3) by angles in radians: roll about +Z, then pitch about +X, then yaw about +Y, right-handed."""
+    x, y, z = np.eye(3)
+    return rotation_about(y, yaw) @ rotation_about(x, pitch) @ rotation_about(z, roll)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,70 +8,14 @@ import numpy as np
 
 from relume.errors import UnsupportedScene
 from relume.image.bilinear import bilinear
-from relume.image.photograph import Photograph
-from relume.image.radiance import RadianceMap
 from relume.light.constellations.constellation import Constellation, together
 from relume.light.constellations.placement import PlacedLights, radii_at
-from relume.light.constellations.residual import KeyLights
 from relume.light.reflection.convolution import as_latlong
+from relume.project.insertion.prepared import PreparedShot
 from relume.renderers.mitsuba.distant import wall_distances
-from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Infinite
 from relume.scene.lights import AmbientLight, DistantLight, Light, PointLight, SphereLight, SquareLaw
-from relume.scene.scene import Scene
 from relume.sphere.environment_map import EnvironmentMap
-from relume.virtual_camera.developing import develop
-from relume.virtual_camera.film.film import Film
-
-WHITE_PERCENTILE = 99
-"""Of a plate without a film: the radiance that is put just below white, as `insert` does."""
-
-
-@dataclass(frozen=True, eq=False)
-class HandOver:
-    """A shot for another program.
-
-    scene : the light as the probe saw it, the real surfaces with their reflectance, and the objects
-    camera : the plate's
-    plate : scene-linear, in the light's unit
-    photograph : the developed plate, for the eye; made from the plate by `film` unless given
-    film : what the plate is developed by; the sRGB curve with the plate's bright end at white unless given
-    keys : lights taken out of the scene's map, as `light.residual.key_lights` and `light.sun.extract_sun` find them,
-        for programs that find small lights in a map by chance alone. They are handed over as lamps and `keys.residual`
-        as the map; without them the whole map is
-    samples : rays a pixel, as the shot file says
-    depth : bounces
-
-    Raises ValueError where the plate is not of the camera's size.
-    """
-
-    scene: Scene
-    camera: Camera
-    plate: RadianceMap
-    photograph: Photograph | None = None
-    film: Film | None = None
-    keys: KeyLights | None = None
-    samples: int = 256
-    depth: int = 12
-
-    def __post_init__(self) -> None:
-        size = (self.camera.width, self.camera.height)
-        if self.plate.size != size:
-            raise ValueError(f"the plate is {self.plate.size} pixels and its camera {size}; give both alike")
-        if self.photograph is not None and self.photograph.size != size:
-            raise ValueError(f"the photograph is {self.photograph.size} pixels and its camera {size}; give both alike")
-
-    def developed_by(self) -> Film:
-        """The film, or that of `film = None`."""
-        if self.film is not None:
-            return self.film
-        return Film(1 / max(float(np.percentile(self.plate.radiance, WHITE_PERCENTILE)), 1e-30))
-
-    def picture(self) -> Photograph:
-        """The photograph, or the plate developed."""
-        if self.photograph is not None:
-            return self.photograph
-        return develop(self.plate.radiance, self.developed_by())
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +34,7 @@ class Lamps:
     placed: PlacedLights | None
 
 
-def lamps_of(value: HandOver) -> Lamps:
+def lamps_of(value: PreparedShot) -> Lamps:
     """The scene's lamps and its key lights, each where it stands, and the map that is left.
 
     The key lights of a distant scene with walls stand where their rays from the probe meet them, as in
@@ -158,7 +102,7 @@ def _both(first: PlacedLights, second: PlacedLights) -> PlacedLights:
     )
 
 
-def straightened(value: HandOver) -> tuple[HandOver, tuple[str, ...]]:
+def undistorted(value: PreparedShot) -> tuple[PreparedShot, tuple[str, ...]]:
     """The shot as a camera without lens distortion would have taken it, and a note that says so where it changed.
 
     Other programs' cameras draw straight lines straight. The plate is drawn anew for one (bilinear); what lies outside

@@ -34,7 +34,7 @@ LIGHT = Mitsuba(samples=64, depth=6)
 """Renders what reaches the subject; its noise is averaged over the cells of the stage's lights."""
 LIGHT_ROWS = 128
 LEAVES = 500
-"""Directions that light is told by: a room's light is rendered, and wide."""
+"""Directions that stand for the light: a room's light is rendered, and wide."""
 NEARER = 1.01
 """Another object's depth times this is still before the subject's: depths are means over pixels."""
 

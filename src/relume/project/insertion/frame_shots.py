@@ -1,10 +1,9 @@
-"""A shot at one frame of its sequence: a plain shot, as if it had been written so."""
+"""The shot at one frame of its sequence: a plain shot, as if the shot file described that frame alone."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -16,18 +15,15 @@ from relume.errors import InvalidShot, UnreadableFile
 from relume.project.schema import SomeTable
 from relume.project.shot_file.sequence_table import SequenceTable
 from relume.project.shot_file.shot import Shot
-from relume.scene.cameras.shutter import Shutter
 from relume.scene.gltf.animation import read_animation
 from relume.scene.motion.animation import Animation
 from relume.scene.motion.keyframes import Interpolation, Linear, Smooth, Step, Track, Turning
-from relume.sphere.directions import UP, rotation_about
-from relume.sphere.environment_map import EnvironmentMap
 
 BETWEEN: dict[str, Interpolation] = {"linear": Linear(), "smooth": Smooth(), "step": Step()}
 
 
 def frames_of(shot: Shot) -> list[int]:
-    """The frames of the shot's sequence; raises InvalidShot where it is none or cannot be one."""
+    """The frames of the shot's sequence; raises InvalidShot where it has none, or a frame has no plate."""
     table = _sequence(shot)
     if table.plates is None and shot.camera.keyframes:
         raise InvalidShot(
@@ -48,9 +44,9 @@ def frames_of(shot: Shot) -> list[int]:
 
 
 def at_frame(shot: Shot, frame: float) -> Shot:
-    """The shot as it is at a frame, or between two: without keys or a sequence, its files' motion stopped there.
+    """The shot at a frame, or between two: without keys or a sequence, its files' motion stopped there.
 
-    Raises InvalidShot where what the keys make there cannot be.
+    Raises InvalidShot where the keys give a value there that no shot file may have.
     """
     table = _sequence(shot)
     between = BETWEEN[table.interpolation]
@@ -86,24 +82,6 @@ def at_frame(shot: Shot, frame: float) -> Shot:
     return shot.model_copy(update=changes)
 
 
-def moments(shot: Shot, frame: int, passes: int) -> list[float]:
-    """The frames, with fractions, that a render's passes see while the shutter is open: the frame alone without one.
-
-    Give each to `at_frame` for what moves; the camera, whose plate was blurred by its own shutter, as well.
-    """
-    table = _sequence(shot)
-    if table.shutter is None:
-        return [float(frame)] * passes
-    return (frame + Shutter(*table.shutter).times(passes, shot.render.seed)).tolist()
-
-
-def changed_light(light: EnvironmentMap, turn: float, exposure: float) -> EnvironmentMap:
-    """The light turned about +Y, degrees, counter-clockwise seen from above, and made brighter by stops."""
-    if turn % 360 != 0:
-        light = light.rotated(rotation_about(UP, np.radians(turn)))
-    return light if exposure == 0 else replace(light, radiance=np.float32(2.0**exposure) * light.radiance)
-
-
 @lru_cache(maxsize=64)
 def _motion(path: Path, modified: int) -> Animation | None:
     return read_animation(path)
@@ -113,7 +91,7 @@ def motion_of(path: Path) -> Animation | None:
     """The motion that a mesh file holds, read once; None where it holds none, or the file is missing."""
     try:
         return _motion(path, path.stat().st_mtime_ns)
-    except OSError:  # told where the mesh is read
+    except OSError:  # reported where the mesh is read
         return None
 
 
@@ -124,19 +102,19 @@ def _sequence(shot: Shot) -> SequenceTable:
 
 
 def _at(keys: Sequence[Any], frame: float, between: Interpolation, names: Sequence[str]) -> dict[str, Any]:
-    """What the keys say of each of these names at a frame; nothing of those that none of them says anything of."""
+    """The value of each of these names at a frame, interpolated between its keys; names without a key are left out."""
     found: dict[str, Any] = {}
     for name in names:
-        told = [(key.frame, getattr(key, name)) for key in keys if getattr(key, name) is not None]
-        if told:
-            times, values = (np.array(column, np.float64) for column in zip(*told, strict=True))
+        given = [(key.frame, getattr(key, name)) for key in keys if getattr(key, name) is not None]
+        if given:
+            times, values = (np.array(column, np.float64) for column in zip(*given, strict=True))
             value = Track(times, values, between).at(frame)
             found[name] = tuple(value.tolist()) if value.ndim else float(value)
     return found
 
 
 def _changed(table: SomeTable, changes: Mapping[str, Any], place: str, frame: float) -> SomeTable:
-    """The table without its keys, and with what they say, checked as if the file had it."""
+    """The table without its keys and with their values, checked as if the file held them."""
     try:
         return type(table).model_validate(table.model_dump() | dict(changes) | {"keyframes": ()})
     except ValidationError as error:

@@ -1,6 +1,4 @@
-"""The script that builds a shot in Blender; `blender` puts the shot's facts in it."""
-
-SCRIPT = '''"""A shot for Blender 4.2 and newer, written by relume.
+"""A shot for Blender 4.2 and newer, written by relume.
 
     blender --python shot.py                            opens it, in a scene of its own
     blender -b --python shot.py -- --render OUT.exr     renders the composite
@@ -17,7 +15,7 @@ import sys
 import bpy
 from mathutils import Matrix, Vector
 
-SHOT = FACTS_GO_HERE
+SHOT = {}  # relume writes the facts of the shot here
 
 # Our +Y is up and Blender's +Z.
 TO_BLENDER = Matrix(((1, 0, 0), (0, 0, -1), (0, 1, 0)))
@@ -61,25 +59,25 @@ def node_of(material, kind):
 
 
 def set_camera(scene):
-    told = SHOT["camera"]
+    facts = SHOT["camera"]
     data = bpy.data.cameras.new("relume camera")
-    data.sensor_fit, data.sensor_width = "HORIZONTAL", told["sensor"]
-    data.lens = told["lens"]
-    data.shift_x, data.shift_y = told["shift"]
+    data.sensor_fit, data.sensor_width = "HORIZONTAL", facts["sensor"]
+    data.lens = facts["lens"]
+    data.shift_x, data.shift_y = facts["shift"]
     data.clip_start, data.clip_end = 0.01, 10000
-    if told["f_stop"] is not None:
+    if facts["f_stop"] is not None:
         data.dof.use_dof = True
-        data.dof.aperture_fstop, data.dof.focus_distance = told["f_stop"], told["focus"]
+        data.dof.aperture_fstop, data.dof.focus_distance = facts["f_stop"], facts["focus"]
     data.show_background_images = True
     behind = data.background_images.new()
     behind.image, behind.alpha, behind.frame_method = loaded("plate.png"), 1.0, "STRETCH"
     camera = bpy.data.objects.new("relume camera", data)
-    pose = Matrix([TO_BLENDER @ Vector(axis) for axis in told["axes"]]).transposed().to_4x4()
-    pose.translation = TO_BLENDER @ Vector(told["position"])
+    pose = Matrix([TO_BLENDER @ Vector(axis) for axis in facts["axes"]]).transposed().to_4x4()
+    pose.translation = TO_BLENDER @ Vector(facts["position"])
     camera.matrix_world = pose
     scene.collection.objects.link(camera)
     scene.camera = camera
-    scene.render.resolution_x, scene.render.resolution_y = told["size"]
+    scene.render.resolution_x, scene.render.resolution_y = facts["size"]
     scene.render.resolution_percentage = 100
 
 
@@ -203,4 +201,3 @@ arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []
 if "--render" in arguments:
     built.render.filepath = os.path.abspath(arguments[arguments.index("--render") + 1])
     bpy.ops.render.render(write_still=True, scene=built.name)
-'''

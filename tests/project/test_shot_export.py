@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from relume.errors import OutputNotWritten, UnsupportedScene
-from relume.export.bundle import lamps_of, straightened
-from relume.export.shot_formats import FORMATS, HandOver, hand_over
+from relume.export.shot_files import SHOT_FORMATS, export_shot
+from relume.export.shot_lamps import lamps_of, undistorted
 from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.light.constellations.constellation import Constellation
 from relume.light.constellations.residual import KeyLights
+from relume.project.insertion.prepared import PreparedShot
 from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.renderers.mitsuba.scene import scene_dictionary
 from relume.scene.cameras.camera import Camera
@@ -30,7 +31,7 @@ from relume.scene.shapes.shapes import Mesh, Plane, Sphere
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
 
-EACH = pytest.mark.parametrize("name", FORMATS)
+EACH = pytest.mark.parametrize("name", SHOT_FORMATS)
 BOX = Box((-2.0, -0.5, -1.5), (2.0, 2.5, 1.5))
 GREY = Material((0.2, 0.4, 0.6), roughness=0.3, name="grey")
 SQUARE = Mesh(
@@ -56,7 +57,9 @@ def shot(**changes):
     )
     plate = RadianceMap(np.full((16, 24, 3), 0.5, np.float32))
     fields = {"camera": camera, "plate": plate} | {k: v for k, v in changes.items() if k in ("camera", "plate", "keys")}
-    return HandOver(replace(scene, **{k: v for k, v in changes.items() if k not in fields and k != "keys"}), **fields)
+    return PreparedShot(
+        replace(scene, **{k: v for k, v in changes.items() if k not in fields and k != "keys"}), **fields
+    )
 
 
 def found(pattern, text):
@@ -80,7 +83,7 @@ def value_of(element):
 def quietly(value, folder, name):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return hand_over(value, folder, FORMATS[name])
+        return export_shot(value, folder, SHOT_FORMATS[name])
 
 
 @EACH
@@ -94,7 +97,7 @@ def test_every_file_that_is_named_is_there(name, tmp_path):
         if path.suffix in (".py", ".usda", ".xml"):
             named |= set(re.findall(r"[\w./-]+\.(?:exr|png|glb|ply|usda|xml)\b", path.read_text(encoding="utf-8")))
     assert {name.removeprefix("./") for name in named if "OUT" not in name} - {"shot.xml"} <= there
-    assert {FORMATS[name].main, "README.txt", "plate.exr", "plate.png"} <= there
+    assert {SHOT_FORMATS[name].main, "README.txt", "plate.exr", "plate.png"} <= there
 
 
 def test_blender_gets_the_camera_in_its_terms(tmp_path):
@@ -239,7 +242,7 @@ def test_plate_is_drawn_without_distortion():
     # Each pixel holds its own place, as the distorted camera saw it.
     x, y = np.meshgrid(np.arange(24) + 0.5, np.arange(16) + 0.5)
     plate = RadianceMap(np.stack([x, y, 0 * x], axis=-1).astype(np.float32))
-    straight, notes = straightened(shot(camera=camera, plate=plate))
+    straight, notes = undistorted(shot(camera=camera, plate=plate))
     assert straight.camera.distortion is None and "distortion" in notes[0]
     world = camera.position + camera.pinhole().rays()[8, 15]
     assert np.allclose(straight.plate.radiance[8, 15, :2], camera.project(world), atol=1e-4)
@@ -252,7 +255,7 @@ def test_what_is_not_held_is_said(name, tmp_path):
     camera = replace(shot().camera, distortion=Distortion(k1=-0.1))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        notes = hand_over(shot(objects=(ward,), camera=camera), tmp_path / "out", FORMATS[name])
+        notes = export_shot(shot(objects=(ward,), camera=camera), tmp_path / "out", SHOT_FORMATS[name])
     assert [str(each.message) for each in caught] == [f"{name}: {note}" for note in notes]
     readme = (tmp_path / "out" / "README.txt").read_text(encoding="utf-8")
     assert any("Ward" in note for note in notes) and any("distortion" in note for note in notes)
@@ -263,7 +266,7 @@ def test_what_is_not_held_is_said(name, tmp_path):
 def test_materials_that_are_no_physical_ones_are_refused(name, tmp_path):
     painted = replace(SQUARE, material=WhittedMaterial((0.5, 0.5, 0.5)))
     with pytest.raises(UnsupportedScene):
-        hand_over(shot(objects=(painted,)), tmp_path / "out", FORMATS[name])
+        export_shot(shot(objects=(painted,)), tmp_path / "out", SHOT_FORMATS[name])
     assert not list(tmp_path.iterdir())
 
 
@@ -277,9 +280,9 @@ def test_folder_that_exists_keeps_what_is_not_ours(tmp_path):
     assert (folder / "shot.py").read_text(encoding="utf-8") != "old"
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
     with pytest.raises(OutputNotWritten, match="nowhere"):
-        hand_over(shot(), tmp_path / "nowhere" / "out", FORMATS["blender"])
+        export_shot(shot(), tmp_path / "nowhere" / "out", SHOT_FORMATS["blender"])
     with pytest.raises(OutputNotWritten, match="file has that name"):
-        hand_over(shot(), folder / "shot.py", FORMATS["blender"])
+        export_shot(shot(), folder / "shot.py", SHOT_FORMATS["blender"])
 
 
 def test_plate_of_another_size_is_refused():

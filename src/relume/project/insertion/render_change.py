@@ -1,0 +1,174 @@
+"""The fourth step of `insert`: what the objects change of the plate, rendered, denoised and kept."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from relume.errors import CannotResume, OutputNotWritten
+from relume.image import files
+from relume.image.radiance import RadianceMap
+from relume.project.insertion.photographs import Calibrated
+from relume.project.insertion.place import Place
+from relume.project.shot_file.objects import placed_meshes
+from relume.project.shot_file.shot import Shot
+from relume.project.stages import Steps
+from relume.renderers.mitsuba.differential import Differential
+from relume.renderers.progressive.accumulation import Watch, forget
+from relume.renderers.progressive.accumulators import Sums
+from relume.renderers.progressive.fingerprint import without_threads
+from relume.renderers.progressive.graceful_shutdown import Force
+from relume.renderers.renderer import Moments, Renderer
+from relume.renderers.results import Change
+from relume.scene.cameras.shutter import Shutter
+from relume.scene.scene import Scene
+from relume.scene.shapes.shapes import Mesh
+from relume.virtual_camera.developing import develop
+from relume.virtual_camera.film.film import Film
+
+MOMENTS = 33
+"""Moments of the exposure whose shots identify a kept render where something moves."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What moves while the shutter is open.
+
+    shot : the shot at a moment: a share of a frame's time from the middle of its exposure
+    shutter : which moments
+    """
+
+    shot: Callable[[float], Shot]
+    shutter: Shutter
+
+    def key(self) -> list[object]:
+        """What identifies it: the shot at some of its moments, and the files whose own motion may matter."""
+        times = np.linspace(self.shutter.open, self.shutter.close, MOMENTS)
+        shots = [self.shot(float(time)) for time in times]
+        meshes = [shots[0].folder / each.mesh for each in shots[0].objects]
+        return [self.shutter, [each.model_dump(mode="json") for each in shots], meshes]
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """How the render of an insertion runs; its pixels depend on `renderer` and `motion` alone.
+
+    renderer : Differential with the shot's settings unless given
+    threads : of that Differential; all cores unless given
+    motion : None where nothing moves
+    restart : discard the saved state of an interrupted render
+    force : how a first Ctrl-C is answered in time, for programs that own their process
+    """
+
+    renderer: Renderer | None = None
+    threads: int | None = None
+    motion: Motion | None = None
+    restart: bool = False
+    force: Force | None = None
+
+
+def render_change(
+    shot: Shot, calibrated: Calibrated, place: Place, meshes: Sequence[Mesh], film: Film, steps: Steps,
+    rendering: Rendering,
+) -> Change:  # fmt: skip
+    """What the objects change of the plate.
+
+    meshes : the objects
+    film : develops the previews
+    Raises Interrupted, which leaves the render's state to a later run; InvalidShot, UnsupportedScene.
+    """
+    table, motion = shot.render, rendering.motion
+    renderer = rendering.renderer or Differential(
+        table.samples, table.noise, table.depth, threads=rendering.threads
+    )  # fmt: skip
+    # What the render depends on.
+    scene = place.relit(shot).adding(*meshes)
+    made_from: list[object] = [scene, place.camera, without_threads(renderer), table.seed, table.denoise]
+    moments: Moments | None = None
+    if motion is not None:
+        made_from.append(motion.key())
+        moments = lambda time: (_scene_at(place, motion.shot(time)), place.camera)  # noqa: E731
+    if table.noise is not None:
+        made_from.append(calibrated.plate)
+
+    def make() -> Change:
+        # The saved state of an interrupted render, and previews beside it.
+        folder = steps.stages.folder
+        folder.mkdir(parents=True, exist_ok=True)
+        plate = calibrated.plate
+        previews = Previews(folder.parent, plate, film)
+        watch = Watch(
+            folder / "render.passes", rendering.restart, preview=previews if table.preview else None,
+            force=rendering.force,
+        )  # fmt: skip
+
+        def trace(watch: Watch) -> Change:
+            return renderer.change(
+                scene, place.camera, seed=table.seed, progress=lambda share: steps.progress("render", share),
+                watch=watch, plate=plate.radiance, moments=moments,
+                shutter=Shutter(0.0, 0.0) if motion is None else motion.shutter,
+            )  # fmt: skip
+
+        # Render, from the saved state where it is of this render; denoise.
+        try:
+            change = trace(watch)
+        except CannotResume as error:
+            what = str(error).partition(";")[0]
+            warnings.warn(f"cannot resume the saved render: {what}; starting over", stacklevel=2)
+            change = trace(Watch(watch.checkpoint, True, preview=watch.preview, force=rendering.force))
+        forget(watch)
+        previews.remove()
+        if not table.denoise:
+            return change
+        from relume.renderers.mitsuba.denoise import denoised
+
+        return denoised(change)
+
+    # Things from light stages show their own pixels.
+    change = steps.keep("render", made_from, make)
+    if any(each.stage is not None for each in shot.objects):
+        from relume.project.insertion.light_stage_objects import with_stages
+
+        with steps.timed("stages"):
+            change = with_stages(
+                shot, place.relit(shot), place.camera, change, lambda share: steps.progress("stages", share)
+            )
+    return change
+
+
+def _scene_at(place: Place, shot: Shot) -> Scene:
+    return place.relit(shot).adding(*placed_meshes(shot))
+
+
+@dataclass(frozen=True, eq=False)
+class Previews:
+    """Writes preview.exr and preview.png, each whole at every moment; for `Watch.preview`.
+
+    folder : must exist
+    plate : that the composite so far is over
+    film : develops it
+    """
+
+    folder: Path
+    plate: RadianceMap
+    film: Film
+
+    def __call__(self, sums: Sums) -> None:
+        """Write them; a full disk costs the preview, with a warning, and not the render."""
+        matte = sums.mean("matte")[..., None]
+        composite = self.plate.radiance * (1 - matte) + sums.mean("difference") + sums.mean("objects")
+        composite = np.asarray(composite, np.float32)
+        try:
+            files.write(self.folder / "preview.exr", RadianceMap(composite, unit=self.plate.unit))
+            files.write(self.folder / "preview.png", develop(composite, self.film))
+        except OutputNotWritten as error:
+            warnings.warn(f"no preview: {error}", stacklevel=2)
+
+    def remove(self) -> None:
+        """Remove them, once the result itself is there."""
+        for name in ("preview.exr", "preview.png"):
+            (self.folder / name).unlink(missing_ok=True)

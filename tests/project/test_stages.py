@@ -1,0 +1,97 @@
+"""Kept results: a value comes back from its arrays as it was, and is redone where what made it changed."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from relume.probe.ball.blending import Probe
+from relume.project.stages import Stages, Steps, packed, unpacked
+from relume.scene.materials.materials import Diffuse
+from relume.scene.shapes.shapes import Mesh, Plane
+from relume.sphere.environment_map import EnvironmentMap
+from relume.surface.gloss import FittedGloss, Gloss, glossy
+from relume.surface.reflectance import RecoveredLocal, RecoveredSurface
+
+GENERATOR = np.random.default_rng(1)
+ALBEDO, WITHOUT, LIGHT = (GENERATOR.random((5, 7, 3)).astype(np.float32) for _ in range(3))
+GLOSS = Gloss(0.0412, 0.173)
+MESH = Mesh(
+    GENERATOR.random((4, 3)).astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.int32), glossy(ALBEDO, GLOSS),
+    None, GENERATOR.random((4, 2)).astype(np.float32),
+)  # fmt: skip
+LOCAL = RecoveredLocal(
+    (
+        RecoveredSurface(None, None, None, 0, None, None, (Plane(Diffuse((0.5, 0.4, 0.3))),)),
+        RecoveredSurface(
+            (0.1, 0.2, 1 / 3), (0.1, 0.2, 1.1), (0.01, 0.02, 0.03), 9, GLOSS,
+            FittedGloss(GLOSS, 0.003, 0.02, 1234, 0.04, 2, ("a note",)), (MESH,),
+        ),
+    ),
+    ALBEDO, WITHOUT, LIGHT, 3, 0.0012, ("one", "two"),
+)  # fmt: skip
+PROBE = Probe(EnvironmentMap(np.ones((4, 8, 3), np.float32)), (0.0, 0.1), 0.2, 0.3, np.ones((4, 8), np.float32))
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two values are of the same types and contents all through."""
+    if isinstance(one, np.ndarray):
+        return one.dtype == other.dtype and np.array_equal(one, other)
+    if is_dataclass(one) and not isinstance(one, type):
+        return type(one) is type(other) and all(
+            same(getattr(one, each.name), getattr(other, each.name)) for each in fields(one)
+        )
+    if isinstance(one, list | tuple):
+        return type(one) is type(other) and len(one) == len(other) and all(map(same, one, other))
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(same(each, other[key]) for key, each in one.items())
+    return type(one) is type(other) and one == other
+
+
+@pytest.mark.parametrize(
+    "value",
+    [LOCAL, PROBE, None, "text", (1, 2.5, [True, None]), {"a": (1 / 3, np.eye(2))}, (np.array(["é"]), float("inf"))],
+    ids=lambda value: type(value).__name__,
+)
+def test_a_value_comes_back_to_the_bit(value: Any) -> None:
+    assert same(value, unpacked(packed(value)))
+
+
+def test_an_array_that_stands_twice_is_packed_once() -> None:
+    arrays = packed(LOCAL)
+    assert sum(array.shape == ALBEDO.shape for array in arrays.values()) == 3
+    back = unpacked(arrays)
+    assert back.surfaces[1].shapes[0].material.base_color is back.albedo
+
+
+@dataclass(frozen=True)
+class Foreign:
+    value: int = 1
+
+
+def test_values_that_are_not_ours_are_refused() -> None:
+    with pytest.raises(TypeError, match="object"):
+        packed(object())
+    with pytest.raises(ValueError, match="no class of relume"):
+        unpacked(packed(Foreign()))
+
+
+def test_a_result_is_kept_with_its_warnings_until_what_made_it_changes(tmp_path: Path) -> None:
+    def make() -> np.ndarray:
+        warnings.warn("doubtful", stacklevel=2)
+        return np.arange(3)
+
+    for settings, kept in (({"a": 1}, []), ({"a": 1}, ["step"]), ({"a": 2}, [])):
+        steps = Steps(Stages(tmp_path))
+        with pytest.warns(UserWarning, match="doubtful"):
+            assert steps.keep("step", settings, make).tolist() == [0, 1, 2]
+        assert steps.kept == kept
+    # A damaged file is made again.
+    (tmp_path / "step.npz").write_bytes((tmp_path / "step.npz").read_bytes()[:100])
+    with pytest.warns(UserWarning, match="doubtful"):
+        Steps(Stages(tmp_path)).keep("step", {"a": 2}, make)
