@@ -20,7 +20,7 @@ from relume.lightstage.field.lights import StageLights
 from relume.scene.cameras.camera import Camera
 
 MOVED = 0.5
-"""Pixels between two takes from which on their difference is edges rather than cloth; it is told to 0.2 or so."""
+"""Pixels between two takes from which on their difference is edges rather than cloth; it is measured to 0.2 or so."""
 _ROWS = 64
 _ROUNDS = 30
 _REACH = 6
@@ -79,7 +79,7 @@ def recolour_clothing(black: RadianceMap, white: RadianceMap, tint: ArrayLike) -
             f"{white.unit}; expected two of one camera"
         )
     share = _share(tint)
-    _tell_moved(displacement(black.radiance, white.radiance))
+    _warn_moved(displacement(black.radiance, white.radiance))
     variance = clipped = None
     if black.variance is not None and white.variance is not None:
         variance = (1 - share) ** 2 * black.variance + share**2 * white.variance
@@ -131,7 +131,7 @@ class RecolouredField:
         """The takes' variances, each by the square of its share, in the channel where they are most.
 
         None where a take's is unknown, and outside the two cloths. Of R = (1 − t) B + t W a share's photons give
-        (1 − t)² B s_B + t² W s_W ≤ max((1 − t) s_B, t s_W) · R, which is what is told.
+        (1 − t)² B s_B + t² W s_W ≤ max((1 − t) s_B, t s_W) · R, which is what is given.
         """
         black, white = self.black.noise, self.white.noise
         if black is None or white is None or np.any(self.tint < 0) or np.any(self.tint > 1):
@@ -150,10 +150,10 @@ def recolour_field(black: ReflectanceField, white: ReflectanceField, tint: Array
 
     tint : (3,), of `ClothAlbedos.tint`
     Raises ValueError for fields of two sizes or of other lights. Warns where the subject moved between the takes, as
-    told by the sum of their pictures.
+    seen in the sum of their pictures.
     """
     field = RecolouredField(black, white, _share(tint))
-    _tell_moved(displacement(_summed(black), _summed(white)))
+    _warn_moved(displacement(_summed(black), _summed(white)))
     return field
 
 
@@ -162,7 +162,7 @@ def displacement(black: np.ndarray, white: np.ndarray) -> float:
 
     The shift under which the logarithms' fine detail differs least, where both have edges: the best of whole pixels up
     to six, then least squares on gradients (Lucas & Kanade 1981). Pixels that changed otherwise, like the cloth, weigh
-    little in either. 0 where there are no edges to tell.
+    little in either. 0 where there are no edges.
     """
     first, second = (_detail(picture) for picture in (black, white))
     strength = np.hypot(*np.gradient(first))
@@ -171,21 +171,21 @@ def displacement(black: np.ndarray, white: np.ndarray) -> float:
     inside &= strength > 1e-3
     if not inside.any():
         return 0.0
-    told = inside & (strength >= np.quantile(strength[inside], 0.7))
-    noise = 1.4826 * float(np.median(np.abs(first[told]))) + 1e-6
+    edges = inside & (strength >= np.quantile(strength[inside], 0.7))
+    noise = 1.4826 * float(np.median(np.abs(first[edges]))) + 1e-6
     reach = range(-_REACH, _REACH + 1)
 
     def cost(shift: tuple[int, int]) -> float:
-        square = np.square((np.roll(second, (-shift[0], -shift[1]), (0, 1)) - first)[told] / noise)
+        square = np.square((np.roll(second, (-shift[0], -shift[1]), (0, 1)) - first)[edges] / noise)
         return float((square / (1 + square)).mean())
 
     shift = np.array(min(((down, across) for down in reach for across in reach), key=cost), np.float64)
     for _ in range(_ROUNDS):
         moved = _shifted(second, shift)
-        difference = (moved - first)[told]
+        difference = (moved - first)[edges]
         scale = 1.4826 * float(np.median(np.abs(difference))) + 1e-6
         weight = 1 / np.square(1 + np.square(difference / (3 * scale)))
-        slope = np.stack([np.gradient(0.5 * (first + moved), axis=axis)[told] for axis in (0, 1)], axis=-1)
+        slope = np.stack([np.gradient(0.5 * (first + moved), axis=axis)[edges] for axis in (0, 1)], axis=-1)
         normal = slope.T @ (slope * weight[:, None])
         if np.linalg.cond(normal) > 1e8:
             break
@@ -234,7 +234,7 @@ def _shifted(picture: np.ndarray, shift: np.ndarray) -> np.ndarray:
     return moved(picture, -shift, order=3, mode="nearest")
 
 
-def _tell_moved(pixels: float) -> None:
+def _warn_moved(pixels: float) -> None:
     if pixels > MOVED:
         warnings.warn(
             f"the subject moved by about {pixels:.1f} pixels between the takes; what they differ in is then edges too: "

@@ -1,4 +1,4 @@
-"""The report of a light stage: its lights, its reflectance functions, and a light that is turned by hand."""
+"""The report of a light stage: its lights, its reflectance functions, and an interactive relighting viewer."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
 
 RANK = 24
-"""Pictures of the page: with 24 its size is some megabytes, and its error is told."""
+"""Pictures of the page: with 24 its size is some megabytes, and its error is written."""
 WIDE = 480
 """Pixels of the page's subject, along its longer side, at most."""
 LONELY = np.radians(80)
@@ -30,7 +30,7 @@ LONELY = np.radians(80)
 MEMORY = 256 << 20
 """Bytes for the pictures that the page's basis is found from: a stage of many lights gets fewer pixels."""
 ODD = 4.0
-"""Times brighter than the pictures of all the lights about it but one, or darker: such a picture is told."""
+"""Times brighter than the pictures of all the lights about it but one, or darker: such a picture is warned of."""
 
 
 def write_stage_report(
@@ -60,7 +60,7 @@ def write_stage_report(
             "Drag the subject or the map: the light turns about the vertical, and tips. What is shown is the sum of "
             f"{len(basis.basis)} pictures; it differs from that of all {len(field.lights)} by "
             f"{basis.error.random:.1%} "
-            f"under light from everywhere; mirrored lamps are left out. {_size_told(field.shape, side)}"
+            f"under light from everywhere; mirrored lamps are left out. {_size_note(field.shape, side)}"
         ),
         turning_part(interactive_basis(basis), shown),
         heading("Lights"),
@@ -97,14 +97,14 @@ def doubts_of(field: ReflectanceField, levels: np.ndarray) -> tuple[str, ...]:
         odd = np.zeros(count, bool)
     if odd.any():
         names = ", ".join(field.lights.names[i] for i in np.flatnonzero(odd)[:4])
-        told = "1 picture is" if odd.sum() == 1 else f"{odd.sum()} pictures are"
-        lines.append(f"{told} {ODD:g} times brighter or darker than those of nearly all lights around: {names}")
-    if gap := _gap_told(field.lights):
+        which = "1 picture is" if odd.sum() == 1 else f"{odd.sum()} pictures are"
+        lines.append(f"{which} {ODD:g} times brighter or darker than those of nearly all lights around: {names}")
+    if gap := _gap_note(field.lights):
         lines.append(gap)
     return tuple(lines)
 
 
-def _gap_told(lights: StageLights) -> str:
+def _gap_note(lights: StageLights) -> str:
     """The part of the sphere that is far from every light; nothing where there is none."""
     from scipy.spatial import KDTree
 
@@ -152,7 +152,7 @@ def _squares(shape: tuple[int, int], side: int) -> int:
     return -(-shape[0] // side) * -(-shape[1] // side)
 
 
-def _size_told(shape: tuple[int, int], side: int) -> str:
+def _size_note(shape: tuple[int, int], side: int) -> str:
     if side == 1:
         return f"It is shown in all of its {shape[1]}×{shape[0]} pixels."
     return f"Each of its pixels is the mean of {side}×{side} of the stage's."
@@ -161,15 +161,15 @@ def _size_told(shape: tuple[int, int], side: int) -> str:
 def _facts(field: ReflectanceField) -> Sequence[tuple[str, str]]:
     lights, camera = field.lights, field.camera
     areas = lights.solid_angles
-    told = [("lights", str(len(lights))), ("pictures", f"{field.shape[1]}×{field.shape[0]}")]
-    told.append(("cells", f"{areas.min():.3g} to {areas.max():.3g} sr, together 4π"))
+    facts = [("lights", str(len(lights))), ("pictures", f"{field.shape[1]}×{field.shape[0]}")]
+    facts.append(("cells", f"{areas.min():.3g} to {areas.max():.3g} sr, together 4π"))
     if lights.grid:
-        told.append(("grid", f"{lights.grid[0]} inclinations × {lights.grid[1]} azimuths"))
+        facts.append(("grid", f"{lights.grid[0]} inclinations × {lights.grid[1]} azimuths"))
     if camera is not None:
-        told.append(("camera", "at " + ", ".join(f"{v:.3g}" for v in camera.position) + " m"))
+        facts.append(("camera", "at " + ", ".join(f"{v:.3g}" for v in camera.position) + " m"))
     if field.noise is not None:
-        told.append(("noise", f"variance {field.noise.constant:.3g} + {field.noise.slope:.3g} × value"))
-    return told
+        facts.append(("noise", f"variance {field.noise.constant:.3g} + {field.noise.slope:.3g} × value"))
+    return facts
 
 
 def _white(radiance: np.ndarray) -> float:

@@ -159,7 +159,7 @@ def test_twice_the_time_is_twice_the_irradiance() -> None:
 
 
 def test_exposures_of_which_some_tell_no_aperture_are_refused() -> None:
-    with pytest.raises(ValueError, match="picture 1 tells no f_number"):
+    with pytest.raises(ValueError, match="picture 1 has no f_number"):
         irradiances_of_frames([Exposure(0.01, 4.0), Exposure(0.01)])
     with pytest.raises(ValueError, match="no exposures"):
         irradiances_of_frames([])

@@ -13,7 +13,7 @@ from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 from relume.lightstage.acquire.picture_folder import PictureFolder
 from relume.lightstage.acquire.read_stage import find_stage_file, open_pictures, read_stage
-from relume.lightstage.acquire.stage_file import read_stage_file
+from relume.lightstage.acquire.stage_file_reading import read_stage_file
 from relume.lightstage.field.field import whole
 
 HEAD = Path(__file__).resolve().parents[4] / "shared" / "stages" / "head"
@@ -138,7 +138,7 @@ def test_the_exposures_that_cameras_wrote_divide_and_the_first_counts_as_one(tmp
         files.write(folder / f"{index}.png", photograph)
     np.testing.assert_allclose(whole(read_stage(folder))[:, 0, 0, 0] * 255 / 128, [1, 0.5, 2], rtol=1e-4)
     files.write(folder / "1.png", Photograph(np.full((4, 4, 3), 128, np.uint8)))
-    assert "0.png and " in refusal(folder) and "only one tells its exposure" in refusal(folder)
+    assert "0.png and " in refusal(folder) and "only one has an exposure time" in refusal(folder)
 
 
 def bracketed(folder: Path, exposures: bool = True) -> tuple[Path, np.ndarray]:
@@ -163,7 +163,7 @@ def test_a_bracket_of_each_light_is_merged_on_one_scale(tmp_path: Path) -> None:
 
 def test_a_bracket_whose_exposures_nobody_tells_is_refused(tmp_path: Path) -> None:
     folder, _ = bracketed(tmp_path, exposures=False)
-    assert "0_0.png: its exposure is told nowhere" in refusal(folder)
+    assert "0_0.png: its exposure is not known" in refusal(folder)
 
 
 def test_saturated_pixels_are_told_once_and_marked(tmp_path: Path) -> None:

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from relume.errors import InvalidStage
-from relume.lightstage.acquire.stage_file import read_stage_file, write_stage_file
+from relume.lightstage.acquire.stage_file import write_stage_file
+from relume.lightstage.acquire.stage_file_reading import read_stage_file
 
 HEAD = Path(__file__).resolve().parents[4] / "shared" / "stages" / "head" / "stage.json"
 THREE = [
@@ -94,7 +95,7 @@ def test_a_stage_is_written_as_it_was_read(tmp_path: Path) -> None:
     assert again.others == {"note": "mine"}
 
 
-def test_told_cells_that_do_not_fill_the_sphere_are_not_believed(tmp_path: Path) -> None:
+def test_given_cells_that_do_not_fill_the_sphere_are_not_believed(tmp_path: Path) -> None:
     lights = [dict(light, solid_angle=1.0) for light in THREE]
     assert read_stage_file(written(tmp_path, {"lights": lights})).stage_lights().solid_angles.sum() == pytest.approx(
         4 * np.pi
@@ -114,7 +115,7 @@ def test_a_grid_out_of_order_is_no_grid(tmp_path: Path) -> None:
         ({"directoin": [0, 0, 1]}, 'unknown key "directoin"; did you mean direction?'),
         ({"direction": None}, "expected three numbers"),
         ({"direction": [0, 0, 0]}, "has no length"),
-        ({"direction": [0, 0, float("nan")]}, "expected a number"),
+        ({"direction": [0, 0, float("nan")]}, "expected a finite number"),
         ({"position": [0, 0, 1]}, 'both "direction" and "position"'),
         ({"files": {"a": "x"}}, 'both "file" and "files"'),
         ({"irradiance": 0}, "above 0"),
@@ -139,7 +140,10 @@ def test_a_light_without_direction_is_refused(tmp_path: Path) -> None:
         ({"lights": []}, 'has no "lights"'),
         ({"lights": THREE, "grid": {"inclination": 2, "azimuth": 2}}, "a grid of 2 × 2 lights, but it lists 3"),
         ({"lights": THREE, "camera_x": {"position": [0, 0, 1], "look_at": [0, 0, 0]}}, 'no "hfov_deg"'),
-        ({"lights": THREE, "target": {"rectangle": [0, 0, 1, 1], "reflectance": 2}}, "at most 1"),
+        (
+            {"lights": THREE, "target": {"rectangle": [0, 0, 1, 1], "reflectance": 2}},
+            "at most 1",
+        ),
     ],
 )
 def test_a_wrong_stage_is_refused(tmp_path: Path, table: object, told: str) -> None:

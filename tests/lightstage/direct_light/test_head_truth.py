@@ -10,7 +10,7 @@ import pytest
 
 from relume.image.files import read_layers, read_radiance
 from relume.lightstage.acquire.read_stage import read_stage, stage_geometry
-from relume.lightstage.acquire.stage_file import read_stage_file
+from relume.lightstage.acquire.stage_file_reading import read_stage_file
 from relume.lightstage.direct_light.control_variate import relight_with_mesh
 from relume.lightstage.direct_light.light_directions import DirectedLight, quadtree_lights
 from relume.lightstage.field.field import ReflectanceField

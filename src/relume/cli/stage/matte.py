@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -13,9 +13,6 @@ from relume.cli.console import OutputOptions, print_facts, progress, warnings_as
 from relume.cli.option_types import Angles, numbers
 from relume.cli.stage.light import rotation_of
 from relume.cli.stage.options import Exposure, require_picture
-
-if TYPE_CHECKING:
-    from relume.lightstage import EnvironmentMatte
 
 Rectangle = tuple[float, float, float, float, float]
 
@@ -100,7 +97,7 @@ def _check(out: Path, over: Path | None, light: Path | None, stage: Path | None,
         require_picture(out)
 
 
-def _facts(matte: EnvironmentMatte) -> dict[str, object]:
+def _facts(matte: rl.lightstage.EnvironmentMatte) -> dict[str, object]:
     import numpy as np
 
     seen = matte.colours.max(axis=-1) > 0
@@ -114,7 +111,7 @@ def _facts(matte: EnvironmentMatte) -> dict[str, object]:
 
 
 def _in_environment(
-    matte: EnvironmentMatte, light: Path, stage: Path, backdrop: Rectangle, rotate: Angles | None
+    matte: rl.lightstage.EnvironmentMatte, light: Path, stage: Path, backdrop: Rectangle, rotate: Angles | None
 ) -> rl.RadianceMap:
     import numpy as np
 

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from cyclopts import Parameter, Token
 
+import relume as rl
 from relume.cli.arguments import require_suffix
-from relume.errors import OutputNotWritten
-
-if TYPE_CHECKING:
-    from relume.lightstage import Work
 
 _UNITS = {"K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 
@@ -41,7 +38,7 @@ MEMORY = 2 << 30
 Exposure = Annotated[float, Parameter(allow_leading_hyphen=True, help="Stops to brighten .png, .jpg and .mp4 by.")]
 
 
-def work_facts(work: Work) -> dict[str, object]:
+def work_facts(work: rl.lightstage.Work) -> dict[str, object]:
     """What a dry run prints of the work."""
     rows, columns = work.shape
     facts: dict[str, object] = {"lights": work.lights, "size": [columns, rows]}
@@ -76,7 +73,7 @@ def require_frames(out: Path, frames: int) -> None:
 def require_output_folder(out: Path) -> None:
     """Refuse a file where a folder is to be written."""
     if out.exists() and not out.is_dir():
-        raise OutputNotWritten(f"-o {out}: a file, not a folder; choose another name")
+        raise rl.errors.OutputNotWritten(f"-o {out}: a file, not a folder; choose another name")
 
 
 def _readable(size: int) -> str:

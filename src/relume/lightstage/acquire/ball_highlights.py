@@ -25,7 +25,7 @@ from relume.sphere.directions import normalised
 
 @dataclass(frozen=True)
 class HighlightSearch:
-    """How the lamp is told from the rest that the ball mirrors.
+    """How the lamp is separated from the rest that the ball mirrors.
 
     smear : blur in radii of the ball before the brightest place is sought; a lamp's plateau is wider than the sparks of
         dust and of the ball beside, which this evens away
@@ -98,7 +98,7 @@ class MirrorBall:
 
 @dataclass(frozen=True, eq=False)
 class BallReadings:
-    """What a ball tells of the lights, a row a picture.
+    """What a ball shows of the lights, a row a picture.
 
     points : (N, 2) pixels, where the lamp is mirrored
     places : (N, 3) there on the ball, metres, world

@@ -146,7 +146,7 @@ def calibrate(field: ReflectanceField, target: Target, *, deviation: float = 0.2
 def normal_of_flat_target(lights: StageLights, radiances: np.ndarray) -> np.ndarray:
     """The normal (3,) of a flat matte target from its mean radiance (N,) under each light.
 
-    Told from the lights being of one intensity, since brightness alone cannot tell a weak light from a grazing one;
+    The lights are taken to be of one intensity: brightness alone does not separate a weak light from a grazing one;
     some that are not, less than half, do not count. Raises ValueError where fewer than four lights reach it.
     """
     lit = radiances > 0.05 * radiances.max()
@@ -162,7 +162,7 @@ def normal_of_flat_target(lights: StageLights, radiances: np.ndarray) -> np.ndar
         limit = _OUTLIER * 1.4826 * np.median(misfit[facing]) + 1e-9 * radiances.max() if len(facing) else 0
         kept = facing[misfit[facing] <= limit]
         if len(kept) < _FEWEST_PIXELS:
-            raise ValueError("the lights tell no normal of the target; give its normal")
+            raise ValueError("the lights do not determine the normal of the target; give it")
     return normalised(normal)
 
 
@@ -170,14 +170,14 @@ def irradiances_of_frames(exposures: Sequence[Exposure]) -> np.ndarray:
     """Irradiances (N, 3) that stand for the exposures of N pictures: pixels go as the exposure does.
 
     They are relative to the exposures' geometric mean, so that pictures of one exposure are left as they are. Raises
-    ValueError without exposures, and where only some tell an aperture or a sensitivity.
+    ValueError without exposures, and where only some have an aperture or a sensitivity.
     """
     if not exposures:
         raise ValueError("no exposures; give one a picture")
     for name in ("f_number", "iso"):
-        told = [getattr(exposure, name) is not None for exposure in exposures]
-        if any(told) and not all(told):
-            raise ValueError(f"picture {told.index(False)} tells no {name}, but others do; give all or none")
+        known = [getattr(exposure, name) is not None for exposure in exposures]
+        if any(known) and not all(known):
+            raise ValueError(f"picture {known.index(False)} has no {name}, but others do; give all or none")
     logarithms = np.log([exposure.factor for exposure in exposures])
     return np.exp(logarithms - logarithms.mean())[:, None] * np.ones(3)
 

@@ -27,7 +27,8 @@ from relume.lightstage.acquire.rotating_arm_film import (
     unpack_video,
     video_frames,
 )
-from relume.lightstage.acquire.stage_file import LightEntry, Stage, StageCamera, read_stage_file
+from relume.lightstage.acquire.stage_file import LightEntry, Stage, StageCamera
+from relume.lightstage.acquire.stage_file_reading import read_stage_file
 from relume.probe.ball.silhouette import outline_of_circle
 from relume.scene.cameras.camera import Camera
 

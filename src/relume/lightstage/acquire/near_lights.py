@@ -17,7 +17,7 @@ from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
 
 PARALLEL = np.radians(0.5)
-"""Rays that differ by less, the error of a highlight's place on a ball, do not tell how far away a light is."""
+"""Rays that differ by less, the error of a highlight's place on a ball, do not determine how far away a light is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ def near_light(position: np.ndarray, points: np.ndarray, subject: np.ndarray) ->
     """What a near light does at points (…, 3): the unit directions (…, 3) towards it, and its fall-off (…).
 
     position : (3,) of the light, metres
-    subject : (3,) the point where its irradiance is told, metres; the fall-off is 1 there and |subject − position|²
+    subject : (3,) the point where its irradiance is given, metres; the fall-off is 1 there and |subject − position|²
         over |point − position|² elsewhere, NaN points staying NaN
     Raises ValueError for a light that stands at the subject or in one of the points.
     """

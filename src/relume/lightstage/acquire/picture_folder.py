@@ -2,7 +2,7 @@
 
 Radiance maps are taken as they are, photographs are linearised, brackets merged, and each is divided by its light's
 irradiance: what comes out is R of `field`, in the pictures' unit. Nothing is believed unseen: sizes, negative light,
-frames that stayed dark and values that are no numbers are told by file and pixel.
+frames that stayed dark and values that are no numbers are refused by file and pixel.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class _Kept:
     pictures: dict[int, _Picture] = field(default_factory=dict)
     latest: tuple[int, _Picture] | None = None
     amount: int = 0
-    told: set[str] = field(default_factory=set)
+    warned: set[str] = field(default_factory=set)
     lock: threading.Lock = field(default_factory=threading.Lock)
 
 
@@ -64,7 +64,7 @@ class PictureFolder:
     camera, noise : as of every `ReflectanceField`
     encoding : of photographs
     exposures : seconds of each file of each light, by which what it shows is divided; None where the EXIF of
-        photographs is to tell, and radiance maps stay as they are
+        photographs counts, and radiance maps stay as they are
     kept : bytes of decoded pictures held in memory
     """
 
@@ -123,7 +123,7 @@ class PictureFolder:
         return radiance
 
     def step(self) -> float:
-        """How coarse the codes of the photographs are, in the field's values, as the first of them tells.
+        """How coarse the codes of the photographs are, in the field's values, as in the first of them.
 
         0 for radiance maps and for brackets, whose frames share out their codes.
         """
@@ -165,7 +165,7 @@ class PictureFolder:
         return _Picture(radiance, np.any(photograph.pixels == np.iinfo(photograph.pixels.dtype).max, axis=-1))
 
     def _merged(self, index: int) -> _Picture:
-        """The light of a bracket, per second of exposure (at ISO 100 and f/1, where EXIF tells those)."""
+        """The light of a bracket, per second of exposure (at ISO 100 and f/1, where EXIF has those)."""
         paths = self.files[index]
         for path in paths:
             if files.has_radiance(path):
@@ -174,7 +174,7 @@ class PictureFolder:
                 )
             if self.exposures is None and files.read_facts(path).exposure is None:
                 raise InvalidStage(
-                    f'{path}: its exposure is told nowhere; give "exposure", seconds a file, in the stage file'
+                    f'{path}: its exposure is not known; give "exposure", seconds a file, in the stage file'
                 )
         bracket = read_bracket(paths, times=None if self.exposures is None else self.exposures[index], sidecars=False)
         levels = int(np.iinfo(bracket.photographs[0].pixels.dtype).max) + 1
@@ -184,7 +184,7 @@ class PictureFolder:
         return _Picture(radiance, clipped == SATURATED)
 
     def _exposure(self, index: int, photograph: Photograph) -> float:
-        """By what a single photograph is divided: the seconds told, else its EXIF exposure, if the first has one too.
+        """By what a single photograph is divided: the seconds given, else its EXIF exposure, if the first has one too.
 
         The first photograph's own exposure counts as 1, so that a set taken at one exposure stays as it is.
         """
@@ -196,7 +196,7 @@ class PictureFolder:
             return 1.0
         if first is None or own is None:
             raise InvalidStage(
-                f"{self.files[0][0].name} and {photograph.name}: only one tells its exposure; give every light's "
+                f"{self.files[0][0].name} and {photograph.name}: only one has an exposure time; give every light's "
                 '"exposure" in the stage file'
             )
         return own.factor / first.factor
@@ -219,10 +219,10 @@ class PictureFolder:
         if least < 0:
             radiance = self._without_negatives(radiance, least, largest, name)
         if picture.saturated is not None and np.any(picture.saturated):
-            self._tell(
+            self._warn_once(
                 "saturated",
                 f"{name}: {int(picture.saturated.sum())} pixels are saturated, and brighter in truth (only the first "
-                "such picture is told); take shorter exposures too",
+                "such picture is named); take shorter exposures too",
             )
         return replace(picture, radiance=radiance)
 
@@ -233,16 +233,16 @@ class PictureFolder:
                 f"{name}: negative radiance, {least:.3g} at pixel ({column}, {row}); was a dark frame taken off that "
                 "does not belong to it?"
             )
-        self._tell(
+        self._warn_once(
             "negative",
             f"{name}: values down to {least:.2g}, a rounding below 0, are read as 0 (only the first such picture is "
-            "told)",
+            "named)",
         )
         return np.maximum(radiance, 0)
 
-    def _tell(self, what: str, message: str) -> None:
-        if what not in self._state.told:
-            self._state.told.add(what)
+    def _warn_once(self, what: str, message: str) -> None:
+        if what not in self._state.warned:
+            self._state.warned.add(what)
             warnings.warn(message, stacklevel=5)
 
 

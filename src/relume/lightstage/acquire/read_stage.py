@@ -14,7 +14,8 @@ from relume.image import files
 from relume.lightstage.acquire.encoding import PhotographEncoding
 from relume.lightstage.acquire.light_files import LIST, NamedDirections, read_lp
 from relume.lightstage.acquire.picture_folder import KEPT, PictureFolder
-from relume.lightstage.acquire.stage_file import STAGE_FILE, LightEntry, Stage, StageCamera, read_stage_file
+from relume.lightstage.acquire.stage_file import STAGE_FILE, LightEntry, Stage, StageCamera
+from relume.lightstage.acquire.stage_file_reading import read_stage_file
 from relume.lightstage.field.field import ReflectanceField
 
 PICTURES = (".exr", ".hdr", ".pic", ".pfm", ".float", ".jpg", ".jpeg", ".png", ".tif", ".tiff")
@@ -51,7 +52,7 @@ def read_stage(path: str | os.PathLike[str], camera: str | None = None, *, kept:
 
 
 def find_stage_file(path: str | os.PathLike[str]) -> tuple[Stage, Path]:
-    """The stage that a folder or file tells of, and the stage file or `.lp` that does; no picture is looked at.
+    """The stage that a folder or file describes, and its stage file or `.lp`; no picture is looked at.
 
     path : as of `read_stage`, but for a store
     Raises InvalidStage where there is neither.
@@ -63,7 +64,7 @@ def find_stage_file(path: str | os.PathLike[str]) -> tuple[Stage, Path]:
 
 
 def stage_geometry(path: str | os.PathLike[str]) -> tuple[Path | None, float | None]:
-    """The mesh of the subject that a stage has, and the radius of its lights, radians; None where it tells neither.
+    """The mesh of the subject that a stage has, and the radius of its lights, radians; None where it has neither.
 
     The mesh is the one that `stage.json` names as "mesh", else the only one in the folder `objects` beside it.
     Raises InvalidStage for a name without a file.
@@ -92,7 +93,7 @@ def open_pictures(
 ) -> PictureFolder:
     """The field over a stage's pictures.
 
-    source : the file that tells of them, beside which they lie, or their folder where no file does
+    source : the file that describes them, beside which they lie, or their folder where no file does
     known : pictures in the folder that are meant to be of no light, and are not warned of
     Raises as `read_stage` does, whose `kept` this is.
     """
@@ -100,7 +101,7 @@ def open_pictures(
     view, key = _view(stage, camera, source)
     paths = tuple(tuple(folder / name for name in entry.files[key]) for entry in stage.lights)
     _require_there([path for names in paths for path in names], source)
-    _tell_of_strangers(stage, folder, source, known)
+    _warn_of_unnamed(stage, folder, source, known)
     exposures = tuple(entry.exposure for entry in stage.lights if entry.exposure is not None)
     if exposures and len(exposures) != len(stage.lights):
         silent = next(entry.label for entry in stage.lights if entry.exposure is None)
@@ -123,7 +124,7 @@ def open_pictures(
 
 
 def _source(path: Path) -> Path:
-    """The file that tells of the lights."""
+    """The file that describes the lights."""
     if not path.exists():
         raise InvalidStage(f"{path}: no such folder or file; name the folder of the pictures")
     if path.is_file():
@@ -139,7 +140,7 @@ def _source(path: Path) -> Path:
         )
     if not lists:
         raise InvalidStage(
-            f"{path}: nothing tells where the lights stood; add stage.json or an .lp, or find them from a mirrored "
+            f"{path}: the places of the lights are not known; add stage.json or an .lp, or find them from a mirrored "
             "ball in the pictures: relume stage import --ball"
         )
     return lists[0]
@@ -187,7 +188,7 @@ def _require_there(paths: Iterable[Path], source: Path) -> None:
         )
 
 
-def _tell_of_strangers(stage: Stage, folder: Path, source: Path, known: Collection[Path]) -> None:
+def _warn_of_unnamed(stage: Stage, folder: Path, source: Path, known: Collection[Path]) -> None:
     meant = {path.resolve() for path in known}
     named = {folder / name for entry in stage.lights for names in entry.files.values() for name in names}
     beside = sorted(file for place in {path.parent for path in named} for file in place.iterdir())

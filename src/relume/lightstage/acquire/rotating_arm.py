@@ -196,7 +196,7 @@ def fit_rotation(
         raise InvalidStage(
             "the lamp's azimuths follow no steady rotation this way round; turn the sense, or give each pass's signal"
         )
-    # What is left of each azimuth, about the most common one: a line through those that are near tells rate and start.
+    # What is left of each azimuth, about the most common one: a line through those that are near gives rate and start.
     turned = np.exp(-2j * np.pi * best * time) @ phasor
     left = np.angle(phasor * np.exp(-2j * np.pi * best * time) / turned)
     slope, offset = 0.0, 0.0

@@ -12,7 +12,7 @@
 
 A light has one of `file` (a name, or a list of names: a bracket) and `files` (camera name → the same); a `direction`
 towards it, a `position` in metres, or `inclination` from +Y and `azimuth` from +Z towards +X in radians; and may have
-`name`, `solid_angle` (sr), `irradiance` (a number or R, G, B; 1 unless `light` tells another) and `exposure` (seconds,
+`name`, `solid_angle` (sr), `irradiance` (a number or R, G, B; 1 unless `light` gives another) and `exposure` (seconds,
 one a file). `camera_NAME` is another way to write `cameras.NAME`. `target` is a white or grey card in the pictures, on
 which an import measures what each light gives. Only `lights` is required. Other keys at the top are kept and passed
 over, but for those that are nearly one of these; unknown keys of all else are refused. Files are beside the stage file;
@@ -25,19 +25,17 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from relume.errors import InvalidStage
 from relume.image.files import write_text
 from relume.lightstage.field.lights import StageLights
 from relume.scene.cameras.camera import Camera
 
 STAGE_FILE = "stage.json"
 FILLED = 1e-3
-"""How far, as a share, told solid angles may sum from 4π and still be believed: files round their numbers."""
+"""How far, as a share, given solid angles may sum from 4π and still be believed: files round their numbers."""
 Vector = tuple[float, float, float]
 
 
@@ -73,9 +71,9 @@ class LightEntry:
     direction : towards the light, of any length; None where `position` is given
     position : metres
     name : what it is called; that of its first file unless given
-    solid_angle : sr, None where not told
+    solid_angle : sr, None where not given
     irradiance : R, G, B at normal incidence where the subject is
-    exposure : seconds, one a file; None where not told
+    exposure : seconds, one a file; None where not given
     """
 
     files: Mapping[str, tuple[str, ...]]
@@ -101,7 +99,7 @@ class Stage:
     encoding : "srgb", "linear" or the name of a response file, of photographs; radiance maps are linear as they are
     subject : the point, metres, from which lights with a position are looked at
     target : in the pictures; None where there is none
-    angular_diameter : of a light, radians; None where not told
+    angular_diameter : of a light, radians; None where not given
     others : keys at the top that mean nothing here, kept for `write_stage_file`
     """
 
@@ -115,7 +113,7 @@ class Stage:
     others: Mapping[str, Any] = field(default_factory=dict)
 
     def stage_lights(self) -> StageLights:
-        """The lights, whose cells are those told where they fill the sphere, else spherical Voronoi cells.
+        """The lights, whose cells are those given where they fill the sphere, else spherical Voronoi cells.
 
         Raises ValueError for two lights in one direction.
         """
@@ -127,9 +125,9 @@ class Stage:
         positions = np.array([entry.position for entry in self.lights]) if near else None
         names = tuple(entry.label for entry in self.lights)
         lights = StageLights.towards(towards, names, positions=positions, grid=self._ordered_grid(towards))
-        told = np.array([np.nan if e.solid_angle is None else e.solid_angle for e in self.lights])
-        if abs(told.sum() / (4 * np.pi) - 1) < FILLED:  # False for NaN
-            scaled = told * (4 * np.pi / told.sum())
+        given = np.array([np.nan if e.solid_angle is None else e.solid_angle for e in self.lights])
+        if abs(given.sum() / (4 * np.pi) - 1) < FILLED:  # False for NaN
+            scaled = given * (4 * np.pi / given.sum())
             return StageLights(lights.directions, scaled, names, positions, lights.grid)
         return lights
 
@@ -170,30 +168,9 @@ def write_stage_file(path: str | os.PathLike[str], stage: Stage) -> None:
     write_text(path, stage_file_text(stage))
 
 
-def read_stage_file(path: str | os.PathLike[str]) -> Stage:
-    """The stage that a stage file describes; its pictures are not looked at.
-
-    Raises InvalidStage for a file that is missing, no JSON, or has a wrong value, an unknown key in one of its tables,
-    a misspelt one at the top, or a light without direction.
-    """
-    from relume.lightstage.acquire.stage_file_checks import stage_of
-
-    try:
-        table = json.loads(Path(path).read_text("utf-8-sig"))
-    except FileNotFoundError:
-        raise InvalidStage(
-            f"{path}: no such file; name the folder of the pictures, its stage.json or its .lp"
-        ) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InvalidStage(f"{path}: cannot be read ({error.__class__.__name__}); is it a text file?") from None
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise InvalidStage(f"{path}: not valid JSON: {error}; mend it") from None
-    return stage_of(table, str(path))
-
-
 def _light_table(entry: LightEntry) -> dict[str, Any]:
-    told = {camera: names[0] if len(names) == 1 else list(names) for camera, names in entry.files.items()}
-    table: dict[str, Any] = {"file": told[""]} if "" in told else {"files": told}
+    given = {camera: names[0] if len(names) == 1 else list(names) for camera, names in entry.files.items()}
+    table: dict[str, Any] = {"file": given[""]} if "" in given else {"files": given}
     for key in ("name", "direction", "position", "solid_angle", "exposure"):
         value = getattr(entry, key)
         if value is not None:

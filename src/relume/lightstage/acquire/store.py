@@ -2,7 +2,7 @@
 
 `values` (N, H, W, 3) are float32, or float16 or uint8 with a `scale` (N,) for each light; `statistics` (N, 2) are each
 picture's mean and greatest value. `sizes` (groups of lights, tiles down, tiles across) are the bytes of every chunk,
-written when a group is finished: they tell a store that was cut short or has lost a file from a whole one. Lights,
+written when a group is finished: they separate an incomplete store from a whole one. Lights,
 camera, noise, the subject's mesh and the radius of the lamps are attributes, in metres and radians, the world's frame;
 `made_from` is the fingerprint of what the values were made from.
 Needs the extra "lightstage" (zarr).
@@ -88,16 +88,16 @@ def read_store(path: str | os.PathLike[str]) -> StoredField:
     a later version; ValueError where zarr is not installed.
     """
     root = opened(path)
-    told = dict(root.attrs)
-    if told.get("version") != VERSION:
+    attributes = dict(root.attrs)
+    if attributes.get("version") != VERSION:
         raise UnreadableFile(
-            f"{path}: a store of version {told.get('version')}, and this relume reads version {VERSION}; upgrade "
+            f"{path}: a store of version {attributes.get('version')}, and this relume reads version {VERSION}; upgrade "
             "it, or import again"
         )
     try:
         values, scale, sizes = root["values"], np.asarray(root["scale"]), np.asarray(root["sizes"])
-        lights, camera = lights_of(told["lights"]), camera_of(told["camera"])
-        noise, rounding = told["noise"], told.get("rounding")
+        lights, camera = lights_of(attributes["lights"]), camera_of(attributes["camera"])
+        noise, rounding = attributes["noise"], attributes.get("rounding")
     except Exception as error:
         raise UnreadableFile(f"{path}: the store's description is damaged ({error}); {RESUME}") from error
     missing = unfinished(Path(path), values, sizes)
@@ -126,8 +126,8 @@ def stored_geometry(path: str | os.PathLike[str]) -> tuple[Path | None, float | 
 
     Raises UnreadableFile for what is no store, and where the mesh is no longer there.
     """
-    told = dict(opened(path).attrs)
-    mesh, radius = told.get("mesh"), told.get("light_radius")
+    attributes = dict(opened(path).attrs)
+    mesh, radius = attributes.get("mesh"), attributes.get("light_radius")
     if mesh is not None and not Path(mesh).is_file():
         raise UnreadableFile(
             f"{path}: the store names the mesh {mesh}, which is not there; put it back, or import again with another"
@@ -149,7 +149,7 @@ def opened(path: str | os.PathLike[str], mode: Any = "r") -> Any:
 
 
 def required_zarr() -> Any:
-    """The module zarr; ValueError that tells what to install where it is missing or too old."""
+    """The module zarr; ValueError that names what to install where it is missing or too old."""
     try:
         import zarr
     except ImportError:
@@ -177,7 +177,7 @@ def chunk_sizes(path: Path, grid: tuple[int, ...], groups: range | None = None) 
 
 
 def description(lights: StageLights, camera: Camera | None, noise: Noise | None) -> dict[str, Any]:
-    """What a store's attributes tell, as JSON; numbers come back to the last bit."""
+    """What a store's attributes hold, as JSON; numbers come back to the last bit."""
     return {
         "kind": KIND,
         "version": VERSION,
@@ -193,32 +193,32 @@ def description(lights: StageLights, camera: Camera | None, noise: Noise | None)
     }
 
 
-def lights_of(told: dict[str, Any]) -> StageLights:
-    """The lights that `description` told."""
-    positions, grid = told["positions"], told["grid"]
+def lights_of(attributes: dict[str, Any]) -> StageLights:
+    """The lights of a `description`."""
+    positions, grid = attributes["positions"], attributes["grid"]
     return StageLights(
-        np.array(told["directions"], np.float64),
-        np.array(told["solid_angles"], np.float64),
-        tuple(told["names"]),
+        np.array(attributes["directions"], np.float64),
+        np.array(attributes["solid_angles"], np.float64),
+        tuple(attributes["names"]),
         None if positions is None else np.array(positions, np.float64),
         None if grid is None else (grid[0], grid[1]),
     )
 
 
-def camera_of(told: dict[str, Any] | None) -> Camera | None:
-    """The camera that `description` told."""
-    if told is None:
+def camera_of(attributes: dict[str, Any] | None) -> Camera | None:
+    """The camera of a `description`."""
+    if attributes is None:
         return None
     return Camera(
-        told["width"],
-        told["height"],
-        told["focal_length"],
-        np.array(told["position"]),
-        np.array(told["rotation"]),
-        None if told["centre"] is None else (told["centre"][0], told["centre"][1]),
-        None if told["distortion"] is None else Distortion(**told["distortion"]),
-        told["aperture"],
-        np.inf if told["focus"] is None else told["focus"],
+        attributes["width"],
+        attributes["height"],
+        attributes["focal_length"],
+        np.array(attributes["position"]),
+        np.array(attributes["rotation"]),
+        None if attributes["centre"] is None else (attributes["centre"][0], attributes["centre"][1]),
+        None if attributes["distortion"] is None else Distortion(**attributes["distortion"]),
+        attributes["aperture"],
+        np.inf if attributes["focus"] is None else attributes["focus"],
     )
 
 

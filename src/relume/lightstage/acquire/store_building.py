@@ -35,7 +35,7 @@ _DEPTH, _ACROSS = 32, 256
 _OPEN_CHUNKS = 32 << 20
 """Bytes for the chunks that are packed at one time."""
 COARSE = 0.02
-"""Rounding by more than this part of the mean value is told: pictures that fill their 8 bits stay well below it."""
+"""Rounding by more than this part of the mean value causes a warning; pictures that fill their 8 bits stay below."""
 _HALF_EXPONENT = 15
 """Each picture's largest value is kept as a half between 2¹⁴ and 2¹⁵: below 2⁻¹⁴ halves lose digits."""
 _SMALLEST_EXPONENT = -126
@@ -75,10 +75,10 @@ def build_store(
     if kind not in (np.float16, np.float32, np.uint8):
         raise ValueError(f"dtype is {kind}; a store holds float16, float32 or uint8")
     geometry = _geometry(mesh, light_radius)
-    told = description(field.lights, field.camera, field.noise) | {"shape": list(field.shape), "dtype": kind.name}
-    told["made_from"] = None if made_from is None else fingerprint(made_from)
+    attributes = description(field.lights, field.camera, field.noise) | {"shape": list(field.shape), "dtype": kind.name}
+    attributes["made_from"] = None if made_from is None else fingerprint(made_from)
     try:
-        root = _begun(zarr, path, field, kind, told, max_memory)
+        root = _begun(zarr, path, field, kind, attributes, max_memory)
         with zarr.config.set({"array.write_empty_chunks": True}):
             # An array that is opened again has forgotten that its chunks of nothing but zeros are to be written.
             values = root["values"]
@@ -96,8 +96,8 @@ def file_facts(paths: Iterable[Path]) -> list[tuple[str, int, int]]:
     found = []
     for path in paths:
         files = [each for each in sorted(path.iterdir()) if each.name[0] != "."] if path.is_dir() else [path]
-        told = [(each.resolve(), each.stat()) for each in files if not each.is_dir()]
-        found += [(str(each), stat.st_size, stat.st_mtime_ns) for each, stat in told]
+        found_here = [(each.resolve(), each.stat()) for each in files if not each.is_dir()]
+        found += [(str(each), stat.st_size, stat.st_mtime_ns) for each, stat in found_here]
     return found
 
 
@@ -114,7 +114,7 @@ def _geometry(mesh: Path | None, light_radius: float | None) -> dict[str, Any]:
 
 
 def _begun(
-    zarr: Any, path: Path, field: ReflectanceField, kind: np.dtype, told: dict[str, Any], max_memory: int
+    zarr: Any, path: Path, field: ReflectanceField, kind: np.dtype, attributes: dict[str, Any], max_memory: int
 ) -> Any:
     """The store to fill: a new one, or the one that was cut short."""
     if path.exists() and not is_store(path) and (not path.is_dir() or any(path.iterdir())):
@@ -122,7 +122,7 @@ def _begun(
     if is_store(path):
         root = opened(path, "r+")
         kept = {key: value for key, value in dict(root.attrs).items() if key not in _LATE}
-        differing = sorted(key for key in told | kept if told.get(key) != kept.get(key))
+        differing = sorted(key for key in attributes | kept if attributes.get(key) != kept.get(key))
         if differing == ["made_from"]:
             raise CannotResume(
                 f"{path}: the store there was begun by another import: its options, or its source's files, differ; "
@@ -136,7 +136,7 @@ def _begun(
         if {"values", "scale", "statistics", "sizes"} <= set(root.array_keys()):
             return root
     depth = _depth(field, kind, max_memory)
-    root = zarr.create_group(str(path), attributes=told, overwrite=True)
+    root = zarr.create_group(str(path), attributes=attributes, overwrite=True)
     shape = (len(field.lights), *field.shape, 3)
     across = min(_ACROSS, shape[2])
     down = max(1, min(_CHUNK // (_DEPTH * _ACROSS * 3 * kind.itemsize), shape[1]))

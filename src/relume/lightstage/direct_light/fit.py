@@ -1,6 +1,6 @@
 """Direct light fitted to each pixel's reflectance function: how much of it cosine, gloss and shadow explain.
 
-R_i ≈ ρ_d B_1i + ρ_s B_2i + a + b·l_i: B are what `dense_surface.direct_light` tells of light i, the rest is light
+R_i ≈ ρ_d B_1i + ρ_s B_2i + a + b·l_i: B are the direct light of light i (`surface.direct_light`), the rest is light
 that came over other surfaces, whose change with direction is slow.
 """
 

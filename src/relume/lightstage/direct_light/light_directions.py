@@ -59,7 +59,7 @@ class DirectedLight:
         )
 
     def looked_at(self) -> np.ndarray:
-        """`rays`, told for each light."""
+        """`rays`, for each light."""
         return np.tile([ALL_RAYS, 0], (len(self.radii), 1)) if self.rays is None else self.rays
 
     def turned(self, rotation: np.ndarray) -> DirectedLight:
@@ -70,7 +70,7 @@ class DirectedLight:
 def quadtree_lights(illumination: EnvironmentMap, count: int = 1500) -> DirectedLight:
     """The light of a map from about `count` directions; the irradiances sum to the map's.
 
-    The block with the greatest power times extent is divided next, down to single texels: a sun is told texel by texel.
+    The block with the greatest power times extent is divided next, down to single texels.
 
     Fainter leaves are to be looked at through fewer rays a pixel. Which leaves there are depends on the map: a picture
     under two maps' leaves is the sum of the two pictures, but the leaves of two maps' sum are not theirs together, and

@@ -34,7 +34,7 @@ class DirectLightSettings:
 
     interpolation : of all, without a mesh
     remainder : interpolation of what direct light leaves over. It changes from pixel to pixel where the model is off,
-        so that lights next to a direction tell more and none is believed to the end: with the default's noise, light
+        so that lights next to a direction count too and none is believed to the end: with the default's noise, light
         from a stage's light does not give back quite what was measured under it; without noise it does
     spike_interpolation : of pixels that are spikes and are not explained by direct light, with a mesh or without
     light_radius : radians, half the angle across the stage's lights, seen from the subject
@@ -223,5 +223,5 @@ def _turns(count: int, wanted: int, first: int) -> list[int]:
 def required(alpha: float | None) -> float:
     """The width of gloss; raises ValueError where it was not found yet."""
     if alpha is None:
-        raise ValueError("the settings tell no alpha; let `direct_model` find it")
+        raise ValueError("the settings have no alpha; let `direct_model` find it")
     return alpha

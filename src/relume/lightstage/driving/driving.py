@@ -25,7 +25,7 @@ _STEPS = 200
 _CONVERGED = 1e-9
 _FAINTEST = 0.01
 """The share of the mean intensity below which lamps are equally stiff."""
-_TOLD = 0.01
+_WARNED = 0.01
 """A share of the light from which on a warning is due: nobody sees less."""
 
 
@@ -100,7 +100,7 @@ def drive(
         headroom,
         lamps.beyond_gamut(wanted, weights),
     )
-    _tell(result)
+    _warn(result)
     return result
 
 
@@ -181,14 +181,14 @@ def _residual(seen: np.ndarray, wanted: np.ndarray, weights: np.ndarray, irradia
     return np.sqrt(np.where(whole > 0, missed / np.where(whole > 0, whole, 1), np.where(missed > 0, np.inf, 0)))
 
 
-def _tell(result: Drive) -> None:
+def _warn(result: Drive) -> None:
     if result.headroom < 1:
         warnings.warn(
             f"{result.clipped} intensities are at their maximum and the stage stays below the map's level; show the "
             f"map times {result.headroom:.3g}",
             stacklevel=3,
         )
-    if result.beyond_gamut > _TOLD:
+    if result.beyond_gamut > _WARNED:
         warnings.warn(
             f"{result.beyond_gamut:.1%} of the light has colours that no mix of {', '.join(result.primaries.names)} "
             "makes; the nearest are shown",

@@ -1,6 +1,6 @@
 """What a stage is driven for: a matte surface, a glossy one, or a given subject.
 
-A subject tells what is seen of it, at M normals, directions or pixels, under lights of a stage and under a map.
+A subject gives what is seen of it, at M normals, directions or pixels, under lights of a stage and under a map.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class MeasuredSubject:
     mask : (H, W) bool, the pixels that count; all unless given
     pixels : about how many of them, evenly spread; a few thousand hold what a few hundred lights can do
     by : how the field's lights stand for a lamp, or for light, between them. Smooth unless given: one half of the 288
-        lights of a rendered head tells the other half's pictures with a mean error of 14 % of their mean, nearest
+        lights of a rendered head predicts the other half's pictures with a mean error of 14 % of their mean, nearest
         cells with one of 31 %
     """
 

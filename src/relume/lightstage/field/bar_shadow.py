@@ -1,4 +1,4 @@
-"""The bar that a stage's own axis draws across its pictures, found without being told where it is.
+"""The bar that a stage's own axis draws across its pictures, found without a given place.
 
 "Each function exhibits a thin black curve in its lower half where the phi axis bar occasionally obscures the view of
 the face" (Debevec et al. 2000, Fig. 4): over the sphere it is thin and dark, and in a picture a strip of even width.
@@ -21,12 +21,12 @@ _HELD_PICTURES = 96
 
 @dataclass(frozen=True)
 class Bar:
-    """How the stage's own bar is told from the subject's shadows: thin over the sphere, dark, and a strip.
+    """How the stage's own bar differs from the subject's shadows: thin over the sphere, dark, and a strip.
 
     darkness : a value below this share of the lesser of two on opposite sides is dark; 0.4, as bars are painted black
     reach : how far these two lights may be, times the typical spacing of lights √(4π/N); 1.7 takes the next in each
         direction of a grid
-    faintest : a pixel tells nothing unless those two are this bright relative to the pictures' level; 0.2, since
+    faintest : a pixel shows nothing unless those two are this bright relative to the pictures' level; 0.2, since
         what is nearly black is full of strips of its own, and a bar before it changes little
     length : of a dark strip, relative to the picture's longer side; shorter ones are the subject's own
     thickness : of a strip, relative to its length, at most; rounder spots are shadows
@@ -60,13 +60,13 @@ def bar_shadow(field: ReflectanceField, bar: Bar = Bar()) -> PackedMask:
 
     @lru_cache(_HELD_PICTURES)
     def evidence(light: int) -> tuple[np.ndarray, np.ndarray]:
-        """Where a picture is dark, and where it tells whether it is."""
+        """Where a picture is dark, and where that can be seen."""
         pairs = _opposite_pairs(directions, light, bar.reach)
         if not len(pairs):
             return np.zeros((height, width), bool), np.zeros((height, width), bool)
         beside = np.max([np.minimum(held(int(one)), held(int(other))) for one, other in pairs], axis=0)
-        tells = beside > faintest
-        return tells & (held(light) < bar.darkness * beside), tells
+        readable = beside > faintest
+        return readable & (held(light) < bar.darkness * beside), readable
 
     strips = {light: list(_strips(*evidence(light), bar)) for light in range(count)}
     widths = [strip.width for found in strips.values() for strip in found]
@@ -77,8 +77,8 @@ def bar_shadow(field: ReflectanceField, bar: Bar = Bar()) -> PackedMask:
     for light in range(count):
         guesses = [s for other in np.flatnonzero(directions @ directions[light] > near) for s in strips[int(other)]]
         if guesses:
-            dark, tells = evidence(light)
-            parts = [s.covered(dark, tells, bar) for s in guesses]
+            dark, readable = evidence(light)
+            parts = [s.covered(dark, readable, bar) for s in guesses]
             bits[light] = np.packbits(np.logical_or.reduce(parts), axis=-1)
     return PackedMask(bits, width)
 
@@ -123,19 +123,19 @@ class _Strip:
         onward, across = _along_and_across(points - self.origin, self.along)
         return onward, across - np.polyval(self.bend, onward)
 
-    def covered(self, dark: np.ndarray, tells: np.ndarray, bar: Bar) -> np.ndarray:
-        """The part (H, W) bool of the strip that is dark, if it is: between its ends what tells nothing is covered too.
+    def covered(self, dark: np.ndarray, readable: np.ndarray, bar: Bar) -> np.ndarray:
+        """The part (H, W) bool of the strip that is dark, if it is: between its ends unreadable pixels are covered too.
 
-        Cut into pieces as long as the strip is wide, a piece is dark where most of what tells is.
+        Cut into pieces as long as the strip is wide, a piece is dark where most of its readable pixels are.
         """
         onward, beside = self.places(_pixels(dark.shape))
         inside = np.abs(beside) < max(self.width / 2 - 1, 0.5)
         pieces = np.floor(onward / self.width).astype(int)
         pieces -= pieces.min()
         length = pieces.max() + 1
-        told = np.bincount(pieces[inside & tells], minlength=length)
+        counts = np.bincount(pieces[inside & readable], minlength=length)
         is_dark = np.bincount(pieces[inside & dark], minlength=length)
-        shows, hides = (told > 0) & (is_dark <= 0.5 * told), (told > 0) & (is_dark > 0.5 * told)
+        shows, hides = (counts > 0) & (is_dark <= 0.5 * counts), (counts > 0) & (is_dark > 0.5 * counts)
         # Runs of pieces with nothing bright between them; of these the ones that are dark for long enough.
         runs = np.cumsum(shows)
         dark_length = np.bincount(runs[hides], minlength=runs[-1] + 1) * self.width
@@ -143,10 +143,10 @@ class _Strip:
         return keeps[pieces] & (np.abs(beside) <= self.width / 2 + bar.margin)
 
 
-def _strips(dark: np.ndarray, tells: np.ndarray, bar: Bar) -> list[_Strip]:
+def _strips(dark: np.ndarray, readable: np.ndarray, bar: Bar) -> list[_Strip]:
     """The long strips of even width in what is dark (H, W), with sides that are not."""
-    told = ndimage.uniform_filter(tells.astype(np.float32), 3, mode="constant")
-    share = ndimage.uniform_filter(dark.astype(np.float32), 3, mode="constant") / np.maximum(told, 1e-6)
+    counts = ndimage.uniform_filter(readable.astype(np.float32), 3, mode="constant")
+    share = ndimage.uniform_filter(dark.astype(np.float32), 3, mode="constant") / np.maximum(counts, 1e-6)
     labels = np.zeros(dark.shape, np.int32)
     ndimage.label(dark & (share > 0.4), np.ones((3, 3)), output=labels)
     found = []
@@ -156,12 +156,12 @@ def _strips(dark: np.ndarray, tells: np.ndarray, bar: Bar) -> list[_Strip]:
             continue
         rows, columns = np.nonzero(inside)
         strip = _Strip.through(np.stack([columns + part[1].start, rows + part[0].start], axis=-1) + 0.5)
-        if _is_bar(strip, dark, tells, labels == index, bar):
+        if _is_bar(strip, dark, readable, labels == index, bar):
             found.append(strip)
     return found
 
 
-def _is_bar(strip: _Strip, dark: np.ndarray, tells: np.ndarray, own: np.ndarray, bar: Bar) -> bool:
+def _is_bar(strip: _Strip, dark: np.ndarray, readable: np.ndarray, own: np.ndarray, bar: Bar) -> bool:
     """Whether dark, connected pixels `own` (H, W) are long, thin and even, and bright on both sides."""
     onward, beside = strip.places(_pixels(dark.shape))
     first, last = onward[own].min(), onward[own].max()
@@ -170,7 +170,7 @@ def _is_bar(strip: _Strip, dark: np.ndarray, tells: np.ndarray, own: np.ndarray,
         return False
     even = np.mean(np.abs(beside[own]) <= strip.width / 2 + 1) > 0.9
     bent = abs(strip.bend[0]) * (length / 2) ** 2 > bar.bend * length
-    alongside = (onward >= first) & (onward <= last) & tells
+    alongside = (onward >= first) & (onward <= last) & readable
     edge = strip.width / 2 + 1.5
     sides = [alongside & (s * beside > edge) & (s * beside < edge + max(3.0, strip.width / 2)) for s in (-1, 1)]
     bright = [np.mean(~dark[side]) if side.sum() >= length / 4 else 0.0 for side in sides]

@@ -124,7 +124,7 @@ def estimate_noise(field: ReflectanceField, *, step: float = 0.0) -> Noise:
         rounding error, of variance step²/12, is not below what the result says
     Texture that stays in the smoothest quarter counts as noise: two takes say better (`noise_of_repeats`). Of merged
     brackets the noise of the merge is found, as if it were one for all pixels of a level, and not the variance that a
-    merge tells of each. Large pictures are sampled in bands of rows, within half a gibibyte. Raises ValueError for
+    merge gives for each. Large pictures are sampled in bands of rows, within half a gibibyte. Raises ValueError for
     pictures of fewer than 8 × 8 pixels and where nothing is lit.
     """
     height, width = field.shape

@@ -2,7 +2,7 @@
 
 The paper's spotlight was "calibrated to produce an even field of illumination across the subject's head" and its
 cameras "for their flat-field response" (Debevec et al. 2000, §3.1). Lamps on a desk are nearer and not even: what they
-give at a pixel, relative to their mean, is told by pictures of a white board in the subject's place, or by where they
+give at a pixel, relative to their mean, is seen in pictures of a white board in the subject's place, or by where they
 stand. `Corrected` divides by it. Patterns are smooth, so that a board's dust and grain stay out of the pictures.
 """
 
@@ -106,9 +106,9 @@ def flat_field_of_board(board: ReflectanceField, *, order: int = 2, pixels: np.n
     order : of the polynomial in the logarithm; 2 follows 1/d² of a lamp twice as far as the board is wide to 1.2 %
     pixels : (H, W) bool, where the board is seen; else wherever the pictures are not dark
     A light that the board does not show keeps an even pattern, and a warning counts such lights. Raises ValueError for
-    a mask of another size and for an order that the board's cells cannot tell.
+    a mask of another size and for an order that the board's cells do not determine.
 
-    A board tells the irradiance times n·l of its own normal: fair for surfaces that face the camera as it does.
+    A board shows the irradiance times n·l of its own normal: fair for surfaces that face the camera as it does.
     """
     shape = board.shape
     if pixels is not None and (pixels.shape != shape or pixels.dtype != bool):
@@ -117,7 +117,7 @@ def flat_field_of_board(board: ReflectanceField, *, order: int = 2, pixels: np.n
         raise ValueError(f"a polynomial of order {order}; expected 1 to 4: more would follow the board's dust")
     across, down = _cell_edges(shape)
     x, y = _coordinates(shape, slice(0, shape[0]))
-    coefficients, untold = np.zeros((len(board.lights), len(exponents(order)))), 0
+    coefficients, unseen = np.zeros((len(board.lights), len(exponents(order)))), 0
     everywhere = _terms(x, y, order)
     middles = [_cell_medians(c if pixels is None else np.where(pixels, c, np.nan), across, down) for c in (x, y)]
     for light in range(len(board.lights)):
@@ -126,7 +126,7 @@ def flat_field_of_board(board: ReflectanceField, *, order: int = 2, pixels: np.n
         with np.errstate(invalid="ignore"):
             lit = levels > _DARK * np.nan_to_num(levels, nan=0.0).max()
         if lit.sum() < 2 * coefficients.shape[1] or not levels[lit].max() > 0:
-            untold += 1
+            unseen += 1
             continue
         cells = _terms(middles[0], middles[1], order)[:, lit]
         # The error of a logarithm is relative, so that a cell counts by its brightness.
@@ -134,10 +134,10 @@ def flat_field_of_board(board: ReflectanceField, *, order: int = 2, pixels: np.n
         coefficients[light] = np.linalg.lstsq((cells * weights).T, np.log(levels[lit]) * weights, rcond=None)[0]
         pattern = np.exp(np.tensordot(coefficients[light], everywhere, 1))
         coefficients[light, 0] -= np.log(pattern[pixels].mean() if pixels is not None else pattern.mean())
-    if untold == len(board.lights):
+    if unseen == len(board.lights):
         raise ValueError("the board is dark under every light; check its pictures and its mask")
-    if untold:
-        warnings.warn(f"{untold} of {len(board.lights)} lights do not show on the board; taken as even", stacklevel=2)
+    if unseen:
+        warnings.warn(f"{unseen} of {len(board.lights)} lights do not show on the board; taken as even", stacklevel=2)
     return FlatField(coefficients, order, shape)
 
 

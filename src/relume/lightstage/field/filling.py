@@ -43,7 +43,7 @@ class Filling:
 
         values : (N, rows, columns, 3), of all lights
         masked : (N, rows, columns) bool, True where a value says nothing
-        Raises ValueError where a pixel is masked under every light: nothing there tells what it looks like.
+        Raises ValueError where a pixel is masked under every light: no sample shows what it looks like.
         """
         if (
             values.ndim != 4
@@ -114,5 +114,5 @@ def _require_something(masked: np.ndarray, wanted: range) -> None:
         row, column = np.argwhere(nothing)[0]
         raise ValueError(
             f"{int(nothing.sum())} pixels are masked under all {len(masked)} lights, the first in column {column} of "
-            f"row {row} of the block, so nothing tells what they look like; leave them unmasked"
+            f"row {row} of the block, so no sample shows what they look like; leave them unmasked"
         )

@@ -73,7 +73,7 @@ class PackedMask:
 
 @dataclass(frozen=True, eq=False)
 class Overexposed:
-    """Values where a channel stands at its end: the sensor saw more than it could tell.
+    """Values where a channel stands at its end: the sensor saw more than it could record.
 
     field : the pictures
     ends : (N,) the least value that counts as the end, in the field's values; `overexposed` finds them
@@ -95,7 +95,7 @@ def overexposed(field: ReflectanceField, end: float | np.ndarray | None = None) 
     count = len(field.lights)
     if end is None:
         if not (isinstance(field, Pictures) and field.values.dtype == np.uint8):
-            raise ValueError("give the value at which the pictures are overexposed; only 8-bit ones tell it themselves")
+            raise ValueError("give the value at which the pictures are overexposed; only for 8-bit ones it is known")
         end = 254.5 if field.scale is None else 254.5 * field.scale
     ends = np.broadcast_to(np.asarray(end, np.float32), (count,))
     if not (ends > 0).all():
@@ -105,7 +105,7 @@ def overexposed(field: ReflectanceField, end: float | np.ndarray | None = None) 
 
 @dataclass(frozen=True, eq=False)
 class Saturated:
-    """Values that no photograph of a folder could tell, as its pictures mark them."""
+    """Values that no photograph of a folder recorded, as its pictures mark them."""
 
     field: PictureFolder
 
@@ -148,7 +148,7 @@ def direct_light(
 
 @dataclass(frozen=True)
 class Flare:
-    """How flare is told from the subject.
+    """How flare is separated from the subject.
 
     faintest : glow that counts, relative to the level of the pictures (`level_of_pictures`); 0.02, since fainter glow
         of one light among hundreds is not seen
@@ -195,8 +195,8 @@ def lens_flare_and_direct_light(
         angles = np.arccos(np.clip(rays @ disc.directions[light], -1, 1))
         seen = angles < disc.radii[light]
         shines = bool(seen.any()) and excess[seen].max() > level
-        tells = expected <= _BLACK * flare.faintest * level
-        glow = _reach_of_glow(excess[tells], angles[tells], 2 * pixel, flare.faintest * level, flare.quantile)
+        dark = expected <= _BLACK * flare.faintest * level
+        glow = _reach_of_glow(excess[dark], angles[dark], 2 * pixel, flare.faintest * level, flare.quantile)
         radii[light] = max(glow, disc.radii[light] if shines else 0.0)
     return AroundLights(camera, disc.directions, radii)
 
@@ -277,7 +277,7 @@ def _reach_of_glow(excess: np.ndarray, angles: np.ndarray, step: float, faintest
     """The radius up to which every ring around a light glows; 0 where the innermost one does not.
 
     excess : (P,) of pixels over what is expected there
-    angles : (P,) radians from the light; a ring without pixels tells nothing
+    angles : (P,) radians from the light; a ring without pixels counts nothing
     step : width of a ring, radians
     """
     if not len(angles):

@@ -28,7 +28,7 @@ CLEARLY = 0.8
 
 @dataclass(frozen=True, eq=False)
 class PolarisedPair:
-    """Two takes of one subject under the same lights, told apart as they are asked for.
+    """Two takes of one subject under the same lights, separated block by block.
 
     parallel : with the polarisers along each other: S + D/2
     crossed : across each other: D/2
@@ -108,7 +108,7 @@ class PolarisedPart:
     @property
     def noise(self) -> Noise | None:
         """Of 2 × crossed: four times its constant, twice its slope. Of the difference: the sum of both variances,
-        which its own values tell only where neither depends on the light; else unknown."""
+        which its own values give only where neither depends on the light; else unknown."""
         first, second = self.pair.parallel.noise, self.pair.crossed.noise
         if not self.specular:
             return None if second is None else Noise(4 * second.constant, 2 * second.slope)
@@ -144,10 +144,10 @@ def _alike(bright: np.ndarray, dark: np.ndarray) -> str:
 def _shift(first: np.ndarray, second: np.ndarray) -> tuple[int, int]:
     """Whole pixels (right, down) from the first picture to the second; 0, 0 unless another shift is clearly better.
 
-    Whether a pixel is above the median of the subject's tells neither how bright it is nor of highlights, which only
-    one of them has (Ward 2003).
+    Pictures are compared as above or below the subject's median: that depends neither on brightness nor on
+    highlights, which only one of them has (Ward 2003).
     """
-    if min(first.shape) < 8 * REACH:  # too small to tell
+    if min(first.shape) < 8 * REACH:  # too small to compare
         return 0, 0
     above = [picture > np.median(picture[picture > 0.05 * picture.mean()]) for picture in (first, second)]
     inner = above[0][REACH:-REACH, REACH:-REACH]

@@ -190,14 +190,14 @@ def _seen_straight(
             near[good] = np.abs(plain[good] - middles[good]).max(axis=1) < 1
     if np.count_nonzero(near) < max(_FEWEST, _SEEN * len(single)):
         warnings.warn(
-            "no part of the backdrop is seen straight through, so nothing tells its white; the brightest pixels are "
+            "no part of the backdrop is seen straight through, so its white is not known; the brightest pixels are "
             "taken for it",
             stacklevel=3,
         )
         return None, nothing
     if homography is not None and np.linalg.det(homography[:2, :2]) < 0:
         warnings.warn("the backdrop is seen mirrored; were the pictures or the patterns flipped?", stacklevel=3)
-    # A pixel's footprint is that of the map times what lens and filter add, which the narrow boxes tell.
+    # A pixel's footprint is that of the map times what lens and filter add, which the narrow boxes show.
     columns = plain.reshape(height, width, 2)
     down, right = (np.asarray(np.gradient(columns, axis=axis)) for axis in range(2))
     steps = np.hypot(down, right).reshape(-1, 2).T
@@ -206,7 +206,7 @@ def _seen_straight(
 
 
 _SHARP, _FEWEST = 0.05, 64
-"""The rms misfit above which a box tells no sharp place, and how many places any map of the backdrop needs."""
+"""The rms misfit above which a box gives no sharp place, and how many places any map of the backdrop needs."""
 
 
 def _level(light: np.ndarray, seen: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:

@@ -76,7 +76,7 @@ def fitted_alone(readings: np.ndarray, search: Search) -> np.ndarray:
 def fitted_near(readings: np.ndarray, search: Search, fitted: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     """The same boxes where readings leave them free to move drawn to where their neighbours say they lie.
 
-    Between two edges of the finest stripes readings tell a narrow box's place no closer, but what a smooth surface
+    Between two edges of the finest stripes readings place a narrow box no closer, but what a smooth surface
     shows moves evenly: the mean of opposite neighbours, where these agree, is where a pixel is expected.
     """
     from relume.lightstage.matting import kernel as matte_kernel

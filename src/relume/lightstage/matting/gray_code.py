@@ -106,8 +106,8 @@ class Patterns:
         for axis in "xy":
             counts = {len(stripe.white) for stripe in self.stripes if stripe.axis == axis}
             if len(counts) != 1:
-                told = " and ".join(str(count) for count in sorted(counts)) or "no stripes at all"
-                raise ValueError(f"along {axis} the backdrop has {told} texels; expected one number of texels")
+                found = " and ".join(str(count) for count in sorted(counts)) or "no stripes at all"
+                raise ValueError(f"along {axis} the backdrop has {found} texels; expected one number of texels")
         for name, picture in (("black", self.black), ("white", self.white), ("a striped one", self.pictures)):
             if not np.all(np.isfinite(picture)):
                 raise ValueError(f"the picture before the backdrop ({name}) holds NaN or infinity; give finite pixels")
@@ -127,7 +127,7 @@ def disorder(patterns: Patterns) -> str:
     """What shows that pictures and stripes do not belong together, in one line; "" where nothing does.
 
     Finer stripes have more edges: along rows for x, along columns for y. Stripes too fine for the camera, whose
-    pictures are grey, are left out. Of the coarsest few may be in sight; of them neighbouring pixels should tell
+    pictures are grey, are left out. Of the coarsest few may be in sight; of them neighbouring pixels should show
     neighbouring places, and in another order they should not do so better.
     """
     middle = 0.5 * (patterns.white + patterns.black).sum(axis=2)
@@ -138,15 +138,15 @@ def disorder(patterns: Patterns) -> str:
     ]
     for axis in "xy":
         along, across = (1, 0) if axis == "x" else (0, 1)
-        told = [
+        changes = [
             (stripe.edges, _edges(sign, along), _edges(sign, across), stripe.name)
             for stripe, sign in sorted(zip(patterns.stripes, signs, strict=True), key=lambda pair: pair[0].edges)
             if stripe.axis == axis and np.count_nonzero(sign) > 0.6 * sign.size
         ]
-        if 1.5 * sum(entry[1] for entry in told) < sum(entry[2] for entry in told):
+        if 1.5 * sum(entry[1] for entry in changes) < sum(entry[2] for entry in changes):
             other = "top to bottom" if axis == "x" else "left to right"
-            return f"the stripes of {axis} ({told[0][3]} and others) change from {other}; exchange x and y"
-        for coarse, fine in pairwise(told):
+            return f"the stripes of {axis} ({changes[0][3]} and others) change from {other}; exchange x and y"
+        for coarse, fine in pairwise(changes):
             if fine[0] > coarse[0] >= _MANY and fine[1] < 0.75 * coarse[1]:
                 return (
                     f"{fine[3]} shows fewer stripes than {coarse[3]}, but should show more; are they out of order? "
@@ -158,7 +158,7 @@ def disorder(patterns: Patterns) -> str:
 
 
 _MANY, _COARSE = 4, 4
-"""Edges from which counting them tells the order, and how many of the coarsest patterns are tried in other orders."""
+"""Edges from which counting them gives the order, and how many of the coarsest patterns are tried in other orders."""
 
 
 def _coarse_disorder(patterns: Patterns, signs: list[np.ndarray], axis: str) -> str:
@@ -180,10 +180,10 @@ def _coarse_disorder(patterns: Patterns, signs: list[np.ndarray], axis: str) -> 
         found = np.where(np.all(seen != 0, axis=0), places[np.tensordot(weights, seen[list(order)] > 0, 1)], np.nan)
         return sum(int(np.count_nonzero(np.abs(np.diff(found, axis=which)) > apart)) for which in (0, 1))
 
-    told = tuple(range(len(own)))
-    best = min(permutations(told), key=jumps)  # the order told, where others are no better
-    if jumps(told) > 2 * jumps(best) + 0.1 * min(seen.shape[1:]):
-        names = [patterns.stripes[own[place]].name for place in told]
+    given = tuple(range(len(own)))
+    best = min(permutations(given), key=jumps)  # the given order, where others are no better
+    if jumps(given) > 2 * jumps(best) + 0.1 * min(seen.shape[1:]):
+        names = [patterns.stripes[own[place]].name for place in given]
         better = [patterns.stripes[own[place]].name for place in best]
         return (
             f"the pictures of {', '.join(names)} fit together better as {', '.join(better)}; are they out of order? "
@@ -201,7 +201,7 @@ def _edges(signs: np.ndarray, axis: int) -> int:
 
 
 def read_patterns(folder: str | os.PathLike[str]) -> Patterns:
-    """The pictures of a folder: `black`, `white`, `gray_x0` … and `gray_y0` …, or as its patterns.json tells.
+    """The pictures of a folder: `black`, `white`, `gray_x0` … and `gray_y0` …, or as its patterns.json names them.
 
     By name: `gray_x0` … are the levels of a Gray code, the coarsest first, over 2^levels texels; `stripes_x16` has
     plain stripes 16 texels wide, over the Gray code's texels or else twice the widest stripe; `_inverse` behind either
@@ -258,10 +258,10 @@ def _named(folder: Path) -> tuple[Path, Path, list[tuple[Stripes, Path]]]:
     for need in ("black", "white"):
         if need not in found:
             raise UnreadableFile(f'{folder}: no picture "{need}", of the subject before a {need} backdrop; add it')
-    told = [(match, path) for stem, path in found.items() if (match := _NAME.fullmatch(stem))]
+    named = [(match, path) for stem, path in found.items() if (match := _NAME.fullmatch(stem))]
     listed = []
     for axis in "xy":
-        own = [(match, path) for match, path in told if match[2] == axis]
+        own = [(match, path) for match, path in named if match[2] == axis]
         levels = {int(match[3]) for match, _ in own if match[1] == "gray"}
         missing = sorted(set(range(max(levels, default=-1) + 1)) - levels)
         if missing or not own:
@@ -277,7 +277,7 @@ def _named(folder: Path) -> tuple[Path, Path, list[tuple[Stripes, Path]]]:
 
 
 def _listed(folder: Path) -> tuple[Path, Path, list[tuple[Stripes, Path]]]:
-    """The same, as a patterns.json tells."""
+    """The same, as a patterns.json names them."""
     path = folder / _LIST
     try:
         table = json.loads(path.read_text("utf-8"))

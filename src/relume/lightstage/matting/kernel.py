@@ -12,7 +12,7 @@ import numpy as np
 from relume._kernel import inlined, kernel
 
 LEAST_WIDTH = 0.25
-"""Texels; nothing narrower can be told from readings of stripes."""
+"""Texels; nothing narrower can be seen in readings of stripes."""
 
 
 @inlined
@@ -77,7 +77,7 @@ def _nearest(table, wanted, cost):
 
 @kernel
 def fit_one(begin, end, readings, cumulative, table, middles, widths, fitted):
-    """For each pixel of a range the one box along one axis that its readings (P, K) tell.
+    """For each pixel of a range the one box along one axis that its readings (P, K) give.
 
     table, middles, widths : readings (K, C) of boxes to start from, and which these are
     fitted : (P, 3) float32, written: middle, width, misfit
@@ -160,7 +160,7 @@ def _alternated(cumulatives, tables, middles, widths, readings, counts, areas, h
 def fit_two(begin, end, readings, cumulatives, tables, middles, widths, counts, single, straight, fitted):
     """For each pixel of a range the two areas whose light in some shares explains its readings (P, K) best.
 
-    readings : pictures striped across first, `counts` (2,) tells how many of each
+    readings : pictures striped across first, `counts` (2,) counts how many of each
     single, straight : (P, 4) areas to start from: the one fitted alone, and what is seen where nothing is in the way
         (NaN where unknown); middle and width across, middle and width down
     fitted : (P, 10) float32, written: the two areas, the first one's share, the misfit

@@ -2,7 +2,7 @@
 
 Parts: `foreground` (RGB), `coverage`, `residual`, and for each of `straight`, `area1` and `area2` the planes `.u`,
 `.width`, `.v`, `.height` in parts of the backdrop's sides, with `area1.colour` and `area2.colour` (RGB). The attribute
-`environment_matte` tells the backdrop's texels, across and down.
+`environment_matte` holds the backdrop's texels, across and down.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ def read_matte(path: str | os.PathLike[str]) -> EnvironmentMatte:
     """The matte that `write_matte` wrote, bit for bit; raises UnreadableFile for any other file."""
     layers = files.read_layers(path)
     texts = read_headers(path, ReadOptions()).parts[0].texts
-    told = next((text for name, text in texts.items() if name.endswith(_ATTRIBUTE)), None)
+    stored = next((text for name, text in texts.items() if name.endswith(_ATTRIBUTE)), None)
     try:
-        across, down = (int(count) for count in (told or "").split())
+        across, down = (int(count) for count in (stored or "").split())
         straight, first, second = (
             np.stack([layers[f"{name}.{plane}"] for plane in _PLANES], axis=-1)
             for name in ("straight", "area1", "area2")

@@ -36,7 +36,7 @@ def measured_view(
     irradiances : (N, 3), of every light's cell; or such an array for each source, where their lights differ
     camera : the new one
     meshes : the subject's geometry, world
-    Nothing is invented: what no camera saw is a hole in `alpha`, told by `unseen` and, from a quarter of the subject
+    Nothing is invented: what no camera saw is a hole in `alpha`, counted by `unseen` and, from a quarter of the subject
     on, by a warning.
     Raises ValueError for irradiances of another shape, a mesh that does not match a source's picture, and a new camera
     that sees nothing of it.

@@ -1,7 +1,7 @@
 """A picture projected on a mesh and seen from elsewhere (Debevec et al. 2000, §4.5).
 
 The mesh is the subject's, in the world's frame, metres. Pixels are (x right, y down), centres at halves. What of a
-pixel shows which surface is told by rays: a pixel at an outline mixes a surface with what is behind it, and such a
+pixel shows which surface is found by rays: a pixel at an outline mixes a surface with what is behind it, and such a
 mixture is either undone, where behind it is background, or not used.
 """
 
@@ -98,7 +98,7 @@ class Sight:
     """What a camera sees of a subject, for pixels or points of any shape (…).
 
     points : (…, 3) metres, world; 0 where nothing is met
-    normals, facets : (…, 3) unit, world, on the side that is seen: smooth as the mesh tells them, and of its triangles
+    normals, facets : (…, 3) unit, world, on the side that is seen: smooth as the mesh has them, and of its triangles
     views : (…, 3) unit, from the surface to the camera
     shape : (…) int, which mesh; −1 where none
     distance : (…) metres along the ray; ∞ where nothing is met
@@ -141,7 +141,7 @@ class Outline:
 def outline(subject: Subject, camera: Camera, matte: np.ndarray | None = None) -> Outline:
     """Which pixels of a camera show one surface of the subject, and how much of each.
 
-    matte : (H, W) 0…1, the subject's share of each pixel, where it is known better than the mesh tells it
+    matte : (H, W) 0…1, the subject's share of each pixel, where it is known better than from the mesh
     """
     sight = subject.seen(camera)
     own, background, total = np.zeros(sight.shape.shape), np.zeros(sight.shape.shape), 0.0

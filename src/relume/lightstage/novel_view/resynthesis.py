@@ -1,6 +1,6 @@
 """Reflectance functions as another viewer would have measured them (Debevec et al. 2000, §4.3, §4.4, Fig. 12).
 
-A specular value tells how many facets face the half vector of light and view. For another view, the light that would
+A specular value shows how many facets face the half vector of light and view. For another view, the light that would
 have been mirrored by the same facets to the first is looked up, and what depends on the view besides is divided out
 and put in (eq. 9). The diffuse part keeps its amount; its chromaticity moves along its ramp (eq. 6, 7).
 
@@ -23,7 +23,7 @@ COVERED = np.radians(45)
 """Radians: a direction without a light within this angle is in no light's neighbourhood. Of the corners and faces of a
 cube, those so far from all lights fill the gaps: then the triangles go all round, whatever the lights."""
 HORIZON = 0.3
-"""Cosine, 17° above the horizon, below which light tells less and less of the facets: its G goes to nothing with it,
+"""Cosine, 17° above the horizon, below which light shows less and less of the facets: its G goes to nothing with it,
 and values are divided by that."""
 STEP = np.radians(4)
 """Between the angles at which a distribution of facets is kept: half of the half vectors' steps of lights 15° apart."""

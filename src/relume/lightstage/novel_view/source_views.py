@@ -1,6 +1,6 @@
 """What a new camera sees of a subject, gathered from the cameras that took it: rays, source pixels, blending.
 
-Each ray of the new view meets the mesh; what each source camera tells of that place is looked up in its picture, and
+Each ray of the new view meets the mesh; what each source camera shows of that place is looked up in its picture, and
 the sources are blended (Debevec et al. 2000, §4.5). World frame, metres.
 """
 
@@ -24,7 +24,7 @@ SIDE = 2
 
 
 class Separated(Protocol):
-    """A reflectance field told apart: `separation.Separation` and `polarised.PolarisedPair` are."""
+    """A reflectance field separated: a `separation.Separation` or a `polarised.PolarisedPair`."""
 
     @property
     def diffuse(self) -> ReflectanceField: ...
@@ -38,7 +38,8 @@ class SourceView:
     """What one camera took of the subject.
 
     field : its reflectance field, with the camera
-    parts : the same, told apart; None for a subject without highlights, whose picture is projected as it is
+    parts : the same, separated into diffuse and specular; None for a subject without highlights, whose picture is
+        projected as it is
     normal : (H, W, 3) unit, world, for the highlights; the mesh's own if None
     alpha : (H, W, 2), of the chromaticity ramp; the diffuse part keeps its chromaticity if None
     matte : (H, W) 0…1, the subject's share of each pixel; the mesh's if None
@@ -127,7 +128,7 @@ class NewRays:
 
 
 Layers = Callable[[int, Outline], tuple[np.ndarray, Outline]]
-"""Of a source's number and outline: what it tells of its pixels, (H, W, C), and which of them may be used."""
+"""Of a source's number and outline: values of its pixels, (H, W, C), and which of them may be used."""
 Shading = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
 """Of a source's number, rays (n,) and what was looked up for them (n, C): radiance (n, 3)."""
 
@@ -135,7 +136,7 @@ Shading = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
 def blend_sources(
     sources: Sequence[SourceView], subject: Subject, rays: NewRays, layers: Layers, shading: Shading, blending: Blending
 ) -> NewView:
-    """The new view from what each source tells; what none tells is a hole, told by a warning from a quarter on.
+    """The new view from all sources; what none saw is a hole, with a warning from a quarter on.
 
     Raises ValueError for a mesh that does not match a source's picture.
     """
@@ -143,10 +144,10 @@ def blend_sources(
     for index, source in enumerate(sources):
         edges = outline(subject, source.camera, source.matte)
         check_mesh_matches(_brightness(source.field), edges.sight, source.name)
-        told, edges = layers(index, edges)
+        values_of_source, edges = layers(index, edges)
         visible = np.flatnonzero(subject.visible(rays.points, rays.facets, source.camera))
-        told = np.concatenate([told, border_distance(edges)[..., None]], axis=-1)
-        found, certainty = sampled(told, edges, rays.points[visible], rays.shape[visible])
+        values_of_source = np.concatenate([values_of_source, border_distance(edges)[..., None]], axis=-1)
+        found, certainty = sampled(values_of_source, edges, rays.points[visible], rays.shape[visible])
         back = source.camera.position - rays.points[visible]
         back /= np.linalg.norm(back, axis=-1, keepdims=True)
         values[index, visible] = shading(index, visible, found[:, :-1])

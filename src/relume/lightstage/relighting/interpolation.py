@@ -101,7 +101,7 @@ class Barycentric:
 
 
 def _triangles(lights: StageLights) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles (T, 3) of lights around the sphere, and the matrices (T, 3, 3) that tell a direction's shares."""
+    """Triangles (T, 3) of lights around the sphere, and the matrices (T, 3, 3) that give a direction's shares."""
     try:
         hull = ConvexHull(lights.directions)
     except (QhullError, ValueError):  # fewer than four lights, or all on one circle
@@ -172,7 +172,7 @@ def _totals(index: np.ndarray, power: np.ndarray, count: int) -> np.ndarray:
 
 
 def reached(lights: StageLights, directions: np.ndarray) -> np.ndarray:
-    """How much of light from unit directions (M, 3) is told by the lights around it: (M,), 1 down to 0.
+    """How much of light from unit directions (M, 3) the lights around it account for: (M,), 1 down to 0.
 
     The rest comes from where the stage has no lights, and is given to the nearest (`REACH`).
     """

@@ -17,7 +17,7 @@ from relume.lightstage.field.field import Pictures, ReflectanceField
 from relume.lightstage.field.lights import StageLights
 
 MEMORY = 1 << 30
-"""Bytes a sum may work in unless told: large enough that blocks cost nothing, small beside any machine's memory."""
+"""Bytes a sum may work in by default: large enough that blocks cost nothing, small beside any machine's memory."""
 Progress = Callable[[float], None]
 """Called with the part that is done, 0…1."""
 
@@ -94,7 +94,7 @@ def summed(
 ) -> Iterator[RadianceMap]:
     """Pictures under each of the irradiances (K, N, 3), in one pass over the field.
 
-    seen : called with every block on the way: its rows, and what `encoded` tells of it
+    seen : called with every block on the way: its rows, and what `encoded` gives for it
     """
     from relume.lightstage.relighting.sum_kernel import add_weighted
 

@@ -2,7 +2,7 @@
 
 Smooth interpolation has shares below 0, which a spike turns into negative light beside it. Where a pixel's greatest
 value is many times its mean over the sphere, its sum takes irradiances whose shares are not (`Barycentric`). That is
-told from the field alone, never from the light, so that a picture stays linear in its light.
+found from the field alone, never from the light, so that a picture stays linear in its light.
 """
 
 from __future__ import annotations
@@ -86,8 +86,8 @@ def relight_spiky_sequence(
 
     smooth, barycentric : (K, N, 3) each, as of `relight_spiky`
     memory : bytes; where they do not hold all pictures, the field is read again for the next of them
-    Raises ValueError as `weighted_sum`, before the first picture. With the last one, a warning tells
-    of what is below 0.
+    Raises ValueError as `weighted_sum`, before the first picture. With the last one, a warning counts
+    what is below 0.
     """
     pairs = [np.asarray(each, np.float64) for each in (smooth, barycentric)]
     if pairs[0].ndim != 3 or len(pairs[0]) == 0 or pairs[0].shape != pairs[1].shape:
@@ -167,7 +167,7 @@ def share_below(radiance: np.ndarray) -> float:
 
 
 def warn_below(share: float) -> None:
-    """Tell of pixels below 0; they are left as they are, for a sum stays linear only so."""
+    """Warn of pixels below 0; they are left as they are, for a sum stays linear only so."""
     if share > 0:
         warnings.warn(
             f"{100 * share:.2g}% of the picture's pixels are below 0, as smooth interpolation makes them beside "

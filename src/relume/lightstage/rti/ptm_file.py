@@ -36,7 +36,7 @@ def write_ptm(path: str | os.PathLike[str], texture: PolynomialTexture) -> None:
     if not np.all(np.isfinite(coefficients)):
         raise ValueError("a coefficient of the polynomial texture map is not finite; mask out the pixels it comes from")
     scales, biases = zip(*(_quantised(coefficients[..., term]) for term in range(6)), strict=True)
-    # The scales as the file tells them are those that the bytes are made with.
+    # The scales as the file holds them are those that the bytes are made with.
     scales = np.array([float(f"{scale:.7g}") for scale in scales])
     codes = np.clip(np.rint(coefficients / scales + np.array(biases)), 0, 255).astype(np.uint8)[::-1]
     height, width = texture.shape

@@ -76,8 +76,8 @@ def amounts(values: np.ndarray, body: np.ndarray, light: np.ndarray) -> tuple[np
 class RampSearch:
     """How the ramp's two parameters are searched, coarse to fine.
 
-    lowest, highest : bounds of α0 and α1; at −1 the body would have the light's own colour and nothing could be told
-        apart, at 1 its distance from that is doubled
+    lowest, highest : bounds of α0 and α1; at −1 the body would have the light's own colour and nothing could be
+        separated, at 1 its distance from that is doubled
     coarse : candidates along each parameter at first
     halvings : times that the search closes in about the best by half
     bins : in which the products cos θi cos θr are gathered, since the ramp knows nothing else of a light

@@ -83,7 +83,7 @@ def lambertian_lobes(
 
 
 def _least_squares(values: np.ndarray, weights: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Vectors (P, 3) with directions · vectors nearest the values; 0 where the lights do not tell them."""
+    """Vectors (P, 3) with directions · vectors nearest the values; 0 where the lights do not determine them."""
     pairs = (directions[:, :, None] * directions[:, None, :]).reshape(-1, 9)
     matrices = (weights.T @ pairs).reshape(-1, 3, 3).astype(np.float64)
     sides = ((weights * values).T @ directions).astype(np.float64)

@@ -1,4 +1,4 @@
-"""Specular and diffuse parts of a reflectance field, told apart by colour (Debevec et al. 2000, §4.2, eq. 6, 7).
+"""Specular and diffuse parts of a reflectance field, separated by colour (Debevec et al. 2000, §4.2, eq. 6, 7).
 
 What is reflected at the surface has the light's colour, what comes from below it the body's. Per pixel: a rough
 separation with one body chromaticity, its Lambertian lobe, the ramp of chromaticities over the angles, the final
@@ -30,15 +30,15 @@ class ColourSeparation:
 
     light : colour of the lights, linear Rec. 709; white, since a field is per unit of irradiance
     shadow : fraction of a pixel's bright level below which a light is in shadow (`shadow_map`)
-    range : fractions of the bright level between which values tell the body's chromaticity: above shadows and noise,
+    range : fractions of the bright level between which values show the body's chromaticity: above shadows and noise,
         below highlights
     mirror : radians between normal and half vector within which values count less for the ramp: highlights; wide,
         since their tails are pale too
     rounds : times that the ramp is fitted again without what the last one calls specular: the tails of highlights
     pale : μs, as a fraction of the value, beyond which a value soon stops counting for that
-    least_angle : radians between the body's and the light's chromaticity below which they are not told apart, since
+    least_angle : radians between the body's and the light's chromaticity below which they are not separated, since
         noise grows with its inverse; such values are all diffuse
-    darkest : share of the field's level below which a pixel is no surface but noise: nothing is told of it
+    darkest : share of the field's level below which a pixel is no surface but noise: it is left out
         (`shadow_map.shows_surface`)
     ramp, lobe : of the searches
     """
@@ -69,7 +69,7 @@ class ColourSeparation:
 
 @dataclass(frozen=True, eq=False)
 class Separation:
-    """A reflectance field told apart: D + S = R, for every light and pixel.
+    """A reflectance field separated: D + S = R, for every light and pixel.
 
     field : what was separated
     normal : (H, W, 3) float32, unit, world; 0 where unknown
@@ -144,7 +144,7 @@ class Part:
 
 
 def separate(field: ReflectanceField, settings: ColourSeparation = ColourSeparation()) -> Separation:
-    """Tell a reflectance field's specular part from its diffuse part, by colour.
+    """Separate a reflectance field's specular from its diffuse part, by colour.
 
     The field is read in rows, once; the parts are worked out from it again when they are asked for, so a field larger
     than memory is no trouble. Grey and black things have no colour to go by: see `Separation.separable`, and use a
@@ -189,7 +189,7 @@ def specular_part(
 def _apart(
     chromaticity: np.ndarray, separable: np.ndarray, settings: ColourSeparation
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Whether body chromaticities (N, P, 3) are told from the light's, and, where they are not, others that are."""
+    """Whether body chromaticities (N, P, 3) differ from the light's, and, where they are not, others that are."""
     sine = np.linalg.norm(np.cross(chromaticity, settings.light_chromaticity), axis=-1)
     apart = (sine > np.sin(settings.least_angle)) & separable
     return apart, np.where(apart[..., None], chromaticity, np.array([1, 0, 0], np.float32))
@@ -198,7 +198,7 @@ def _apart(
 def _analysed(
     values: np.ndarray, view: np.ndarray, lights: StageLights, settings: ColourSeparation
 ) -> tuple[np.ndarray, ...]:
-    """Of values (N, P, 3): normal (P, 3), ramp (P, 2), body chromaticity (P, 3), whether it is told, level (P, 1)."""
+    """Of values (N, P, 3): normal (P, 3), ramp (P, 2), body chromaticity (P, 3), whether it is known, level (P, 1)."""
     bright = brightness(values)
     level = bright_level(bright)
     reached = lit(values, settings.shadow)

@@ -12,7 +12,7 @@ from relume.lightstage.field.field import ReflectanceField
 
 SHADOW = 0.1
 """A light below this fraction of the pixel's bright level is in shadow: a Lambertian surface loses by it only lights
-within 6° of its horizon, which tell little of it."""
+within 6° of its horizon, which show little of it."""
 BRIGHT = 0.95
 """The quantile of a pixel's values that is its bright level: highlights are in fewer of the lights than the rest."""
 DARKEST = 0.004
@@ -37,7 +37,7 @@ def shows_surface(level: np.ndarray, darkest: float = DARKEST) -> np.ndarray:
     """Whether each pixel shows a surface and not noise, bool (…), for the bright levels (…) of all pixels of a field.
 
     darkest : share of the field's own level below which a pixel is noise: of its own, so that it does not matter in
-        what unit the lights' irradiance was told
+        what unit the lights' irradiance was given
     Raises ValueError for a share that is not between 0 and 1.
     """
     if not 0 <= darkest < 1:

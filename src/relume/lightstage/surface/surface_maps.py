@@ -19,7 +19,7 @@ from relume.lightstage.surface.specular import SpecularFit, specular_lobes
 
 
 class Parts(Protocol):
-    """A reflectance field told apart: a `Separation` or a `PolarisedPair`."""
+    """A reflectance field separated: a `Separation` or a `PolarisedPair`."""
 
     @property
     def diffuse(self) -> ReflectanceField: ...
