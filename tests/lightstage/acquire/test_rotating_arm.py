@@ -14,10 +14,8 @@ from relume.lightstage.acquire.read_stage import read_stage
 from relume.lightstage.acquire.rotating_arm import (
     RotatingArm,
     SteadyRotation,
-    TriggeredRotation,
     fit_rings,
     fit_rotation,
-    rotation_from_triggers,
 )
 from relume.lightstage.acquire.rotating_arm_film import (
     frame_paths,
@@ -72,14 +70,6 @@ def test_the_paper_s_stage_has_72_frames_a_turn_and_64_columns_of_32_rings() -> 
     azimuth = np.arctan2(lights.directions[:, 0], lights.directions[:, 2]).reshape(32, 64) % (2 * np.pi)
     wanted = (np.arange(64) + 0.5) / 64 * 2 * np.pi
     assert np.abs(azimuth[7] - wanted).max() <= np.pi / 72 + 1e-9
-
-
-def test_signals_by_hand_stretch_each_turn() -> None:
-    rotation = TriggeredRotation((10.0, 20.0, 40.0))
-    np.testing.assert_allclose(
-        rotation.revolutions(np.array([5, 10, 15, 20, 30, 40, 50])), [-0.5, 0, 0.5, 1, 1.5, 2, 2.5]
-    )
-    assert rotation_from_triggers([0.5, 1.5], 30).frames == (15.0, 45.0)
 
 
 def test_a_film_that_is_too_short_or_too_fast_is_refused() -> None:

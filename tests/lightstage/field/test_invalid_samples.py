@@ -19,7 +19,6 @@ from relume.lightstage.field.invalid_samples import (
     PackedMask,
     direct_light,
     lens_flare_and_direct_light,
-    overexposed,
     user_mask,
 )
 from relume.lightstage.field.lights import StageLights
@@ -61,24 +60,6 @@ def matte_ball() -> np.ndarray:
     highlight = 30 * np.maximum(np.einsum("nc,yxc->nyx", half, normals), 0) ** 300
     grey = np.where(disc(), diffuse + highlight * (diffuse > 0), 0)
     return (grey[..., None] * [1.0, 0.8, 0.7]).astype(np.float32)
-
-
-def test_a_code_of_255_is_overexposed_and_254_is_not() -> None:
-    values = np.zeros((2, 1, 3, 3), np.uint8)
-    values[0, 0, 0, 1], values[0, 0, 1, 2], values[1, 0, 2] = 255, 254, 255
-    field = Pictures(values, LIGHTS.chosen(np.array([0, 40])), scale=np.array([1 / 255, 1 / 100], np.float32))
-    found = overexposed(field).block(slice(0, 2), slice(0, 1))
-    assert found.tolist() == [[[True, False, False]], [[False, False, True]]]
-
-
-def test_linear_pictures_need_the_value_they_end_at() -> None:
-    field = Pictures(matte_ball(), LIGHTS)
-    with pytest.raises(ValueError, match="give the value at which the pictures are overexposed"):
-        overexposed(field)
-    found = overexposed(field, 5.0).block(*EVERYTHING)
-    assert np.array_equal(found, (matte_ball() >= 5).any(axis=-1)) and 0 < found.mean() < 0.01
-    with pytest.raises(ValueError, match="expected values above 0"):
-        overexposed(field, 0.0)
 
 
 def test_a_light_straight_ahead_of_the_camera_covers_a_disc_of_its_size() -> None:

@@ -14,7 +14,6 @@ from relume.lightstage.matting.composite import (
     environment_on,
     illumination_without_backdrop,
     over_environment,
-    without_backdrop,
 )
 from relume.lightstage.matting.environment_matte import EnvironmentMatte
 from relume.scene.cameras.camera import Camera
@@ -175,17 +174,6 @@ def grid_lights() -> StageLights:
     return StageLights.towards(directions, grid=(12, 24))
 
 
-def test_what_the_backdrop_hides_of_the_lights_adds_up_to_its_solid_angle():
-    lights = grid_lights()
-    behind = without_backdrop(lights, BACKDROP)
-    assert behind.min() == 0 and behind.max() == 1 and np.any((behind > 0.1) & (behind < 0.9))
-    # A rectangle 2a × 2b straight ahead at d: 4 arcsin(ab / √((a² + d²)(b² + d²))).
-    assert behind @ lights.solid_angles == pytest.approx(4 * np.arcsin(4 / (4 + 1.6**2)), rel=2e-3)
-    assert np.all(behind[lights.directions[:, 2] > 0] == 0)
-    ahead = np.argmax(-lights.directions[:, 2])
-    assert behind[ahead] == 1
-
-
 def test_the_light_beside_and_behind_the_backdrop_is_all_the_light():
     light = smooth_light(96)
     beside = illumination_without_backdrop(light, BACKDROP)
@@ -195,21 +183,3 @@ def test_the_light_beside_and_behind_the_backdrop_is_all_the_light():
     assert hidden[:2] == pytest.approx([steradians, steradians], rel=5e-3)
     assert np.all(beside.radiance <= light.radiance) and np.any(beside.radiance == 0)
     assert np.allclose(beside.lookup(np.array([0.0, 0.0, 1.0])), light.lookup(np.array([0.0, 0.0, 1.0])))
-
-
-def test_relighting_beside_and_matte_behind_count_every_light_once():
-    # Under even light of radiance 1 a white sky's irradiances are the cells' solid angles, however they are split.
-    lights = grid_lights()
-    behind = without_backdrop(lights, BACKDROP)
-    per_irradiance = np.random.default_rng(4).random(len(lights))  # one pixel's reflectance function
-    relit, whole = per_irradiance @ (lights.solid_angles * (1 - behind)), per_irradiance @ lights.solid_angles
-    seen = per_irradiance @ (lights.solid_angles * behind)
-    glass = replace(
-        nothing_in_the_way(),
-        coverage=np.ones((30, 40), np.float32),
-        colours=np.full((2, 30, 40, 3), seen / 2, np.float32),
-        areas=np.full((2, 30, 40, 4), 0.5, np.float32),
-    )
-    foreground = np.full((30, 40, 3), relit, np.float32)
-    even = EnvironmentMap(np.ones((16, 32, 3), np.float32))
-    assert np.allclose(over_environment(glass, BACKDROP, CAMERA, even, foreground=foreground), whole, rtol=1e-5)

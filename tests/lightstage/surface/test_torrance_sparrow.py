@@ -5,16 +5,41 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from relume.light.reflection.weights import Fresnel
 from relume.lightstage.surface.torrance_sparrow import (
+    LEAST_COSINE,
+    SKIN,
     GroovedSurface,
-    fresnel,
-    geometric_attenuation,
     half_vector,
     mirrored,
 )
 from relume.sphere.directions import normalised
 
 UP = np.array([0.0, 0.0, 1.0])
+
+
+def geometric_attenuation(view: np.ndarray, light: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """G (…): min(1, 2 (n·h)(n·v)/(v·h), 2 (n·h)(n·l)/(v·h)), and 0 where view or light is below the horizon.
+
+    Source: Torrance and Sparrow 1967, for grooves of equal sides; in this form Blinn 1977.
+    """
+    half = half_vector(view, light)
+    across = np.maximum(dot(view, half), LEAST_COSINE)
+    towards_view, towards_light = dot(view, normal), dot(light, normal)
+    open_part = 2 * dot(half, normal) * np.minimum(towards_view, towards_light) / across
+    return np.where((towards_view > 0) & (towards_light > 0), np.clip(open_part, 0, 1), 0.0)
+
+
+def fresnel(view: np.ndarray, light: np.ndarray, index: float = SKIN) -> np.ndarray:
+    """F (…): what a facet that mirrors `light` to `view` reflects of unpolarised light.
+
+    index : of refraction, the surface's to the air's
+    """
+    return Fresnel(index)(dot(view, half_vector(view, light)))
+
+
+def dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    return np.sum(np.asarray(first) * second, axis=-1)
 
 
 def tilted(degrees: float, turn: float = 0.0) -> np.ndarray:

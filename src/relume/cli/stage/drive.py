@@ -52,6 +52,7 @@ def drive(
     cannot show, by level or by colour.
     """
     with warnings_as_notes(output):
+        # Everything that can be refused before the work.
         require_suffix(out, ".csv", ".json")
         require_files([light])
         primaries = read_primaries(primary, white, maximum)
@@ -60,6 +61,7 @@ def drive(
         if dry_run:
             print_facts(output, {"would write": str(out), "lights": len(field.lights), "primaries": names})
             return
+        # The light, what is to look alike under it, and the solve.
         wanted, turn = rl.read_environment(light), rotation_of(rotate)
         if turn is not None:
             wanted = wanted.rotated(turn)

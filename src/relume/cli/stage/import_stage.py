@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from math import radians
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,6 +18,108 @@ from relume.cli.stage.options import MEMORY, Camera, MaxMemory, rounded, work_fa
 Circle = tuple[float, float, float]
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class FilmOptions:
+    """How the lamp of a filmed rotating arm went."""
+
+    film: Annotated[
+        tuple[int, int, float] | tuple[int, int] | None,
+        numbers(
+            "RINGS,COLUMNS[,FRAMES]",
+            like="32,64,72",
+            above=0,
+            help="The course of a filmed lamp on a rotating arm: rings from top to bottom, lights a ring that are "
+            "kept, and frames a turn. Without FRAMES, rate, start and rings are found from --ball in the film.",
+        ),
+    ] = None
+    film_start: Annotated[float, Parameter(help="The film's frame at which the lamp starts.")] = 0.0
+    film_azimuth: Annotated[
+        float, Parameter(allow_leading_hyphen=True, help="Where each ring starts, degrees from +Z towards +X.")
+    ] = 0.0
+    clockwise: Annotated[bool, Parameter(negative="", help="The film's lamp turns from +Z towards −X.")] = False
+
+    def course(self) -> rl.lightstage.FilmCourse | None:
+        """The same as a setting of the library."""
+        if self.film is None:
+            return None
+        azimuth = radians(self.film_azimuth)
+        return rl.lightstage.FilmCourse(*self.film, start=self.film_start, azimuth=azimuth, clockwise=self.clockwise)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class CorrectionOptions:
+    """What is corrected in the pictures."""
+
+    ambient: Annotated[
+        Path | None, Parameter(help="A picture with all lights off, which is subtracted from every other.")
+    ] = None
+    target: Annotated[
+        tuple[tuple[int, int, int, int], float] | None,
+        numbers(
+            "LEFT,TOP,WIDTH,HEIGHT=REFLECTANCE",
+            like="40,60,80,80=0.9",
+            help="A white or grey card in the pictures: every light's colour and intensity are measured on it and "
+            "divided out; that of stage.json unless given.",
+        ),
+    ] = None
+    board: Annotated[
+        Path | None,
+        Parameter(
+            help="A folder with a picture of a white board in the subject's place under each light, in the same "
+            "order: how unevenly each light shines is measured on it and divided out."
+        ),
+    ] = None
+    near_fall_off: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="Divide out the fall-off of near lamps over the subject; needs their places, in stage.json or by "
+            "balls in metres, and a camera.",
+        ),
+    ] = False
+    mask: Annotated[
+        Path | None,
+        Parameter(
+            help="White where samples are invalid: one picture, which leaves those pixels black, or a folder with one "
+            "a light, whose samples are filled from neighbouring lights."
+        ),
+    ] = None
+    flare: Annotated[
+        bool, Parameter(negative="", help="Drop and fill lights that shine into the lens, and their flare.")
+    ] = False
+    lamp_size: Annotated[float, Parameter(help="Apparent diameter of the lamps, degrees, for --flare.")] = 2.0
+    bars: Annotated[bool, Parameter(negative="", help="Drop and fill the shadow of the stage's own bar.")] = False
+    noise: Annotated[
+        tuple[float, float] | None,
+        numbers(
+            "CONSTANT,SLOPE",
+            like="1e-6,2e-4",
+            help="Variance of the pictures' values, CONSTANT + SLOPE times the value; estimated from the pictures "
+            "unless given.",
+        ),
+    ] = None
+    no_noise: Annotated[bool, Parameter(negative="", help="Leave the noise unknown.")] = False
+
+    def corrections(self) -> rl.lightstage.Corrections:
+        """The same as a setting of the library."""
+        if self.noise is not None and self.no_noise:
+            raise ValueError("--noise and --no-noise: give one of them")
+        return rl.lightstage.Corrections(
+            ambient=self.ambient,
+            target=None if self.target is None else rl.lightstage.TargetCard(*self.target),
+            board=self.board,
+            near_fall_off=self.near_fall_off,
+            mask=self.mask,
+            flare=self.flare,
+            lamp_diameter=radians(self.lamp_size),
+            bars=self.bars,
+            noise=None if self.noise is None else rl.lightstage.Noise(*self.noise),
+            estimate_noise=not self.no_noise,
+        )
+
+
 def import_stage(
     source: Annotated[
         Path,
@@ -27,13 +131,13 @@ def import_stage(
         Path, Parameter(alias="-o", help="The store to write, like cat.zarr; an incomplete store is resumed.")
     ],
     ball: Annotated[
-        list[tuple[Circle, float] | Circle | Literal["find"]] | None,
+        list[tuple[Circle, float] | Circle | Literal["find"] | Path] | None,
         numbers(
             "X,Y,RADIUS[=METRES]",
             like="1510,980,64",
             words=("find",),
-            help="Find the lights in a mirrored ball: find, or its circle in pixels; again for each ball. Balls with "
-            "their radii in metres and --field-of-view give places, not only directions.",
+            help="Find the lights in a mirrored ball: find, its circle in pixels, or a picture that is white on it; "
+            "again for each. Balls with their radii in metres and --field-of-view give places, not only directions.",
         ),
     ] = None,
     ball_pictures: Annotated[
@@ -59,48 +163,8 @@ def import_stage(
             "--field-of-view the camera is known and looks at the subject along -Z."
         ),
     ] = None,
-    film: Annotated[
-        tuple[int, int, float] | tuple[int, int] | None,
-        numbers(
-            "RINGS,COLUMNS[,FRAMES]",
-            like="32,64,72",
-            above=0,
-            help="The course of a filmed lamp on a rotating arm: rings from top to bottom, lights a ring that are "
-            "kept, and frames a turn. Without FRAMES, rate, start and rings are found from --ball in the film.",
-        ),
-    ] = None,
-    film_start: Annotated[float, Parameter(help="The film's frame at which the lamp starts.")] = 0.0,
-    film_azimuth: Annotated[
-        float, Parameter(allow_leading_hyphen=True, help="Where each ring starts, degrees from +Z towards +X.")
-    ] = 0.0,
-    clockwise: Annotated[bool, Parameter(negative="", help="The film's lamp turns from +Z towards −X.")] = False,
-    ambient: Annotated[
-        Path | None, Parameter(help="A picture with all lights off, which is subtracted from every other.")
-    ] = None,
-    target: Annotated[
-        tuple[tuple[int, int, int, int], float] | None,
-        numbers(
-            "LEFT,TOP,WIDTH,HEIGHT=REFLECTANCE",
-            like="40,60,80,80=0.9",
-            help="A white or grey card in the pictures: every light's colour and intensity are measured on it and "
-            "divided out; that of stage.json unless given.",
-        ),
-    ] = None,
-    board: Annotated[
-        Path | None,
-        Parameter(
-            help="A folder with a picture of a white board in the subject's place under each light, in the same "
-            "order: how unevenly each light shines is measured on it and divided out."
-        ),
-    ] = None,
-    near_fall_off: Annotated[
-        bool,
-        Parameter(
-            negative="",
-            help="Divide out the fall-off of near lamps over the subject; needs their places, in stage.json or by "
-            "balls in metres, and a camera.",
-        ),
-    ] = False,
+    film: FilmOptions = FilmOptions(),
+    corrections: CorrectionOptions = CorrectionOptions(),
     encoding: Annotated[
         str | None,
         Parameter(
@@ -108,28 +172,6 @@ def import_stage(
             "says, else srgb."
         ),
     ] = None,
-    mask: Annotated[
-        Path | None,
-        Parameter(
-            help="White where samples are invalid: one picture, which leaves those pixels black, or a folder with one "
-            "a light, whose samples are filled from neighbouring lights."
-        ),
-    ] = None,
-    flare: Annotated[
-        bool, Parameter(negative="", help="Drop and fill lights that shine into the lens, and their flare.")
-    ] = False,
-    lamp_size: Annotated[float, Parameter(help="Apparent diameter of the lamps, degrees, for --flare.")] = 2.0,
-    bars: Annotated[bool, Parameter(negative="", help="Drop and fill the shadow of the stage's own bar.")] = False,
-    noise: Annotated[
-        tuple[float, float] | None,
-        numbers(
-            "CONSTANT,SLOPE",
-            like="1e-6,2e-4",
-            help="Variance of the pictures' values, CONSTANT + SLOPE times the value; estimated from the pictures "
-            "unless given.",
-        ),
-    ] = None,
-    no_noise: Annotated[bool, Parameter(negative="", help="Leave the noise unknown.")] = False,
     dtype: Annotated[
         Literal["half", "float", "8bit"], Parameter(help="How values are kept; 8bit with a scale for each picture.")
     ] = "half",
@@ -143,52 +185,35 @@ def import_stage(
     A store is quick to relight, whatever its size. Overexposed samples of photographs are dropped and filled from
     neighbouring lights.
     """
-    from math import radians
-
     with warnings_as_notes(output):
-        if noise is not None and no_noise:
-            raise ValueError("--noise and --no-noise: give one of them")
-        # The options as settings.
-        stages = rl.lightstage
-        corrections = stages.Corrections(
-            ambient=ambient,
-            target=None if target is None else stages.TargetCard(*target),
-            board=board,
-            near_fall_off=near_fall_off,
-            mask=mask,
-            flare=flare,
-            lamp_diameter=radians(lamp_size),
-            bars=bars,
-            noise=None if noise is None else stages.Noise(*noise),
-            estimate_noise=not no_noise,
-        )
-        settings = stages.ImportSettings(
+        settings = rl.lightstage.ImportSettings(
             balls=tuple(_ball(each) for each in ball or ()),
             ball_pictures=tuple(ball_pictures or ()),
             lights=lights,
-            film=film
-            and stages.FilmCourse(*film, start=film_start, azimuth=radians(film_azimuth), clockwise=clockwise),
+            film=film.course(),
             camera=camera,
             field_of_view=None if field_of_view is None else radians(field_of_view),
             camera_distance=camera_distance,
             encoding=encoding,
-            corrections=corrections,
+            corrections=corrections.corrections(),
             dtype=dtype,
             memory=max_memory,
         )
+        # The import, or what it would find and take.
         with progress(output) as report:
-            done = stages.import_stage(
+            done = rl.lightstage.import_stage(
                 source, out, settings, dry_run=dry_run, progress=lambda share: report("importing", share)
             )
+        # What was found.
         first: dict[str, object] = {"would write": str(out)} if dry_run else {"written": str(out)}
         work = work_facts(done.work) if done.work else {"lights": done.lights, "size": list(done.shape[::-1])}
         print_facts(output, {**first, **work, **_facts(done)})
 
 
-def _ball(given: Any) -> rl.lightstage.BallCircle | Literal["find"]:
+def _ball(given: Any) -> rl.lightstage.BallCircle | Path | Literal["find"]:
     """A ball of --ball."""
-    if given == "find":
-        return "find"
+    if given == "find" or isinstance(given, Path):
+        return given
     circle, metres = given if len(given) == 2 else (given, None)
     return rl.lightstage.BallCircle(*circle, metres)
 

@@ -48,10 +48,12 @@ def inspect(
     from relume.report.stage_report import write_stage_report
 
     with warnings_as_notes(output):
+        # Everything that can be refused before the work.
         if out is not None:
             require_output_folder(out)
         require_files(light or [])
         field = rl.lightstage.read_stage(stage, camera)
+        # What the stage holds.
         areas = field.lights.solid_angles
         facts: dict[str, object] = {
             **work_facts(rl.lightstage.estimate_work(field, 1 << 31)),
@@ -63,6 +65,7 @@ def inspect(
         if out is None or dry_run:
             print_facts(output, facts if out is None else {"would write": str(out), **facts})
             return
+        # The report.
         maps = {path.name: rl.read_environment(path) for path in light or []}
         with progress(output) as report:
             report("report", 0.0)

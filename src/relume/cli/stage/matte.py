@@ -62,12 +62,14 @@ def matte(
     stood is seen through the matte: the two sum to the whole environment.
     """
     with warnings_as_notes(output):
+        # Everything that can be refused before the work.
         _check(out, over, light, stage, backdrop)
         require_files([path for path in (over, light) if path])
         refuse_input(out, [path for path in (patterns, over) if path is not None and path.is_file()])
         if dry_run:
             print_facts(output, {"would write": str(out), "from": str(patterns)})
             return
+        # The matte: made before, or recovered from the patterns.
         with progress(output) as report:
             report("matte", 0.0)
             if patterns.is_file():
@@ -75,6 +77,7 @@ def matte(
             else:
                 found = rl.lightstage.environment_matte(rl.lightstage.read_patterns(patterns))
             report("matte", 1.0)
+        # The matte itself, or a picture with it.
         if over is not None:
             picture = rl.RadianceMap(rl.lightstage.composite_matte(found, rl.lightstage.read_backdrop(over)))
             rl.lightstage.write_picture(out, picture, exposure)

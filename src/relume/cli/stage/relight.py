@@ -74,6 +74,7 @@ def relight(
     gives a picture for each.
     """
     with warnings_as_notes(output):
+        # Everything that can be refused before the work.
         light.check(maps_only=frames is not None or labels is not None)
         moving = frames is not None or light.is_sequence
         _check(mesh, no_mesh, moving, light, compressed, labels)

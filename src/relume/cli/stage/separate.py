@@ -44,6 +44,7 @@ def separate(
     import numpy as np
 
     with warnings_as_notes(output):
+        # Everything that can be refused before the work.
         require_output_folder(out)
         require_files([mesh] if mesh else [])
         field = rl.lightstage.read_stage(stage, camera)
@@ -51,10 +52,12 @@ def separate(
         if dry_run:
             print_facts(output, {"would write": str(out), **work_facts(rl.lightstage.estimate_work(field, 1 << 30))})
             return
+        # Diffuse and specular reflection, and the maps of both.
         with progress(output) as report:
             report("separating", 0.0)
             maps = rl.lightstage.measure_surface(field, other)
             report("separating", 1.0)
+        # The files.
         meshes = rl.read_meshes(mesh) if mesh is not None else ()
         written = rl.lightstage.write_surface(out, maps, meshes, field.camera)
         known = maps.weight > 0

@@ -54,6 +54,7 @@ def view(
     What no camera of the stage saw is left out; the command prints its share.
     """
     with warnings_as_notes(output):
+        # Everything that can be refused before the work.
         light.check()
         require_picture(out)
         require_files([mesh, *([camera_file] if camera_file else [])])
@@ -73,6 +74,7 @@ def view(
         if dry_run:
             print_facts(output, {"would write": str(out), "size": [new.width, new.height], "cameras": len(fields)})
             return
+        # The view.
         with progress(output) as report:
             report("viewing", 0.0)
             sources = [
@@ -84,6 +86,7 @@ def view(
             assert subject is not None
             found = rl.lightstage.view(sources, light.lighting(), new, subject, settings)
             report("viewing", 1.0)
+        # The files.
         if out.suffix.lower() == ".exr":
             layers = {"radiance": found.picture.radiance, "alpha": found.alpha, "unseen": found.unseen}
             rl.write_layers(out, layers, unit=found.picture.unit)

@@ -203,7 +203,7 @@ def outline_of_mask(mask: np.ndarray, name: str = "mask") -> Outline:
     """The silhouette of a ball from a picture (H, W) or (H, W, 3) that is bright on it and dark beside it.
 
     Its largest bright piece is taken, and a circle laid through its rim; where something hides a part of the rim, the
-    rest tells the circle. Raises BallNotFound for a mask without a round piece.
+    rest gives the circle. Raises BallNotFound for a mask without a round piece.
     """
     level = np.asarray(mask, np.float64)
     level = level.mean(axis=2) if level.ndim == 3 else level

@@ -9,12 +9,10 @@ as one white, diffuse pixel that faces the light and reads 1/π is E = 1.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from relume.image.photograph import Exposure
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
 from relume.scene.cameras.camera import Camera
@@ -164,22 +162,6 @@ def normal_of_flat_target(lights: StageLights, radiances: np.ndarray) -> np.ndar
         if len(kept) < _FEWEST_PIXELS:
             raise ValueError("the lights do not determine the normal of the target; give it")
     return normalised(normal)
-
-
-def irradiances_of_frames(exposures: Sequence[Exposure]) -> np.ndarray:
-    """Irradiances (N, 3) that stand for the exposures of N pictures: pixels go as the exposure does.
-
-    They are relative to the exposures' geometric mean, so that pictures of one exposure are left as they are. Raises
-    ValueError without exposures, and where only some have an aperture or a sensitivity.
-    """
-    if not exposures:
-        raise ValueError("no exposures; give one a picture")
-    for name in ("f_number", "iso"):
-        known = [getattr(exposure, name) is not None for exposure in exposures]
-        if any(known) and not all(known):
-            raise ValueError(f"picture {known.index(False)} has no {name}, but others do; give all or none")
-    logarithms = np.log([exposure.factor for exposure in exposures])
-    return np.exp(logarithms - logarithms.mean())[:, None] * np.ones(3)
 
 
 def _readings(field: ReflectanceField, target: Target) -> tuple[np.ndarray, int]:

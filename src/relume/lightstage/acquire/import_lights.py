@@ -15,7 +15,14 @@ import numpy as np
 from relume.capture.exposure.folder import name_order
 from relume.errors import InvalidStage, OutputNotWritten, UnreadableFile
 from relume.image import files
-from relume.lightstage.acquire.ball_highlights import BallReadings, MirrorBall, find_ball, read_ball, unit_mean
+from relume.lightstage.acquire.ball_highlights import (
+    BallReadings,
+    MirrorBall,
+    find_ball,
+    outline_of_mask,
+    read_ball,
+    unit_mean,
+)
 from relume.lightstage.acquire.light_files import LIST, read_directions, read_lp
 from relume.lightstage.acquire.near_lights import light_places
 from relume.lightstage.acquire.read_stage import PICTURES
@@ -52,7 +59,8 @@ class BallCircle:
             raise ValueError(f"a ball of radius {self.radius} pixels, {self.metres} metres; expected radii above 0")
 
 
-Ball = BallCircle | Literal["find"]
+Ball = BallCircle | Path | Literal["find"]
+"""A circle, a picture that is white on the ball and black beside it, or a search."""
 
 
 @dataclass(frozen=True)
@@ -156,7 +164,9 @@ def stage_of_balls(
         _disagreement(readings) if len(balls) > 1 else (),
     )
     # Balls in metres before a known camera place that camera.
-    metric = field_of_view is not None and all(ball != "find" and ball.metres is not None for ball in balls)
+    metric = field_of_view is not None and all(
+        isinstance(ball, BallCircle) and ball.metres is not None for ball in balls
+    )
     middle, cameras = np.mean([mirror.centre for mirror in mirrors], axis=0), {}
     if metric:
         assert field_of_view is not None
@@ -224,7 +234,9 @@ def measure_film(video: Path, course: FilmCourse, ball: Ball | None = None) -> t
 def mirror_ball(ball: Ball, paths: Sequence[Path], field_of_view: float | None) -> MirrorBall:
     """A ball as the camera sees it, given or sought in the pictures; raises ValueError and BallNotFound."""
     camera = None if field_of_view is None else _camera(_pixels(paths[0]).shape, field_of_view)
-    if ball != "find":
+    if isinstance(ball, Path):
+        return MirrorBall(outline_of_mask(files.read_photograph(ball).pixels, ball.name), camera)
+    if isinstance(ball, BallCircle):
         return MirrorBall(outline_of_circle(ball.x, ball.y, ball.radius), camera, ball.metres or 1.0)
     outline = find_ball((_pixels(path) for path in paths), focal_length=camera and camera.focal_length)
     return MirrorBall(outline, camera)

@@ -17,6 +17,7 @@ from relume.lightstage.acquire.import_corrections import Corrections, correct
 from relume.lightstage.acquire.import_lights import (
     VIDEOS,
     Ball,
+    BallCircle,
     BallFindings,
     FilmCourse,
     camera_ahead,
@@ -76,7 +77,9 @@ class ImportSettings:
             raise ValueError("--film without FRAMES needs one --ball that shows the lamp in the film")
         if self.ball_pictures and not self.balls:
             raise ValueError("--ball-pictures are for --ball; give --ball find, or its circle")
-        metric = bool(self.balls) and all(ball != "find" and ball.metres is not None for ball in self.balls)
+        metric = bool(self.balls) and all(
+            isinstance(ball, BallCircle) and ball.metres is not None for ball in self.balls
+        )
         if self.field_of_view is not None and not 0 < self.field_of_view < np.pi:
             degrees = np.degrees(self.field_of_view)
             raise ValueError(f"--field-of-view is {degrees:g}; give degrees above 0 and below 180")

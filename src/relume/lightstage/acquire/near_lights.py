@@ -103,16 +103,3 @@ def points_on_plane(camera: Camera, point: np.ndarray, normal: np.ndarray) -> np
     with np.errstate(divide="ignore", invalid="ignore"):
         along = np.where(height / facing > 0, height / facing, np.nan)
     return camera.position + along[..., None] * rays
-
-
-def points_at_depth(camera: Camera, depth: np.ndarray) -> np.ndarray:
-    """The points (H, W, 3) that a camera's pixels see at depths (H, W) along its axis, metres; NaN where it is not > 0.
-
-    Raises ValueError where depth is not of the camera's size.
-    """
-    if depth.shape != (camera.height, camera.width):
-        raise ValueError(f"depth is {depth.shape}; expected the camera's {(camera.height, camera.width)}")
-    rays = camera.rays()
-    ahead = -(rays @ camera.rotation[:, 2])
-    along = np.where(depth > 0, depth, np.nan) / ahead
-    return camera.position + along[..., None] * rays

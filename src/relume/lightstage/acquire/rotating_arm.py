@@ -7,9 +7,7 @@ from where the azimuth is `start_azimuth`: after k + s of them, 0 ≤ s < 1, the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -20,14 +18,6 @@ WRONG = np.radians(20)
 """An azimuth that is farther off than that is another thing than the lamp."""
 FEWEST = 8
 """Highlights from which a rotation is found; two unknowns, and some of the readings are wrong."""
-
-
-class ArmRotation(Protocol):
-    """Where in its course the lamp is."""
-
-    def revolutions(self, frames: np.ndarray) -> np.ndarray:
-        """Revolutions (N,) since the first ring began, at frames (N,) counted from 0; negative before."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -53,26 +43,6 @@ class SteadyRotation:
 
 
 @dataclass(frozen=True)
-class TriggeredRotation:
-    """By hand: a signal at each pass of the start, as the paper's; between two the rate is even.
-
-    frames : where the signals fall, with their fractions, rising; the last one ends the last ring
-    """
-
-    frames: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        if len(self.frames) < 2 or not np.all(np.diff(self.frames) > 2):
-            raise ValueError("triggers must rise, by more than two frames each, and there must be two at least")
-
-    def revolutions(self, frames: np.ndarray) -> np.ndarray:
-        """Beyond the first and the last signal at the rates of the first and the last ring."""
-        wanted, signals = np.asarray(frames, np.float64), np.array(self.frames)
-        ring = np.clip(np.searchsorted(signals, wanted, side="right") - 1, 0, len(signals) - 2)
-        return ring + (wanted - signals[ring]) / np.diff(signals)[ring]
-
-
-@dataclass(frozen=True)
 class RotatingArm:
     """The course of the lamp.
 
@@ -87,7 +57,7 @@ class RotatingArm:
         at the middle of it. 0.5 is what film and most video do
     """
 
-    rotation: ArmRotation
+    rotation: SteadyRotation
     rings: int = 32
     first_inclination: float = float(np.pi / 64)
     step: float = float(np.pi / 32)
@@ -209,7 +179,7 @@ def fit_rotation(
     return SteadyRotation(float(rate), float(start + np.ceil((time[0] - start) * rate - 1e-6) / rate))
 
 
-def fit_rings(directions: np.ndarray, rotation: ArmRotation, shutter: float = 0.5) -> tuple[float, float, int]:
+def fit_rings(directions: np.ndarray, rotation: SteadyRotation, shutter: float = 0.5) -> tuple[float, float, int]:
     """The first inclination, the step and the number of rings, from where a mirrored ball shows the lamp.
 
     directions : (N, 3) of all frames; NaN where it was not seen
@@ -226,10 +196,3 @@ def fit_rings(directions: np.ndarray, rotation: ArmRotation, shutter: float = 0.
         raise InvalidStage(f"the lamp is seen on {len(seen)} rings; its step is found from two or more")
     step, first = np.polyfit([k for k, _ in seen], [i for _, i in seen], 1)
     return float(first), float(step), complete
-
-
-def rotation_from_triggers(seconds: Sequence[float], frames_per_second: float) -> TriggeredRotation:
-    """The rotation whose signals came at these seconds of the film, as from the audio track."""
-    if not frames_per_second > 0:
-        raise ValueError(f"frames_per_second is {frames_per_second}; expected above 0")
-    return TriggeredRotation(tuple(float(second) * frames_per_second for second in seconds))

@@ -14,7 +14,6 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
-from pydantic_core import ErrorDetails
 
 from relume.errors import InvalidStage
 from relume.lightstage.acquire.stage_file import LightEntry, Stage, StageCamera, TargetCard, Vector
@@ -181,7 +180,7 @@ def read_stage_file(path: str | os.PathLike[str]) -> Stage:
     try:
         found = _StageTable.model_validate({**table, "cameras": cameras})
     except ValidationError as error:
-        raise InvalidStage(f"{path}: {_fault(error.errors()[0], table)}") from None
+        raise InvalidStage(f"{path}: {_fault(dict(error.errors()[0]), table)}") from None
     stage = Stage(
         tuple(light.entry(found.light.irradiance_at_normal_incidence) for light in found.lights),
         {name: camera.value() for name, camera in found.cameras.items()},
@@ -196,7 +195,7 @@ def read_stage_file(path: str | os.PathLike[str]) -> Stage:
     return stage
 
 
-def _fault(error: ErrorDetails, table: Mapping[str, Any]) -> str:
+def _fault(error: Mapping[str, Any], table: Mapping[str, Any]) -> str:
     """Where a value is wrong, what it is and what is expected, in one line."""
     place, key = error["loc"], str(error["loc"][-1])
     unknown, missing = error["type"] == "extra_forbidden", error["type"] == "missing"
@@ -209,9 +208,15 @@ def _fault(error: ErrorDetails, table: Mapping[str, Any]) -> str:
         return f'{where}: no "{key}"; expected {", ".join(_keys_beside(place))}'
     if error["type"] == "value_error":
         return f"{where}: {error['msg'].removeprefix('Value error, ')}"
-    expected = (
-        error["msg"].replace("Input should be", "expected").replace("a valid", "a").replace("greater than", "above")
-    )
+    expected = error["msg"]
+    shorter = {
+        "Input should be": "expected",
+        "a valid": "a",
+        "greater than": "above",
+        "less than or equal to": "at most",
+    }
+    for words, plain in shorter.items():
+        expected = expected.replace(words, plain)
     return f"{where}: got {error['input']!r:.60}; {expected}"
 
 

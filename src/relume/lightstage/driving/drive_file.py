@@ -17,11 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.errors import UnreadableFile
 from relume.image.files import write_text
 from relume.lightstage.driving.driving import Drive
-from relume.lightstage.driving.primaries import LampPrimaries
-from relume.lightstage.field.lights import StageLights
 
 _KIND = "relume stage drive"
 
@@ -79,69 +76,6 @@ def drive_as_csv(drive: Drive) -> str:
     for name, direction, row in zip(drive.lights.names, drive.lights.directions, shares, strict=True):
         table.writerow([name, *(f"{value:.9g}" for value in (*direction, *row))])
     return text.getvalue()
-
-
-def read_drive(path: str | os.PathLike[str], primaries: LampPrimaries | None = None) -> Drive:
-    """The settings in a .json or .csv file.
-
-    primaries : of a CSV's columns, which holds none; RGB without a maximum unless given
-    Raises UnreadableFile, in one line, for a file that is missing, damaged or of another kind.
-    """
-    try:
-        text = Path(path).read_bytes().decode("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no text"
-        raise UnreadableFile(f"{path}: cannot be read: {reason}; give what `relume stage drive` wrote") from None
-    try:
-        return _from_json(text) if Path(path).suffix.lower() == ".json" else _from_csv(text, primaries)
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-        what = f"there is no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())
-        raise UnreadableFile(f"{path}: no settings of a stage: {what}; write it with `relume stage drive`") from None
-
-
-def _from_json(text: str) -> Drive:
-    document = json.loads(text)
-    if not isinstance(document, dict) or document.get("kind") != _KIND:
-        raise ValueError(f'its "kind" is not "{_KIND}"')
-    if document["version"] != 1:
-        raise ValueError(f"its version is {document['version']}, and 1 is known")
-    colours = np.array([primary["irradiance"] for primary in document["primaries"]], np.float64)
-    maximum = np.inf if document["maximum"] is None else float(document["maximum"])
-    primaries = LampPrimaries(tuple(primary["name"] for primary in document["primaries"]), colours, maximum)
-    entries = document["lights"]
-    lights = StageLights.towards(
-        np.array([entry["direction"] for entry in entries], np.float64), tuple(entry["name"] for entry in entries)
-    )
-    intensities = np.array([[entry["intensities"][name] for name in primaries.names] for entry in entries], np.float64)
-    residual = np.array([np.inf if share is None else share for share in document["residual"]], np.float64)
-    headroom = np.inf if document["headroom"] is None else float(document["headroom"])
-    return Drive(
-        lights, primaries, _checked(intensities), residual, document["clipped"], headroom, document["beyond_gamut"]
-    )
-
-
-def _from_csv(text: str, primaries: LampPrimaries | None) -> Drive:
-    rows = [row for row in csv.reader(io.StringIO(text)) if row]
-    header = [cell.strip() for cell in rows[0]] if rows else []
-    if header[:4] != ["light", "x", "y", "z"] or len(header) < 5:
-        raise ValueError(f'its first line is "{",".join(header)}"; expected light,x,y,z and the primaries')
-    lamps = LampPrimaries.rgb() if primaries is None else primaries
-    if tuple(header[4:]) != lamps.names:
-        raise ValueError(f"its primaries are {', '.join(header[4:])}; expected {', '.join(lamps.names)}")
-    for number, row in enumerate(rows[1:], start=2):
-        if len(row) != len(header):
-            raise ValueError(f"line {number} has {len(row)} values; expected {len(header)}")
-    numbers = np.array([[float(cell) for cell in row[1:]] for row in rows[1:]], np.float64).reshape(-1, len(header) - 1)
-    lights = StageLights.towards(numbers[:, :3], tuple(row[0] for row in rows[1:]))
-    shares = _checked(numbers[:, 3:])
-    intensities = shares * lamps.maximum if np.isfinite(lamps.maximum) else shares
-    return Drive(lights, lamps, intensities, np.full(3, np.nan))
-
-
-def _checked(intensities: np.ndarray) -> np.ndarray:
-    if not np.all(np.isfinite(intensities)) or np.any(intensities < 0):
-        raise ValueError("an intensity is negative or not finite")
-    return intensities
 
 
 def _number(value: float) -> float | None:

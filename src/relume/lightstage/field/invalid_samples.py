@@ -20,7 +20,7 @@ import numpy as np
 from relume.errors import UnreadableFile
 from relume.image import files
 from relume.lightstage.acquire.picture_folder import PictureFolder
-from relume.lightstage.field.field import Pictures, ReflectanceField
+from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
 from relume.scene.cameras.camera import Camera
 
@@ -69,38 +69,6 @@ class PackedMask:
 
     def block(self, lights: slice, rows: slice) -> np.ndarray:
         return np.unpackbits(self.bits[lights, rows], axis=-1, count=self.columns).astype(bool)
-
-
-@dataclass(frozen=True, eq=False)
-class Overexposed:
-    """Values where a channel stands at its end: the sensor saw more than it could record.
-
-    field : the pictures
-    ends : (N,) the least value that counts as the end, in the field's values; `overexposed` finds them
-    """
-
-    field: ReflectanceField
-    ends: np.ndarray
-
-    def block(self, lights: slice, rows: slice) -> np.ndarray:
-        return np.any(self.field.block(lights, rows) >= self.ends[lights, None, None, None], axis=-1)
-
-
-def overexposed(field: ReflectanceField, end: float | np.ndarray | None = None) -> Overexposed:
-    """The mask of values at or above `end`, (N,) or one for all lights, in the field's values.
-
-    end : may be left out for 8-bit `Pictures`, whose last code is 255
-    Raises ValueError where it is left out for other fields: linear values have no end that they could be known by.
-    """
-    count = len(field.lights)
-    if end is None:
-        if not (isinstance(field, Pictures) and field.values.dtype == np.uint8):
-            raise ValueError("give the value at which the pictures are overexposed; only for 8-bit ones it is known")
-        end = 254.5 if field.scale is None else 254.5 * field.scale
-    ends = np.broadcast_to(np.asarray(end, np.float32), (count,))
-    if not (ends > 0).all():
-        raise ValueError(f"pictures overexposed from {end} on; expected values above 0")
-    return Overexposed(field, ends)
 
 
 @dataclass(frozen=True, eq=False)

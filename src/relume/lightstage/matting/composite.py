@@ -10,18 +10,15 @@ import os
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from relume._kernel import in_threads
 from relume.image import files
 from relume.image.colour import decode_srgb
 from relume.image.radiance import RadianceMap
 from relume.lightstage.field.field import ReflectanceField
-from relume.lightstage.field.lights import StageLights
 from relume.lightstage.matting.environment_matte import EnvironmentMatte
 from relume.lightstage.relighting.irradiances import irradiances
 from relume.lightstage.relighting.relighting import weighted_sum
-from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import look_at, normalised
 from relume.sphere.environment_map import EnvironmentMap
@@ -159,24 +156,6 @@ def environment_on(backdrop: Backdrop, illumination: EnvironmentMap, origin: np.
     return illumination.lookup(normalised(backdrop.points(places) - origin)).astype(np.float32)
 
 
-def without_backdrop(
-    lights: StageLights, backdrop: Backdrop, subject: np.ndarray | tuple[float, float, float] = (0.0, 0.0, 0.0)
-) -> np.ndarray:
-    """Which part of each light's cell stands behind a backdrop, (N,) float64, 0 to 1, seen from `subject` (3,).
-
-    Relighting counts 1 minus it of each light, and an environment matte the rest, so that nothing counts twice
-    (Debevec et al. 2000, appendix). Of a million directions, so right to a thousandth of an average cell of 1000.
-    """
-    directions = even_directions(_SAMPLES)
-    nearest = KDTree(lights.directions).query(directions)[1]
-    behind = backdrop.covers(directions, np.asarray(subject, np.float64))
-    counts = np.bincount(nearest, minlength=len(lights))
-    return np.bincount(nearest, weights=behind, minlength=len(lights)) / np.maximum(counts, 1)
-
-
-_SAMPLES = 1 << 20
-
-
 def illumination_without_backdrop(
     illumination: EnvironmentMap,
     backdrop: Backdrop,
@@ -184,8 +163,7 @@ def illumination_without_backdrop(
 ) -> EnvironmentMap:
     """The map without the light that a backdrop would hide from `subject` (3,): what relighting has to integrate.
 
-    Pixels that its edge cuts keep the part that is beside it, of 4 × 4 directions. Where a map varies within a light's
-    cell this is truer than `without_backdrop`, which takes the cell as even.
+    Pixels that its edge cuts keep the part that is beside it, of 4 × 4 directions.
     """
     fine = 4
     directions = illumination.mapping.directions(

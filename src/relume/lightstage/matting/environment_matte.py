@@ -101,6 +101,7 @@ def environment_matte(patterns: Patterns, settings: MatteSettings = MatteSetting
     if wrong := disorder(patterns):
         raise ValueError(wrong)
     shape = patterns.black.shape[:2]
+    # One box per pixel, along x and along y.
     searches = fitting.search_along(patterns, "x"), fitting.search_along(patterns, "y")
     light = (patterns.white - patterns.black).reshape(-1, 3)
     readings = _readings(patterns, searches)
@@ -111,10 +112,12 @@ def environment_matte(patterns: Patterns, settings: MatteSettings = MatteSetting
     single = np.concatenate([along[0][:, :2], along[1][:, :2]], axis=1)
     misfit = (along[0][:, 2] + along[1][:, 2]) / readings.shape[1]
 
+    # Pixels that see the backdrop straight, and its white.
     dark = light.sum(axis=1) < _DARK * np.median(light.sum(axis=1))
     plain, seen = _seen_straight(single, np.where(dark, np.inf, misfit), shape)
     level = _level(light, seen, shape)
 
+    # Two boxes where one does not explain the readings.
     areas = np.stack([single, np.zeros_like(single)])
     shares = np.stack([np.ones_like(light), np.zeros_like(light)])
     hard = np.flatnonzero((misfit > settings.second_area_above**2) & ~dark)
@@ -132,6 +135,7 @@ def environment_matte(patterns: Patterns, settings: MatteSettings = MatteSetting
     areas[0, dark] = whole
     residual = _residual(patterns, searches, areas, colours * level, level)
 
+    # What is seen straight is no part of the subject.
     coverage = np.ones(len(light), np.float32)
     if plain is not None:
         coverage, colours = _uncovered(areas, colours, plain, settings.straight_within, shape)

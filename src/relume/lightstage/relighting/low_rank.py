@@ -106,6 +106,7 @@ def compress_low_rank(
         raise ValueError(f"the field's values sum to {total}; expected pictures that are not all black, and finite")
     above = np.float32(SPIKE * total / (count * height * width * 3))
 
+    # The pictures without spikes, and their products with each other.
     products, found = np.zeros((count, count)), []
     for rows in bands:
         values = field.block(everything, rows).reshape(count, -1)
@@ -118,6 +119,7 @@ def compress_low_rank(
     spikes = Spikes(*(np.concatenate(part) for part in zip(*found, strict=True)))
     coefficients = _principal(products, error, rank)
 
+    # The basis pictures, and how far sums of them are from the field.
     projected, tally = coefficients.astype(np.float32), ErrorTally(field.lights)
     greatest = np.abs(coefficients).sum(1).max() * float(above)
     kept = np.float16 if greatest < float(np.finfo(np.float16).max) else np.float32

@@ -44,16 +44,6 @@ def spiky_and_mirror_pixels(values: np.ndarray, lights: StageLights) -> tuple[np
     return find_spikes(values.max(axis=0), mean), np.asarray(alone > MIRROR * np.maximum(mean.sum(axis=1), 0))
 
 
-def interpolated(values: np.ndarray, spiky: np.ndarray, weights: np.ndarray, barycentric: np.ndarray) -> np.ndarray:
-    """Values (N, K, 3) summed with weights (M, N), those that glint with theirs: (M, K, 3) float32."""
-    count, pixels = values.shape[:2]
-    found = (weights.astype(np.float32) @ values.reshape(count, -1)).reshape(len(weights), pixels, 3)
-    if spiky.any():
-        some = values[:, spiky].reshape(count, -1)
-        found[:, spiky] = (barycentric.astype(np.float32) @ some).reshape(len(weights), -1, 3)
-    return found
-
-
 def relight_spiky(
     field: ReflectanceField,
     smooth: np.ndarray,

@@ -16,8 +16,9 @@ import numpy as np
 
 from relume.errors import OutputNotWritten
 from relume.image.colour import encode_srgb
-from relume.image.files import write, write_text
+from relume.image.files import write
 from relume.image.photograph import Photograph
+from relume.lightstage.acquire.light_files import NamedDirections, write_lp
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.rti.hemisphere_fit import before_camera
 from relume.lightstage.rti.hsh import DEGREES, HemisphericalHarmonics, fit_hsh
@@ -213,12 +214,12 @@ def _write_pictures(
 ) -> Path:
     """The pictures, then the `.lp` that names them: where it is there, they all are."""
     digits = max(3, len(str(len(chosen))))
-    lines = [str(len(chosen))]
-    for number, (light, towards) in enumerate(zip(chosen, directions, strict=True), start=1):
+    names = []
+    for number, light in enumerate(chosen, start=1):
         picture = field.block(slice(light, light + 1), slice(0, field.shape[0]))[0]
         codes = np.rint(encoded(picture, exposure) * 255).astype(np.uint8)
         file = f"{name}_{number:0{digits}d}.{suffix}"
         write(folder / file, Photograph(codes, file))
-        lines.append(" ".join([file, *(f"{value:.6f}" for value in towards)]))
-    write_text(folder / f"{name}.lp", "\n".join(lines) + "\n")
+        names.append(file)
+    write_lp(folder / f"{name}.lp", NamedDirections(tuple(names), directions))
     return folder / f"{name}.lp"

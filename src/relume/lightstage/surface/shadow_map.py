@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume.lightstage.field.field import ReflectanceField
-
 SHADOW = 0.1
 """A light below this fraction of the pixel's bright level is in shadow: a Lambertian surface loses by it only lights
 within 6° of its horizon, which show little of it."""
@@ -58,8 +56,3 @@ def lit(values: np.ndarray, shadow: float = SHADOW) -> np.ndarray:
     bright = brightness(values)
     level = bright_level(bright)
     return (bright > shadow * level) & (bright > 0)
-
-
-def shadow_map(field: ReflectanceField, rows: slice, shadow: float = SHADOW) -> np.ndarray:
-    """The shadow map of these rows of a field, bool (N, rows, W): True where the light reaches the pixel straight."""
-    return lit(field.block(slice(0, len(field.lights)), rows), shadow)

@@ -33,26 +33,6 @@ def mirrored(half: np.ndarray, view: np.ndarray) -> np.ndarray:
     return 2 * _dot(half, view)[..., None] * half - view
 
 
-def geometric_attenuation(view: np.ndarray, light: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """G (…): min(1, 2 (n·h)(n·v)/(v·h), 2 (n·h)(n·l)/(v·h)), and 0 where view or light is below the horizon.
-
-    Source: Torrance and Sparrow 1967, for grooves of equal sides; in this form Blinn 1977.
-    """
-    half = half_vector(view, light)
-    across = np.maximum(_dot(view, half), LEAST_COSINE)
-    towards_view, towards_light = _dot(view, normal), _dot(light, normal)
-    open_part = 2 * _dot(half, normal) * np.minimum(towards_view, towards_light) / across
-    return np.where((towards_view > 0) & (towards_light > 0), np.clip(open_part, 0, 1), 0.0)
-
-
-def fresnel(view: np.ndarray, light: np.ndarray, index: float = SKIN) -> np.ndarray:
-    """F (…): what a facet that mirrors `light` to `view` reflects of unpolarised light.
-
-    index : of refraction, the surface's to the air's
-    """
-    return Fresnel(index)(_dot(view, half_vector(view, light)))
-
-
 @dataclass(frozen=True)
 class GroovedSurface:
     """The part of a specular reflectance function that depends on the view.
