@@ -46,10 +46,6 @@ ABOVE_ALL = ["", "__main__"]  # the package's own __init__ and `python -m relume
 USERS_OF_THE_PUBLIC_API = ["cli", "studio"]  # they alone may say `import relume`
 
 NOT_YET_ON_THE_PUBLIC_NAMES: set[str] = {
-    "cli/panorama.py",
-    "cli/probe.py",
-    "cli/probe_facts.py",
-    "cli/probe_views.py",
     "cli/stage/inspect.py",
 }
 

@@ -42,9 +42,9 @@ from .light.constellations.k_means import KMeans as KMeans
 from .light.constellations.median_cut import MedianCut as MedianCut
 from .light.reflection.reflection_map import reflection_maps as reflection_maps
 from .light.suns.extraction import extract_sun as extract_sun
-from .probe.ball.blending import assemble as assemble
+from .probe.ball.blending import blend_views as blend_views
 from .probe.ball.unwrapping import unwrap_ball as unwrap_ball
-from .probe.panorama.stitching import mosaic as mosaic
+from .probe.panorama.stitching import stitch_panorama as stitch_panorama
 from .project.developing.develop_files import DevelopedFile as DevelopedFile
 from .project.developing.develop_files import DevelopSettings as DevelopSettings
 from .project.developing.develop_files import develop_file as develop_file

@@ -12,7 +12,7 @@ from relume.capture.exposure.bracket import Bracket, read_bracket
 from relume.capture.exposure.consistency import Doubt, check
 from relume.capture.exposure.folder import expand
 from relume.capture.exposure.relative_brightness import brightness_chain, log_ratio, matched, reduced
-from relume.capture.exposure.scene_similarity import STRANGE, likeness, structure
+from relume.capture.exposure.scene_similarity import STRANGE, similarity, structure
 from relume.capture.exposure.validation import compare
 from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph, Settings
@@ -163,7 +163,7 @@ def test_a_known_response_tells_a_third_of_a_stop_even_between_two(scene):
 
 def test_the_same_time_told_of_all_is_no_time(sound):
     same = Bracket(tuple(replace(p, exposure=Exposure(1 / 20, source="EXIF")) for p in sound.photographs))
-    doubt = only(same, "all are told 1/20 s by its EXIF", "stops", "give the exposure times with --times")
+    doubt = only(same, "all have 1/20 s by its EXIF", "stops", "give the exposure times with --times")
     assert doubt.frame == same.name
 
 
@@ -171,7 +171,7 @@ def test_the_trap_of_a_real_set(shared):
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*colour profile")
         bracket = read_bracket(expand([shared / "data/brackets/ghost_sculpture_garden"]), sidecars=False)
-    only(bracket, "all are told 1/20 s by its EXIF", "5.", "--times")
+    only(bracket, "all have 1/20 s by its EXIF", "5.", "--times")
 
 
 def test_photographs_of_one_exposure_and_one_brightness_are_no_trap(scene):
@@ -184,7 +184,7 @@ def test_times_in_another_order_than_the_photographs(sound, order):
     bracket = Bracket(tuple(replace(p, exposure=times[i]) for p, i in zip(sound.photographs, order, strict=True)))
     doubts = [doubt for doubt in check(bracket) if doubt.degraded]
     assert len(doubts) == 1 and doubts[0].frame == bracket.name
-    assert "told in another order than the photographs' brightness" in doubts[0].what
+    assert "in another order than the photographs' brightness" in doubts[0].what
     assert "1/30, not 30" in doubts[0].remedy
 
 
@@ -208,8 +208,8 @@ def test_real_photographs_of_other_scenes_are_strange_and_those_of_one_scene_are
         return [structure(reduced(replace(p, pixels=p.pixels[:590, :890]))) for p in photographs]
 
     hall, garage = structures("ghost_hall"), structures("garage")
-    alike = [likeness(a, b) for of in (hall, garage) for a, b in pairwise(of)]
-    strange = [likeness(a, b) for a in hall for b in garage]
+    alike = [similarity(a, b) for of in (hall, garage) for a, b in pairwise(of)]
+    strange = [similarity(a, b) for a in hall for b in garage]
     assert min(a for a in alike if a is not None) > 0.8 > STRANGE > 0.3 > max(a for a in strange if a is not None)
 
 
@@ -254,7 +254,7 @@ def test_copies_are_told(sound):
     assert exposure is not None
     other = replace(twin, exposure=replace(exposure, seconds=exposure.seconds * 1.2))
     lines = [doubt.line for doubt in check(Bracket((*sound.photographs, other)))]
-    assert any("pixel for pixel frame_4.jpg, yet told 1/26.67 s and not 1/64 s" in line for line in lines)
+    assert any("pixel for pixel frame_4.jpg, yet given 1/26.67 s and not 1/64 s" in line for line in lines)
 
 
 def test_black_and_white_photographs_are_no_copies():
@@ -306,7 +306,7 @@ def test_estimated_exposures_are_told(sound):
     guessed = [replace(p, exposure=replace(p.exposure, source="estimated")) for p in sound.photographs if p.exposure]
     assert only(Bracket(tuple(guessed)), "it was estimated from the pixels", "--times").frame == sound.name
     one = Bracket((*sound.photographs[:3], guessed[3], *sound.photographs[4:]))
-    assert only(one, "no exposure is told").frame == "frame_3.jpg"
+    assert only(one, "no exposure is known").frame == "frame_3.jpg"
 
 
 def test_files_in_another_order_are_said_and_harm_nothing(sound):

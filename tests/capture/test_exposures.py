@@ -185,7 +185,7 @@ def test_a_photograph_without_time_among_others_is_estimated_on_their_scale():
     for place, tolerance in ((1, 0.05), (2, 0.05), (0, 0.25), (3, 0.25)):
         unknown = [replace(p, exposure=None) if i == place else p for i, p in enumerate(photographs)]
         with pytest.warns(
-            UserWarning, match=rf"frame_{place}\.jpg: no exposure is told; it is estimated from the other"
+            UserWarning, match=rf"frame_{place}\.jpg: no exposure is known; it is estimated from the other"
         ):
             found = estimated(unknown)[place].exposure
         assert found is not None and (found.f_number, found.iso, found.source) == (4.0, 200.0, "estimated")
@@ -197,7 +197,7 @@ def test_a_photograph_without_time_among_others_is_estimated_on_their_scale():
 
 def test_what_pixels_cannot_tell_is_refused():
     white = [Photograph(np.full((40, 40, 3), 255, np.uint8), f"{name}.png") for name in "ab"]
-    with pytest.raises(NotABracket, match=r"b\.png: its exposure is told nowhere.*--times"):
+    with pytest.raises(NotABracket, match=r"b\.png: its exposure is unknown.*--times"):
         estimated(white)
 
 

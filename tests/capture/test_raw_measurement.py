@@ -268,11 +268,11 @@ def test_levels_that_are_not_the_profile_s_are_told(light):
 
 def test_noise_that_could_not_be_told_is_kept_by_no_profile():
     flat = [raw(np.full((60, 80), 4000, np.uint16), name="flat.dng", exposure=Exposure(1.0))]
-    with pytest.warns(UserWarning, match="its noise cannot be told"):
+    with pytest.warns(UserWarning, match="its noise cannot be measured"):
         known = calibrate_raw(flat)
     assert known.sensor.noise is None and known.noise.shot == pytest.approx(1 / 15871)
     # And one that lacks it serves for the levels alone.
-    with pytest.warns(UserWarning, match="its noise cannot be told"):
+    with pytest.warns(UserWarning, match="its noise cannot be measured"):
         assert calibrate_raw(flat, sensor=replace(known.sensor, saturation=0.2)).saturation == 1
 
 

@@ -441,5 +441,5 @@ def test_nothing_but_black_or_white_is_no_bracket():
 
 def test_noise_that_cannot_be_told_is_said_to_be_assumed():
     flat = [replace(raw, mosaic=np.full(SIZE, 4000, np.uint16)) for raw in raws(FIELDS["all frames"], (1.0,))]
-    with pytest.warns(UserWarning, match="noise cannot be told"):
+    with pytest.warns(UserWarning, match="noise cannot be measured"):
         assert calibrate_raw(flat).noise.shot == pytest.approx(1 / (16383 - 512))

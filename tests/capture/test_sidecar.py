@@ -15,7 +15,7 @@ def listed(tmp_path: Path, text: str, name: str = "times.txt") -> ExposureList:
 
 
 def told(listing: ExposureList, *names: str, brightness=None) -> list[Exposure | None]:
-    return listing.told([Path(name) for name in names], range(len(names)), brightness and (lambda: brightness))
+    return listing.exposures_of([Path(name) for name in names], range(len(names)), brightness and (lambda: brightness))
 
 
 def seconds(listing: ExposureList) -> list[float]:
@@ -129,14 +129,14 @@ def test_fractions_are_seconds_whatever_the_pixels_say(tmp_path):
         ("a.jpg 1/2\nb.jpg\n", "different numbers of columns"),
         ("a.jpg 1 2 3 4\n", "nothing says what its columns are"),
         ("name,aperture\na.jpg,8\n", "names no column of times"),
-        ("name,seconds\na.jpg,soon\n", '"a.jpg soon" tells no exposure'),
-        ("name,seconds\na.jpg,-1\n", "tells no exposure"),
-        ("name,seconds\na.jpg,0\n", "tells no exposure"),
+        ("name,seconds\na.jpg,soon\n", '"a.jpg soon" is not an exposure'),
+        ("name,seconds\na.jpg,-1\n", "is not an exposure"),
+        ("name,seconds\na.jpg,0\n", "is not an exposure"),
         ("name,seconds\na.jpg,1\na.jpg,2\n", "lists a.jpg twice"),
         ("# name exposure 1/shutter\na.jpg 30 30\n", "its time and its reciprocal disagree"),
         ("1,2,3\n4,5,6\n7,8,9\n", "numbers without names"),
         ("1,0,3\n", "no list of exposure times"),
-        ("a.jpg 1e400\n", "tells no exposure"),
+        ("a.jpg 1e400\n", "is not an exposure"),
     ],
 )
 def test_what_is_no_list_is_refused_in_one_line(tmp_path, text, words):

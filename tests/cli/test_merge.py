@@ -217,7 +217,7 @@ def test_without_any_exposure_the_pixels_tell_and_the_result_is_doubtful(scene, 
     words = ["merge", *paths, "--profile", profile, "-o", str(tmp_path / "a.exr")]
     assert main(words) == 4
     captured = capsys.readouterr()
-    assert "no exposure is told" in captured.err and captured.err.splitlines()[-1].startswith("relume: ")
+    assert "no exposure is known" in captured.err and captured.err.splitlines()[-1].startswith("relume: ")
     assert "(estimated)" in captured.out and (tmp_path / "a.exr").exists()
 
 

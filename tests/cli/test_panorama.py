@@ -15,7 +15,7 @@ from relume.cli import main
 from relume.image import files
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
-from relume.probe.panorama.crops import remembered_crop
+from relume.probe.panorama.view_files import stored_crop
 from relume.probe.panorama.views import FACES, orientation
 from relume.sphere.mappings.orientation_chart import LABELS, orientation_chart
 from relume.sphere.mappings.perspective import perspective_view
@@ -143,8 +143,8 @@ def test_crops_remember_field_and_orientation(crops: list[Path], tmp_path: Path,
     assert main(words) == 0
     captured = capsys.readouterr()
     told = json.loads(captured.out)
-    assert "7 of 7 views remember how they were cropped" in captured.err and "--match" in captured.err
-    assert "not balanced: crops of a light map share its exposure" in captured.err
+    assert "7 of 7 views hold how they were cropped" in captured.err and "--match" in captured.err
+    assert "not balanced: crops of an environment map share its exposure" in captured.err
     assert is_the_probe(out)
     assert [view["yaw"] for view in told["views"]][:5] == pytest.approx([0, 72, 144, -144, -72], abs=1e-3)
     assert {view["field"] for view in told["views"]} == {110.0} and told["matches agree within"] is None
@@ -152,7 +152,7 @@ def test_crops_remember_field_and_orientation(crops: list[Path], tmp_path: Path,
     main([*words, "--turn", "10"])
     captured = capsys.readouterr()
     assert [view["yaw"] for view in json.loads(captured.out)["views"]][:3] == pytest.approx([0, 10, 20], abs=1e-3)
-    assert "remember" not in captured.err
+    assert "cropped" not in captured.err
     main([*words, "--field", "100"])
     assert {view["field"] for view in json.loads(capsys.readouterr().out)["views"]} == {100.0}
     assert "give one" in refused([*words, "--match", "--turn", "10"], capsys)
@@ -180,20 +180,20 @@ def test_match_does_not_use_what_crops_remember(crops: list[Path], tmp_path: Pat
 
 def test_a_view_that_cannot_be_is_not_used(tmp_path: Path):
     picture = perspective_view(PROBE, np.eye(3), np.radians(90), (40, 30))
-    crop = remembered_crop(picture)
+    crop = stored_crop(picture)
     assert crop is not None and crop.focal_length == pytest.approx(20)
     np.testing.assert_array_equal(crop.rotation, np.eye(3))
-    assert remembered_crop(replace(picture, attributes={})) is None
+    assert stored_crop(replace(picture, attributes={})) is None
     for wrong in ({"view-field": "190"}, {"view-rotation": "1 0 0"}, {"view-rotation": "2 0 0 0 1 0 0 0 1"}):
         broken = replace(picture, attributes={**picture.attributes, **wrong})
-        with pytest.warns(UserWarning, match="front: remembers a view that cannot be"):
-            assert remembered_crop(broken, "front") is None
+        with pytest.warns(UserWarning, match="front: its attributes hold an impossible view"):
+            assert stored_crop(broken, "front") is None
 
 
 def test_a_dry_run_writes_nothing(faces: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     out = tmp_path / "light.exr"
     assert main(["panorama", *faces, "-o", str(out), "--dry-run", "--field", "90", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["orientation"] == "matched, where the views do not remember it"
+    assert json.loads(capsys.readouterr().out)["orientation"] == "matched, where the views do not hold it"
     assert not out.exists()
 
 
@@ -205,17 +205,17 @@ def test_single_photographs_are_taken_for_srgb_and_said_so(tmp_path: Path, capsy
         paths.append(str(path))
     out = tmp_path / "light.exr"
     assert main(["panorama", *paths, "-o", str(out), "--turn", "40", "--field", "60", "--size", "32"]) == 4
-    assert "2 single photographs are taken to be sRGB" in capsys.readouterr().err
+    assert "2 single photographs are assumed to be sRGB" in capsys.readouterr().err
     assert np.median(files.read_radiance(out).radiance) == pytest.approx(0.5029, rel=1e-3)
 
 
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        ([], "front.exr: no focal length in the file; tell the field of view across with --field"),
-        (["--faces", "front,right"], "--faces names 2 faces for 6 views"),
-        (["--faces", "front,sideways"], '"sideways" is no face'),
-        (["--faces", ORDER, "--turn", "60"], "--faces and --turn both tell the orientation"),
+        ([], "front.exr: no focal length in the file; give the field of view across with --field"),
+        (["--faces", "front,right"], "2 faces for 6 views"),
+        (["--faces", "front,sideways"], '"sideways" is not a face'),
+        (["--faces", ORDER, "--turn", "60"], "faces and turn both give the orientation"),
         (["--field", "190"], "less than 180"),
         (["--orientations", "none.csv"], "none.csv: no table could be read"),
     ],

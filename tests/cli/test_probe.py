@@ -11,13 +11,12 @@ import pytest
 
 from command_line import refused
 from relume.cli import main
-from relume.cli.console import OutputOptions
-from relume.cli.probe_facts import facts_of
 from relume.image.colour import encode_srgb
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.image.photograph import Photograph
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
 from relume.probe.ball.blending import Probe
+from relume.probe.ball.probing import BallProbe
 from relume.probe.ball.silhouette import outline_of_circle
 from relume.probe.ball.unwrapping import unwrap_ball
 from relume.sphere.environment_map import EnvironmentMap
@@ -72,7 +71,7 @@ def test_a_lone_view_writes_its_confidence_and_marks_what_it_did_not_see(folder,
 def test_folders_are_views_whose_turns_are_found(folder, tmp_path, capsys) -> None:
     out = tmp_path / "both.exr"
     facts = told(["probe", str(folder / "front"), str(folder / "side"), "-o", str(out), *PLACE], capsys)
-    assert facts["cameras told"] is False
+    assert facts["camera places given"] is False
     # A quarter of a pixel of this ball of 63 turns what it mirrors by 0.5°; finer ones are in the probe's own tests.
     assert [float(turn.rstrip("°")) for turn in facts["turns found"]] == pytest.approx([0, 90], abs=0.6)
     assert "unseen sr" not in facts
@@ -83,7 +82,7 @@ def test_turns_are_told_in_degrees_and_views_by_pattern(folder, tmp_path, capsys
     views = ["--view", str(folder / "fron?.exr"), "--view", str(folder / "side.exr")]
     out = tmp_path / "told.hdr"
     facts = told(["probe", *views, "--turn", "0,90", "-o", str(out), *PLACE], capsys)
-    assert facts["cameras told"] is True
+    assert facts["camera places given"] is True
     assert float(facts["turned by registration"][1].rstrip("°")) < 0.6  # as above
     second = ["probe", str(folder / "front.exr"), "--second", str(folder / "side.exr"), "--second-camera", "1,0.12,0"]
     again = told([*second, "-o", str(out), *PLACE], capsys)
@@ -105,7 +104,7 @@ def test_one_photograph_is_light_as_far_as_it_is_not_clipped(folder, tmp_path, c
     out = tmp_path / "single.exr"
     assert main(["probe", str(folder / "front.png"), "-o", str(out), *PLACE]) == 0
     said = capsys.readouterr().err
-    assert "one photograph, taken for sRGB" in said and "saturated in every photograph" in said
+    assert "one photograph, assumed to be sRGB" in said and "saturated in every photograph" in said
     found, whole = read_radiance(out), tmp_path / "whole.exr"
     assert main(["probe", str(folder / "front.exr"), "-o", str(whole), *PLACE, "-q"]) == 0
     true = read_radiance(whole)
@@ -137,10 +136,10 @@ def test_a_ball_may_be_picked(folder, tmp_path, capsys) -> None:
 def test_an_unknown_distance_is_told(folder, tmp_path, capsys) -> None:
     words = ["probe", str(folder / "front.exr"), "-o", str(tmp_path / "out.exr"), "--size", "16"]
     assert main(words) == 0
-    assert "nothing tells how far the camera was in ball radii; 20 are taken" in capsys.readouterr().err
+    assert "distance in ball radii is unknown; 20 are taken" in capsys.readouterr().err
     assert main([*words, "--radius", "0.05", "--distance", "0.5"]) == 0
     said = capsys.readouterr()
-    assert "nothing tells" not in said.err and "radii away 10" in said.out
+    assert "is unknown" not in said.err and "radii away 10" in said.out
 
 
 def test_the_rim_is_drawn_on_every_view(folder, tmp_path, capsys) -> None:
@@ -179,9 +178,10 @@ def test_every_ball_has_a_line_and_machines_a_list() -> None:
     ]
     light = EnvironmentMap(np.ones((8, 16, 3), np.float32))
     probe = Probe(light, (0.0, 0.0), 0.0, 0.0, np.ones((8, 16), np.float32), gains=(1.0, 1.0))
-    shown = facts_of(views, probe, True, OutputOptions())
+    found = BallProbe(probe, tuple(views), ("a", "b"), True, (), ())
+    shown = found.facts(listed=False)
     assert shown["ball 1"]["radius"] == shown["ball 2"]["radius"] == 62.63 and "balls" not in shown
-    assert len(facts_of(views, probe, True, OutputOptions(json=True))["balls"]) == 2
+    assert len(found.facts()["balls"]) == 2
 
 
 def test_the_energy_of_a_dim_map_is_told_in_six_digits(folder, tmp_path, capsys) -> None:
@@ -216,16 +216,18 @@ def test_a_camera_to_the_left_is_told_as_it_is_written(folder, tmp_path, capsys)
         pytest.param(["cut.exr"], "cut.exr: the picture's edge cuts off", id="a cut ball"),
         pytest.param(["missing.exr"], "missing.exr: no such file", id="no file"),
         pytest.param(["nothing"], "no photograph is in this folder", id="an empty folder"),
-        pytest.param(["front.exr", "--turn", "0,90"], "--turn: 2 angles for 1 views", id="too many turns"),
-        pytest.param(["front.exr", "--turn", "east"], '--turn: "east" are no angles', id="no angle"),
-        pytest.param(["front.exr", "--reflectance", "1.4"], '--reflectance: "1.4" is none', id="too bright a ball"),
-        pytest.param(["front.exr", "--pick", "1,2"], '--pick: "1,2" is no rim', id="half a pick"),
+        pytest.param(["front.exr", "--turn", "0,90"], "2 angles for 1 views", id="too many turns"),
+        pytest.param(["front.exr", "--turn", "east"], '"east" is not of the form', id="no angle"),
+        pytest.param(
+            ["front.exr", "--reflectance", "1.4"], "reflectance is three values above 0", id="too bright a ball"
+        ),
+        pytest.param(["front.exr", "--pick", "1,2"], "is not a rim", id="half a pick"),
         pytest.param(["front.exr", "--pick", "auto", "--pick", "auto"], "--pick: 2 are given for 1 view", id="picks"),
         pytest.param(["front.exr", "--pick", "20,20,15"], "front.exr: no rim near what was picked", id="a bare pick"),
         pytest.param(["front.exr", "--picture", "rim.jpg"], "--picture rim.jpg: the file must end in", id="no .png"),
-        pytest.param(["front.exr", "--distance", "0"], "--distance is 0", id="no distance"),
+        pytest.param(["front.exr", "--distance", "0"], "distance is 0", id="no distance"),
         pytest.param(["front.exr", "--camera", "0,0,0"], "is the ball's centre", id="a camera in the ball"),
-        pytest.param(["front.exr", "--size", "1"], "--size is 1", id="no size"),
+        pytest.param(["front.exr", "--size", "1"], "size is 1", id="no size"),
         pytest.param(["front.exr", "side.exr", "--second", "side.exr"], "--second is the other of two", id="second"),
         pytest.param(["--view", "no*.exr"], "no file fits it as a pattern", id="an empty pattern"),
         pytest.param([], "no photographs were given", id="nothing"),

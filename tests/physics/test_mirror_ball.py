@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from relume.image.radiance import RadianceMap
-from relume.probe.ball.blending import assemble
+from relume.probe.ball.blending import blend_views
 from relume.probe.ball.unwrapping import unwrap_ball
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.renderer import render
@@ -55,7 +55,7 @@ def probe(light):
         views.append(
             unwrap_ball(RadianceMap(picture.radiance), camera=position, centre=CENTRE, focal_length=camera.focal_length)
         )
-    return assemble(views, size=128)
+    return blend_views(views, size=128)
 
 
 def towards_lamp(light, lamp):

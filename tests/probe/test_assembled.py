@@ -5,7 +5,7 @@ import pytest
 
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
 from relume.probe.ball.agreement import agreement
-from relume.probe.ball.blending import Probe, assemble
+from relume.probe.ball.blending import Probe, blend_views
 from relume.probe.ball.filling import filled
 from relume.probe.ball.registration import spread_directions
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
@@ -44,7 +44,7 @@ def views() -> list[BallView]:
 
 @pytest.fixture(scope="module")
 def probe(views) -> Probe:
-    return assemble(views, size=SIZE)
+    return blend_views(views, size=SIZE)
 
 
 def truth(light=sunlit, size: int = SIZE) -> np.ndarray:
@@ -82,7 +82,7 @@ def test_both_cameras_are_gone_and_nothing_is_marked(probe):
 
 
 def test_a_lone_view_marks_its_blind_cone_and_fills_it_without_a_step(views):
-    probe = assemble(views[:1], size=SIZE)
+    probe = blend_views(views[:1], size=SIZE)
     clipped = probe.light.clipped
     assert clipped is not None
     behind = np.degrees(np.arccos(pixel_directions(LatLong(), SIZE) @ -unit(FRONT - CENTRE)))
@@ -128,7 +128,7 @@ def test_saturated_light_is_marked_as_a_lower_bound(views):
         mask = np.where(one.picture.radiance.max(-1) > 5, SATURATED, 0).astype(np.uint8)
         picture = RadianceMap(np.minimum(one.picture.radiance, 5), clipped=mask)
         cut.append(BallView(picture, one.focal_length, one.axis, one.distance, one.world_from_pixels, one.outline))
-    probe = assemble(cut, size=SIZE)
+    probe = blend_views(cut, size=SIZE)
     clipped, near = probe.light.clipped, pixel_directions(LatLong(), SIZE) @ SUN
     assert clipped is not None
     assert np.all(clipped[near > np.cos(np.radians(1.5))] == SATURATED)
@@ -148,11 +148,11 @@ def test_of_three_views_the_one_that_contradicts_loses():
     three = [view(photographed(c, light), c) for c, light in zip(cameras, lights, strict=True)]
     directions = pixel_directions(LatLong(), 64)
     inside = directions @ someone > np.cos(np.radians(6))
-    off = np.log(assemble(three, size=64).light.radiance / lobes(directions))[inside]
+    off = np.log(blend_views(three, size=64).light.radiance / lobes(directions))[inside]
     # Measured 0.06, on the charts' own blur; he is 3 darker.
     assert np.abs(off).max() < 0.15
     # Alone with one other, the passer-by stays where that view samples better.
-    both = np.log(assemble(three[:1], size=64).light.radiance / lobes(directions))[inside]
+    both = np.log(blend_views(three[:1], size=64).light.radiance / lobes(directions))[inside]
     assert np.abs(both).min() > 1
     assert agreement(three[:2], 0.0, (1.0, 1.0)) is None
 
@@ -162,13 +162,13 @@ def test_views_exposed_otherwise_are_told_and_balanced_on_request(views):
     brighter = RadianceMap(views[1].picture.radiance * np.float32(2.5))
     one = views[1]
     other = BallView(brighter, one.focal_length, one.axis, one.distance, one.world_from_pixels, one.outline)
-    plain, balanced = (assemble([views[0], other], size=64, balanced=b) for b in (False, True))
+    plain, balanced = (blend_views([views[0], other], size=64, balanced=b) for b in (False, True))
     assert plain.gains == balanced.gains and plain.gains[1] == pytest.approx(2.5, rel=0.02)
     assert plain.notes[0].startswith("view 2 of the ball is 2.5") and "times as bright" in plain.notes[0]
-    np.testing.assert_allclose(balanced.light.total(), assemble(views, size=64).light.total(), rtol=0.02)
+    np.testing.assert_allclose(balanced.light.total(), blend_views(views, size=64).light.total(), rtol=0.02)
     assert np.all(plain.light.total() > 1.2 * balanced.light.total())
 
 
 def test_no_views_are_refused():
     with pytest.raises(ValueError, match="no views of the ball"):
-        assemble([])
+        blend_views([])

@@ -5,7 +5,7 @@ import pytest
 
 from relume.errors import BallNotFound
 from relume.image.radiance import SATURATED, RadianceMap
-from relume.probe.ball.blending import Probe, assemble
+from relume.probe.ball.blending import Probe, blend_views
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
 from relume.sphere.directions import angle_between as _angle_between
 from relume.sphere.mappings.mapping import LatLong, pixel_points
@@ -38,7 +38,7 @@ def side() -> BallView:
 
 @pytest.fixture(scope="module")
 def both(front, side) -> Probe:
-    return assemble([front, side], size=SIZE)
+    return blend_views([front, side], size=SIZE)
 
 
 def directions(size: int = SIZE) -> np.ndarray:
@@ -141,7 +141,7 @@ def test_a_pose_wrong_by_two_degrees_is_registered_back(front):
     tilted = view(SIDE, told=wrong)
     off = angle_between(tilted.towards_camera, SIDE - CENTRE)
     assert off == pytest.approx(2.0, abs=0.15)
-    probe = assemble([front, tilted], size=SIZE)
+    probe = blend_views([front, tilted], size=SIZE)
     assert probe.corrections[0] == 0.0
     assert np.degrees(probe.corrections[1]) == pytest.approx(2.0, abs=0.3)
     for towards in LAMPS:
@@ -159,7 +159,7 @@ def test_neither_camera_is_seen_in_the_blended_light():
     views = [view(camera, camera_blob=0.15) for camera in (FRONT, SIDE)]
     dark = views[0].lookup(unit(FRONT - CENTRE)[None])[0]
     assert dark.max() < 0.05  # it is in the picture,
-    light = assemble(views, size=SIZE).light.radiance
+    light = blend_views(views, size=SIZE).light.radiance
     truth = lobes(directions())
     for camera in (FRONT, SIDE):
         near = directions() @ unit(camera - CENTRE) > np.cos(np.radians(12))
@@ -167,7 +167,7 @@ def test_neither_camera_is_seen_in_the_blended_light():
 
 
 def test_a_lone_view_does_not_trust_what_lies_behind_the_ball(front):
-    probe = assemble([front], size=SIZE)
+    probe = blend_views([front], size=SIZE)
     assert probe.corrections == (0.0,) and probe.nearness == 0.0
     assert np.all(np.isfinite(probe.light.radiance)) and probe.light.radiance.min() > 0
     ahead = directions() @ unit(FRONT - CENTRE)
@@ -179,7 +179,7 @@ def test_a_lone_view_does_not_trust_what_lies_behind_the_ball(front):
 def test_a_lone_view_keeps_its_own_camera():
     # Nothing else could stand there; the light stays what the photograph shows.
     lone = view(FRONT, camera_blob=0.15)
-    probe = assemble([lone], size=SIZE)
+    probe = blend_views([lone], size=SIZE)
     near = directions() @ unit(FRONT - CENTRE) > np.cos(np.radians(4))
     assert probe.confidence[near].min() > 0.9
     assert probe.light.radiance[near].max() < 0.05
@@ -197,7 +197,7 @@ def test_what_one_view_is_blind_to_comes_from_the_other(both):
 def test_near_walls_are_found_and_accounted_for():
     # The light is painted on a sphere of 40 ball radii: each ball point sees it from elsewhere.
     views = [view(camera, wall=40 * RADIUS) for camera in (FRONT, SIDE)]
-    probe = assemble(views, size=SIZE)
+    probe = blend_views(views, size=SIZE)
     assert 1 / probe.nearness == pytest.approx(40.0, rel=0.3)
     around = unit(np.random.default_rng(7).normal(size=(4000, 3)))
     error = {}
@@ -228,6 +228,6 @@ def test_saturated_light_is_told_as_a_solid_angle(front, side):
 
     views = [clipped(front, FRONT), clipped(side, SIDE)]
     expected = 2 * np.pi * (1 - np.cos(reach))
-    assert assemble(views, size=SIZE).clipped_solid_angle == pytest.approx(expected, rel=0.05)
-    assert assemble([front, side], size=SIZE).clipped_solid_angle == 0.0
+    assert blend_views(views, size=SIZE).clipped_solid_angle == pytest.approx(expected, rel=0.05)
+    assert blend_views([front, side], size=SIZE).clipped_solid_angle == 0.0
     assert views[0].saturated(np.stack([lamp, -lamp])).tolist() == [True, False]

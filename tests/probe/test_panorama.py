@@ -15,7 +15,7 @@ from relume.errors import NotAPanorama
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
 from relume.probe.panorama.balance import Balancing, balance
 from relume.probe.panorama.blending import fill
-from relume.probe.panorama.stitching import Panorama, mosaic
+from relume.probe.panorama.stitching import Panorama, stitch_panorama
 from relume.probe.panorama.views import FACES, PanoramaView, orientation
 from relume.sphere.directions import normalised
 from relume.sphere.mappings.mapping import LatLong, pixel_points
@@ -70,12 +70,12 @@ def gain_error(result: Panorama) -> float:
 
 
 def test_views_of_told_orientation_give_the_world_back_with_gains_and_vignetting():
-    result = mosaic(views_of(True))
+    result = stitch_panorama(views_of(True))
     assert irradiance_error(result, np.eye(3)) < 0.01
     assert gain_error(result) < 0.01
     np.testing.assert_allclose(result.vignetting.falloff(SIZE), Vignetting(FALLOFF).falloff(SIZE), atol=0.01)
     assert result.unseen == 0 and result.saturated == 0 and result.light.clipped is None
-    assert result.notes == () and result.error is None
+    assert result.warnings == () and result.error is None
     assert result.light.size == 400  # 128 π, to a multiple of 16
 
 
@@ -83,7 +83,7 @@ def test_a_ring_of_views_is_matched_from_a_field_told_wrongly():
     turns = [orientation(*np.radians((30 * i, 3 * (-1) ** i, 2 * (-1) ** (i // 2)))) for i in range(12)]
     pictures = [photograph(WORLD, turn, focal_length=160, size=(224, 160), cells=2) for turn in turns]
     views = [PanoramaView(picture, 165, None, f"{i}") for i, picture in enumerate(pictures)]
-    result = mosaic(views, size=64, balancing=None)
+    result = stitch_panorama(views, size=64, balancing=None)
     turn = off_world(result, turns)
     worst = max(turn_between(turn @ true, view.placed) for true, view in zip(turns, result.views, strict=True))
     assert worst < 0.1
@@ -96,7 +96,7 @@ def test_a_ring_of_views_is_matched_from_a_field_told_wrongly():
 
 @pytest.mark.slow
 def test_matched_views_find_turns_focal_length_distortion_and_the_world():
-    result = mosaic(views_of(False, focal_error=0.05, distortion=-0.03))
+    result = stitch_panorama(views_of(False, focal_error=0.05, distortion=-0.03))
     turn = off_world(result, ROTATIONS)
     worst = max(turn_between(turn @ true, view.placed) for true, view in zip(ROTATIONS, result.views, strict=True))
     assert worst < 0.1
@@ -118,7 +118,7 @@ def test_no_seam_is_seen_in_a_smooth_sky():
     for index, (turn, gain) in enumerate(zip(ROTATIONS, GAINS, strict=True)):
         picture = photograph(world, turn, focal_length=FOCAL_LENGTH, size=SIZE, gain=gain, vignetting=FALLOFF)
         views.append(PanoramaView(picture, FOCAL_LENGTH, turn, f"{index}"))
-    result = mosaic(views)
+    result = stitch_panorama(views)
     ratio = np.log(result.light.radiance[..., 0] / sky(LatLong().directions(pixel_points(LatLong(), 400))))
     assert np.ptp(ratio) < 0.02
     steps = np.concatenate([np.abs(np.diff(ratio, axis=axis)).ravel() for axis in (0, 1)])
@@ -134,7 +134,7 @@ def test_six_faces_of_a_cube_are_evened_at_their_edges():
         )
         for name, gain in gains.items()
     ]
-    result = mosaic(views, size=256)
+    result = stitch_panorama(views, size=256)
     product = result.gains[:, 0] * list(gains.values())
     assert np.abs(product / product.mean() - 1).max() < 0.04
     assert result.unseen == 0
@@ -160,9 +160,11 @@ def textured_faces(gains: dict[str, float] | None = None) -> list[PanoramaView]:
 
 def test_exact_faces_that_only_touch_are_not_balanced():
     views = textured_faces()
-    result = mosaic(views, size=128)
-    assert np.all(result.gains == 1) and result.remarks == ()
-    np.testing.assert_array_equal(result.light.radiance, mosaic(views, size=128, balancing=None).light.radiance)
+    result = stitch_panorama(views, size=128)
+    assert np.all(result.gains == 1) and result.notes == ()
+    np.testing.assert_array_equal(
+        result.light.radiance, stitch_panorama(views, size=128, balancing=None).light.radiance
+    )
 
 
 def test_rims_tell_the_gain_of_one_face_and_leave_the_others():
@@ -170,26 +172,28 @@ def test_rims_tell_the_gain_of_one_face_and_leave_the_others():
     gains = dict(zip(FACES, found.gains[:, 0], strict=True))
     assert gains.pop("back") == pytest.approx(1 / 1.1, rel=0.01)
     np.testing.assert_allclose(list(gains.values()), 1, atol=0.005)
-    assert len(found.remarks) == 1 and "views only touch" in found.remarks[0] and "back" in found.remarks[0]
+    assert len(found.notes) == 1 and "views only touch" in found.notes[0] and "back" in found.notes[0]
 
 
 def test_unbalanced_views_are_still_compared():
     turns = [orientation(*np.radians((yaw, 0, 0))) for yaw in (0, 40)]
     views = [PanoramaView(photograph(WORLD, turn), 160, turn, str(i)) for i, turn in enumerate(turns)]
-    assert mosaic(views, size=64, balancing=None).notes == ()
-    wrong = mosaic([views[0], replace(views[1], rotation=orientation(np.radians(25)))], size=64, balancing=None)
-    assert "yaw to the right, pitch up, roll clockwise" in wrong.notes[0]
+    assert stitch_panorama(views, size=64, balancing=None).warnings == ()
+    wrong = stitch_panorama(
+        [views[0], replace(views[1], rotation=orientation(np.radians(25)))], size=64, balancing=None
+    )
+    assert "yaw to the right, pitch up, roll clockwise" in wrong.warnings[0]
 
 
 def test_faces_that_agree_are_taken_as_they_are():
-    result = mosaic(face_views(), size=256, balancing=None)
+    result = stitch_panorama(face_views(), size=256, balancing=None)
     truth = WORLD.irradiance(NORMALS)
     np.testing.assert_allclose(result.light.irradiance(NORMALS), truth, rtol=0.01)
 
 
 def test_what_no_view_sees_is_marked_told_and_filled_smoothly():
     views = [view for view in face_views() if view.name != "down"]
-    result = mosaic(views, size=128, balancing=None)
+    result = stitch_panorama(views, size=128, balancing=None)
     # Pixels on the edge are seen in part, so up to a pixel's width of 1.4° all round is missing.
     assert 4 * np.pi / 6 * 0.97 < result.unseen <= 4 * np.pi / 6
     clipped = result.light.clipped
@@ -212,8 +216,8 @@ def test_a_clipped_pixel_never_wins_over_a_measured_one():
     turn = np.eye(3)
     short = PanoramaView(photograph(WORLD, turn), 160, turn, "short")
     white = PanoramaView(photograph(WORLD, turn, white=1.5), 160, turn, "white")
-    alone = mosaic([short, short], size=128, balancing=None).light
-    both = mosaic([white, short], size=128, balancing=None)
+    alone = stitch_panorama([short, short], size=128, balancing=None).light
+    both = stitch_panorama([white, short], size=128, balancing=None)
     assert white.picture.clipped is not None and white.picture.clipped.mean() > 0.1
     np.testing.assert_allclose(both.light.radiance, alone.radiance, rtol=1e-5)
     assert both.saturated == 0
@@ -222,7 +226,7 @@ def test_a_clipped_pixel_never_wins_over_a_measured_one():
 def test_what_is_clipped_in_every_view_is_a_bound_and_told():
     turn = np.eye(3)
     white = PanoramaView(photograph(WORLD, turn, white=1.5), 160, turn, "white")
-    result = mosaic([white, white], size=128, balancing=None)
+    result = stitch_panorama([white, white], size=128, balancing=None)
     clipped = result.light.clipped
     assert clipped is not None
     bounded = clipped == SATURATED
@@ -242,7 +246,7 @@ def test_of_two_bounds_the_higher_is_kept():
         )
         for v in (1.0, 3.0)
     )
-    result = mosaic([low, high], size=64, balancing=None)
+    result = stitch_panorama([low, high], size=64, balancing=None)
     assert result.light.clipped is not None
     assert np.all(result.light.radiance[result.light.clipped == SATURATED] == 3)
 
@@ -260,7 +264,7 @@ def test_what_moved_is_taken_from_one_view():
     views = [
         PanoramaView(picture, 150, turn, f"{i}") for i, (picture, turn) in enumerate(zip(pictures, turns, strict=True))
     ]
-    result = mosaic(views, size=256)
+    result = stitch_panorama(views, size=256)
     middle = (np.abs(np.arctan2(directions[..., 0], -directions[..., 2])) < 0.06) & (np.abs(directions[..., 1]) < 0.27)
     inside = result.light.radiance[middle]
     # Whole or not at all: no ghost.
@@ -277,7 +281,7 @@ def test_a_lamp_at_a_rim_has_no_halo():
     x, y = np.meshgrid(np.arange(200) + 0.5, np.arange(200) + 0.5)
     near = (first.rays(np.stack([x, y], -1)) @ lamp) > np.cos(np.radians(0.8))
     pictures[0].radiance[near] = 5000
-    result = mosaic([first, second], size=240)
+    result = stitch_panorama([first, second], size=240)
     directions = LatLong().directions(pixel_points(LatLong(), 240))
     angle = np.degrees(np.arccos(np.clip(directions @ lamp, -1, 1)))
     seen = np.ones(angle.shape, bool) if result.light.clipped is None else result.light.clipped == 0
@@ -299,16 +303,16 @@ def test_colours_are_balanced_on_request():
 def test_views_whose_told_orientation_is_wrong_are_doubted():
     turns = [orientation(*np.radians((yaw, 0, 0))) for yaw in (0, 40)]
     views = [PanoramaView(photograph(WORLD, turn), 160, turn, str(i)) for i, turn in enumerate(turns)]
-    wrong = mosaic([views[0], replace(views[1], rotation=orientation(np.radians(25), 0))], size=64)
-    assert len(wrong.notes) == 1 and "check their orientation" in wrong.notes[0]
-    assert mosaic(views, size=64).notes == ()
+    wrong = stitch_panorama([views[0], replace(views[1], rotation=orientation(np.radians(25), 0))], size=64)
+    assert len(wrong.warnings) == 1 and "check their orientation" in wrong.warnings[0]
+    assert stitch_panorama(views, size=64).warnings == ()
 
 
 def test_views_that_do_not_overlap_are_named():
     turns = [orientation(*np.radians((yaw, 0, 0))) for yaw in (0, 35, 180)]
     views = [PanoramaView(photograph(WORLD, turn), 160, None, name) for turn, name in zip(turns, "abc", strict=True)]
     with pytest.raises(NotAPanorama, match=r"^c: too little in common with a, b to tell") as caught:
-        mosaic(views)
+        stitch_panorama(views)
     assert "\n" not in str(caught.value)
 
 
@@ -326,26 +330,27 @@ def ring_and_sky(told: bool) -> tuple[list[PanoramaView], list[np.ndarray]]:
 
 def test_a_sky_without_features_is_left_out_and_told():
     views, turns = ring_and_sky(False)
-    result = mosaic([views[5], *views[:5]], size=64, balancing=None)
+    result = stitch_panorama([views[5], *views[:5]], size=64, balancing=None)
     assert [view.name for view in result.views] == ["0", "1", "2", "3", "4"]
-    assert result.notes[0].startswith("sky: left out, too little in common") and "--orientations" in result.notes[0]
+    (line, *_) = result.warnings
+    assert line.startswith("sky: left out, too little in common") and "--orientations" in line
     between = turn_between(result.views[0].placed.T @ result.views[4].placed, turns[0].T @ turns[4])
     assert between < 0.5 and result.gains.shape == (5, 3)
 
 
 def test_a_table_of_the_sky_alone_is_enough():
     views, turns = ring_and_sky(True)
-    result = mosaic(views, size=64, balancing=None)
-    assert len(result.views) == 6 and "left out" not in "".join(result.notes)
+    result = stitch_panorama(views, size=64, balancing=None)
+    assert len(result.views) == 6 and "left out" not in "".join(result.warnings)
     assert max(turn_between(v.placed, turn) for v, turn in zip(result.views, turns, strict=True)) < 0.5
-    assert len(result.remarks) == 1 and "their yaw counts from 0" in result.remarks[0]
+    assert len(result.notes) == 1 and "their yaw counts from 0" in result.notes[0]
 
 
 def test_two_groups_of_similar_size_are_refused():
     turns = [orientation(*np.radians((yaw, pitch, 0))) for yaw, pitch in ((0, 0), (35, 0), (70, 0), (200, 0), (235, 0))]
     views = [PanoramaView(photograph(WORLD, turn), 160, None, name) for turn, name in zip(turns, "abcde", strict=True)]
     with pytest.raises(NotAPanorama, match=r"^d, e: too little in common with the others"):
-        mosaic(views)
+        stitch_panorama(views)
 
 
 def test_what_is_no_panorama_is_refused_in_a_line():
@@ -353,11 +358,11 @@ def test_what_is_no_panorama_is_refused_in_a_line():
     for value in (np.nan, -1.0):
         broken = RadianceMap(np.full((8, 8, 3), value, np.float32))
         with pytest.raises(NotAPanorama, match=r"^bad: holds negative or non-finite radiance"):
-            mosaic([good, replace(good, picture=broken, name="bad")])
+            stitch_panorama([good, replace(good, picture=broken, name="bad")])
     with pytest.raises(NotAPanorama, match=r"^good: a panorama needs two views"):
-        mosaic([good])
+        stitch_panorama([good])
     calibrated = RadianceMap(np.ones((8, 8, 3), np.float32), unit="cd/m²")
     with pytest.raises(NotAPanorama, match=r"in cd/m²"):
-        mosaic([good, replace(good, picture=calibrated)])
+        stitch_panorama([good, replace(good, picture=calibrated)])
     with pytest.raises(ValueError, match="at least 16 rows"):
-        mosaic([good, good], size=3)
+        stitch_panorama([good, good], size=3)

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from relume.capture.response.camera_profile import CameraProfile
 from relume.image.files import read_photograph, write
 from relume.image.photograph import Photograph
 from relume.image.radiance import BLACK, SATURATED
 from relume.image.response import Response
-from relume.probe.panorama.sources import read_sources
+from relume.probe.panorama.view_files import read_sources
 from relume.probe.single_photograph import linear
 
 
@@ -21,7 +22,7 @@ def test_a_photograph_is_read_by_the_rule_for_all_single_ones(tmp_path: Path) ->
     line = np.linspace(0, 1, 256)
     squared = Response(np.repeat(2 * np.log(np.maximum(line, 1e-6))[None], 3, axis=0), np.zeros((3, 256)))
     for response in (None, squared):
-        (source,) = read_sources([tmp_path / "view.png"], response=response)
+        (source,) = read_sources([tmp_path / "view.png"], profile=response and CameraProfile("", response))
         expected = linear(read_photograph(tmp_path / "view.png"), response)
         assert source.picture.clipped is not None and expected.clipped is not None
         assert source.picture.clipped.tolist() == [[BLACK, 0, 0, 0, SATURATED, SATURATED]]

@@ -7,7 +7,7 @@ import pytest
 
 from relume.errors import BallNotFound
 from relume.image.radiance import RadianceMap
-from relume.probe.ball.registration import ToldPlaces, UnknownTurns
+from relume.probe.ball.registration import KnownPlaces, UnknownPlaces
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
 from relume.sphere.directions import look_at, rotation_angle
 from synthetic import CENTRE, lobes, photograph_ball, turned, unit
@@ -41,7 +41,7 @@ def front() -> BallView:
     ids=list(OTHERS),
 )
 def test_an_unknown_turn_is_found(front, camera):
-    found = UnknownTurns()((front, view(camera)))
+    found = UnknownPlaces()((front, view(camera)))
     # Measured: 0.02° and 0.06°; the goal is 0.2°.
     assert degrees_between(found.turns[1], turn_of(camera)) < 0.2
     assert found.likenesses[1] > 0.999 and not found.doubts
@@ -63,7 +63,7 @@ def test_the_turn_of_the_room_is_found(shared):
         unwrap_ball(merge(bracket, response), camera=camera, centre=CENTRE, focal_length=bracket.focal_length)
         for bracket in brackets
     ]
-    found = UnknownTurns()(views)
+    found = UnknownPlaces()(views)
     # The goal is 0.2°, and it is not always met: measured 0.1° to 0.32°, by how the pictures were merged and where the
     # refinement began. Walls that are not all equally far make 0.1° even with the silhouettes as they were rendered.
     assert degrees_between(found.turns[1], turn_of(np.array([1.0, 0.17, 0.0]))) < 0.35
@@ -75,7 +75,7 @@ def test_several_views_are_refined_together():
     cameras = [FRONT, *OTHERS.values(), np.array([-0.9, 0.1, 0.2])]
     pictures = [photograph_ball(lobes, camera) for camera in cameras]
     views = [unwrap_ball(picture, camera=FRONT, centre=CENTRE, focal_length=3400.0) for picture in pictures]
-    found = UnknownTurns()(views)
+    found = UnknownPlaces()(views)
     # Balls of 169 pixels; with those of 109 one view of the three is 0.22° off.
     for turn, camera in zip(found.turns[1:], cameras[1:], strict=True):
         assert degrees_between(turn, turn_of(camera)) < 0.2
@@ -89,7 +89,7 @@ def test_views_of_different_lights_are_refused(front):
         return light[..., None] * np.ones(3)
 
     with pytest.raises(BallNotFound, match=r"^view 2 of the ball shows nothing that fits the first one"):
-        UnknownTurns()((front, view(OTHERS["a quarter turn"], elsewhere)))
+        UnknownPlaces()((front, view(OTHERS["a quarter turn"], elsewhere)))
 
 
 @pytest.mark.slow
@@ -102,7 +102,7 @@ def test_someone_who_walked_between_the_views_does_not_turn_them(front):
     camera = OTHERS["a quarter turn"]
     picture = photograph_ball(passing, camera, width=240, height=240, focal_length=2200.0)
     other = unwrap_ball(picture, camera=camera, centre=CENTRE, focal_length=2200.0)
-    assert np.degrees(ToldPlaces()((front, other)).corrections[1]) < 0.25
+    assert np.degrees(KnownPlaces()((front, other)).corrections[1]) < 0.25
 
 
 def test_light_that_is_the_same_all_round_turns_nothing(front):
@@ -111,7 +111,7 @@ def test_light_that_is_the_same_all_round_turns_nothing(front):
         BallView(p, front.focal_length, front.axis, front.distance, front.world_from_pixels, front.outline)
         for p in even
     ]
-    found = ToldPlaces()(views)
+    found = KnownPlaces()(views)
     assert max(found.corrections) < 1e-6 and found.gains == (1.0, 1.0) and not found.doubts
 
 
@@ -129,7 +129,7 @@ def test_a_silhouette_found_too_small_is_corrected_by_the_other_view():
         views.append(replace(found, outline=replace(found.outline, points=found.outline.points[::4])))
     # Both cameras are 20.14 radii away. What is wrong in both alike looks like nearer walls; what differs does not.
     wrong = [views[0], views[1].adjusted(0.0, 0.0, -0.6)]  # too small by 0.6 pixels of 109
-    before, after = wrong, ToldPlaces()(wrong).views
+    before, after = wrong, KnownPlaces()(wrong).views
     assert abs(before[1].distance - before[0].distance) > 0.15
     assert abs(after[1].distance - after[0].distance) < 0.02
 
@@ -143,7 +143,7 @@ def test_an_adjusted_silhouette_keeps_its_camera(front):
 
 
 def test_a_lone_view_stays_as_it_is(front):
-    found = UnknownTurns()((front,))
+    found = UnknownPlaces()((front,))
     assert found.corrections == (0.0,) and found.gains == (1.0,) and found.nearness == 0.0
     assert degrees_between(found.turns[0], np.eye(3)) == 0
 
@@ -152,5 +152,5 @@ def test_a_told_place_wrong_by_more_than_a_tape_measure_is_doubted(front):
     wrong = CENTRE + turned(OTHERS["a quarter turn"] - CENTRE, np.array([0.0, 1.0, 0.0]), 40.0)
     picture = photograph_ball(lobes, OTHERS["a quarter turn"], width=240, height=240, focal_length=2200.0)
     other = unwrap_ball(picture, camera=wrong, centre=CENTRE, focal_length=2200.0)
-    doubts = ToldPlaces()((front, other)).doubts
+    doubts = KnownPlaces()((front, other)).doubts
     assert doubts and doubts[0] == "view 2 of the ball does not fit the first one; check where its camera stood"

@@ -19,7 +19,7 @@ class Extent:
     solid_angle : steradians that are saturated; None where the focal length is unknown
     brightest : the largest luminance among the saturated pixels' lower bounds, in the map's unit; 0 without any
     irradiance : (3,) what the saturated pixels bring at least through a plane that faces them, ∫ L dω of their lower
-        bounds; None where the focal length is unknown. What they bring beyond it no photograph tells
+        bounds; None where the focal length is unknown. What they bring beyond it no photograph shows
     share : the same lower bounds as a share of all the light in the picture (luminance); the true share is larger
     orders : orders of magnitude between the 0.1st and the 99.99th percentile of measured luminance
     """

@@ -1,4 +1,4 @@
-"""Removing photographic noise from a merged radiance map, as far as its variance plane tells that it is noise.
+"""Removing photographic noise from a merged radiance map, as far as its variance plane says that it is noise.
 
 Overlapping blocks are taken to frequencies, and those too weak to stand out of the noise are set to 0 (DCT image
 denoising: Yu & Sapiro 2011, doi 10.5201/ipol.2011.ys-dct). It works on ln radiance, where the noise of

@@ -34,14 +34,14 @@ def merge_stretch(
     """
     photographs, count, _ = values.shape
     white = tables.shape[1] // 2
-    told = outside.shape[0] > 0
+    masked = outside.shape[0] > 0
     measured = 0
     for i in range(count):
         flag = 0
         for c in range(3):
             weighted, total, spread = 0.0, 0.0, 0.0
             for p in range(photographs):
-                if told and outside[p, i]:
+                if masked and outside[p, i]:
                     continue
                 z = values[p, i, c]
                 weight = tables[c, z, 1]
@@ -57,7 +57,7 @@ def merge_stretch(
             last = -1
             variance[i, c] = math.inf
             for p in range(photographs):
-                if told and outside[p, i]:
+                if masked and outside[p, i]:
                     continue
                 last = p
                 if values[p, i, c] > white:

@@ -22,7 +22,7 @@ def merge(bracket: Bracket, response: Response, *, weighting: Weighting = Invers
     weighting : w of eq. 6; the least noisy weights unless given, `Hat()` for the paper's own (eq. 4)
 
     The variance plane carries the response's noise through the average. A channel that no photograph measured
-    keeps its bound (what its own value tells in the shortest exposure that shows it white, less two deviations of its
+    keeps its bound (what its own value shows in the shortest exposure that shows it white, less two deviations of its
     noise, else in the longest, where it is black, and as much more), has infinite variance, and marks its pixel in the
     `clipped` mask; nothing is invented there.
     A pixel outside every photograph has radiance 0, infinite variance and its own mark.

@@ -89,11 +89,11 @@ def _scatter(curve: np.ndarray, deviation: np.ndarray, still: Sequence[Observati
         log_radiance = curve[values] - log_exposures
         mean = (share * log_radiance).sum(1, keepdims=True)
         # A value pulls the mean it is compared with towards itself: its residual has 1 − share of its variance.
-        told = counted & (share < 0.8)
-        expected = np.interp((mean + log_exposures)[told], curve, np.arange(levels))
-        difference = (log_radiance - mean)[told] / slope[values[told]]
+        usable = counted & (share < 0.8)
+        expected = np.interp((mean + log_exposures)[usable], curve, np.arange(levels))
+        difference = (log_radiance - mean)[usable] / slope[values[usable]]
         values_seen.append(expected)
-        squares.append(difference**2 / (1 - share[told]))
+        squares.append(difference**2 / (1 - share[usable]))
     value, square = np.concatenate(values_seen), np.concatenate(squares)
     found = []
     edges = np.linspace(darkest, levels - darkest, BINS + 1)
@@ -106,7 +106,7 @@ def _scatter(curve: np.ndarray, deviation: np.ndarray, still: Sequence[Observati
 
 
 def _trimmed_mean(squares: np.ndarray) -> float:
-    """The mean square without those beyond four standard deviations, which the median tells of: edges and movement."""
+    """The mean square without those beyond four standard deviations, which the median shows: edges and movement."""
     limit = 16 * 2.198 * float(np.median(squares))  # the median square of a bell curve is 0.455 of its variance
     kept = squares[squares <= max(limit, 1.0)]
     return float(kept.mean())

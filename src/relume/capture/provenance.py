@@ -11,14 +11,14 @@ from relume.image.photograph import Photograph
 def provenance(photographs: Sequence[Photograph]) -> dict[str, str]:
     """Attributes of the radiance map of a bracket: what all its photographs share, when it began, and its exposures.
 
-    camera, lens, serial, iso, focal_length (mm), owner, copyright, comments : where all photographs tell the same
+    camera, lens, serial, iso, focal_length (mm), owner, copyright, comments : where all photographs hold the same
     camera_make : the make alike, where it is known; `camera` is then the model alone, as EXIF and other files have them
     latitude, longitude : degrees north and east, alike
     taken : of the first photograph, YYYY:MM:DD hh:mm:ss
     exposure_times : s, from the least to the most exposed; exposure_ratios to the least where they were estimated
     """
     first = photographs[0]
-    # Photographs of one camera may differ in what they tell of its make: one that an editor stripped.
+    # Photographs of one camera may differ in what they hold of its make: one that an editor stripped.
     make, model = "", first.camera if all(p.camera == first.camera for p in photographs) else ""
     if len({p.make_and_model for p in photographs}) == 1:
         make, model = first.make_and_model
@@ -38,12 +38,12 @@ def provenance(photographs: Sequence[Photograph]) -> dict[str, str]:
     taken = [p.settings.taken for p in photographs if p.settings.taken]
     if taken:
         shared["taken"] = min(taken).strftime("%Y:%m:%d %H:%M:%S")
-    told = [p.exposure for p in photographs if p.exposure]
+    exposures = [p.exposure for p in photographs if p.exposure]
     # Of estimated exposures only their ratios are known.
-    guessed = any(exposure.source == "estimated" for exposure in told)
-    least = told[0].seconds if guessed else 1.0
+    guessed = any(exposure.source == "estimated" for exposure in exposures)
+    least = exposures[0].seconds if guessed else 1.0
     name = "exposure_ratios" if guessed else "exposure_times"
-    shared[name] = " ".join(f"{exposure.seconds / least:.6g}" for exposure in told)
+    shared[name] = " ".join(f"{exposure.seconds / least:.6g}" for exposure in exposures)
     return {key: value for key, value in shared.items() if value}
 
 

@@ -103,10 +103,10 @@ def _read(photograph: Photograph, response: Response, weighting: Weighting) -> _
     slope = np.gradient(response.log_exposure, axis=1)
     outside = np.zeros(values.shape[:2], bool) if photograph.outside is None else photograph.outside
     weights = np.where(outside[..., None], 0.0, weighting.table(response)[channels, values])
-    told = np.where(weights > 0, response.log_exposure[channels, values], clipping_bounds(response)[channels, values])
+    known = np.where(weights > 0, response.log_exposure[channels, values], clipping_bounds(response)[channels, values])
     return _Scan(
         photograph.name,
-        told - np.log(photograph.exposure.factor),
+        known - np.log(photograph.exposure.factor),
         ((slope * response.deviation) ** 2)[channels, values],
         weights,
         values > levels // 2,

@@ -15,7 +15,7 @@ from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, Mapping
 
 FAINTEST = 1 / 65535
-"""Share of white that stands for black where a mask mixes logarithms: the least that 16 bits can tell from nothing."""
+"""Share of white that stands for black where a mask mixes logarithms: the least above 0 that 16 bits hold."""
 
 Unit = Literal["relative", "cd/m²"]
 
@@ -68,7 +68,7 @@ class HotSpot:
         return HotSpot(np.minimum(mask, 1.0), factor, radiance, picture.name)
 
 
-def paint(
+def environment_from_painting(
     painting: Photograph,
     gamma: float | Literal["srgb"],
     white: float | tuple[float, float, float] = 1.0,
@@ -81,7 +81,7 @@ def paint(
 
     painting : 8 or 16 bits, laid out in `mapping`; where it is transparent it is black
     gamma : of the display it was painted on, 2.2 for most; or "srgb" for the curve of that standard. It has no
-        default: half the light of a map hangs on it, and no file tells it for certain
+        default: half the light of a map hangs on it, and no file holds it for certain
     white : radiance of its white, a number or one a channel; 2^stops for an exposure in stops
     hot : parts that are brighter, each raising what those before have left
     unit : of `white`
@@ -100,7 +100,7 @@ def paint(
     if tuple(mapping.shape(rows)) != (rows, columns):
         raise ValueError(
             f"{painting.name} is {columns}×{rows} pixels, and a {mapping.name} map of {rows} rows is "
-            f"{mapping.shape(rows)[1]} wide; scale the painting, or tell its mapping"
+            f"{mapping.shape(rows)[1]} wide; scale the painting, or give its mapping"
         )
     if not hot and float(luminance(radiance).max(initial=0)) < 1e-6 * float(scale.max()):
         warnings.warn(f"{painting.name}: black all over, so it lights nothing; raise parts of it", stacklevel=2)
@@ -110,13 +110,13 @@ def paint(
 
 
 def read_gamma(text: str | None, name: str = "the painting") -> float | Literal["srgb"]:
-    """The gamma that words of the command line tell; raises ValueError where they tell none.
+    """The gamma that words of the command line give; raises ValueError where they give none.
 
     text : a number, like 2.2, or "srgb"; None where nothing was said
     """
     if text is None:
         raise ValueError(
-            f"{name}: a painting does not tell how bright its values are; say for which display it was painted, "
+            f"{name}: a painting does not say how bright its values are; say for which display it was painted, "
             "like 2.2, or srgb"
         )
     word = text.strip().lower()
@@ -154,7 +154,7 @@ def _raised(radiance: np.ndarray, spot: HotSpot, white: np.ndarray, name: str) -
         if black:
             warnings.warn(
                 f"{spot.name}: {black} pixels of {name} are black there, and stay so times {spot.factor:.6g}; paint "
-                "them, or tell the spot's radiance",
+                "them, or give the spot's radiance",
                 stacklevel=3,
             )
         return radiance * spot.factor**share

@@ -14,7 +14,7 @@ WHITE = 250 / 255
 
 
 def linear(photograph: Photograph, response: Response | None = None) -> RadianceMap:
-    """One photograph as radiance: relative to its exposure where it tells one, else white is 1.
+    """One photograph as radiance: relative to its exposure where it holds one, else white is 1.
 
     response : of the camera; sRGB unless given, which cameras only roughly follow (a tone curve brightens the middle)
 

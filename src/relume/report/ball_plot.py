@@ -59,5 +59,5 @@ def _draw(axis, view: BallView, name: str) -> None:
     axis.plot(rim[:, 0], rim[:, 1], color=_RIM, lw=0.9)
     axis.set_xlim(left, right)
     axis.set_ylim(bottom, top)
-    told = f"{name}\nx {x:.1f}, y {y:.1f}, radius {radius:.1f}"
-    axis.set_title(told + ("; dashed: seen about as well" if view.outline.rivals else ""), fontsize=9)
+    words = f"{name}\nx {x:.1f}, y {y:.1f}, radius {radius:.1f}"
+    axis.set_title(words + ("; dashed: seen about as well" if view.outline.rivals else ""), fontsize=9)

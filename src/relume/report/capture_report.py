@@ -111,7 +111,7 @@ def _switched_off(bracket: MergedBracket, result: MergeResult, settings: MergeSe
 
 
 def _unmeasured(settings: MergeSettings) -> list[str]:
-    """What the lens does that nothing told of."""
+    """What the lens does that nothing measured."""
     known = {"vignetting": bool(settings.vignetting), "glare": settings.glare is not None}
     return [name for name, is_known in known.items() if not is_known]
 
@@ -152,7 +152,7 @@ def _exposures(bracket: MergedBracket) -> str:
         )
         for frame in bracket.frames
     ]
-    head = ("photograph", "time used", "aperture", "ISO", "stops", "told by", "corrected by", "moved by", "ghosts")
+    head = ("photograph", "time used", "aperture", "ISO", "stops", "source", "corrected by", "moved by", "ghosts")
     return table(rows, head=head)
 
 
@@ -174,7 +174,7 @@ def counted(number: int, what: str) -> str:
 
 
 def percent(part: int, whole: int) -> str:
-    """A share of pixels; few are never told as none."""
+    """A share of pixels; a few are never shown as none."""
     share = 100 * part / whole
     return f"{share:.2g} %" if part == 0 or share >= 0.01 else "below 0.01 %"
 
@@ -193,7 +193,7 @@ def _clipped(bracket: MergedBracket) -> str:
 
 
 def clipped_facts(found: Extent, unit: str) -> list[tuple[str, str]]:
-    """What an `Extent` tells, a line each; nothing is added to the bounds."""
+    """What an `Extent` holds, a line each; nothing is added to the bounds."""
     rows, unit = [], in_words(unit)
     if found.saturated:
         rows.append(("saturated in every photograph", f"{found.saturated} of {counted(found.pixels, 'pixel')}"))

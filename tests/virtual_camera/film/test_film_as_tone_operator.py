@@ -138,7 +138,7 @@ def test_a_standard_camera_makes_118_of_what_its_iso_number_promises():
     assert film.pixel_values(np.full((1, 1, 3), 984.615))[0, 0] == pytest.approx(118, abs=0.01)
     assert Film.of(Exposure(1 / 50, 8.0, 100.0)).exposure == pytest.approx(2 * film.exposure)
     assert Film.of(Exposure(1 / 100, 4.0, 200.0)).exposure == pytest.approx(8 * film.exposure)
-    with pytest.raises(NotABracket, match="tells no ISO"):
+    with pytest.raises(NotABracket, match="no ISO"):
         Film.of(Exposure(1 / 100, 8.0))
     with pytest.raises(ValueError, match="a scale belongs to a camera's response"):
         Film.of(Exposure(1 / 100, 8.0, 100.0), scale=Scale.grey(2.0, 0.1, "test"))

@@ -40,7 +40,8 @@ class Aligned:
         very objects that were given
     motions : a photograph each, where it holds what the reference shows; (0, 0, 0) for those not moved
     reference : index of the frame that the others were moved onto
-    errors : standard error of each motion at a corner, pixels, 0 for the reference; infinite where nothing was told
+    errors : standard error of each motion at a corner, pixels, 0 for the reference; infinite where nothing was
+        estimated
     agreements : mean cosine between the directions of each frame's edges and its neighbours', 1 for the reference
     """
 
@@ -65,7 +66,7 @@ def align(bracket: Bracket, *, rotation: bool = True) -> Aligned:
     Frames are compared with those nearest in exposure, whose motions are known, and with the reference, at edges that
     are clipped in neither; values are matched by their ranks, since exposure keeps their order (Ward 2003 thresholds
     at one rank). A frame that needs less than an eighth of a pixel, or less than twice its error, is left alone.
-    Where nothing can be told, in a frame nearly all black or of another scene, a frame keeps the motion of its
+    Where nothing can be estimated, in a frame nearly all black or of another scene, a frame keeps the motion of its
     neighbour in exposure, in whole pixels, and a warning says so if any frame moved.
     """
     photographs = bracket.photographs
@@ -81,7 +82,7 @@ def align(bracket: Bracket, *, rotation: bool = True) -> Aligned:
     # Where no frame moved, the camera stood on a tripod, and a black frame lies as the others do.
     moved = any(motion != Motion() for motion in motions)
     for photograph, estimate in zip(photographs, found, strict=True):
-        if moved and not _told(estimate):
+        if moved and not _reliable(estimate):
             warnings.warn(
                 f"{photograph.name}: too little in common with the other frames to align it; it is moved as its "
                 "neighbour is; leave it out if edges are doubled",
@@ -118,7 +119,7 @@ def _estimates(
             compared = nearest if reference in nearest else [*nearest, reference]
             partners = [Placed(levels[i], found[i].motion) for i in compared]
             found[index] = estimate(levels[index], partners, rotation=rotation)
-            if _told(found[index]) and _near(found[index].motion, size):
+            if _reliable(found[index]) and _near(found[index].motion, size):
                 placed.append(index)
             else:
                 found[index] = replace(found[index], motion=partners[0].motion, error=np.inf)
@@ -133,7 +134,7 @@ def _near(motion: Motion, size: tuple[int, int]) -> bool:
     return abs(motion.dx) <= FARTHEST * size[0] and abs(motion.dy) <= FARTHEST * size[1]
 
 
-def _told(estimate: Estimate) -> bool:
+def _reliable(estimate: Estimate) -> bool:
     return bool(np.isfinite(estimate.error) and estimate.agreement >= AGREEMENT)
 
 

@@ -17,14 +17,14 @@ QUANTILES = np.linspace(0.0, 1.0, 129)
 SAMPLES = 10_000
 """Pixels whose ranks are matched."""
 FEWEST = 30
-"""Features without which nothing is told."""
+"""Features without which nothing is estimated."""
 ITERATIONS = 12
 STILL = 0.02
 """A step that moves the corners by less than this, in pixels of the level, is the last."""
 OUTLIER = 3.0
 """Robust deviations at which a residual counts a quarter: things that moved are far beyond."""
 HONESTY = 5.0
-"""How much larger errors are than the scatter of residuals tells: neighbouring features err together, and encodings
+"""How much larger errors are than the scatter of residuals suggests: neighbouring features err together, and encodings
 bend edges. On 200 synthetic hand-held brackets two thirds of all frames are then within their error."""
 SIGNIFICANT = 3.0
 """Errors by which a turn must differ from its neighbour's to be believed."""
@@ -33,7 +33,7 @@ CLEAR = 0.6
 TURNS = np.radians([-4.0, -2.0, 2.0, 4.0])
 """First guesses then; from each about 1.5° more is reached."""
 DOUBTFUL = 1.5
-"""Error at the corners, pixels, beyond which a turn is not believed: a lamp alone does not tell one."""
+"""Error at the corners, pixels, beyond which a turn is not believed: a lamp alone does not show one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class Estimate:
     """A frame's motion and how far it can be believed.
 
     motion : against the reference
-    error : standard error of a corner's place, pixels of the photograph; infinite where nothing was told
+    error : standard error of a corner's place, pixels of the photograph; infinite where nothing was estimated
     agreement : mean cosine between the directions of the edges of both frames; 1 for one scene, 0 for two
     """
 
@@ -192,7 +192,7 @@ def _points(levels: tuple[Level, ...], index: int, partners: Sequence[Placed], m
 
 @dataclass(frozen=True, eq=False)
 class _Relation:
-    """A rising relation between the values of two frames, told at every quarter of a value from −4 to 260."""
+    """A rising relation between the values of two frames, given at every quarter of a value from −4 to 260."""
 
     table: np.ndarray
 

@@ -15,7 +15,7 @@ from relume.image.photograph import Photograph
 LONGEST = 1400
 """Pixels of the longer side of the finest level: a twelfth of a pixel there is a quarter of one in 12 megapixels."""
 SHORTEST = 200
-"""Halving stops when the longer side is not longer than this: street signs are still told from windows."""
+"""Halving stops when the longer side is not longer than this: street signs still differ from windows."""
 LOW, HIGH = 2 / 255, 250 / 255
 """Shares of white below and above which a value counts as clipped; JPEG noise and ringing are within."""
 MOST_FEATURES = 30_000

@@ -72,8 +72,8 @@ def _previews(photographs: Sequence[RawSource], known: RawCalibration) -> tuple[
     frames, shrunk = [], 2
     for raw, factor, exposure in zip(opened(photographs), known.factors, known.exposures, strict=True):
         shrunk = 2 * max(1, max(raw.size) // (2 * PREVIEW))
-        told = replace(exposure, seconds=exposure.seconds * float(factor) / exposure.factor)
-        frames.append(replace(preview(raw, shrunk, known.saturation), exposure=told, focal_length=raw.focal_length))
+        refined = replace(exposure, seconds=exposure.seconds * float(factor) / exposure.factor)
+        frames.append(replace(preview(raw, shrunk, known.saturation), exposure=refined, focal_length=raw.focal_length))
     return Bracket(tuple(frames)), shrunk
 
 

@@ -54,12 +54,12 @@ class Bracket:
     def exposure_table(self) -> tuple[FrameFacts, ...]:
         """What is known of each exposure, from the least to the most exposed."""
         stops = np.log2(self.exposures / self.exposures[0])
-        told = [(p.name, p.exposure, float(s)) for p, s in zip(self.photographs, stops, strict=True) if p.exposure]
-        return tuple(FrameFacts(name, e.seconds, e.f_number, e.iso, s, e.source) for name, e, s in told)
+        known = [(p.name, p.exposure, float(s)) for p, s in zip(self.photographs, stops, strict=True) if p.exposure]
+        return tuple(FrameFacts(name, e.seconds, e.f_number, e.iso, s, e.source) for name, e, s in known)
 
     @property
     def focal_length(self) -> float | None:
-        """Of the lens, in pixels; None where the photographs tell none."""
+        """Of the lens, in pixels; None where the photographs hold none."""
         return next((p.focal_length for p in self.photographs if p.focal_length is not None), None)
 
     @property
@@ -76,7 +76,7 @@ class FrameFacts:
     name : the file
     seconds, f_number, iso : as in `Exposure`; None where unknown
     stops : above the least exposed photograph of the bracket
-    source : who told it: "given", "sidecar", "EXIF" or "estimated"
+    source : where it comes from: "given", "sidecar", "EXIF" or "estimated"
     """
 
     name: str
@@ -95,7 +95,7 @@ def read_bracket(
     true_powers: bool = False,
     sidecars: bool = True,
 ) -> Bracket:
-    """Read photographs into a bracket, each with the exposure of the strongest source that tells it.
+    """Read photographs into a bracket, each with the exposure of the strongest source that has it.
 
     The order of sources is fixed: `times`, a list beside the photographs, EXIF, the pixels (`exposures.exposed`).
 
@@ -110,7 +110,7 @@ def read_bracket(
     sidecars : look for a list of exposures beside the photographs
 
     A photograph that is there twice, pixel for pixel and with the same exposure, is kept once, with a warning.
-    Raises UnreadableFile, NotABracket. Warns of exposures that are not plainly told.
+    Raises UnreadableFile, NotABracket. Warns of exposures that are uncertain.
     """
     photographs = [files.read_photograph(path) for path in paths]
     if ignore is not None:
@@ -123,7 +123,7 @@ def read_bracket(
     return Bracket(_once_each(photographs))
 
 
-def require_told(brackets: Iterable[Bracket]) -> None:
+def require_known_exposures(brackets: Iterable[Bracket]) -> None:
     """Refuse brackets whose exposures were only estimated where several have to lie on one scale."""
     for bracket in brackets:
         for photograph in bracket.photographs:
@@ -136,7 +136,7 @@ def require_told(brackets: Iterable[Bracket]) -> None:
 
 def same_pixels(first: Photograph, second: Photograph) -> bool:
     """Whether two photographs are one, pixel for pixel."""
-    # A few pixels tell nearly all pairs apart; only copies are compared whole.
+    # A few pixels distinguish nearly all pairs; only copies are compared whole.
     return np.array_equal(first.pixels[::37, ::37], second.pixels[::37, ::37]) and np.array_equal(
         first.pixels, second.pixels
     )

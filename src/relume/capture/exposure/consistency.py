@@ -1,4 +1,4 @@
-"""Doubts about a bracket: what its files and its pixels tell that does not fit together.
+"""Doubts about a bracket: what its files and its pixels say that does not fit together.
 
 Nothing here stops a merge. What cannot be merged at all `Bracket` refuses.
 """
@@ -13,8 +13,8 @@ import numpy as np
 from relume.capture.exposure.bracket import Bracket, same_pixels
 from relume.capture.exposure.folder import name_order
 from relume.capture.exposure.relative_brightness import Reduced, brightness_chain, log_ratio, reduced
-from relume.capture.exposure.scene_similarity import STRANGE, likeness, structure
-from relume.capture.exposure.validation import ToldExposures, compare
+from relume.capture.exposure.scene_similarity import STRANGE, similarity, structure
+from relume.capture.exposure.validation import ExposureCorrections, compare
 from relume.errors import NotABracket
 from relume.image.photograph import Photograph
 from relume.image.response import Response
@@ -59,9 +59,9 @@ class Doubt:
 
 
 def check(bracket: Bracket, response: Response | None = None) -> tuple[Doubt, ...]:
-    """The doubts about a bracket, drawn from what its files tell and from its pixels made small.
+    """The doubts about a bracket, drawn from what its files say and from its pixels made small.
 
-    response : of the camera, if known; without it a curve is fitted, which cannot tell the scale of all exposures, and
+    response : of the camera, if known; without it a curve is fitted, which cannot find the scale of all exposures, and
         of three photographs cannot say that the first or the last is off by a third of a stop
     """
     pictures = [reduced(p) for p in bracket.photographs]
@@ -97,18 +97,18 @@ def _of_settings(bracket: Bracket) -> Iterator[Doubt]:
             yield Doubt(bracket.name, f"taken with different {what}: {', '.join(found)}", remedy, True)
     table = bracket.exposure_table
     if len(apertures := sorted({line.f_number for line in table if line.f_number})) > 1:
-        told = ", ".join(f"f/{value:g}" for value in apertures)
+        stated = ", ".join(f"f/{value:g}" for value in apertures)
         yield Doubt(
             bracket.name,
-            f"the aperture varies ({told}); it is allowed for, but vignetting and depth of field vary with it",
+            f"the aperture varies ({stated}); it is allowed for, but vignetting and depth of field vary with it",
             "varying the aperture is not recommended: vary the time alone",
             False,
         )
     if len(gains := sorted({line.iso for line in table if line.iso})) > 1:
-        told = ", ".join(f"{value:g}" for value in gains)
+        stated = ", ".join(f"{value:g}" for value in gains)
         yield Doubt(
             bracket.name,
-            f"the ISO varies ({told}); it is allowed for, but cameras' ISO steps are inexact, and the standard error "
+            f"the ISO varies ({stated}); it is allowed for, but cameras' ISO steps are inexact, and the standard error "
             "is that of one ISO",
             "switch automatic ISO off and vary the time alone",
             True,
@@ -120,7 +120,7 @@ def _of_sources(bracket: Bracket) -> Iterator[Doubt]:
     if estimated:
         yield Doubt(
             bracket.name if len(estimated) == len(bracket.photographs) else ", ".join(estimated),
-            "no exposure is told; it was estimated from the pixels",
+            "no exposure is known; it was estimated from the pixels",
             "give the exposure times with --times",
             True,
         )
@@ -134,8 +134,8 @@ def _of_copies(bracket: Bracket) -> Iterator[Doubt]:
         if first is None or np.ptp(second.pixels[::7, ::7]) < 0.05 * np.iinfo(second.pixels.dtype).max:
             continue
         same = abs(_log_exposure(first) - _log_exposure(second)) < _SAME
-        told = "" if same else f", yet told {_told(second)} and not {_told(first)}"
-        yield Doubt(second.name, f"pixel for pixel {first.name}{told}", "take one of them out", True)
+        stated = "" if same else f", yet given {_stated(second)} and not {_stated(first)}"
+        yield Doubt(second.name, f"pixel for pixel {first.name}{stated}", "take one of them out", True)
 
 
 def _of_levels(bracket: Bracket) -> Iterator[Doubt]:
@@ -184,7 +184,7 @@ def _strangers(bracket: Bracket, pictures: Sequence[Reduced]) -> list[Doubt]:
     # The photograph two further on too: the neighbours of a stranger are none.
     for distance in (1, 2):
         for first, second in zip(order, order[distance:], strict=False):
-            alike = likeness(structures[first], structures[second])
+            alike = similarity(structures[first], structures[second])
             for member in (first, second) if alike is not None else ():
                 best[member] = max(best.get(member, -1.0), alike or 0.0)
     strange = [i for i, alike in sorted(best.items()) if alike < STRANGE]
@@ -198,10 +198,10 @@ def _strangers(bracket: Bracket, pictures: Sequence[Reduced]) -> list[Doubt]:
 def _of_exposures(
     bracket: Bracket, photographs: Sequence[Photograph], pictures: Sequence[Reduced], response: Response | None
 ) -> Iterator[Doubt]:
-    told = np.array([_log_exposure(p) for p in photographs])
-    result = compare(pictures, told, response)
+    stated = np.array([_log_exposure(p) for p in photographs])
+    result = compare(pictures, stated, response)
     yield from _of_white_balance(photographs, result)
-    if np.ptp(told) < _SAME:
+    if np.ptp(stated) < _SAME:
         try:
             shown = float(np.ptp(brightness_chain(pictures)))
         except NotABracket:
@@ -209,27 +209,27 @@ def _of_exposures(
         if shown > 0.5 * _STOP:
             yield Doubt(
                 bracket.name,
-                f"all are told {_told(photographs[0])} by {_source(photographs[0])}, yet their brightness differs by "
+                f"all have {_stated(photographs[0])} by {_source(photographs[0])}, yet their brightness differs by "
                 f"about {shown / _STOP:.1f} stops",
                 "give the exposure times with --times",
                 True,
             )
         return
-    wrong = [i for i in range(len(told)) if _believed(result, i)]
+    wrong = [i for i in range(len(stated)) if _believed(result, i)]
     gross = [i for i in wrong if abs(result.corrections[i]) >= _GROSS]
-    if _turned(pictures, told) and not _any_believed(compare(pictures, np.sort(told), response)):
+    if _turned(pictures, stated) and not _any_believed(compare(pictures, np.sort(stated), response)):
         yield Doubt(
             bracket.name,
-            "the exposures are told in another order than the photographs' brightness",
+            "the exposures are in another order than the photographs' brightness",
             "give the times in the order of the files, and as seconds: 1/30, not 30",
             True,
         )
         return
     yield from (_of_exposure(photographs[i], float(result.corrections[i])) for i in gross or wrong)
-    others = [i for i in range(len(told)) if i not in gross]
+    others = [i for i in range(len(stated)) if i not in gross]
     if gross and len(others) > 1:
         # A gross error drags the curve with it; the others are looked at again without it.
-        result = compare([pictures[i] for i in others], told[others], response)
+        result = compare([pictures[i] for i in others], stated[others], response)
         for place, i in enumerate(others):
             if _believed(result, place):
                 yield _of_exposure(photographs[i], float(result.corrections[place]))
@@ -241,21 +241,21 @@ def _of_exposure(photograph: Photograph, correction: float) -> Doubt:
     if abs(correction) >= _GROSS:
         return Doubt(
             photograph.name,
-            f"{_source(photograph)} seems wrong by {amount}: told {_told(photograph)}, it shows that much {direction} "
+            f"{_source(photograph)} seems wrong by {amount}: at {_stated(photograph)}, it shows that much {direction} "
             "light",
             "give the right times with --times, or leave it out",
             True,
         )
     return Doubt(
         photograph.name,
-        f"told {_told(photograph)} by {_source(photograph)}, it shows about {amount} {direction} light "
+        f"given {_stated(photograph)} by {_source(photograph)}, it shows about {amount} {direction} light "
         "beside the others",
         "correct it with --times, or from four photographs on with --refine",
         True,
     )
 
 
-def _of_white_balance(photographs: Sequence[Photograph], result: ToldExposures) -> Iterator[Doubt]:
+def _of_white_balance(photographs: Sequence[Photograph], result: ExposureCorrections) -> Iterator[Doubt]:
     """Doubt the colours where the channels of neighbours drift apart, if the camera was free to let them."""
     for first, second, cast, shared in zip(photographs, photographs[1:], result.casts, result.shared, strict=False):
         automatic = first.settings.automatic_white or second.settings.automatic_white
@@ -281,17 +281,17 @@ def _of_order(bracket: Bracket) -> Iterator[Doubt]:
         yield Doubt(bracket.name, what, NOTHING_TO_DO, False)
 
 
-def _turned(pictures: Sequence[Reduced], told: np.ndarray) -> bool:
-    """Whether a photograph that is plainly brighter than another is told plainly less exposed."""
-    falls = [i for i in range(len(told) - 1) if told[i + 1] - told[i] < -_LEAST]
+def _turned(pictures: Sequence[Reduced], stated: np.ndarray) -> bool:
+    """Whether a photograph that is plainly brighter than another is stated to be plainly less exposed."""
+    falls = [i for i in range(len(stated) - 1) if stated[i + 1] - stated[i] < -_LEAST]
     return any((log_ratio(pictures[i], pictures[i + 1]) or 0.0) > _LEAST for i in falls)
 
 
-def _any_believed(result: ToldExposures) -> bool:
+def _any_believed(result: ExposureCorrections) -> bool:
     return any(_believed(result, i) for i in range(len(result.corrections)))
 
 
-def _believed(result: ToldExposures, place: int) -> bool:
+def _believed(result: ExposureCorrections, place: int) -> bool:
     size, evidence = abs(result.corrections[place]), result.evidence[place]
     return bool(size >= _LEAST and evidence >= _EVIDENCE) or bool(size >= _GROSS and evidence >= _GROSS_EVIDENCE)
 
@@ -308,7 +308,7 @@ def _source(photograph: Photograph) -> str:
     )
 
 
-def _told(photograph: Photograph) -> str:
+def _stated(photograph: Photograph) -> str:
     assert photograph.exposure is not None
     seconds = photograph.exposure.seconds
     return f"{seconds:.4g} s" if seconds > 0.3 else f"1/{1 / seconds:.4g} s"

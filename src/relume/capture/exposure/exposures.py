@@ -1,4 +1,5 @@
-"""The exposure of every photograph of a bracket: given by hand, listed beside it, in its EXIF, or told by its pixels.
+"""The exposure of every photograph of a bracket: given by hand, listed beside it, in its EXIF, or estimated from its
+pixels.
 
 The order is fixed, from the strongest word to the weakest, and `Exposure.source` says which one counted.
 """
@@ -32,7 +33,7 @@ def exposed(
     sidecars: bool = True,
     shutter_speeds: Mapping[str, float | None] | None = None,
 ) -> list[Photograph]:
-    """The photographs, each with the exposure of the strongest source that tells it.
+    """The photographs, each with the exposure of the strongest source that has it.
 
     photographs : named by the paths of their files
     times : seconds, one a photograph, or the path of a list; replaces the whole EXIF exposure, because a hand-written
@@ -41,7 +42,7 @@ def exposed(
     shutter_speeds : APEX values by name (`Facts.shutter_speed`); where given, marked shutter speeds are replaced by
         the powers of two that they stand for (`true_shutter`), in all exposures but estimated ones
     Raises NotABracket for a wrong number of times, lists that disagree or name no photograph, and photographs whose
-    exposure cannot be estimated either; UnreadableFile. Warns of every exposure that is not plainly told.
+    exposure cannot be estimated either; UnreadableFile. Warns of every exposure that is uncertain.
     """
     if times is None:
         listed = _listed(photographs, sidecars)
@@ -53,12 +54,12 @@ def exposed(
                 f"{len(times)} times were given for {len(photographs)} photographs; give one a photograph"
             )
         listed = [Exposure(float(seconds)) for seconds in times]
-    told = [replace(p, exposure=e or p.exposure) for p, e in zip(photographs, listed, strict=True)]
-    told = _on_one_scale(told, photographs)
+    stated = [replace(p, exposure=e or p.exposure) for p, e in zip(photographs, listed, strict=True)]
+    stated = _on_one_scale(stated, photographs)
     if shutter_speeds is not None:
-        told = [_true(p, shutter_speeds.get(p.name)) for p in told]
+        stated = [_true(p, shutter_speeds.get(p.name)) for p in stated]
     # A photograph alone has nothing to be compared with: the bracket refuses it.
-    return estimated(told) if len(told) > 1 else told
+    return estimated(stated) if len(stated) > 1 else stated
 
 
 def estimated(photographs: Sequence[Photograph]) -> list[Photograph]:
@@ -66,8 +67,8 @@ def estimated(photographs: Sequence[Photograph]) -> list[Photograph]:
 
     Where others have one, the estimate is read off theirs: between two of them it does not depend on the encoding.
     Where none has, only ratios are known, and the photograph in the middle is counted as exposed for one second.
-    Cameras that press more contrast into their pictures than sRGB have these ratios told too large, by a quarter to a
-    third of the stops. Warns of each; raises NotABracket where pixels tell nothing.
+    Cameras that press more contrast into their pictures than sRGB have these ratios estimated too large, by a quarter
+    to a third of the stops. Warns of each; raises NotABracket where pixels show nothing.
     """
     unknown = [i for i, p in enumerate(photographs) if p.exposure is None]
     if not unknown:
@@ -76,16 +77,16 @@ def estimated(photographs: Sequence[Photograph]) -> list[Photograph]:
     known = [p.exposure for p in photographs if p.exposure is not None]
     exposures: list[Exposure] = []
     if known:
-        told = [(s, np.log(p.exposure.factor)) for s, p in zip(seen, photographs, strict=True) if p.exposure]
+        stated = [(s, np.log(p.exposure.factor)) for s, p in zip(seen, photographs, strict=True) if p.exposure]
         base = known[0]
         scale = replace(base, seconds=1.0).factor
         exposures = [
-            replace(base, seconds=float(np.exp(_read_off(seen[i], sorted(told)))) / scale, source="estimated")
+            replace(base, seconds=float(np.exp(_read_off(seen[i], sorted(stated)))) / scale, source="estimated")
             for i in unknown
         ]
         names = ", ".join(photographs[i].name for i in unknown)
         warnings.warn(
-            f"{names}: no exposure is told; it is estimated from the other photographs, so give all with --times",
+            f"{names}: no exposure is known; it is estimated from the other photographs, so give all with --times",
             stacklevel=4,
         )
     else:
@@ -93,7 +94,7 @@ def estimated(photographs: Sequence[Photograph]) -> list[Photograph]:
         exposures = [Exposure(float(seconds), source="estimated") for seconds in np.exp(seen - middle)]
         ratios = " : ".join(f"{ratio:.3g}" for ratio in np.exp(np.sort(seen) - seen.min()))
         warnings.warn(
-            f"{photographs[0].name} and others: no exposure is told; only the ratios {ratios} are known, from the "
+            f"{photographs[0].name} and others: no exposure is known; only the ratios {ratios} are known, from the "
             f"pixels under an assumed sRGB curve; {_advice(photographs, seen)}",
             stacklevel=4,
         )
@@ -117,7 +118,7 @@ def times_in_names(names: Sequence[str]) -> list[str] | None:
 
 
 def _listed(photographs: Sequence[Photograph], sidecars: bool) -> list[Exposure | None]:
-    """What the lists beside the photographs tell, folder by folder."""
+    """What the lists beside the photographs give, folder by folder."""
     listed: list[Exposure | None] = [None] * len(photographs)
     folders = {Path(p.name).parent for p in photographs} if sidecars else set()
     for folder in sorted(folders):
@@ -134,7 +135,7 @@ def _given_list(photographs: Sequence[Photograph], given: ExposureList) -> list[
         raise NotABracket(
             f"{given.path}: {len(given.exposures)} times for {len(paths)} photographs; list one a photograph, or names"
         )
-    listed = given.told(paths, range(len(paths)), _brightness(photographs, range(len(paths))))
+    listed = given.exposures_of(paths, range(len(paths)), _brightness(photographs, range(len(paths))))
     missing = [str(path) for path, exposure in zip(paths, listed, strict=True) if exposure is None]
     if len(missing) == len(paths):
         raise NotABracket(
@@ -149,18 +150,18 @@ def _brightness(photographs: Sequence[Photograph], members: Sequence[int]) -> Ca
     return lambda: [reduced(photographs[i]).mean for i in members]
 
 
-def _on_one_scale(told: list[Photograph], photographs: Sequence[Photograph]) -> list[Photograph]:
-    """Where only some exposures tell aperture or ISO, the others take them from their own EXIF if it tells."""
+def _on_one_scale(stated: list[Photograph], photographs: Sequence[Photograph]) -> list[Photograph]:
+    """Where only some exposures have aperture or ISO, the others take them from their own EXIF if it has them."""
     for attribute in ("f_number", "iso"):
-        known = [p.exposure is None or getattr(p.exposure, attribute) is not None for p in told]
-        if any(p.exposure and ok for p, ok in zip(told, known, strict=True)) and not all(known):
-            told = [
+        known = [p.exposure is None or getattr(p.exposure, attribute) is not None for p in stated]
+        if any(p.exposure and ok for p, ok in zip(stated, known, strict=True)) and not all(known):
+            stated = [
                 replace(p, exposure=replace(p.exposure, **{attribute: getattr(original.exposure, attribute)}))
                 if p.exposure and original.exposure and not ok
                 else p
-                for p, original, ok in zip(told, photographs, known, strict=True)
+                for p, original, ok in zip(stated, photographs, known, strict=True)
             ]
-    return told
+    return stated
 
 
 def _true(photograph: Photograph, shutter_speed: float | None) -> Photograph:
@@ -170,9 +171,9 @@ def _true(photograph: Photograph, shutter_speed: float | None) -> Photograph:
     return replace(photograph, exposure=replace(exposure, seconds=true_shutter(exposure.seconds, shutter_speed)))
 
 
-def _read_off(seen: float, told: Sequence[tuple[float, float]]) -> float:
-    """ln exposure at `seen` on the line through what is `told`, carried on at both ends with the slope of the whole."""
-    places, values = np.array(told).T
+def _read_off(seen: float, stated: Sequence[tuple[float, float]]) -> float:
+    """ln exposure at `seen` on the line through `stated`, carried on at both ends with the slope of the whole."""
+    places, values = np.array(stated).T
     run = places[-1] - places[0]
     slope = (values[-1] - values[0]) / run if run > 0.5 else 1.0
     beyond = min(seen - places[0], 0.0) + max(seen - places[-1], 0.0)

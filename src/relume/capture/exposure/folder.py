@@ -53,10 +53,10 @@ def name_order(path: str | os.PathLike[str]) -> tuple[object, ...]:
 
 
 def listed_exposures(paths: Sequence[Path], brightness: Callable[[], Sequence[float]] | None) -> list[Exposure | None]:
-    """What the lists of exposures in the photographs' folder tell of each; None where they tell nothing.
+    """What the lists of exposures in the photographs' folder give for each; None where they give nothing.
 
     paths : photographs of one folder
-    brightness : gives their mean pixel values (`ExposureList.told`); None where pixels are not to be looked at
+    brightness : gives their mean pixel values (`ExposureList.exposures_of`); None where pixels are not to be looked at
 
     Of several lists that name all the photographs the first by name counts, once they agree. Where none names all, the
     one that names most counts, with a warning. Raises NotABracket where lists disagree.
@@ -64,23 +64,23 @@ def listed_exposures(paths: Sequence[Path], brightness: Callable[[], Sequence[fl
     folder = paths[0].parent
     lists = [found for path in sorted(folder.iterdir(), key=name_order) if (found := _list_in(path, paths))]
     pictures = pictures_in(folder) if any(not found.names for found in lists) else []
-    told: dict[str, list[Exposure | None]] = {}
+    listed: dict[str, list[Exposure | None]] = {}
     for found in lists:
         if found.names:
-            told[found.path] = found.told(paths, [0] * len(paths), brightness)
+            listed[found.path] = found.exposures_of(paths, [0] * len(paths), brightness)
         elif len(found.exposures) == len(pictures):
-            told[found.path] = found.told(paths, [pictures.index(path) for path in paths], brightness)
-    told = {path: exposures for path, exposures in told.items() if any(exposures)}
-    if not told:
+            listed[found.path] = found.exposures_of(paths, [pictures.index(path) for path in paths], brightness)
+    listed = {path: exposures for path, exposures in listed.items() if any(exposures)}
+    if not listed:
         for found in lists if brightness is not None else []:
             _warn_of_strangers(found, paths, len(pictures))
         return [None] * len(paths)
-    _refuse_disagreement(told, paths)
-    chosen = max(told, key=lambda path: sum(exposure is not None for exposure in told[path]))
-    missing = [path.name for path, exposure in zip(paths, told[chosen], strict=True) if exposure is None]
+    _refuse_disagreement(listed, paths)
+    chosen = max(listed, key=lambda path: sum(exposure is not None for exposure in listed[path]))
+    missing = [path.name for path, exposure in zip(paths, listed[chosen], strict=True) if exposure is None]
     if missing and brightness is not None:
         warnings.warn(f"{chosen}: does not name {', '.join(missing)}; add them to the list", stacklevel=5)
-    return told[chosen]
+    return listed[chosen]
 
 
 def _is_photograph(path: Path) -> bool:
@@ -120,9 +120,9 @@ def _warn_of_strangers(found: ExposureList, paths: Sequence[Path], pictures: int
         )
 
 
-def _refuse_disagreement(told: dict[str, list[Exposure | None]], paths: Sequence[Path]) -> None:
+def _refuse_disagreement(listed: dict[str, list[Exposure | None]], paths: Sequence[Path]) -> None:
     """Refuse lists of which no single scale makes one the other: only ratios matter to a merge."""
-    (first, reference), *others = told.items()
+    (first, reference), *others = listed.items()
     for other, exposures in others:
         pairs = [(a.factor, b.factor, p) for a, b, p in zip(reference, exposures, paths, strict=True) if a and b]
         ratios = np.array([a / b for a, b, _ in pairs])

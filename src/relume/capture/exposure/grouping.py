@@ -23,7 +23,7 @@ _STEP = 0.2  # stops; marked speeds of one exposure differ by less
 
 
 class Photographed(Protocol):
-    """What grouping needs to know: a `Photograph` tells it, and so do `Facts`."""
+    """What grouping needs to know: a `Photograph` has it, and so do `Facts`."""
 
     @property
     def name(self) -> str: ...
@@ -43,7 +43,7 @@ T = TypeVar("T", bound=Photographed)
 def group_files(paths: Iterable[str | os.PathLike[str]], *, sidecars: bool = True) -> tuple[tuple[Path, ...], ...]:
     """The brackets among photographs and folders of them, read from headers alone; folders are never mixed.
 
-    sidecars : let lists beside the photographs tell the exposures, as `read_bracket` does
+    sidecars : let lists beside the photographs give the exposures, as `read_bracket` does
     Raises UnreadableFile, NotABracket.
     """
     facts = [files.read_facts(path) for path in expand(paths)]
@@ -86,7 +86,7 @@ def _by_settings(photographs: Sequence[T]) -> list[list[T]]:
 
 
 def _in_order(photographs: Sequence[T]) -> list[T]:
-    """By the time taken where all tell one, and by name among those of one time."""
+    """By the time taken where all hold one, and by name among those of one time."""
     if all(p.settings.taken for p in photographs):
         return sorted(photographs, key=lambda p: (p.settings.taken, name_order(p.name)))
     return sorted(photographs, key=lambda p: name_order(p.name))

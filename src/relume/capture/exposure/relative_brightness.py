@@ -1,4 +1,4 @@
-"""How much brighter one photograph is than another, told from pixels alone and without a response.
+"""How much brighter one photograph is than another, from pixels alone and without a response.
 
 Every verdict here is drawn from photographs made small: a look at a bracket must cost nothing beside merging it.
 """
@@ -23,7 +23,7 @@ _FINE = 4  # pixels looked at along a block's side; their mean has a quarter of 
 _LEVELS = np.linspace(DARKEST, BRIGHTEST, 64)
 _BINS = 1024  # at most: of 16 bits the lowest six do not matter here
 _TAIL = 30  # pixels that must lie above and below a level in both photographs: a rank among fewer is chance
-_LEAST_SEEN = 6  # levels, over the channels, below which no ratio is told
+_LEAST_SEEN = 6  # levels, over the channels, below which no ratio is given
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ def matched(less: Reduced, more: Reduced) -> tuple[tuple[np.ndarray, np.ndarray]
 
 
 def log_ratio(less: Reduced, more: Reduced) -> float | None:
-    """ln of how much more light `more` was given than `less` if sRGB encoded both; None where nothing tells."""
+    """ln of how much more light `more` was given than `less` if sRGB encoded both; None where nothing shows it."""
     first, second = (np.concatenate(values) for values in zip(*matched(less, more), strict=True))
     if len(first) < _LEAST_SEEN:
         return None
@@ -103,7 +103,7 @@ def brightness_chain(pictures: Sequence[Reduced]) -> np.ndarray:
         ratio = log_ratio(pictures[darker], pictures[brighter])
         if ratio is None:
             raise NotABracket(
-                f"{pictures[brighter].name}: its exposure is told nowhere, and it shares no well exposed pixels with "
+                f"{pictures[brighter].name}: its exposure is unknown, and it shares no well exposed pixels with "
                 f"{pictures[darker].name} to estimate it from; give one time per photograph with --times"
             )
         exposures[brighter] = exposures[darker] + ratio
@@ -111,7 +111,7 @@ def brightness_chain(pictures: Sequence[Reduced]) -> np.ndarray:
 
 
 def _matched_channel(less: Reduced, more: Reduced, channel: int) -> tuple[np.ndarray, np.ndarray]:
-    # Levels evenly spaced in value, not in share: a church is nine tenths dark, and its windows tell the most.
+    # Levels evenly spaced in value, not in share: a church is nine tenths dark, and its windows show the most.
     share = np.interp(_LEVELS, less.steps, less.below[channel])
     partner = np.interp(share, more.below[channel], more.steps)
     tail = np.minimum(share, 1 - share) * min(less.pixels, more.pixels)

@@ -11,13 +11,13 @@ from scipy.stats import rankdata
 from relume.capture.exposure.relative_brightness import Reduced
 
 STRANGE = 0.36
-"""Likeness below which photographs show different scenes: unrelated ones reach 0.27 at most, and pairs of one scene
+"""Similarity below which photographs show different scenes: unrelated ones reach 0.27 at most, and pairs of one scene
 that are four stops apart or hand-held lie above 0.46."""
 _COARSE = 40  # blocks across: a hand's shake is less than two of them
 _REACH = 2  # blocks
 _VALUES = (12, 24, 48, 96)
-"""Pixel values told apart, coarsely against the noise of a black, finely for the little that a flat scene shows; each
-picture pair is taken as it is most alike."""
+"""Pixel values that are distinguished, coarsely against the noise of a black, finely for the little that a flat scene
+shows; each picture pair is taken as it is most alike."""
 _SURROUND = 9  # blocks; all pictures are lighter at the top and fall off at the edge, so only departures count
 
 
@@ -43,7 +43,7 @@ def structure(picture: Reduced) -> Structure:
     return Structure(ranks)
 
 
-def likeness(first: Structure, second: Structure) -> float | None:
+def similarity(first: Structure, second: Structure) -> float | None:
     """Rank correlation of two structures at the best small shift, −1 to 1; None where one photograph shows nothing."""
     best = None
     for down in range(-_REACH, _REACH + 1):

@@ -53,15 +53,15 @@ class ExposureList:
     either: bool = False
     stops: tuple[float, ...] = ()
 
-    def told(
+    def exposures_of(
         self, paths: Sequence[Path], places: Sequence[int], brightness: Callable[[], Sequence[float]] | None
     ) -> list[Exposure | None]:
         """The exposure of each photograph, None for those that are not listed.
 
         paths : of the photographs; the suffix does not count where no listed name fits whole: lists outlive conversions
         places : of each, its place among the photographs in the order of their names, where the list has no names
-        brightness : gives their mean pixel values, asked for only where nothing but the pixels can tell seconds from
-            reciprocals; without it such a list tells nothing
+        brightness : gives their mean pixel values, asked for only where nothing but the pixels can separate seconds
+            from reciprocals; without it such a list gives nothing
         Raises NotABracket where its numbers fit the brightness neither as seconds nor as reciprocals.
         """
         entries = [self._entry(path, place) for path, place in zip(paths, places, strict=True)]
@@ -98,9 +98,9 @@ class ExposureList:
     def _agrees_with_stops(self) -> bool:
         if not self.stops:
             return True
-        told = np.log2([e.seconds for e in self.exposures])
+        listed = np.log2([e.seconds for e in self.exposures])
         # Marked speeds depart from whole stops by a tenth; a third is another exposure.
-        return bool(np.ptp(told - np.array(self.stops)) < 1 / 3)
+        return bool(np.ptp(listed - np.array(self.stops)) < 1 / 3)
 
     def _rises(self, places: Sequence[int], brightness: Sequence[float]) -> bool:
         factors = np.array([self.exposures[place].factor for place in places])
@@ -192,7 +192,7 @@ def _table(path: str | os.PathLike[str], columns: tuple[str, ...], rows: list[li
             exposures.append(_exposure(cells))
             stops.extend([_number(cells["stops"])] if "stops" in cells else [])
         except (KeyError, ValueError, OverflowError, ZeroDivisionError) as error:
-            raise UnreadableFile(f'{path}: "{" ".join(row)}" tells no exposure ({error}); mend the line') from None
+            raise UnreadableFile(f'{path}: "{" ".join(row)}" is not an exposure ({error}); mend the line') from None
         plain &= _is_plain(cells.get("shutter", "1/2"))
     _refuse_contradiction(path, names, exposures)
     timed = not {"seconds", "reciprocal"} & set(columns) and "shutter" in columns
@@ -215,9 +215,9 @@ def _exposure(cells: dict[str, str]) -> Exposure:
 
 
 def _refuse_contradiction(path: str | os.PathLike[str], names: list[str], exposures: list[Exposure]) -> None:
-    told: dict[str, Exposure] = {}
+    listed: dict[str, Exposure] = {}
     for name, exposure in zip(names, exposures, strict=True):
-        if told.setdefault(name, exposure) != exposure:
+        if listed.setdefault(name, exposure) != exposure:
             raise UnreadableFile(f"{path}: lists {name} twice with different exposures; take one line out")
 
 

@@ -1,4 +1,4 @@
-"""Whether the exposures told of a bracket are those its pixels show, and which photograph's is not.
+"""Whether the exposures stated of a bracket are those its pixels show, and which photograph's is not.
 
 One curve is fitted to all pairs of neighbouring photographs, g(b) − g(a) = ln ratio of their exposures (Debevec & Malik
 1997, eq. 2) for pixel values a and b that show the same light, together with a correction of every exposure. As few
@@ -22,7 +22,7 @@ _USUAL = np.array([0.7, 0.0, -0.2, 0.3, 0.8])
 """The curve of cameras' pictures in the terms of `_terms`; scanned film has (1.1, 0, −0.7, −0.1, 0.8)."""
 _HELD = np.array([0.4, 0.003, 0.01, 0.01, 0.01])
 """How hard the curve is held to that, in squares of ln exposure per pair: just so hard that of three photographs, one
-told two stops wrong, not the one in the middle is blamed and the contrast halved."""
+stated two stops wrong, not the one in the middle is blamed and the contrast halved."""
 _SPARSE = (
     0.07  # how dear a correction is: at 0.05 too few errors of three photographs are found, at 0.2 none of end ones
 )
@@ -34,10 +34,10 @@ _LIT = 0.1  # share of a picture in values that its neighbour shows too, from wh
 
 
 @dataclass(frozen=True, eq=False)
-class ToldExposures:
-    """How the told exposures of some photographs depart from their pixels.
+class ExposureCorrections:
+    """How the stated exposures of some photographs depart from their pixels.
 
-    corrections : (P,) ln exposure to add to each told one
+    corrections : (P,) ln exposure to add to each stated one
     shared : (P − 1,) share of each picture's values that the one after it shows well exposed too, 0 to 1
     casts : (P − 1, 3) ln exposure by which each channel of a photograph departs from what the three have in common,
         beyond the photograph before it; nan where unseen
@@ -54,15 +54,15 @@ class ToldExposures:
         return np.maximum(shared[1:], shared[:-1])
 
 
-def compare(pictures: Sequence[Reduced], told: np.ndarray, response: Response | None = None) -> ToldExposures:
+def compare(pictures: Sequence[Reduced], stated: np.ndarray, response: Response | None = None) -> ExposureCorrections:
     """Compare exposures with pixels.
 
     pictures : at least two, in the order of their brightness
-    told : (P,) ln exposure of each
-    response : of the camera; fitted from the pictures where None, and then the scale of all exposures is the told one
+    stated : (P,) ln exposure of each
+    response : of the camera; fitted from the pictures where None, and then the scale of all exposures is the stated one
     """
     pairs = [_Pair.of(first, second, response) for first, second in pairwise(pictures)]
-    steps = np.diff(told)
+    steps = np.diff(stated)
     coefficients, corrections = _fitted(pairs, steps, fixed=response is not None)
     casts = np.full((len(pairs), 3), np.nan)
     for index, pair in enumerate(pairs):
@@ -71,7 +71,7 @@ def compare(pictures: Sequence[Reduced], told: np.ndarray, response: Response | 
             float(np.median(left[pair.channel == c])) if (pair.channel == c).any() else np.nan for c in range(3)
         ]
         casts[index] = np.array(channels) - np.nanmedian(channels) if np.isfinite(channels).any() else np.nan
-    return ToldExposures(corrections, np.array([pair.lit for pair in pairs]), casts)
+    return ExposureCorrections(corrections, np.array([pair.lit for pair in pairs]), casts)
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from relume.image.response import Response
 SQUARES = 800_000
 """About how many squares a large photograph is compared in: small enough to find a leaf, few enough to be quick."""
 SAMPLED = 60_000
-"""About how many squares tell how the frames differ in scale."""
+"""About how many squares show how the frames differ in scale."""
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 Exposure times are a little off, a response fits a little badly at its ends, lamps flicker and dark frames have a
 floor of stray light: all of this depends on a frame and on the pixel value, not on the place, and most places of a
-scene do not move. The median over places therefore tells it.
+scene do not move. The median over places therefore measures it.
 """
 
 from __future__ import annotations
@@ -89,20 +89,20 @@ def _inner(
 ) -> np.ndarray:
     """The places that both frames measure and neither could have had clipped.
 
-    Where a value in one frame foretells a clipped one in the other, only those are measured in both that noise has
+    Where a value in one frame predicts a clipped one in the other, only those are measured in both that noise has
     favoured: their median would be biased.
     """
     low, high = scale.limits(channel)
     curve, margin = scale.curve[channel], 0.2
     one, other = curve[middle[frame, :, channel]], curve[middle[towards, :, channel]]
     measured = np.isfinite(bounds[[frame, towards], :, :, channel]).all((0, 1))
-    for foretold in (one, other, one - step, other + step):
-        measured &= (foretold > low + margin) & (foretold < high - margin)
+    for predicted in (one, other, one - step, other + step):
+        measured &= (predicted > low + margin) & (predicted < high - margin)
     return measured
 
 
 def _offset(frame: np.ndarray, towards: np.ndarray, inner: list[np.ndarray]) -> float:
-    """The weighted median of the frames' difference: what the exposure times are off by; 0 where nothing tells."""
+    """The weighted median of the frames' difference: the error of the exposure times; 0 where none was measured."""
     ours = np.concatenate([frame[:, places, channel] for channel, places in enumerate(inner)], axis=1)
     theirs = np.concatenate([towards[:, places, channel] for channel, places in enumerate(inner)], axis=1)
     differences, widths = (theirs - ours).mean(0), np.ptp(ours, 0) + np.ptp(theirs, 0)
@@ -157,11 +157,11 @@ def _medians(values: np.ndarray, bins: np.ndarray, where: np.ndarray) -> np.ndar
     heap[heap < FEWEST] = 0
     for index in np.flatnonzero(heap):
         known[index] = np.median(values[where & (bins == index)])
-    told = np.flatnonzero(heap)
-    if not len(told):
+    filled = np.flatnonzero(heap)
+    if not len(filled):
         return known
-    near = np.exp(-(((told[:, None] - told) / SMOOTH) ** 2) / 2) * heap[told]
-    return np.interp(np.arange(BINS), told, (near @ known[told]) / near.sum(1))
+    near = np.exp(-(((filled[:, None] - filled) / SMOOTH) ** 2) / 2) * heap[filled]
+    return np.interp(np.arange(BINS), filled, (near @ known[filled]) / near.sum(1))
 
 
 def _mostly(mask: np.ndarray, bins: np.ndarray, where: np.ndarray) -> np.ndarray:

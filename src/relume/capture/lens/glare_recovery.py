@@ -31,7 +31,7 @@ def recover_glare_from_dark(
     region : (H, W) bool, the black place's pixels
     black : the luminance it truly has, in the map's unit: 0 for a light trap (a hole in a box lined with velvet); for a
         card, its reflectance over a white card's times the white card's radiance
-    shape : of the glare, whose share in all is sought; an even veil unless given, since one place tells no shape
+    shape : of the glare, whose share in all is sought; an even veil unless given, since one place shows no shape
     Raises ValueError for a region that is clipped, NotABracket when it is too bright to be black.
     """
     if shape.share == 0:
@@ -56,7 +56,7 @@ def recover_glare_from_dark(
             break
     if share == 0:
         return shape.scaled(0.0)
-    # The channels' own shares tell how well one share describes the glare.
+    # The channels' own shares show how well one share describes the glare.
     return shape.scaled(share, float(np.hypot(noise / beyond, apart.std() / share)))
 
 

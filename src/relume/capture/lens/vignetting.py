@@ -20,7 +20,7 @@ BLOCKS = 36
 """Blocks along the picture's longer side whose medians are fitted: dust and noise fall out, falloff is smooth."""
 DECENTRED = 0.03
 """Standard deviation, in picture sizes, of how far a lens sits beside the picture's middle; a nearly even slope across
-the wall looks like a decentred lens, and only this tells them apart when there is one picture."""
+the wall looks like a decentred lens, and only this separates them when there is one picture."""
 MARK = 5.0
 """Deviations from the falloff beyond which a block shows something on the wall."""
 DOUBTFUL, UNUSABLE = 0.01, 0.05
@@ -107,7 +107,7 @@ def recover_vignetting(
     """The vignetting that makes pictures of an evenly lit surface even.
 
     pictures : radiance maps of one lens at one aperture, of one size; each may slope as a plane does (a wall lit from
-        one side), which is taken out. Several with different slopes, the camera turned between them, also tell
+        one side), which is taken out. Several with different slopes, the camera turned between them, also show
         where the falloff is centred; one alone can hardly
     f_number : kept with the result
     terms : coefficients of r², r⁴, …

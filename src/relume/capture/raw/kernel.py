@@ -151,7 +151,7 @@ def _spread(radiance, weights, shot_part, read_part, clipped, rows, columns, beg
 def _bound(radiance, variance, black, clipped, begin, end):
     for y in range(begin, end):
         for x in range(radiance.shape[1]):
-            # A file whose black is 0 cannot tell less: where all frames read it, the light lies below the noise.
+            # A file whose black is 0 cannot show less: where all frames read it, the light lies below the noise.
             if radiance[y, x] == 0 and black[y & 1, x & 1] == 0:
                 clipped[y, x] = BLACK
                 radiance[y, x] = 2 * np.sqrt(variance[y, x])

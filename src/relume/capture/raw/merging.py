@@ -33,23 +33,24 @@ _SAMPLES = 2**18
 _DOUBTFUL_STOPS = 0.2
 """Nominal shutter speeds are up to 0.1 of a stop from the true ones (1/30 s is 1/32 s)."""
 _MARKED_STOPS = 0.06
-"""Standard deviation of the ratio of two marked speeds about that of the true ones, where pixels tell nothing of it."""
+"""Standard deviation of the ratio of two marked speeds about that of the true ones, where pixels show nothing of it."""
 
 RawSource = str | os.PathLike[str] | RawPhotograph
 
 
 @dataclass(frozen=True, eq=False)
 class RawCalibration:
-    """What a bracket of raws tells of its exposures and of its sensor, frame by frame in the order they were given.
+    """What a bracket of raws shows of its exposures and of its sensor, frame by frame in the order they were given.
 
     names : of the files
-    exposures : as their EXIF or the caller tells them
+    exposures : as their EXIF has them or the caller gives them
     factors : (P,) float64, light per unit of radiance that is merged with: `Exposure.factor`, its ratios refined from
         the pixels where that was asked for, its geometric mean kept
     noise : of the sensor
     saturation : the signal, as a share of white above black, at which photosites are seen to be saturated
     errors : (P,) standard error of ln `factors` about their mean: by the photons they were refined from, ratios of
-        neighbours taken as independent, and by the rounding of marked speeds where no pixels told; 0 if not refined
+        neighbours taken as independent, and by the rounding of marked speeds where no pixels showed them; 0 if not
+        refined
     sensor : what holds for other photographs of the camera too, the levels being those of the first of these
     """
 
@@ -63,8 +64,8 @@ class RawCalibration:
 
     def corrections(self) -> dict[str, tuple[float, float]]:
         """By how many stops each exposure was corrected, and the standard error, by its name; none that stands."""
-        told = np.array([exposure.factor for exposure in self.exposures])
-        stops, errors = np.log2(self.factors / told), self.errors / np.log(2)
+        stated = np.array([exposure.factor for exposure in self.exposures])
+        stops, errors = np.log2(self.factors / stated), self.errors / np.log(2)
         return {
             name: (float(stop), float(error))
             for name, stop, error in zip(self.names, stops, errors, strict=True)
@@ -140,11 +141,11 @@ def calibrate_raw(
 
     times : exposure time of each in seconds, in place of the whole EXIF exposure
     sensor : what was measured of it before. Its noise is used as it is, at the photographs' sensitivity, else it is
-        told from how they differ; its saturation, at its own sensitivity, unless they show a lower one
+        measured from how they differ; its saturation, at its own sensitivity, unless they show a lower one
     refine_exposures : take the ratios of exposures from the pixels, which know them better than nominal times do
 
     Warns where exposures differ otherwise than they claim, where the sensor saturates below its white, where noise
-    cannot be told, and where the levels in the files are not those of `sensor`. Raises UnreadableFile, NotABracket.
+    cannot be measured, and where the levels in the files are not those of `sensor`. Raises UnreadableFile, NotABracket.
     """
     if not photographs:
         raise NotABracket("no raw photographs were given; name at least one file")
@@ -183,7 +184,7 @@ def calibrate_raw(
             stacklevel=2,
         )
     if noise is None:
-        warnings.warn(f"{names[0]}: its noise cannot be told; taken as one electron a value", stacklevel=2)
+        warnings.warn(f"{names[0]}: its noise cannot be measured; taken as one electron a value", stacklevel=2)
         noise = SensorNoise(1 / (first.white - first.black.mean()), 0.0, iso)
     return RawCalibration(names, exposures, factors, noise, saturation, errors, found)
 
@@ -240,23 +241,23 @@ def _sample(raw: RawPhotograph) -> np.ndarray:
 def _refined(
     names: Sequence[str], nominal: np.ndarray, samples: Sequence[np.ndarray], order: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The factors with ratios between neighbouring exposures as the pixels have them, where enough of them tell.
+    """The factors with ratios between neighbouring exposures as the pixels have them, where enough of them show it.
 
     The second is the standard error of each logarithm.
     """
     logarithm, square = np.log(nominal), np.zeros(len(nominal))
     for position, (short, long) in enumerate(pairwise(order.tolist()), 1):
-        found, told = _ratio(samples[short].ravel(), samples[long].ravel()), nominal[long] / nominal[short]
-        ratio, error = found or (told, _MARKED_STOPS * np.log(2))
-        if abs(np.log2(ratio / told)) > _DOUBTFUL_STOPS:
+        found, stated = _ratio(samples[short].ravel(), samples[long].ravel()), nominal[long] / nominal[short]
+        ratio, error = found or (stated, _MARKED_STOPS * np.log(2))
+        if abs(np.log2(ratio / stated)) > _DOUBTFUL_STOPS:
             warnings.warn(
-                f"{names[long]}: it got {ratio:.3g} times the light of {names[short]}, not {told:.3g} times as its "
-                "exposure tells; merged as the pixels have it",
+                f"{names[long]}: it got {ratio:.3g} times the light of {names[short]}, not {stated:.3g} times as its "
+                "exposure says; merged as the pixels have it",
                 stacklevel=4,
             )
         # All longer exposures move with this one.
         later = order[position:]
-        logarithm[later] += np.log(ratio / told)
+        logarithm[later] += np.log(ratio / stated)
         # About the mean, which is kept, the earlier exposures move against the later ones.
         moved = np.isin(np.arange(len(nominal)), later) - len(later) / len(nominal)
         square += (moved * error) ** 2
@@ -266,7 +267,7 @@ def _refined(
 def _ratio(first: np.ndarray, second: np.ndarray) -> tuple[float, float] | None:
     """How many times the light of `first` `second` got, and the standard error of its logarithm.
 
-    None where fewer than 1000 photosites tell.
+    None where fewer than 1000 photosites can be used.
 
     The ratio of sums over photosites chosen by the sum of both: how the photons of a sum were shared out between two
     exposures does not depend on it, so the choice favours neither.
@@ -280,7 +281,7 @@ def _ratio(first: np.ndarray, second: np.ndarray) -> tuple[float, float] | None:
         ratio = float(second[used].sum(dtype=np.float64) / first[used].sum(dtype=np.float64))
         difference = second - ratio * first
         error = float(np.linalg.norm(difference[used]) / second[used].sum(dtype=np.float64))
-        # What moved between the two tells nothing of the exposures.
+        # What moved between the two says nothing of the exposures.
         misfit = difference / np.sqrt(np.maximum(total, 0.02))
         limit = 5 * 1.4826 * np.median(np.abs(misfit[used])) + 1e-6
         used = (total > 0.02) & (total < 0.8) & (np.abs(misfit) < limit)
@@ -304,7 +305,7 @@ def _saturation(
             seen = level
             if level < 0.97 * known:
                 warnings.warn(
-                    f"{names[long]}: saturated at {level:.0%} of the white its file tells; taken as saturated there",
+                    f"{names[long]}: saturated at {level:.0%} of the white its file states; taken as saturated there",
                     stacklevel=4,
                 )
     return seen

@@ -22,7 +22,7 @@ class Sensor:
     black : raw levels that no light gives: at even rows the even and the odd columns, then at odd rows
     white : the raw level at which its files say that photosites are saturated
     saturation : the signal, as a share of white above black, at which they are seen to be saturated
-    noise : and the sensitivity at which it and the saturation were measured; None where the noise could not be told
+    noise : and the sensitivity at which it and the saturation were measured; None where the noise could not be measured
     """
 
     black: tuple[float, float, float, float]
@@ -51,8 +51,8 @@ class Sensor:
         """The sensor that `to_dict` wrote; raises ValueError for anything else."""
         try:
             first, second, third, fourth = (float(level) for level in table["black"])
-            told = table["noise"]
-            noise = None if told is None else SensorNoise(*(float(told[key]) for key in ("shot", "read", "iso")))
+            stored = table["noise"]
+            noise = None if stored is None else SensorNoise(*(float(stored[key]) for key in ("shot", "read", "iso")))
             return Sensor((first, second, third, fourth), float(table["white"]), float(table["saturation"]), noise)
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"not a sensor of relume: {error}") from None

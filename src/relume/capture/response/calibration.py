@@ -46,7 +46,7 @@ class Calibration:
     residual : (3,) root mean square of the weighted misfit, natural logarithm of exposure
     error : (3, levels) standard error of ln exposure at every pixel value, about the middle value, where it is 0;
         None where none was estimated
-    ratios : what the exposures were found to be, beside what was told; None where they were taken as told
+    ratios : what the exposures were found to be, beside what was stated; None where they were taken as stated
     noise : the sensor's, fitted to the pixels that stayed the same; None where too few did
     pixels : (3,) how many places were observed
     """
@@ -77,9 +77,9 @@ def recover_response(
 
     brackets : 8-bit or 16-bit brackets of one camera; together they need two different exposures in one bracket
     method : how; Debevec & Malik's least squares unless given: of the three the most accurate on virtual cameras
-    refine : also correct the exposures that the photographs contradict, `Ratios()`; None takes them as told. Not the
+    refine : also correct the exposures that the photographs contradict, `Ratios()`; None takes them as stated. Not the
         default: it doubles the time, right times gain nothing, and light that changes between the photographs, fog
-        and misalignment look like wrong times (three of five real brackets contradict too many of theirs to tell)
+        and misalignment look like wrong times (three of five real brackets contradict too many of theirs to decide)
     Raises NotABracket when the photographs say nothing of the curve.
     """
     brackets = [brackets] if isinstance(brackets, Bracket) else list(brackets)
@@ -167,14 +167,14 @@ def _require_enough(brackets: Sequence[Bracket], observed: list[Observations], c
     # N(P − 1) > Z_max − Z_min (Debevec & Malik 1997, §2.1).
     if sum(int((o.values > 0).sum()) - len(o.values) for o in observed) < 256:
         warnings.warn(
-            f"{brackets[0].name}: only {pixels} pixels tell of the {CHANNELS[channel]} response; it is "
+            f"{brackets[0].name}: only {pixels} pixels show the {CHANNELS[channel]} response; it is "
             "uncertain, so use larger photographs or a response recovered before",
             stacklevel=3,
         )
 
 
 def _misfit(curve: np.ndarray, deviation: np.ndarray, observed: list[Observations]) -> tuple[np.ndarray, float]:
-    """The observations (ln exposure, value) about each pixel's least noisy ln E, and the misfit of what tells.
+    """The observations (ln exposure, value) about each pixel's least noisy ln E, and the misfit of what counts.
 
     Weighed by eq. 4 and by how level the curve is beside a power law: where film's fog makes it steep, a grain is as
     much as a factor of ten, and says nothing of times or alignment.

@@ -29,8 +29,8 @@ class CameraProfile:
     vignetting : what `Vignetting.to_dict` wrote; None where not measured
     scale, scale_deviation : cd/m² per unit of relative radiance, and the standard deviation of its logarithm; None
         where not measured
-    scale_exposure : whether the exposures that it was measured with told f-number and ISO: relative radiance takes an
-        unknown one as 1 and 100, so the scale holds for exposures that tell the same
+    scale_exposure : whether the exposures that it was measured with have f-number and ISO: relative radiance takes an
+        unknown one as 1 and 100, so the scale holds for exposures that have the same
     balance : (3,) factors on the channels' radiance that make its reference white achromatic
     brackets, pixels : how many the response came from; 0 where unknown
     residual : (3,) weighted misfit of ln exposure; None where unknown

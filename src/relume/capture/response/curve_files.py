@@ -9,7 +9,7 @@ import numpy as np
 from relume.image.response import Response
 
 ROUNDING = 12**-0.5
-"""Standard deviation of a pixel value from rounding alone: such files tell nothing of noise."""
+"""Standard deviation of a pixel value from rounding alone: such files say nothing of noise."""
 
 
 def read_curves(text: str, name: str) -> Response:

@@ -33,7 +33,7 @@ class DebevecMalik:
         is the paper's own term
     difference : which difference of g is kept small; 2 is the paper's g″. Curves bend slowly over their whole range,
         while the ripple that exposures one step apart cannot see (g + p(g), p periodic with the step) bends within
-        the step: the third difference tells them apart better: of 201 curves the worst twentieth is 0.48 % off, not
+        the step: the third difference separates them better: of 201 curves the worst twentieth is 0.48 % off, not
         0.57 %, though the median is 0.07 % for 0.06 %; two of five real brackets ripple half as much, one a little more
     steepness : once the curve is known, weigh a value less where the curve is steeper than a power law. Film's base fog
         and a camera's toe give the same few values whatever the exposure, and eq. 4 knows of neither
@@ -99,8 +99,8 @@ def smoothness_for(observed: Sequence[Observations], equations: Equations, diffe
     """λ per pixel for exposures as far apart as those of `observed`.
 
     The ripple that the photographs cannot see is as long as the step between them, so λ grows with its square.
-    Virtual cameras would be told best by a quarter of this λ (0.06 % for 0.08 % at the median of 30 curves, one stop),
-    but dark pixels of real JPEGs, which no light made, then bend the curves into visible ripples.
+    Virtual cameras would be measured best by a quarter of this λ (0.06 % for 0.08 % at the median of 30 curves, one
+    stop), but dark pixels of real JPEGs, which no light made, then bend the curves into visible ripples.
     Three such steps either way of the best double the error of few curves.
     """
     steps = [np.diff(np.unique(np.round(o.log_exposures, 3))) for o in observed]

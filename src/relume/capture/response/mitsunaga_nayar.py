@@ -17,8 +17,8 @@ class MitsunagaNayar:
     """Fits f⁻¹(m) = Σ cₙ mⁿ, f⁻¹(1) = 1, to f⁻¹(m_q) = R f⁻¹(m_q+1) of neighbouring exposures.
 
     degree : of the polynomial; None takes the one from 1 to 10 with the least misfit, as the authors do
-    rounds : how often the ratios R are estimated anew from the curve; 0, the default, takes the exposures as told:
-        curve and ratios share an exponent that the photographs cannot settle, and here the told ones do
+    rounds : how often the ratios R are estimated anew from the curve; 0, the default, takes the exposures as stated:
+        curve and ratios share an exponent that the photographs cannot settle, and here the stated ones do
     trim : pixel values below the first or above the second, of 255, are left out: the method knows no weights
     """
 

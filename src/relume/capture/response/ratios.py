@@ -16,11 +16,11 @@ from relume.capture.response.sampling import Observations
 
 @dataclass(frozen=True, eq=False)
 class ExposureRatios:
-    """What each photograph's exposure was found to be, beside what was told.
+    """What each photograph's exposure was found to be, beside what was stated.
 
     names : a bracket each, the photographs' names
-    corrections : a bracket each, (P,) ln of the true exposure over the told one; 0 where the told one stands
-    errors : a bracket each, (P,) their standard errors; NaN where nothing could be told of them
+    corrections : a bracket each, (P,) ln of the true exposure over the stated one; 0 where the stated one stands
+    errors : a bracket each, (P,) their standard errors; NaN where nothing could be found of them
     """
 
     names: tuple[tuple[str, ...], ...]
@@ -34,7 +34,7 @@ class ExposureRatios:
         ]
 
     def factors(self) -> dict[str, float]:
-        """The factor on every photograph's told exposure, by its name."""
+        """The factor on every photograph's stated exposure, by its name."""
         return {
             name: float(np.exp(delta))
             for names, deltas in zip(self.names, self.corrections, strict=True)
@@ -53,11 +53,11 @@ class ExposureRatios:
 
 @dataclass(frozen=True)
 class Ratios:
-    """Finds the photographs whose exposure is not what was told, and by how much.
+    """Finds the photographs whose exposure is not what was stated, and by how much.
 
     The curve and a correction of every photograph are solved for together, in all channels. A curve bent by any
     exponent fits exposures stretched by the same one, and each bracket's are free by a factor; both are settled by
-    the told exposures, of which most must be right (least absolute deviations). What then stands out is corrected.
+    the stated exposures, of which most must be right (least absolute deviations). What then stands out is corrected.
 
     significance : standard errors a correction must exceed
     least : least correction, ln of exposure; 1 % is what a good shutter repeats to
@@ -76,41 +76,41 @@ class Ratios:
         A bracket of fewer than four telling exposures says nothing: with three, any one may be the wrong one. Where
         more than a third of the exposures stand out, which are right is not known: a warning, and none is corrected.
         """
-        told = np.concatenate([o.log_exposures for o in observed[0]])
+        stated = np.concatenate([o.log_exposures for o in observed[0]])
         owner = np.repeat(np.arange(len(names)), [len(each) for each in names])
-        usable = _telling(observed, told, owner)
+        usable = _usable(observed, stated, owner)
         if not usable.any():
             warnings.warn(
                 f"{names[0][0]} … {names[-1][-1]}: exposures are refined from four different ones on; of fewer, which "
-                "is wrong cannot be told",
+                "is wrong cannot be decided",
                 stacklevel=4,
             )
-        corrections = np.zeros(len(told))
-        errors = np.full(len(told), np.nan)
-        doubted = np.zeros(len(told), bool)
+        corrections = np.zeros(len(stated))
+        errors = np.full(len(stated), np.nan)
+        doubted = np.zeros(len(stated), bool)
         # A photograph that is far off distorts the others' corrections through the smoothing: three rounds settle it.
         for _ in range(3 if usable.any() else 0):
             moved = [_moved(each, corrections) for each in observed]
             curvature, gradient, scatter = _reduced(moved, levels)
-            free = _complement(told + corrections, owner, usable)
+            free = _complement(stated + corrections, owner, usable)
             step, covariance = _solved(curvature, gradient, scatter, free)
-            found, stretch = _agreed(told, told + corrections + step, owner, usable)
+            found, stretch = _agreed(stated, stated + corrections + step, owner, usable)
             errors = np.where(usable, np.sqrt(np.diag(covariance)) * stretch, np.nan)
             doubted = usable & (np.abs(found) > np.maximum(self.significance * np.nan_to_num(errors), self.least))
             if doubted.sum() > usable.sum() / 3:
                 warnings.warn(
                     f"{names[0][0]} … {names[-1][-1]}: {doubted.sum()} of {usable.sum()} exposures disagree with the "
-                    "photographs, so which are right cannot be told and all are taken as told; check the times",
+                    "photographs, so which are right cannot be decided and all are taken as stated; check the times",
                     stacklevel=4,
                 )
-                return self._split(np.zeros(len(told)), errors, names)
+                return self._split(np.zeros(len(stated)), errors, names)
             corrections = np.where(doubted, found, 0.0)
             if not doubted.any():
                 break
-            # With the others as told, nothing is left free but the doubted ones.
+            # With the others as stated, nothing is left free but the doubted ones.
             moved = [_moved(each, corrections) for each in observed]
             curvature, gradient, scatter = _reduced(moved, levels)
-            step, covariance = _solved(curvature, gradient, scatter, np.eye(len(told))[:, doubted])
+            step, covariance = _solved(curvature, gradient, scatter, np.eye(len(stated))[:, doubted])
             corrections = corrections + step
             errors = np.where(doubted, np.sqrt(np.diag(covariance)), errors)
         return self._split(corrections, errors, names)
@@ -125,7 +125,7 @@ class Ratios:
         )
 
 
-def _telling(observed: Sequence[Sequence[Observations]], told: np.ndarray, owner: np.ndarray) -> np.ndarray:
+def _usable(observed: Sequence[Sequence[Observations]], stated: np.ndarray, owner: np.ndarray) -> np.ndarray:
     """(F,) whether a photograph's exposure can be checked: it is well seen, and so are three others of its bracket."""
     counts = [
         np.concatenate([((o.values > 0) & ((o.values > 0).sum(1, keepdims=True) > 1)).sum(0) for o in each])
@@ -134,7 +134,7 @@ def _telling(observed: Sequence[Sequence[Observations]], told: np.ndarray, owner
     seen = np.max(counts, axis=0) >= 50
     for bracket in range(owner.max() + 1):
         here = seen & (owner == bracket)
-        if len(np.unique(np.round(told[here], 2))) < 4:
+        if len(np.unique(np.round(stated[here], 2))) < 4:
             seen &= owner != bracket
     return seen
 
@@ -190,26 +190,26 @@ def _solved(
     return inverse @ gradient, inverse @ scatter @ inverse.T
 
 
-def _agreed(told: np.ndarray, found: np.ndarray, owner: np.ndarray, usable: np.ndarray) -> tuple[np.ndarray, float]:
-    """Corrections (F,) of the told exposures after `found` is stretched and shifted to agree with most of them."""
+def _agreed(stated: np.ndarray, found: np.ndarray, owner: np.ndarray, usable: np.ndarray) -> tuple[np.ndarray, float]:
+    """Corrections (F,) of the stated exposures after `found` is stretched and shifted to agree with most of them."""
     places = np.flatnonzero(usable)
     brackets = np.unique(owner[places])
     shifts = (owner[places][:, None] == brackets).astype(float)
     count, size = len(places), 1 + len(brackets)
     model = np.column_stack([found[places], shifts])
-    # min Σ e with −e ≤ model · x − told ≤ e.
+    # min Σ e with −e ≤ model · x − stated ≤ e.
     objective = np.concatenate([np.zeros(size), np.ones(count)])
     above = np.block([[model, -np.eye(count)], [-model, -np.eye(count)]])
-    limit = np.concatenate([told[places], -told[places]])
+    limit = np.concatenate([stated[places], -stated[places]])
     bounds = [(0.1, 10.0), *[(None, None)] * len(brackets), *[(0.0, None)] * count]
     solution = linprog(objective, A_ub=above, b_ub=limit, bounds=bounds)
     if not solution.success:
-        return np.zeros(len(told)), 1.0
+        return np.zeros(len(stated)), 1.0
     fit = solution.x[:size]
     # The two photographs that an L1 fit passes through exactly should not decide alone.
-    near = np.abs(model @ fit - told[places]) < 0.03
+    near = np.abs(model @ fit - stated[places]) < 0.03
     if near.sum() > size + 1:
-        fit = np.linalg.lstsq(model[near], told[places][near], rcond=None)[0]
-    corrections = np.zeros(len(told))
-    corrections[places] = model @ fit - told[places]
+        fit = np.linalg.lstsq(model[near], stated[places][near], rcond=None)[0]
+    corrections = np.zeros(len(stated))
+    corrections[places] = model @ fit - stated[places]
     return corrections, float(fit[0])

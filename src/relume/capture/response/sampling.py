@@ -139,7 +139,8 @@ def _near_white(image: np.ndarray, rows: np.ndarray, columns: np.ndarray, asked:
     white = levels - levels / 512
     if height * width <= 4 * LOOKED_AT:
         return maximum_filter(image, NEAR_WHITE)[rows, columns] > white - 1
-    # A dark pixel far from white everywhere is told by a few of its neighbours: most photographs hold no white there.
+    # A dark pixel far from white everywhere is recognised by a few of its neighbours: most photographs hold no white
+    # there.
     reach = NEAR_WHITE // 2
     places = np.flatnonzero(asked)
     r, c = rows[places], columns[places]
@@ -156,7 +157,7 @@ def still_values(bracket: Bracket, channel: int, wanted: int = 12_000) -> Observ
     """Pixel values of an even grid of places, chosen without regard to their own noise, to measure noise by.
 
     wanted : about how many places. A place counts in a photograph where its eight neighbours vary no more than those
-        of half the places of like value: they tell an edge, and say nothing of the noise of the pixel between them
+        of half the places of like value: they mark an edge, and say nothing of the noise of the pixel between them
     """
     width, height = bracket.photographs[0].size
     levels = levels_of(bracket)
@@ -175,7 +176,7 @@ def still_values(bracket: Bracket, channel: int, wanted: int = 12_000) -> Observ
         if photograph.outside is not None:
             good &= ~grid.shifted(photograph.outside, 0, 0)
         uneven = squares - total * total / 8
-        # Like value is told by the neighbours, again so that the pixel's own noise decides nothing.
+        # Like value is judged by the neighbours, again so that the pixel's own noise decides nothing.
         ranges = np.minimum((total / 8 * 16 / levels).astype(int), 15)
         for each in range(16):
             here = good & (ranges == each)

@@ -21,7 +21,7 @@ from relume.image.response import Response
 from relume.sphere.environment_map import EnvironmentMap
 
 THIRD_OF_A_STOP = float(np.log(2) / 3)
-"""How well ISO, f-number and q tell the exposure: makers round the rating to thirds of a stop, f-numbers leave out
+"""How well ISO, f-number and q determine the exposure: makers round the rating to thirds of a stop, f-numbers leave out
 what the lens absorbs, and the light meter's own constant (K = 12.5) differs from the rating's by 0.3 stops."""
 METER = 0.05
 """Half of the 10 % by which a lux or luminance meter of class B may err in all (DIN 5032-7)."""
@@ -33,9 +33,9 @@ Q = 0.65
 class Scale:
     """The factor from relative radiance to cd/m².
 
-    factor : one a channel; all alike unless a source of known colour told them apart
+    factor : one a channel; all alike unless a source of known colour sets them apart
     deviation : standard deviation of ln factor, so 0.05 is about 5 %
-    source : what told it, for the report and for messages
+    source : what it was measured with, for the report and for messages
     """
 
     factor: tuple[float, float, float]
@@ -83,7 +83,7 @@ SATURATION = Rating(78.0, 1.0)
 def scale_from_exposure(
     response: Response, exposures: Exposure | Sequence[Exposure], *, rating: Rating = STANDARD_OUTPUT
 ) -> Scale:
-    """The scale that shutter, aperture and ISO tell (Debevec & Malik 1997, §2.5; ISO 12232).
+    """The scale from shutter, aperture and ISO (Debevec & Malik 1997, §2.5; ISO 12232).
 
     response : the one the map was merged with; its zero is the scale of the relative radiance
     exposures : of the merged photographs; every one needs its f-number and ISO, for `Exposure.factor` takes an unknown
@@ -115,7 +115,7 @@ def _rated(exposure: float, exposures: Exposure | Sequence[Exposure], rating: Ra
         for name, value in (("f-number", one.f_number), ("ISO", one.iso)):
             if value is None:
                 raise NotABracket(
-                    f"a photograph of {one.seconds:.4g} s tells no {name}, so its exposure says nothing of cd/m²; "
+                    f"a photograph of {one.seconds:.4g} s has no {name}, so its exposure says nothing of cd/m²; "
                     "give a spot-meter or lux reading"
                 )
     return Scale.grey(rating.lux_seconds / (100 * Q * exposure), THIRD_OF_A_STOP, "shutter, aperture and ISO")
@@ -124,7 +124,7 @@ def _rated(exposure: float, exposures: Exposure | Sequence[Exposure], rating: Ra
 def scale_from_spot(
     picture: RadianceMap, x: int, y: int, reading: float, *, radius: float = 4.0, deviation: float = METER
 ) -> Scale:
-    """The scale that a spot meter's reading of one place tells.
+    """The scale from a spot meter's reading of one place.
 
     x, y : column and row of the pixel in the middle of the spot, from 0 at the top left
     reading : cd/m²
@@ -139,7 +139,7 @@ def scale_from_spot(
     scale = _positive("reading", reading) / patch.luminance
     if patch.uncertainty > THIRD_OF_A_STOP:
         warnings.warn(
-            f"the spot at {x}, {y} is uneven to {100 * patch.uncertainty:.0f} %, worse than shutter and aperture tell; "
+            f"the spot at {x}, {y} is uneven to {100 * patch.uncertainty:.0f} %, worse than by shutter and aperture; "
             "meter an even place",
             stacklevel=2,
         )
@@ -154,7 +154,7 @@ def scale_from_lux(
     reflectance: float = 0.18,
     deviation: float = METER,
 ) -> Scale:
-    """The scale that a lux reading at a matte card tells: L = ρ E / π.
+    """The scale from a lux reading at a matte card: L = ρ E / π.
 
     region : (H, W) bool, the card's pixels
     illuminance : lx, read on the card and facing as it does
@@ -175,7 +175,7 @@ def scale_from_illuminance(
     normal: tuple[float, float, float] = (0.0, 1.0, 0.0),
     deviation: float = METER,
 ) -> Scale:
-    """The scale that a lux reading where the light was captured tells: E = ∫ L max(0, ω·n) dω.
+    """The scale from a lux reading where the light was captured: E = ∫ L max(0, ω·n) dω.
 
     light : the whole sphere of it, in relative units; clipped lamps make it too dark and the scale too large
     illuminance : lx on a plane that faces `normal`; upwards unless given, as a meter lies on a table
@@ -188,7 +188,7 @@ def scale_from_illuminance(
 
 
 def combined(scales: Sequence[Scale]) -> Scale:
-    """The one scale that several sources tell, each counted by its certainty; warns where two disagree.
+    """The one scale of several sources, each counted by its certainty; warns where two disagree.
 
     Where they scatter more than their deviations allow, the result's deviation grows by as much (Birge 1932).
     Warns where two differ by more than two standard deviations.

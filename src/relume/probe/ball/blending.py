@@ -14,7 +14,7 @@ import numpy as np
 from relume.image.radiance import OUTSIDE, SATURATED
 from relume.probe.ball.agreement import Agreement, agreement
 from relume.probe.ball.filling import filled
-from relume.probe.ball.registration import RegistrationMethod, ToldPlaces
+from relume.probe.ball.registration import KnownPlaces, RegistrationMethod
 from relume.probe.ball.unwrapping import BallView
 from relume.probe.ball.weights import clear_of_camera, finest
 from relume.sphere.environment_map import EnvironmentMap
@@ -32,7 +32,7 @@ CLIPPED_SHARE = 0.05
 class Probe:
     """An illumination map with what it was assembled from.
 
-    light : lat-long illumination map; its `clipped` tells what was saturated, and what no view saw and was filled in
+    light : lat-long illumination map; its `clipped` marks what was saturated, and what no view saw and was filled in
     corrections : radians by which registration turned each view; the first view stays
     nearness : ball radius over the distance of what surrounds it, as registration found it; 0 for a lone view
     clipped_solid_angle : steradians whose light was saturated in every photograph of the view it came from
@@ -54,17 +54,17 @@ class Probe:
     unseen_solid_angle: float = 0.0
 
 
-def assemble(
+def blend_views(
     views: Sequence[BallView],
     *,
     size: int = 512,
-    registration: RegistrationMethod = ToldPlaces(),
+    registration: RegistrationMethod = KnownPlaces(),
     balanced: bool = False,
 ) -> Probe:
     """Register the views of a ball to the first and blend them into a lat-long illumination map.
 
     size : rows of the map; 512 is what a ball 600 pixels wide resolves
-    registration : how the views are laid on one another; unless given the places of their cameras are taken as told,
+    registration : how the views are laid on one another; unless given the places of their cameras are taken as given,
         to a tape measure's uncertainty
     balanced : whether every view is brought to the brightness of the first; not unless asked for, since views that
         were exposed alike differ in brightness only where something is wrong
@@ -92,7 +92,7 @@ def assemble(
         rows = slice(chosen[0] * subdivision, (chosen[-1] + 1) * subdivision)
         directions = LatLong().directions(points[rows])
         cells = (len(chosen), subdivision, 2 * size, subdivision)
-        shares, lights, told = [], [], []
+        shares, lights, marks = [], [], []
         for index, view in enumerate(placed):
             seen = view.see(directions, near)
             share = seen.sampling
@@ -102,9 +102,9 @@ def assemble(
             sure[chosen] += ((share / finest(view)) ** SHARPNESS).reshape(cells).sum((1, 3))
             shares.append((share / best) ** SHARPNESS)
             lights.append(seen.radiance / gains[index])
-            told.append(seen.saturated)
+            marks.append(seen.saturated)
         whole = sum(shares, np.full(shares[0].shape, 1e-300))
-        for share, light, over in zip(shares, lights, told, strict=True):
+        for share, light, over in zip(shares, lights, marks, strict=True):
             total[chosen] += (light * share[..., None]).reshape(*cells, 3).sum((1, 3))
             weight[chosen] += share.reshape(cells).sum((1, 3))
             lost = over * share / whole

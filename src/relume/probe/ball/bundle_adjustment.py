@@ -1,8 +1,8 @@
 """All views of a ball adjusted together: their turns, their silhouettes, and how near the walls are.
 
 The ball shows right inside its rim what lies behind it, so that a well polished one hardly differs there from its
-ground, and the rim is found too far inside. Views that agree tell better: a ball that is taken a pixel too small moves
-all that it mirrors outward, most near the rim, and no turn of the view does that.
+ground, and the rim is found too far inside. Views that agree show it better: a ball that is taken a pixel too small
+moves all that it mirrors outward, most near the rim, and no turn of the view does that.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ EVEN_LIGHT = 0.05
 RIM_LIMIT = 0.008
 """The most that a silhouette is moved or grown, in radii: beyond that it was not the rim that was found."""
 RIM_HOLD = 0.25
-"""How hard a silhouette is held of which half was seen, in misfit per pixel; light may tell nothing of it."""
+"""How hard a silhouette is held of which half was seen, in misfit per pixel; light may show nothing of it."""
 BLUR = 0.5
 """Pixels by which ln luminance is blurred before views are compared, so that both are smooth where they are probed."""
 PARTS = 100

@@ -21,7 +21,7 @@ ALIKE = 0.05
 def on_one_frame(photographs: Sequence[Photograph]) -> tuple[Photograph, ...]:
     """Photographs of different sizes, each moved and scaled so that its ball covers that of the first.
 
-    What lay beyond a crop is marked `outside`. Focal lengths are left out: EXIF tells that of the whole picture.
+    What lay beyond a crop is marked `outside`. Focal lengths are left out: EXIF holds that of the whole picture.
     Raises BallNotFound, naming the first, where none shows a ball.
     """
     import cv2

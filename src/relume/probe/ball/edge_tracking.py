@@ -20,7 +20,7 @@ OUTLIER = 1.0
 """Pixels beyond which a point of the rim is not believed; an edge is seen to a few tenths."""
 PRECISE = 0.3
 """The same for the places that were found in linear light: what the ball mirrors near its rim draws whole stretches of
-it inward by a pixel or two, and only a narrow gate tells them from the rim itself."""
+it inward by a pixel or two, and only a narrow gate separates them from the rim itself."""
 HELD, LEAST_HELD = 0.006, 1.0
 """The most, in radii and at least in pixels, by which placing in linear light moves any part of the rim."""
 REACH = (0.02, 0.012, 0.008)
@@ -28,7 +28,7 @@ REACH = (0.02, 0.012, 0.008)
 STEP, INSIDE, OUTSIDE, MOVE = 0.5, 6.0, 4.0, 2.0
 """Pixels: between the samples of a profile, its lengths inside and outside the rim, and the most it is moved."""
 BLURS = (0.3, 0.4, 0.5, 0.65, 0.85, 1.1, 1.5)
-"""Standard deviations, in pixels, of the blur of lens and pixel that are tried: the picture tells which is its own."""
+"""Standard deviations, in pixels, of the blur of lens and pixel that are tried; the picture decides for one."""
 
 
 def evened(image: np.ndarray) -> np.ndarray:
@@ -172,8 +172,8 @@ def _placed(bright: np.ndarray, rim: np.ndarray, normals: np.ndarray) -> tuple[n
     before, here, after = left[rows, lowest - 1], left[rows, lowest], left[rows, lowest + 1]
     place = moves[lowest] + 0.1 * np.clip(0.5 * (before - after) / np.maximum(before - 2 * here + after, 1e-12), -1, 1)
     # A profile that is alike wherever the rim is put says nothing.
-    told = here < 0.25 * np.minimum(left[:, 0], left[:, -1])
-    return place, around & told & (np.abs(place) < MOVE - 0.15)
+    dips = here < 0.25 * np.minimum(left[:, 0], left[:, -1])
+    return place, around & dips & (np.abs(place) < MOVE - 0.15)
 
 
 @dataclass(frozen=True, eq=False)

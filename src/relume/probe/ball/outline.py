@@ -1,4 +1,4 @@
-"""Finding the outline of a mirrored ball in a picture, without being told where it is.
+"""Finding the outline of a mirrored ball in a picture, anywhere in it.
 
 At every centre and radius, the share of the circle on which the brightness changes across it and not along it is
 taken (a Hough transform by convolution, blind to how strong the edges are); the best circles are then fitted at

@@ -13,7 +13,7 @@ class BallReflectance:
 
     normal : at normal incidence, 0 to 1, one value for each channel
     rising : whether it rises to 1 at grazing as R + (1 − R)(1 − cos θ)⁵ (Schlick 1994), which metals and coatings do;
-        False is one value for all angles, as a matte lacquer or a told mean has it
+        False is one value for all angles, as a matte lacquer or a given mean has it
 
     Raises ValueError unless every value is above 0 and at most 1.
     """

@@ -21,14 +21,14 @@ from relume.probe.ball.weights import trust
 from relume.sphere.directions import rotation_from_vector
 
 TURN_LIMIT = np.radians(6)
-"""The farthest that registration turns a view whose camera's place is told: what a tape measure leaves uncertain."""
+"""The farthest that registration turns a view whose camera's place is known: what a tape measure leaves uncertain."""
 TURN_HOLD = 4.0
-"""How hard told places hold the turns, in misfit per radian: enough for light that tells little of them."""
+"""How hard known places hold the turns, in misfit per radian: enough for light that shows little of them."""
 LIKENESS = 0.7
 """Correlation of ln luminance below which two views do not show one light; the room's two reach 0.995, and −0.04 to
 0.84 where a camera is said to have stood elsewhere."""
 BRIGHTNESS_LIMIT = 0.1
-"""Natural logarithm of the brightness ratio of two views above which it is told."""
+"""Natural logarithm of the brightness ratio of two views above which a warning is given."""
 HORIZON = 0.1
 """Least y of the directions that are compared: what the ball stands on is nearer than all else."""
 DIRECTIONS = 20_000
@@ -64,8 +64,8 @@ class RegistrationMethod(Protocol):
 
 
 @dataclass(frozen=True)
-class ToldPlaces:
-    """The cameras' places are told; each view is turned by no more than their uncertainty.
+class KnownPlaces:
+    """The cameras' places are known; each view is turned by no more than their uncertainty.
 
     limit : the most a view is turned, radians; 6°, what tape measure and level leave uncertain
     """
@@ -77,8 +77,8 @@ class ToldPlaces:
 
 
 @dataclass(frozen=True)
-class UnknownTurns:
-    """Nothing is told of how the views are turned against the first: it is sought, then refined.
+class UnknownPlaces:
+    """How the views are turned against the first is unknown: it is searched for, then refined.
 
     tilt : the most by which a camera leant or looked down more than the first one's, radians; turns about the vertical
         are free. 45°, since photographers keep the horizon upright
@@ -101,7 +101,7 @@ class UnknownTurns:
             if not likeness > LIKENESS:
                 raise BallNotFound(
                     f"view {number} of the ball shows nothing that fits the first one, however it is turned; "
-                    "leave it out, or tell where its camera stood"
+                    "leave it out, or give where its camera stood"
                 )
             turns.append(turn)
         return _laid(views, np.stack(turns), self.limit)

@@ -1,4 +1,4 @@
-"""Seeking how one view of a ball is turned against another, when nothing is told of it."""
+"""Searches for the rotation between two views of a ball when no prior is given."""
 
 from __future__ import annotations
 

@@ -22,11 +22,11 @@ BESIDE = 2.0
 def in_the_colour_beside(picture: RadianceMap) -> tuple[RadianceMap, int]:
     """The picture with the bounds of saturated channels no higher than the colour beside them has it; how many pixels.
 
-    picture : its infinite variance tells which channels of a SATURATED pixel were white in every photograph; given
+    picture : its infinite variance shows which channels of a SATURATED pixel were white in every photograph; given
         back as it is without
 
     A bound is lowered to the level that the measured channels of its pixel and the colour of the measured pixels round
-    it tell, but not below the brightest of the measured channels: it was white where that one was not yet. A pixel
+    it show, but not below the brightest of the measured channels: it was white where that one was not yet. A pixel
     that is white in every channel keeps its bounds, and so does one with nothing measured beside it.
     """
     if picture.clipped is None or picture.variance is None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from relume.sphere.directions import normalised
 
@@ -135,7 +136,7 @@ def outline_of(
     )
 
 
-def outline_through(points: np.ndarray) -> Outline:
+def outline_through(points: ArrayLike) -> Outline:
     """The outline through points picked by hand on the rim, (N ≥ 3, 2) pixels.
 
     Raises ValueError for fewer, and for points on a line.
@@ -152,7 +153,7 @@ def outline_through(points: np.ndarray) -> Outline:
 
 
 def outline_of_circle(x: float, y: float, radius: float) -> Outline:
-    """The outline told as a circle, pixels; raises ValueError unless its radius is above 0."""
+    """The outline given as a circle, pixels; raises ValueError unless its radius is above 0."""
     if not radius > 0:
         raise ValueError(f"radius is {radius}; a ball's outline has a radius above 0")
     turns = 2 * np.pi * np.arange(RAYS) / RAYS

@@ -32,7 +32,7 @@ CAMERA_FROM_PIXELS = np.diag([1.0, -1.0, -1.0])
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What a view of the ball tells of some directions (…).
+    """What a view of the ball shows in some directions (…).
 
     radiance : (…, 3), the ball's reflectance divided out
     incidence : (…) cosine of incidence, 0 where the picture shows nothing of it
@@ -109,7 +109,7 @@ class BallView:
         return self.see(directions, nearness).sampling
 
     def see(self, directions: np.ndarray, nearness: float = 0.0) -> Seen:
-        """All that the view tells of world directions (…, 3); `nearness` as for `lookup`."""
+        """All that the view shows in world directions (…, 3); `nearness` as for `lookup`."""
         x, y, incidence, gamma = self._places(directions, nearness)
         alpha_rise, beta_rise = self._rises(gamma)
         width, height = self.picture.size
@@ -206,7 +206,7 @@ def unwrap_ball(
     camera, centre : where the camera and the ball's centre were, metres, world; the horizon is level
     focal_length : pixels; taken from the ball's size and distance when unknown
     radius : the ball's, metres; needed only when the focal length is unknown
-    outline : taken exactly as told, as from `outline_through` or `outline_of_circle`; the rim is sought and followed
+    outline : taken exactly as given, as from `outline_through` or `outline_of_circle`; the rim is sought and followed
         as an ellipse unless given. Only a ball that is picked so may be cut by the picture's edge
     reflectance : of the ball, divided out of what it shows; 1 unless given
     Raises BallNotFound; ValueError when neither focal length nor radius is given.
@@ -219,7 +219,7 @@ def unwrap_ball(
             raise ValueError(f"{name}: no focal length in its EXIF; give the ball's radius, so that it can be found")
         sine = radius / float(np.linalg.norm(camera - centre))
         if sine >= 1:
-            raise ValueError(f"{name}: the camera is told to stand inside the ball; radius and places are in metres")
+            raise ValueError(f"{name}: the given camera position is inside the ball; radius and places are in metres")
         focal_length = found.radius * float(np.sqrt(1 - sine**2)) / sine
     if outline is None:
         found = refined(shown, found, focal_length, ())

@@ -103,7 +103,7 @@ def balance(views: Sequence[PanoramaView], method: Balancing = Balancing()) -> B
         moved = [view.name for view, row in zip(views, logarithms, strict=True) if np.any(row != 0)]
         if moved:
             remarks = (
-                f"views only touch; their rims tell other gains for {', '.join(moved)}, known to "
+                f"views only touch; their rims show other gains for {', '.join(moved)}, known to "
                 f"{100 * np.median(errors):.1f} %",
             )
     gains = np.exp(-logarithms)
@@ -234,7 +234,7 @@ def _solved(
         scatter = max(1.4826 * float(np.median(np.abs(misfit))), 1e-4)
         weight = differences.weight / (1 + (misfit / (2 * scatter)) ** 2) / scatter**2
         normal = (design * weight[:, None]).T @ design
-        # The mean of the gains is 0, and so is the vignetting where nothing tells it.
+        # The mean of the gains is 0, and so is the vignetting where nothing shows it.
         normal[:count, :count] += 1.0
         normal[count:, count:] += np.eye(terms) / PRIOR_COEFFICIENT**2
         right = design.T @ (weight * misfit)

@@ -15,11 +15,11 @@ from relume.probe.panorama.views import PanoramaView, undistorted
 from relume.sphere.directions import UP, normalised, rotation_between, rotation_from_vector
 
 MATCHES = 200
-"""Of a pair that take part, at most: more do not tell more, and a rich pair would outweigh the others."""
+"""Of a pair that take part, at most: more do not help, and a rich pair would outweigh the others."""
 ROUNDS = (0.02, 0.006, 0.003, 0.003)
 """Radians by which matches may disagree to take part, round after round, while the focal length settles."""
 PRIOR_FOCAL, PRIOR_DISTORTION = 0.1, 0.05
-"""Standard deviations of ln focal length about what was told, and of the distortion about 0."""
+"""Standard deviations of ln focal length about what was given, and of the distortion about 0."""
 FEATURE = 0.7
 """Pixels, in the picture they were found in, that the place of a feature is uncertain by."""
 STEPS = 20
@@ -27,7 +27,7 @@ STEPS = 20
 LOSS = 2.0
 """Deviations at which a match counts half."""
 ALONE = 0.05
-"""Share of the views' right axes that has to be out of one line for them to tell the horizon."""
+"""Share of the views' right axes that has to be out of one line for them to show the horizon."""
 ALIKE = 0.5
 """Of the views that belong together, from which another group is of similar size: it may be the panorama as well."""
 
@@ -41,7 +41,7 @@ class Adjusted:
     error : root mean square of what agreeing matches differ by, radians; 0 where nothing was matched
     scale : of all focal lengths
     left_out : views that have too little in common with the others
-    apart : whether the told orientations and the matched ones share nothing, so that the told ones count from the first
+    apart : whether given and matched orientations share nothing, so that the given ones count from the first
         matched view, held level
     """
 
@@ -118,23 +118,24 @@ def levelling(rotations: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _belonging(views: Sequence[PanoramaView], pairs: Sequence[Pair]) -> tuple[list[int], int | None]:
-    """Indices of the views that belong together, and the one that the others are turned to where none of them is told.
+    """Indices of the views that belong together, and the one that the others are turned to where none is given.
 
-    Told views belong; so do views linked to them. Where none is, or none is told, it is the largest group that is
-    linked; told views are then beside it, as of a sky that nothing can be matched in.
+    Views with a given orientation belong; so do views linked to them. Where none is, it is the largest linked
+    group; given views are then beside it, as of a sky that nothing can be matched in.
     """
     groups = _groups(len(views), pairs)
     strength = np.zeros(len(views))
     for pair in pairs:
         strength[[pair.first, pair.second]] += pair.agreeing.sum()
-    told = {i for i, view in enumerate(views) if view.rotation is not None}
-    with_told = set().union(*(group for group in groups if group & told))
-    without = sorted((g for g in groups if not g & told), key=lambda g: (len(g), strength[list(g)].sum()), reverse=True)
-    anchor, kept = None, with_told
-    if without and with_told == told and len(without[0]) > max(1, len(told) / ALIKE):
+    given = {i for i, view in enumerate(views) if view.rotation is not None}
+    with_given = set().union(*(group for group in groups if group & given))
+    rest = (group for group in groups if not group & given)
+    without = sorted(rest, key=lambda group: (len(group), strength[list(group)].sum()), reverse=True)
+    anchor, kept = None, with_given
+    if without and with_given == given and len(without[0]) > max(1, len(given) / ALIKE):
         main = without.pop(0)
-        anchor, kept = max(main, key=lambda i: strength[i]), told | main
-    elif without and not told:
+        anchor, kept = max(main, key=lambda i: strength[i]), given | main
+    elif without and not given:
         kept = without.pop(0)
         anchor = max(kept, key=lambda i: strength[i])
     lost = sum(len(group) for group in without)
@@ -143,7 +144,7 @@ def _belonging(views: Sequence[PanoramaView], pairs: Sequence[Pair]) -> tuple[li
         found = [view.name for i, view in enumerate(views) if i in kept]
         raise NotAPanorama(
             f"{names}: too little in common with {', '.join(found) if len(found) < 3 else 'the others'} "
-            "to tell the orientation; let views overlap by a third, or tell how each was turned: with "
+            "to find the orientation; let views overlap by a third, or give how each was turned: with "
             "--orientations a table of these alone is enough"
         )
     return sorted(kept), anchor
@@ -262,7 +263,7 @@ class _Ends:
     """Both ends of the agreeing matches of all pairs.
 
     views : (M, 2) indices
-    tangents : (M, 2, 2), of the points where the lens puts them, with the focal lengths as told
+    tangents : (M, 2, 2), of the points where the lens puts them, with the focal lengths as given
     deviation : (M,) radians, of what right matches differ by
     """
 

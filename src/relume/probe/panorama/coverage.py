@@ -75,7 +75,7 @@ def continued(view: PanoramaView, pixels: int) -> PanoramaView:
     logarithm = np.log(np.maximum(radiance, least))
     with np.errstate(over="ignore"):
         wide = np.exp(np.pad(logarithm, (*around, (0, 0)), mode="reflect", reflect_type="odd"))
-    # Two lamps in a corner multiply: what is beyond all light there is tells nothing.
+    # Two lamps in a corner multiply: what is beyond all light there is has no meaning.
     wide = np.minimum(wide, max(float(radiance.max()), least)).astype(np.float32)
     wide[pixels:-pixels, pixels:-pixels] = radiance
     marks = view.picture.clipped
@@ -102,7 +102,7 @@ def shrunk(view: PanoramaView, focal_length: float) -> PanoramaView:
         ]
         clipped = np.select([worst[2], worst[1], worst[0]], [3, 1, 2], 0).astype(np.uint8)
     picture = RadianceMap(np.maximum(radiance, 0), None, clipped, view.picture.unit)
-    # Both sides are rounded, by less than half a pixel of the shrunk picture; the width tells the scale.
+    # Both sides are rounded, by less than half a pixel of the shrunk picture; the width gives the scale.
     return replace(view, picture=picture, focal_length=view.focal_length * size[0] / width)
 
 

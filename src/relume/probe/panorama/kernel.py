@@ -30,7 +30,7 @@ def view_in_rows(picture, codes, lens, rotation, latitudes, longitudes, begin, e
     middle = cells // 2
     for row in range(begin, end):
         for column in range(2 * rows):
-            # Most pixels of the map are far from the view: one look tells.
+            # Most pixels of the map are far from the view: one look decides.
             ring, up = latitudes[row * cells + middle, 0], latitudes[row * cells + middle, 1]
             place = column * cells + middle
             x, z = ring * longitudes[place, 0], -ring * longitudes[place, 1]

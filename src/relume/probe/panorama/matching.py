@@ -16,7 +16,7 @@ STOPS = 8.0
 BORDER = 6
 """Pixels along the rim in which no feature is looked for: the rim itself would be one."""
 APART = np.radians(2)
-"""Two features nearer to each other than this do not tell a turn."""
+"""Two features nearer to each other than this do not determine a turn."""
 TRIES = 600
 """Pairs of matches that are tried for a turn; half the matches may be wrong, and one try in four then is right."""
 
@@ -108,7 +108,7 @@ def features_of(view: PanoramaView, method: Matching = Matching()) -> Features:
     picture = cv2.remap(values, place[..., 0], place[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     inside = (place >= BORDER) & (place <= np.array(light.shape[::-1]) - 1 - BORDER)
     mask = np.where(inside.all(-1), 255, 0).astype(np.uint8)
-    # Without the last word OpenCV tells places a quarter of a pixel beside.
+    # Without the last word OpenCV gives places a quarter of a pixel beside.
     finder = cv2.SIFT.create(nfeatures=method.features, contrastThreshold=0.02, enable_precise_upscale=True)
     found, descriptors = finder.detectAndCompute(np.rint(picture).astype(np.uint8), mask)
     if descriptors is None or not found:

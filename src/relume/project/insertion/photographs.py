@@ -13,7 +13,7 @@ import numpy as np
 from relume.capture.brackets.merging import BracketSource, merge_brackets
 from relume.capture.brackets.result import MergedBracket, MergedCamera
 from relume.capture.denoising import denoise
-from relume.capture.exposure.bracket import Bracket, read_bracket, require_told
+from relume.capture.exposure.bracket import Bracket, read_bracket, require_known_exposures
 from relume.capture.response.calibration import Calibration
 from relume.capture.response.camera_profile import CameraProfile, read_profile
 from relume.errors import InvalidShot, NotABracket
@@ -21,7 +21,7 @@ from relume.image import files
 from relume.image.files.signatures import kind_of
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
-from relume.probe.ball.blending import Probe, assemble
+from relume.probe.ball.blending import Probe, blend_views
 from relume.probe.ball.unwrapping import unwrap_ball
 from relume.project.shot_file.merge_table import MergeTable
 from relume.project.shot_file.shot import Shot
@@ -103,7 +103,7 @@ def read_photographs(shot: Shot) -> Photographs:
         plate = _source(paths, shot.plate.times)
     balls = tuple(_source(shot.files(ball.photographs), ball.times) for ball in shot.light.balls or ())
     taken = [each for each in (plate, *balls) if isinstance(each, Bracket)]
-    require_told(taken)
+    require_known_exposures(taken)
     _require_one_scale(taken)
     return Photographs(plate, balls)
 
@@ -269,4 +269,4 @@ def _blended(shot: Shot, merged: Sequence[MergedBracket]) -> Probe:
                 name=bracket.name,
             )
         )
-    return assemble(views, size=shot.light.size)
+    return blend_views(views, size=shot.light.size)

@@ -1,0 +1,242 @@
+"""`probe_ball`: photographs of a mirrored ball in, an environment map out."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from relume.capture.brackets.settings import MergeSettings
+from relume.capture.response.camera_profile import CameraProfile
+from relume.image import files
+from relume.probe.ball.blending import Probe, blend_views
+from relume.probe.ball.reflectance import BallReflectance
+from relume.probe.ball.registration import KnownPlaces, UnknownPlaces
+from relume.probe.ball.rim_selection import picked_rim
+from relume.probe.ball.unwrapping import BallView, unwrap_ball
+from relume.probe.ball.view_files import BallPhotographs, Point, ViewPicture, read_view_pictures
+from relume.sphere.environment_files import as_radiance_map
+
+FAR = 20.0
+"""Ball radii from the camera to the ball where the distance is unknown: a metre for a ball of 5 cm."""
+CROPPED = 4.0
+"""Ball radii below which a distance by the EXIF is that of a crop: nobody photographs a ball from 15 cm."""
+
+
+@dataclass(frozen=True)
+class ProbeSettings:
+    """How views of a ball become an environment map.
+
+    size : rows of the map
+    radius : of the ball in metres, where the EXIF has no focal length
+    distance : metres from the cameras to the ball's centre, instead of the length of their places
+    reflectance : of the ball
+    follow_picked : whether a rim is followed in the picture near an outline that was picked
+    balance : whether all views are brought to the brightness of the first before they are blended
+    merge : how brackets become radiance
+    """
+
+    size: int = 512
+    radius: float | None = None
+    distance: float | None = None
+    reflectance: BallReflectance = BallReflectance()
+    follow_picked: bool = True
+    balance: bool = False
+    merge: MergeSettings = MergeSettings()
+
+    def __post_init__(self) -> None:
+        if self.size < 2:
+            raise ValueError(f"size is {self.size}; a map has at least 2 rows, best 512")
+        if self.distance is not None and not self.distance > 0:
+            raise ValueError(f"distance is {self.distance}; give metres from the camera to the ball's centre")
+
+
+@dataclass(frozen=True, eq=False)
+class BallProbe:
+    """The light that a ball showed.
+
+    probe : the environment map, with what it was blended from
+    views, names : of the ball
+    places_known : whether the places of all cameras were given, so that registration only refined them
+    notes : what a photographer should know and need not act on, a line each
+    warnings : why the result should not be used without looking at it, a line each
+    """
+
+    probe: Probe
+    views: tuple[BallView, ...]
+    names: tuple[str, ...]
+    places_known: bool
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    def facts(self, *, listed: bool = True) -> dict[str, Any]:
+        """Every view's ball, how the views lie and the energy; `listed` gives the balls as one list, for machines."""
+        balls = [_ball_facts(view) for view in self.views]
+        facts: dict[str, Any] = {"balls": balls}
+        if not listed:
+            facts = {f"ball {number}" if len(balls) > 1 else "ball": ball for number, ball in enumerate(balls, 1)}
+        probe = self.probe
+        if len(self.views) > 1:
+            facts["camera places given"] = self.places_known
+            facts["turned by registration"] = [f"{math.degrees(c):.2f}°" for c in probe.corrections]
+            facts["brightness against the first"] = [round(gain, 3) for gain in probe.gains]
+            facts["surroundings, ball radii away"] = round(1 / probe.nearness, 1) if probe.nearness > 1e-3 else "far"
+            if not self.places_known and probe.turns is not None:
+                towards = [turn @ view.towards_camera for turn, view in zip(probe.turns, self.views, strict=True)]
+                start = math.atan2(towards[0][0], towards[0][2])
+                facts["turns found"] = [
+                    f"{math.degrees(math.atan2(x, z) - start) % 360:.1f}°" for x, _, z in (t.tolist() for t in towards)
+                ]
+        else:
+            facts["turned by registration"] = ["0.00°"]
+        return facts | probe.light.audit().facts()
+
+
+def probe_ball(
+    photographs: Sequence[BallPhotographs],
+    *,
+    times: Sequence[float] | None = None,
+    profile: CameraProfile | None = None,
+    settings: ProbeSettings = ProbeSettings(),
+) -> BallProbe:
+    """Merge the brackets, find the mirrored ball, unwrap it with the camera's perspective, and blend the views.
+
+    photographs : one entry a view; `find_ball_photographs` makes them of paths. Where the place of a camera is not
+        given, the views are registered to the first, whose camera stands at (0, 0, 1) unless given
+    times : seconds of all photographs, in their order; they replace the EXIF exposures
+    profile : of the camera; recovered from the brackets unless given, sRGB for single photographs
+
+    Raises UnreadableFile, NotABracket, BallNotFound, ValueError.
+    """
+    if not photographs:
+        raise ValueError("no photographs were given; name a bracket of the ball, or a folder for each view")
+    if profile is not None and profile.response is None and profile.sensor is None:
+        raise ValueError("the profile holds neither a response nor a sensor")
+    known = len(photographs) == 1 or all(each.camera is not None for each in photographs)
+    stand = photographs[0].camera or (0.0, 0.0, 1.0)
+    cameras = [_at_distance(each.camera or stand, settings.distance) for each in photographs]
+
+    # Radiance of each view, with every warning kept as a note.
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        read = read_view_pictures(photographs, times=times, profile=profile, settings=settings.merge)
+        notes = [*read.notes]
+        views = [
+            _view(picture, np.array(camera), each, settings, notes)
+            for picture, camera, each in zip(read.pictures, cameras, photographs, strict=True)
+        ]
+        names = tuple(each.name for each in photographs)
+        doubts = [*read.warnings]
+        doubts += [_rival(view, name) for view, name in zip(views, names, strict=True) if view.outline.rivals]
+
+        # One light of all views.
+        unscaled = len(views) > 1 and not all(each.exposed for each in read.pictures)
+        if unscaled and not settings.balance:
+            notes.append("the exposure of some views is unknown, so all are brought to the brightness of the first")
+        balanced = settings.balance or unscaled
+        registration = KnownPlaces() if known else UnknownPlaces()
+        probe = blend_views(views, size=settings.size, registration=registration, balanced=balanced)
+    doubts += [_explained(line, probe, known) for line in probe.notes if not (balanced and "times as bright" in line)]
+
+    # What the map lacks.
+    measured = probe.light.audit()
+    if measured.unseen > 0:
+        again = "photograph from a second side" if len(views) == 1 else "photograph from one more side"
+        notes.append(f"{measured.unseen:.3g} sr are seen by no view and were filled from beside; {again}")
+    if measured.clipped > 0:
+        notes.append(f"{measured.clipped:.3g} sr are saturated in every photograph; add shorter exposures")
+    lines = dict.fromkeys([*(str(each.message) for each in caught), *notes])
+    return BallProbe(probe, tuple(views), names, known, tuple(lines), tuple(doubts))
+
+
+def write_probe(path: Path, probe: Probe) -> None:
+    """Write the environment map; an EXR has layers `clipped` and `confidence`, 0 to 1. Raises OutputNotWritten."""
+    picture = as_radiance_map(probe.light)
+    if path.suffix.lower() == ".hdr":
+        files.write(path, picture)
+        return
+    mask = np.zeros(picture.radiance.shape[:2], np.uint8) if picture.clipped is None else picture.clipped
+    layers = {"radiance": picture.radiance, "clipped": mask, "confidence": probe.confidence}
+    files.write_layers(path, layers, unit=picture.unit, attributes=picture.attributes)
+
+
+def _at_distance(place: Point, distance: float | None) -> Point:
+    """A camera's place, brought to a distance from the ball."""
+    length = math.hypot(*place)
+    if length == 0:
+        raise ValueError("camera: 0,0,0 is the ball's centre; give where the camera stood")
+    if distance is None:
+        return place
+    x, y, z = (value * distance / length for value in place)
+    return x, y, z
+
+
+def _view(
+    picture: ViewPicture, camera: np.ndarray, photographs: BallPhotographs, settings: ProbeSettings, notes: list[str]
+) -> BallView:
+    """The ball in one picture, by the EXIF's focal length or else by its radius and distance."""
+    length, focal_length, outline = float(np.linalg.norm(camera)), picture.focal_length, photographs.outline
+    if outline is not None and settings.follow_picked:
+        outline = picked_rim(picture.picture.radiance, outline, picture.name, focal_length)
+
+    def found(focal_length: float | None, radius: float) -> BallView:
+        return unwrap_ball(
+            picture.picture, camera=camera, centre=np.zeros(3), focal_length=focal_length, radius=radius,
+            outline=outline, reflectance=settings.reflectance, name=picture.name,
+        )  # fmt: skip
+
+    if focal_length is not None:
+        result = found(focal_length, settings.radius or length / FAR)
+        if result.distance >= CROPPED:
+            return result
+        notes.append(
+            f"{picture.name}: its EXIF puts the camera {result.distance:.1f} ball radii away, as that of a crop does, "
+            "so its focal length is left out"
+        )
+    if settings.radius is None:
+        away = f"{length:.3g} m" if settings.distance is not None else "a camera"
+        notes.append(
+            f"{picture.name}: the camera's distance in ball radii is unknown; {FAR:.0f} are taken for {away}; "
+            "give --radius and --distance, metres"
+        )
+    return found(None, length / FAR if settings.radius is None else settings.radius)
+
+
+def _rival(view: BallView, name: str) -> str:
+    """The doubt about a rim beside which others are seen as well."""
+    outline = view.outline
+    (x, y), (other_x, other_y, other) = outline.centre, outline.rivals[0]
+    return (
+        f"{name}: the rim was taken at x,y,radius {x:.1f},{y:.1f},{outline.radius:.1f}, and {other_x:.1f},"
+        f"{other_y:.1f},{other:.1f} is seen about as well; look at it with --picture and choose it with --pick"
+    )
+
+
+def _explained(line: str, probe: Probe, known: bool) -> str:
+    """A doubt of registration, with what most often is behind it."""
+    words = line.split()
+    if not known or "does not fit" not in line or words[:1] != ["view"]:
+        return line
+    turned = math.degrees(probe.corrections[int(words[1]) - 1])
+    return (
+        f"{line}; registration turned it by {turned:.1f}°, and was the camera's height given (--camera X,Y,Z with Y "
+        "up)? Folders or --view without --turn have the turn found"
+    )
+
+
+def _ball_facts(view: BallView) -> dict[str, Any]:
+    outline = view.outline
+    found: dict[str, Any] = {
+        "x": round(outline.centre[0], 2),
+        "y": round(outline.centre[1], 2),
+        "radius": round(outline.radius, 2),
+        "radii away": round(view.distance, 2),
+    }
+    if outline.semi_axes is not None and outline.semi_axes[0] > 1.001 * outline.semi_axes[1]:
+        found["semi-axes"] = [round(axis, 2) for axis in outline.semi_axes]
+    return found
