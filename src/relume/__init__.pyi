@@ -13,7 +13,6 @@ from .capture.exposure.bracket import Bracket as Bracket
 from .capture.exposure.bracket import read_bracket as read_bracket
 from .capture.ghosts.deghosting import deghost as deghost
 from .capture.merging import merge as merge
-from .capture.raw.merging import merge_raw as merge_raw
 from .capture.response.calibration import recover_response as recover_response
 from .capture.response.camera_profile import CameraProfile as CameraProfile
 from .capture.response.camera_profile import read_profile as read_profile

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from relume.capture.exposure.bracket import Bracket, FrameFacts, read_bracket
-from relume.capture.exposure.exposures import estimated, times_in_names
+from relume.capture.exposure.exposures import estimated, times_in_names, true_shutter
 from relume.capture.exposure.folder import expand
-from relume.capture.exposure.shutter import true_shutter
 from relume.errors import NotABracket, UnreadableFile
 from relume.image import files
 from relume.image.photograph import Exposure, Photograph

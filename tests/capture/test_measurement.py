@@ -15,7 +15,7 @@ from relume.capture.brackets.merging import merge_brackets
 from relume.capture.brackets.photographs import _warn_of_an_odd_frame
 from relume.capture.brackets.result import MergeResult
 from relume.capture.brackets.settings import MergeSettings
-from relume.capture.clipping_report import extent
+from relume.capture.clipping_report import clipping_report
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.exposure.consistency import NOTHING_TO_DO, Doubt
 from relume.capture.ghosts.deghosting import Deghosted
@@ -81,7 +81,7 @@ def test_a_sound_bracket_is_measured_and_nothing_is_said_against_it(scene, sound
     assert one.deghosted is not None and not one.deghosted.ghosts.any()
     assert one.scale is None and one.balance is None
     assert whole.camera.calibration is not None and whole.camera.calibration.response is whole.response
-    assert one.extent == extent(one.picture)
+    assert one.clipping == clipping_report(one.picture)
 
 
 def test_the_steps_come_in_their_order_and_are_timed(sound, whole):
@@ -341,13 +341,13 @@ def test_solid_angles_are_those_of_the_photographs_or_of_what_is_told(scene):
     photographs = exposed(scene, [Exposure(0.1)])
     told = Bracket(tuple(replace(p, focal_length=200.0) for p in photographs))
     response = known_response()
-    own = merge_brackets(told, profile=response).brackets[0].extent
-    given = merge_brackets(told, profile=response, settings=MergeSettings(focal_length=400.0)).brackets[0].extent
-    unknown = merge_brackets(Bracket(photographs), profile=response).brackets[0].extent
+    own = merge_brackets(told, profile=response).brackets[0].clipping
+    given = merge_brackets(told, profile=response, settings=MergeSettings(focal_length=400.0)).brackets[0].clipping
+    unknown = merge_brackets(Bracket(photographs), profile=response).brackets[0].clipping
     assert own.saturated == given.saturated == unknown.saturated > 100
     assert own.solid_angle is not None and given.solid_angle is not None and unknown.solid_angle is None
     assert own.solid_angle > 2 * given.solid_angle > 0
-    assert own == extent(merge_brackets(told, profile=response).brackets[0].picture, focal_length=200.0)
+    assert own == clipping_report(merge_brackets(told, profile=response).brackets[0].picture, focal_length=200.0)
 
 
 def test_noise_is_carried_through(scene):

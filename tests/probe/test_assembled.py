@@ -6,9 +6,9 @@ import pytest
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
 from relume.probe.ball.agreement import agreement
 from relume.probe.ball.blending import Probe, blend_views
-from relume.probe.ball.filling import filled
 from relume.probe.ball.registration import spread_directions
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
+from relume.sphere.inpainting import continued
 from relume.sphere.mappings.mapping import LatLong, pixel_directions, pixel_points
 from synthetic import CENTRE, lobes, photograph_ball, unit
 
@@ -108,7 +108,7 @@ def test_a_round_hole_is_filled_harmonically():
     harmonic = 3 + directions[..., 0] / np.maximum(1 - directions[..., 2], 0.5)
     hole = directions @ np.array([0, 0, -1.0]) > np.cos(np.radians(25))
     start = np.repeat(np.where(hole, 99.0, harmonic)[..., None], 3, -1)
-    got = filled(start, ~hole)
+    got = continued(start, ~hole)
     assert np.abs(got[..., 0] - harmonic)[hole].max() < 0.02
     assert np.abs(got[..., 0] - field)[hole].max() > 0.03  # another smooth field through other values is told apart
     np.testing.assert_array_equal(got[~hole], start[~hole])
@@ -119,7 +119,7 @@ def test_holes_at_the_pole_and_the_edge_are_filled_from_all_sides(towards):
     directions = pixel_directions(LatLong(), 48)
     hole = directions @ unit(np.array(towards)) > np.cos(np.radians(15))
     start = np.where(hole[..., None], 1e6, np.ones((48, 96, 3)))
-    np.testing.assert_allclose(filled(start, ~hole), 1.0, atol=1e-9)
+    np.testing.assert_allclose(continued(start, ~hole), 1.0, atol=1e-9)
 
 
 def test_saturated_light_is_marked_as_a_lower_bound(views):

@@ -18,7 +18,7 @@ from moving_scenes import known_response
 from relume.capture.brackets.merging import merge_brackets
 from relume.capture.brackets.result import MergedCamera, MergeResult
 from relume.capture.brackets.settings import MergeSettings
-from relume.capture.clipping_report import Extent
+from relume.capture.clipping_report import ClippingReport
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.exposure.consistency import NOTHING_TO_DO, Doubt
 from relume.capture.lens.vignetting import Vignetting
@@ -133,7 +133,7 @@ def test_the_tables_hold_the_measurement_s_numbers(eventful, eventful_page):
     text, one = eventful_page, eventful.brackets[0]
     table = {row[0]: row for row in rows(text)}
     assert table["photograph"] == [
-        "photograph", "time used", "aperture", "ISO", "stops", "told by", "corrected by", "moved by", "ghosts",
+        "photograph", "time used", "aperture", "ISO", "stops", "source", "corrected by", "moved by", "ghosts",
     ]  # fmt: skip
     assert eventful.camera.calibration is not None and eventful.camera.calibration.ratios is not None
     ratios, aligned, deghosted = eventful.camera.calibration.ratios, one.aligned, one.deghosted
@@ -157,11 +157,11 @@ def test_the_tables_hold_the_measurement_s_numbers(eventful, eventful_page):
     assert float(table["frame_1.png"][7].split(",")[0]) == pytest.approx(4, abs=0.25)
     for step, seconds in eventful.seconds.items():
         assert table[step] == [step, f"{seconds:.2f} s"]
-    for words, value in clipped_facts(one.extent, "relative"):
+    for words, value in clipped_facts(one.clipping, "relative"):
         assert table[words] == [words, value]
     residual = ", ".join(f"{r:.3f}" for r in eventful.camera.calibration.residual)
     assert f"Misfit of ln exposure {residual}" in text
-    assert f"{one.extent.orders:.1f} orders of magnitude" in text
+    assert f"{one.clipping.orders:.1f} orders of magnitude" in text
     assert f"{100 * deghosted.ghosts.mean():.2g} % of the picture" in text
 
 
@@ -204,7 +204,7 @@ def test_camera_raws_are_reported_without_a_response(tmp_path):
     found = merge_brackets(raw_files(tmp_path / "raws", [light] * 3, (0.25, 1.0, 4.0)))
     text = report(found, tmp_path)
     assert headings(text)[1:] == ["Exposures", "What no photograph measured", "How sure it is", "Timings"]
-    assert found.brackets[0].extent.saturated > 0
+    assert found.brackets[0].clipping.saturated > 0
     frames, table = found.brackets[0].frames, {row[0]: row for row in rows(text)}
     assert table["response"][1] == "none needed: camera raws are linear"
     assert table["switched off"][1] == "alignment and deghosting: camera raws are merged as they lie"
@@ -250,7 +250,7 @@ def test_noise_that_was_measured_is_told(eventful, tmp_path):
 
 
 def test_what_was_clipped_is_told_with_its_bounds_and_no_more():
-    found = Extent(12, 3, 7, 1000, 0.0123, 456.0, (1.0, 2.0, 3.0), 0.25, 4.0)
+    found = ClippingReport(12, 3, 7, 1000, 0.0123, 456.0, (1.0, 2.0, 3.0), 0.25, 4.0)
     assert clipped_facts(found, "cd/m²") == [
         ("saturated in every photograph", "12 of 1000 pixels"),
         ("their solid angle", "0.0123 sr"),

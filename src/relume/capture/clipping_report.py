@@ -11,7 +11,7 @@ from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 
 
 @dataclass(frozen=True)
-class Extent:
+class ClippingReport:
     """What was measured and what was not.
 
     saturated, black, outside : pixels saturated in every photograph, black in every one, and in none of them
@@ -45,7 +45,7 @@ def solid_angles(width: int, height: int, focal_length: float) -> np.ndarray:
     return focal_length / (x * x + y * y + focal_length**2) ** 1.5
 
 
-def extent(picture: RadianceMap, *, focal_length: float | None = None) -> Extent:
+def clipping_report(picture: RadianceMap, *, focal_length: float | None = None) -> ClippingReport:
     """Count what `picture` does not hold.
 
     focal_length : pixels; without it solid angles are not known and pixels count alike
@@ -62,7 +62,7 @@ def extent(picture: RadianceMap, *, focal_length: float | None = None) -> Extent
     total = float((light * cells).sum(dtype=np.float64))
     bounds = picture.radiance[saturated].astype(np.float64)
     irradiance = (bounds * cells[saturated][:, None]).sum(0)
-    return Extent(
+    return ClippingReport(
         saturated=int(saturated.sum()),
         black=int((picture.clipped == BLACK).sum()),
         outside=int((picture.clipped == OUTSIDE).sum()),

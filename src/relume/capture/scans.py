@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import median_abs_deviation
 
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.merging import clipping_bounds, merge
@@ -126,8 +127,7 @@ def _aligned(first: _Scan, other: _Scan) -> _Scan:
             )
         apart = (first.logarithm - other.logarithm)[..., channel][both]
         noise = np.sqrt((first.relative_variance + other.relative_variance)[..., channel][both])
-        middle = float(np.median(apart))
-        scatter = 1.4826 * float(np.median(np.abs(apart - middle)))
+        middle, scatter = float(np.median(apart)), float(median_abs_deviation(apart, scale="normal"))
         if scatter > max(APART, 3 * float(np.median(noise))):
             warnings.warn(
                 f"{first.name} and {other.name} disagree by {scatter:.2f} of ln exposure in {name}; register the scans "

@@ -64,7 +64,7 @@ def panorama(
         bool | None,
         Parameter(
             help="Balance exposure and vignetting where views overlap, exposure where they only touch. Not done unless "
-            "asked for with views in cd/m², whose scale was measured, and with crops of a light map, which share one."
+            "asked for with views in cd/m², whose scale was measured, and with crops of one map, which share one."
         ),
     ] = None,
     colours: Annotated[
@@ -74,11 +74,11 @@ def panorama(
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:
-    """Put photographs taken from one place together into one light map.
+    """Put photographs taken from one place together into one environment map.
 
-    Where --faces, --turn and --orientations are not given, and the views are not crops of a light map, which hold
-    their orientation, it is found from what the views have in common. A doubtful result is written all the same, with
-    exit code 4.
+    Where --faces, --turn and --orientations are not given, and the views are not crops of an environment map, which
+    hold their orientation, it is found from what the views have in common. A doubtful result is written all the same,
+    with exit code 4.
     """
     import relume as rl
 

@@ -99,7 +99,7 @@ def probe(
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:  # fmt: skip
-    """Find the mirrored ball, unwrap it with the camera's perspective, and blend any number of views into a light map.
+    """Find the mirrored ball, unwrap it with the camera's perspective, and blend all views into an environment map.
 
     What no view saw is filled smoothly and marked: the map's `clipped` layer holds 3 there and 1 where light is
     saturated, and an EXR has a layer `confidence`, 0 to 1. A view whose camera's place is not given is registered to

@@ -43,3 +43,9 @@ def luminance(rgb: np.ndarray) -> np.ndarray:
     if rgb.ndim == 0 or rgb.shape[-1] != 3:
         raise ValueError(f"rgb is {rgb.shape}; expected (..., 3): give linear R, G and B in the last axis")
     return rgb @ LUMINANCE_WEIGHTS.astype(np.result_type(rgb, np.float32))
+
+
+def triple(values: np.ndarray) -> tuple[float, float, float]:
+    """Red, green and blue of an array (3,) as plain floats."""
+    red, green, blue = (float(value) for value in values)
+    return red, green, blue

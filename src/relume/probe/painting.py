@@ -77,7 +77,7 @@ def environment_from_painting(
     mapping: Mapping = LatLong(),
     unit: Unit = "relative",
 ) -> EnvironmentMap:
-    """The illumination map that a painting shows.
+    """The environment map that a painting shows.
 
     painting : 8 or 16 bits, laid out in `mapping`; where it is transparent it is black
     gamma : of the display it was painted on, 2.2 for most; or "srgb" for the curve of that standard. It has no

@@ -8,7 +8,7 @@ import numpy as np
 
 from relume.capture.brackets.result import MergedBracket, MergeResult
 from relume.capture.brackets.settings import MergeSettings
-from relume.capture.clipping_report import Extent
+from relume.capture.clipping_report import ClippingReport
 from relume.capture.response.calibration import Calibration
 from relume.image import files
 from relume.report import capture_plots, plots
@@ -47,7 +47,7 @@ def _bracket(bracket: MergedBracket, summary: str) -> list[str]:
         _pictures(bracket),
         figure(
             capture_plots.false_colour(picture),
-            f"Luminance in false colour: {bracket.extent.orders:.1f} orders of magnitude between the darkest "
+            f"Luminance in false colour: {bracket.clipping.orders:.1f} orders of magnitude between the darkest "
             "thousandth and the brightest ten-thousandth.",
         ),
         heading("Exposures"),
@@ -73,7 +73,7 @@ def _title(bracket: MergedBracket) -> str:
 
 def _summary(bracket: MergedBracket, result: MergeResult, settings: MergeSettings, profile: str) -> str:
     """What it is and what was done, and of which nothing was measured."""
-    found, (width, height) = bracket.extent, bracket.picture.size
+    found, (width, height) = bracket.clipping, bracket.picture.size
     scale, balance = bracket.scale, bracket.balance
     rows = [
         ("camera", bracket.camera or "unknown"),
@@ -180,7 +180,7 @@ def percent(part: int, whole: int) -> str:
 
 
 def _clipped(bracket: MergedBracket) -> str:
-    found = bracket.extent
+    found = bracket.clipping
     if found.saturated == found.black == found.outside == 0:
         return paragraph("Nothing: every pixel was measured by at least one photograph.")
     rows = clipped_facts(found, bracket.picture.unit)
@@ -192,8 +192,8 @@ def _clipped(bracket: MergedBracket) -> str:
     ) + table(rows)
 
 
-def clipped_facts(found: Extent, unit: str) -> list[tuple[str, str]]:
-    """What an `Extent` holds, a line each; nothing is added to the bounds."""
+def clipped_facts(found: ClippingReport, unit: str) -> list[tuple[str, str]]:
+    """What an `ClippingReport` holds, a line each; nothing is added to the bounds."""
     rows, unit = [], in_words(unit)
     if found.saturated:
         rows.append(("saturated in every photograph", f"{found.saturated} of {counted(found.pixels, 'pixel')}"))

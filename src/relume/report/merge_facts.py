@@ -100,7 +100,7 @@ def _exposure(known: Any, stops: float) -> dict[str, Any]:
 
 
 def _bracket(bracket: MergedBracket, target: Path) -> dict[str, Any]:
-    found, scale, deghosted = bracket.extent, bracket.scale, bracket.deghosted
+    found, scale, deghosted = bracket.clipping, bracket.scale, bracket.deghosted
     bounds: dict[str, Any] = {}
     if found.saturated:
         bounds = {
@@ -152,4 +152,4 @@ def _words(bracket: MergedBracket) -> dict[str, object]:
         found["moved"] = counted(moved, "photograph")
     if bracket.deghosted is not None and bracket.deghosted.ghosts.any():
         found["ghosts"] = f"{100 * float(bracket.deghosted.ghosts.mean()):.2g} % of the picture"
-    return found | dict(clipped_facts(bracket.extent, bracket.picture.unit))
+    return found | dict(clipped_facts(bracket.clipping, bracket.picture.unit))

@@ -12,7 +12,7 @@ from relume.capture.alignment.alignment import Aligned, align
 from relume.capture.brackets.lens_steps import LensSteps, Steps
 from relume.capture.brackets.result import MergedBracket, MergedCamera
 from relume.capture.brackets.settings import MergeSettings
-from relume.capture.clipping_report import extent
+from relume.capture.clipping_report import clipping_report
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.exposure.consistency import Doubt, check
 from relume.capture.ghosts.deghosting import Deghosted, deghost
@@ -121,7 +121,7 @@ def _merged(
     focal_length = settings.focal_length or bracket.focal_length
     return MergedBracket(
         picture, bracket.name, bracket.photographs[0].camera, bracket.exposure_table, doubts, aligned, deghosted,
-        extent(picture, focal_length=focal_length), focal_length, scale, balance,
+        clipping_report(picture, focal_length=focal_length), focal_length, scale, balance,
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from relume.capture.alignment.alignment import align
 from relume.capture.brackets.lens_steps import LensSteps, Steps
 from relume.capture.brackets.result import MergedBracket, MergedCamera
 from relume.capture.brackets.settings import MergeSettings
-from relume.capture.clipping_report import extent
+from relume.capture.clipping_report import clipping_report
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.exposure.consistency import Doubt, check
 from relume.capture.ghosts.deghosting import deghost
@@ -60,7 +60,7 @@ def merge_raws(
         focal_length = settings.focal_length or bracket.focal_length
         merged.append(MergedBracket(
             picture, bracket.name, bracket.photographs[0].camera, bracket.exposure_table, doubts, None, None,
-            extent(picture, focal_length=focal_length), focal_length, scale, balance, known.corrections(),
+            clipping_report(picture, focal_length=focal_length), focal_length, scale, balance, known.corrections(),
         ))  # fmt: skip
         sensors.append(known.sensor)
     with_noise = [one for one in sensors if one.noise is not None] or sensors

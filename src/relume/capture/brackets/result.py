@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from relume.capture.alignment.alignment import Aligned
-from relume.capture.clipping_report import Extent
+from relume.capture.clipping_report import ClippingReport
 from relume.capture.exposure.bracket import FrameFacts
 from relume.capture.exposure.consistency import NOTHING_TO_DO, Doubt
 from relume.capture.ghosts.deghosting import Deghosted
@@ -28,7 +28,7 @@ class MergedBracket:
     frames : the exposures, from the least to the most exposed
     doubts : what the photographs themselves say against the result
     aligned, deghosted : what was moved and left out; None where that was switched off
-    extent : what was measured of the scene
+    clipping : what was measured of the scene, and what was not
     focal_length : pixels; None where unknown
     scale : to cd/m²; None for relative radiance
     balance : of the channels; None where there was nothing to balance them by
@@ -42,7 +42,7 @@ class MergedBracket:
     doubts: tuple[Doubt, ...]
     aligned: Aligned | None
     deghosted: Deghosted | None
-    extent: Extent
+    clipping: ClippingReport
     focal_length: float | None = None
     scale: Scale | None = None
     balance: Balance | None = None

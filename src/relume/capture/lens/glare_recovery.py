@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.stats import median_abs_deviation
 
 from relume.capture.lens.glare import BOUND, MOST, Glare, scatter, without_glare
 from relume.capture.scale.regions import measured_patch
@@ -183,7 +184,7 @@ def _rings(picture: RadianceMap, lamp: np.ndarray) -> _Rings:
         inside = values[ring == index]
         if len(inside) >= 8:
             # The error of a median is 1.25 times that of a mean.
-            error = 1.25 * 1.4826 * np.median(np.abs(inside - np.median(inside))) / np.sqrt(len(inside))
+            error = 1.25 * median_abs_deviation(inside, scale="normal") / np.sqrt(len(inside))
             rows.append((radii[ring == index].mean(), np.median(inside), error))
     if len(rows) < RINGS / 4 or distance.max() < 4 * nearest:
         raise NotABracket(

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.stats import median_abs_deviation
 
 from relume.errors import NotABracket
 from relume.image import files
@@ -303,4 +304,4 @@ def _squares(places: np.ndarray, size: tuple[int, int], centre: np.ndarray) -> n
 
 def _spread(values: np.ndarray) -> float:
     """A standard deviation that a few outliers do not move."""
-    return max(1.4826 * float(np.median(np.abs(values - np.median(values)))), 1e-6)
+    return max(float(median_abs_deviation(values, scale="normal")), 1e-6)

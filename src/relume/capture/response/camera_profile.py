@@ -12,6 +12,7 @@ import numpy as np
 from relume.capture.raw.sensor import Sensor
 from relume.capture.response.calibration import Calibration
 from relume.capture.response.curve_files import read_curves
+from relume.image.colour import triple
 from relume.image.files import write_text
 from relume.image.response import Response
 
@@ -71,11 +72,11 @@ def profile_of(calibration: Calibration, camera: str, *, brackets: int = 1) -> C
     return CameraProfile(
         camera,
         calibration.response,
-        shot=None if noise is None else _three(noise.shot),
-        read=None if noise is None else _three(noise.read),
+        shot=None if noise is None else triple(noise.shot),
+        read=None if noise is None else triple(noise.read),
         brackets=brackets,
         pixels=int(np.max(calibration.pixels)),
-        residual=_three(calibration.residual),
+        residual=triple(calibration.residual),
     )
 
 
@@ -129,10 +130,6 @@ _OWN = (
     "pixels",
     "residual",
 )
-
-
-def _three(values: np.ndarray) -> tuple[float, float, float]:
-    return float(values[0]), float(values[1]), float(values[2])
 
 
 def _tuple(value: Any) -> Any:

@@ -14,7 +14,7 @@ import numpy as np
 
 from relume.capture.scale.regions import disc, measured_patch
 from relume.errors import NotABracket
-from relume.image.colour import luminance
+from relume.image.colour import luminance, triple
 from relume.image.photograph import Exposure
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
@@ -212,7 +212,7 @@ def combined(scales: Sequence[Scale]) -> Scale:
     light = np.log([s.luminance for s in scales])
     spread = float(weights @ (light - weights @ light / weights.sum()) ** 2) / (len(scales) - 1)
     deviation = float(np.sqrt(max(spread, 1.0) / weights.sum()))
-    return Scale(_triple(np.exp(mean)), deviation, " and ".join(s.source for s in scales))
+    return Scale(triple(np.exp(mean)), deviation, " and ".join(s.source for s in scales))
 
 
 def calibrated(picture: RadianceMap, scale: Scale) -> RadianceMap:
@@ -235,10 +235,6 @@ def calibrated(picture: RadianceMap, scale: Scale) -> RadianceMap:
         unit="cd/m²",
         attributes={**picture.attributes, "scale": str(scale)},
     )
-
-
-def _triple(values: np.ndarray) -> tuple[float, float, float]:
-    return float(values[0]), float(values[1]), float(values[2])
 
 
 def _positive(name: str, value: float) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from relume.capture.scale.absolute import Scale
 from relume.capture.scale.regions import measured_patch
-from relume.image.colour import luminance
+from relume.image.colour import luminance, triple
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 
@@ -54,7 +54,7 @@ def scale_from_luminaire(
     patch = measured_patch(picture, region)
     factor = known / (patch.luminance if np.isscalar(radiance) else _lit(patch.radiance))
     uncertainty = float(np.hypot(deviation, patch.uncertainty))
-    return Scale(_triple(factor), uncertainty, "a luminaire of known radiance")
+    return Scale(triple(factor), uncertainty, "a luminaire of known radiance")
 
 
 def balance_from_luminaire(
@@ -70,7 +70,7 @@ def balance_from_luminaire(
     gains = known / seen
     # A change of balance is no change of exposure: the luminaire keeps its luminance.
     gains *= patch.luminance / float(luminance(gains * seen))
-    return Balance(_triple(gains), _triple(patch.deviation / seen))
+    return Balance(triple(gains), triple(patch.deviation / seen))
 
 
 def balanced(picture: RadianceMap, balance: Balance) -> RadianceMap:
@@ -94,7 +94,3 @@ def _lit(radiance: np.ndarray) -> np.ndarray:
     if radiance.min() <= 0:
         raise ValueError(f"the region's mean is {radiance}; a luminaire must be lit in all three channels")
     return radiance
-
-
-def _triple(values: np.ndarray) -> tuple[float, float, float]:
-    return float(values[0]), float(values[1]), float(values[2])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.inpainting import mean_by_distance
 from relume.sphere.mappings.mapping import LatLong
 
 RING = 3
@@ -28,13 +29,7 @@ def filled(light: EnvironmentMap, patch: tuple[np.ndarray, np.ndarray], bright: 
     step = -(-len(ring[0]) // MOST)
     ring = (ring[0][::step], ring[1][::step])
     around, inside = directions_of(light, ring), directions_of(light, patch)
-    values = light.radiance[ring].astype(np.float64)
-    result = np.empty((len(inside), 3), np.float32)
-    for begin in range(0, len(inside), 4096):
-        chords = np.maximum(2 - 2 * inside[begin : begin + 4096] @ around.T, 1e-12)
-        weights = 1 / chords**2
-        result[begin : begin + 4096] = weights @ values / weights.sum(axis=-1, keepdims=True)
-    return result
+    return mean_by_distance(inside, around, light.radiance[ring], power=4).astype(np.float32)
 
 
 def directions_of(

@@ -1,4 +1,4 @@
-"""From views of a mirrored ball to one illumination map.
+"""From views of a mirrored ball to one environment map.
 
 Every view is blind behind the ball, sees it squeezed near the silhouette and sees its own camera in the middle;
 what one view lacks comes from another (Debevec 1998, §5.1: two views ninety degrees apart).
@@ -13,11 +13,11 @@ import numpy as np
 
 from relume.image.radiance import OUTSIDE, SATURATED
 from relume.probe.ball.agreement import Agreement, agreement
-from relume.probe.ball.filling import filled
 from relume.probe.ball.registration import KnownPlaces, RegistrationMethod
 from relume.probe.ball.unwrapping import BallView
 from relume.probe.ball.weights import clear_of_camera, finest
 from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.inpainting import continued
 from relume.sphere.mappings.mapping import LatLong, pixel_points
 
 SHARPNESS = 8
@@ -30,9 +30,9 @@ CLIPPED_SHARE = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Probe:
-    """An illumination map with what it was assembled from.
+    """An environment map with what it was blended from.
 
-    light : lat-long illumination map; its `clipped` marks what was saturated, and what no view saw and was filled in
+    light : lat-long environment map; its `clipped` marks what was saturated, and what no view saw and was filled in
     corrections : radians by which registration turned each view; the first view stays
     nearness : ball radius over the distance of what surrounds it, as registration found it; 0 for a lone view
     clipped_solid_angle : steradians whose light was saturated in every photograph of the view it came from
@@ -61,7 +61,7 @@ def blend_views(
     registration: RegistrationMethod = KnownPlaces(),
     balanced: bool = False,
 ) -> Probe:
-    """Register the views of a ball to the first and blend them into a lat-long illumination map.
+    """Register the views of a ball to the first and blend them into a lat-long environment map.
 
     size : rows of the map; 512 is what a ball 600 pixels wide resolves
     registration : how the views are laid on one another; unless given the places of their cameras are taken as given,
@@ -112,7 +112,7 @@ def blend_views(
             clipped += float(((over > 0.5) * share / whole).sum(1) @ cell[rows])
     confidence = np.minimum(sure / subdivision**2, 1) ** (1 / SHARPNESS)
     known = confidence > UNSEEN
-    radiance = filled(total / np.maximum(weight, 1e-300)[..., None], known).astype(np.float32)
+    radiance = continued(total / np.maximum(weight, 1e-300)[..., None], known).astype(np.float32)
     mask = np.where(saturated > CLIPPED_SHARE, SATURATED, 0).astype(np.uint8)
     mask[~known] = OUTSIDE
     light = EnvironmentMap(radiance, unit=views[0].picture.unit, clipped=mask if mask.any() else None)

@@ -9,7 +9,7 @@ import numpy as np
 
 from relume.capture.lens.vignetting import Vignetting
 from relume.capture.lens.vignetting import corrected as without_vignetting
-from relume.probe.panorama.coverage import Sight, sight
+from relume.probe.panorama.coverage import Coverage, coverage
 from relume.probe.panorama.views import PanoramaView
 from relume.sphere.mappings.mapping import LatLong, pixel_points
 
@@ -125,11 +125,11 @@ def compare(views: Sequence[PanoramaView]) -> Balanced:
 
 def _compared(views: Sequence[PanoramaView]) -> tuple[float, _Differences | None]:
     """Share of the sphere that two views or more measure, and what they differ by there, or else at their rims."""
-    seen = sight(views, ROWS)
+    seen = coverage(views, ROWS)
     angles = LatLong().solid_angles(ROWS)
     overlap = float(angles[seen.measured.sum(0) > 1].sum() / (4 * np.pi))
     if overlap < TOUCHING:
-        seen = sight(views, ROWS, RIM)
+        seen = coverage(views, ROWS, RIM)
     return overlap, _differences(views, seen, angles)
 
 
@@ -184,7 +184,7 @@ class _Differences:
         return logarithm[:, 0] - logarithm[:, 1]
 
 
-def _differences(views: Sequence[PanoramaView], seen: Sight, angles: np.ndarray) -> _Differences | None:
+def _differences(views: Sequence[PanoramaView], seen: Coverage, angles: np.ndarray) -> _Differences | None:
     directions = LatLong().directions(pixel_points(LatLong(), seen.rows))
     squares = []
     for view in views:

@@ -1,4 +1,4 @@
-"""Views of a panorama brought into one illumination map along their seams; what none sees is filled in."""
+"""Views of a panorama brought into one environment map along their seams; what none sees is filled in."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ COARSE = 96
 
 
 def blend(views: Sequence[PanoramaView], seams: Seams, size: int, margin: float = 0.0) -> EnvironmentMap:
-    """The illumination map of `size` rows that the views show.
+    """The environment map of `size` rows that the views show.
 
     Radiance is averaged as it is, by weights that fall from one view to the next within half a degree of their seam. A
     saturated pixel never counts where another view measured the direction; where none did the highest bound is kept,

@@ -18,7 +18,7 @@ DARKEST = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class Coverage:
     """What views show in the cells of a lat-long map.
 
     logarithm : (views, rows, 2·rows, 3) float32, ln radiance; 0 where it is not measured
@@ -38,7 +38,7 @@ class Sight:
         return self.measured.shape[1]
 
 
-def sight(views: Sequence[PanoramaView], rows: int, margin: float = 0.0) -> Sight:
+def coverage(views: Sequence[PanoramaView], rows: int, margin: float = 0.0) -> Coverage:
     """Look through all views.
 
     margin : share of a picture's shorter side that it is continued by beyond its rim, for views that only touch
@@ -58,7 +58,7 @@ def sight(views: Sequence[PanoramaView], rows: int, margin: float = 0.0) -> Sigh
         measured[index] = (share > (0.3 if margin else 0.99)) & (shown[..., 3] <= 0) & (radiance.min(-1) > least)
         logarithm[index] = np.log(np.where(measured[index][..., None], radiance, 1))
         inwards[index] = np.clip(2 * (shown[..., 5] - beyond) / side, 0, 1)
-    return Sight(logarithm, measured, covered, inwards)
+    return Coverage(logarithm, measured, covered, inwards)
 
 
 def continued(view: PanoramaView, pixels: int) -> PanoramaView:

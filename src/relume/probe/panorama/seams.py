@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.sparse.csgraph import dijkstra
 
 from relume.image.bilinear import bilinear
-from relume.probe.panorama.coverage import Sight, sight
+from relume.probe.panorama.coverage import Coverage, coverage
 from relume.probe.panorama.views import PanoramaView
 from relume.sphere.directions import angle_between
 from relume.sphere.mappings.mapping import LatLong, pixel_points
@@ -58,7 +58,7 @@ def even(views: Sequence[PanoramaView], margin: float = 0.0) -> tuple[PanoramaVi
     coarsest band's values alone, by ratios of the same directions: a lamp that both views see cancels, and no halo
     comes of it; where views agree nothing changes.
     """
-    seen = sight(views, ROWS, margin)
+    seen = coverage(views, ROWS, margin)
     weight = np.where(seen.measured, np.maximum(seen.inwards, 1e-3) ** 2, 0)[..., None]
     total = weight.sum(0)
     mean = np.divide((weight * seen.logarithm).sum(0), total, out=np.zeros((*total.shape[:2], 3)), where=total > 0)
@@ -105,14 +105,14 @@ def wrapped(image: np.ndarray) -> np.ndarray:
     return np.concatenate([tall[:, -1:], tall, tall[:, :1]], axis=1)
 
 
-def lay_seams(views: Sequence[PanoramaView], seen: Sight | None = None) -> Seams:
+def lay_seams(views: Sequence[PanoramaView], seen: Coverage | None = None) -> Seams:
     """Lay the seams where the views agree.
 
     A front goes out from the middle of every view, within what it shows, and each cell belongs to the view whose front
     is there first. Where views differ fronts run fast, so that what moved between them is taken whole from one of them;
     they meet where views agree. Without differences that is the nearest view's axis.
     """
-    seen = sight(views, ROWS) if seen is None else seen
+    seen = coverage(views, ROWS) if seen is None else seen
     grey = seen.logarithm.mean(-1)
     highest = np.where(seen.measured, grey, -np.inf).max(0)
     lowest = np.where(seen.measured, grey, np.inf).min(0)

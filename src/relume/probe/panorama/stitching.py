@@ -16,7 +16,7 @@ from relume.image.radiance import OUTSIDE, SATURATED
 from relume.probe.panorama.balance import RIM, Balancing, balance, compare
 from relume.probe.panorama.blending import blend
 from relume.probe.panorama.bundle_adjustment import Adjusted, orient
-from relume.probe.panorama.coverage import sight
+from relume.probe.panorama.coverage import coverage
 from relume.probe.panorama.matching import Matching
 from relume.probe.panorama.seams import ROWS as SEAM_ROWS
 from relume.probe.panorama.seams import even, lay_seams
@@ -122,7 +122,7 @@ def stitch_panorama(
     # Views that only touch and need no gain are right as they are: what their rims differ by is what they show.
     if balancing is not None and not (balanced.touching and balanced.unchanged):
         views = list(even(balanced.views, RIM if balanced.touching else 0.0))
-    seen = sight(views, SEAM_ROWS)
+    seen = coverage(views, SEAM_ROWS)
     seams = lay_seams(views, seen)
     light = blend(views, seams, rows)
     angles = light.mapping.solid_angles(rows)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from relume.capture.clipping_report import extent, solid_angles
+from relume.capture.clipping_report import clipping_report, solid_angles
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 
 
@@ -28,7 +28,7 @@ def test_a_picture_s_pixels_fill_its_pyramid():
 
 
 def test_clipped_light_is_counted_with_its_bound():
-    found = extent(picture(), focal_length=100.0)
+    found = clipping_report(picture(), focal_length=100.0)
     cells = solid_angles(8, 6, 100.0)
     assert (found.saturated, found.black, found.outside, found.pixels) == (2, 2, 8, 48)
     assert found.solid_angle == pytest.approx(cells[1, 2] + cells[3, 4])
@@ -39,7 +39,7 @@ def test_clipped_light_is_counted_with_its_bound():
 
 
 def test_without_a_focal_length_there_is_a_share_and_no_solid_angle():
-    found = extent(picture())
+    found = clipping_report(picture())
     assert found.solid_angle is None and found.irradiance is None
     clipped = (0.2126 * 50 + 0.7152 * 40 + 0.0722 * 30) + 100
     # 48 pixels: 8 outside without light, 2 saturated, 38 of luminance 2 (two of them black: their bound counts).
@@ -49,11 +49,11 @@ def test_without_a_focal_length_there_is_a_share_and_no_solid_angle():
 def test_the_range_is_that_of_what_was_measured():
     radiance = np.repeat(np.geomspace(1e-2, 1e3, 10_000, dtype=np.float32).reshape(100, 100, 1), 3, axis=2)
     clipped = np.zeros((100, 100), np.uint8)
-    assert extent(RadianceMap(radiance, None, clipped)).orders == pytest.approx(5 * 0.9989, abs=1e-3)
+    assert clipping_report(RadianceMap(radiance, None, clipped)).orders == pytest.approx(5 * 0.9989, abs=1e-3)
     clipped[50:] = BLACK
-    assert extent(RadianceMap(radiance, None, clipped)).orders == pytest.approx(2.5, abs=0.01)
+    assert clipping_report(RadianceMap(radiance, None, clipped)).orders == pytest.approx(2.5, abs=0.01)
 
 
 def test_a_map_that_does_not_know_what_was_clipped_is_refused():
     with pytest.raises(ValueError, match="no clipped mask"):
-        extent(RadianceMap(np.ones((2, 2, 3), np.float32)))
+        clipping_report(RadianceMap(np.ones((2, 2, 3), np.float32)))
