@@ -79,7 +79,7 @@ def test_a_gamma_is_a_number_or_srgb(text: str):
 @pytest.mark.parametrize(
     ("call", "line"),
     [
-        (lambda: read_gamma(None, "sky.png"), "sky.png: a painting does not tell how bright its values are"),
+        (lambda: read_gamma(None, "sky.png"), "sky.png: a painting does not say how bright its values are"),
         (lambda: read_gamma("bright"), '"bright" is no display gamma'),
         (lambda: read_gamma("-1"), '"-1" is no display gamma'),
         (lambda: environment_from_painting(GREY, -2.2), "gamma is -2.2"),
