@@ -16,7 +16,7 @@ from relume.image.files.encodings import Encoding
 from relume.image.files.read_options import ReadOptions
 from relume.image.radiance import RadianceMap
 from relume.light.conversion.file_formats import exposed
-from relume.probe.painting import HotSpot, paint, read_gamma
+from relume.probe.painting import HotSpot, environment_from_painting, read_gamma
 from relume.probe.panorama.views import orientation
 from relume.sphere.directions import rotation_about
 from relume.sphere.environment_files import as_environment, as_radiance_map, read_environment, read_light_pixels
@@ -209,7 +209,8 @@ def read_painting(
         except ValueError as error:
             raise ValueError(f"{mask}={brighter:g}: {error}; write MASK=STOPS, like sun.png=10") from None
     painting = files.read_photograph(path)
-    return paint(painting, read_gamma(gamma, str(path)), 2.0**stops, spots, mapping=mapping or LatLong())
+    decoding = read_gamma(gamma, str(path))
+    return environment_from_painting(painting, decoding, 2.0**stops, spots, mapping=mapping or LatLong())
 
 
 def brightened(light: EnvironmentMap, stops: float) -> EnvironmentMap:
