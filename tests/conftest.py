@@ -30,9 +30,15 @@ LONG = (
     *("probe/test_outline.py", "probe/test_registration.py", "probe/test_ball.py", "probe/test_assembled.py"),
     *("probe/test_silhouette.py", "probe/test_panorama.py", "light/test_reflection.py", "light/test_glossy.py"),
     *("capture/test_*accuracy.py", "capture/test_raw_measurement.py", "capture/test_measurement.py"),
-    *("image/test_logluv_tiff.py", "image/test_every_format.py", "virtual_camera/glare/test_eye.py"),
+    *("image/test_logluv_tiff.py", "image/test_every_format.py", "virtual_camera/lens/glare/test_eye.py"),
+    *(
+        "renderers/test_patches.py",
+        "sphere/test_blur.py",
+        "virtual_camera/plate_matching/test_sharpness.py",
+        "test_readme.py",
+    ),
     *("lightstage/*/test_measured_view.py", "lightstage/*/test_environment_matte.py"),
-    *("lightstage/*/test_illumination.py", "lightstage/*/test_viewpoint.py", "lightstage/*/test_environment.py"),
+    *("lightstage/*/test_control_variate.py", "lightstage/*/test_head_truth.py"),
 )
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
