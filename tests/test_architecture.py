@@ -45,9 +45,7 @@ BELOW_ALL = ["errors", "_kernel"]  # single modules any folder may import; they 
 ABOVE_ALL = ["", "__main__"]  # the package's own __init__ and `python -m relume` see everything
 USERS_OF_THE_PUBLIC_API = ["cli", "studio"]  # they alone may say `import relume`
 
-NOT_YET_ON_THE_PUBLIC_NAMES: set[str] = {
-    "cli/stage/inspect.py",
-}
+NOT_YET_ON_THE_PUBLIC_NAMES: set[str] = {}
 
 IMAGE_READERS = {"OpenEXR", "OpenImageIO", "PIL", "rawpy", "imageio", "imagecodecs", "tifffile"}
 IMAGE_FILE_CALLS = {"imread", "imwrite", "imdecode", "imencode", "imsave"}  # cv2, matplotlib and imageio spell it so

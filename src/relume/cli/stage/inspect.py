@@ -45,8 +45,6 @@ def inspect(
     """
     import numpy as np
 
-    from relume.report.stage_report import write_stage_report
-
     with warnings_as_notes(output):
         # Everything that can be refused before the work.
         if out is not None:
@@ -72,6 +70,6 @@ def inspect(
             made_folder(out)
             down, across = functions or rl.lightstage.mosaic_size(field.shape)
             rl.write(out / "mosaic.exr", rl.RadianceMap(rl.lightstage.mosaic(field, down, across).radiance))
-            write_stage_report(field, out / "report.html", maps, title=f"light stage {stage.name}")
+            rl.write_report(field, out / "report.html", lights=maps, title=f"light stage {stage.name}")
             report("report", 1.0)
         print_facts(output, {"written": [str(out / "report.html"), str(out / "mosaic.exr")], **facts})
