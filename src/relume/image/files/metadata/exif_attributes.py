@@ -18,7 +18,7 @@ HEAD = b"Exif\0\0"
 """What stands ahead of EXIF in a JPEG's segment (CIPA DC-008, 4.7.2)."""
 _RATIONALS = ("exposure_time", "f_number", "focal_length")
 _FIRST = 0x8298  # tags from Copyright on, in `EXIF`, are of the EXIF folder; those before it of the first, as in a TIFF
-_MOST_TEXT = 4096  # characters of one value in a JPEG; a whole segment holds 65,533 bytes
+_MOST_TEXT = 4096  # characters of one value, as most programs show
 
 
 def is_of_exif(tag: int) -> bool:
