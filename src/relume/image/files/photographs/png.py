@@ -229,8 +229,10 @@ def encode(pixels: np.ndarray, exif: bytes = b"", profile: bytes | None = None, 
     import imagecodecs
 
     level, strategy = (6, imagecodecs.PNG.STRATEGY.DEFAULT) if drawing else (1, imagecodecs.PNG.STRATEGY.RLE)
-    plain = imagecodecs.png_encode(
-        np.ascontiguousarray(pixels), level=level, strategy=strategy, filter=imagecodecs.PNG.FILTER.SUB
+    plain = bytes(
+        imagecodecs.png_encode(
+            np.ascontiguousarray(pixels), level=level, strategy=strategy, filter=imagecodecs.PNG.FILTER.SUB
+        )
     )
     added = b""
     if profile:  # a name, a zero, and the number of the compression (11.3.2.3)
@@ -240,6 +242,8 @@ def encode(pixels: np.ndarray, exif: bytes = b"", profile: bytes | None = None, 
     return plain[:_AFTER_HEADER] + added + plain[_AFTER_HEADER:]
 
 
-def chunk(name: bytes, content: bytes) -> bytes:
+def chunk(name: bytes, content: bytes | memoryview) -> bytes:
     """One chunk: its length, its name, what it holds, and the checksum."""
-    return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
+    return b"".join(
+        [struct.pack(">I", len(content)), name, content, struct.pack(">I", zlib.crc32(content, zlib.crc32(name)))]
+    )
