@@ -14,10 +14,10 @@ from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 from relume.virtual_camera.film.film import Film
-from relume.virtual_camera.film.grain import photograph_grain
 from relume.virtual_camera.film.undeveloping import undevelop
 from relume.virtual_camera.lens.vignetting import MeasuredVignetting
 from relume.virtual_camera.plate_matching.camera_matching import Softness, match_camera
+from relume.virtual_camera.plate_matching.grain_measuring import photograph_grain
 from relume.virtual_camera.plate_matching.sharpness import Sharpness, measured_sharpness
 from relume.virtual_camera.view import View
 from synthetic import NOISELESS

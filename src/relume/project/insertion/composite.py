@@ -20,7 +20,8 @@ from relume.project.stages import Steps
 from relume.renderers.results import Change
 from relume.virtual_camera.developing import develop
 from relume.virtual_camera.film.film import Film
-from relume.virtual_camera.film.grain import Grain, bracket_grain, radiance_grain
+from relume.virtual_camera.film.grain import Grain
+from relume.virtual_camera.plate_matching.grain_measuring import bracket_grain, radiance_grain
 from relume.virtual_camera.plate_matching.matching import (
     Match,
     add_grain,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -14,11 +14,9 @@ from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import OUTSIDE, RadianceMap
 from relume.image.response import Response
 from relume.sphere.environment_map import EnvironmentMap
+from relume.virtual_camera.film.grain import Grain
 from relume.virtual_camera.protocols import Adaptation
 from relume.virtual_camera.view import View
-
-if TYPE_CHECKING:
-    from relume.virtual_camera.film.grain import Grain
 
 SATURATED = 1 + 2.0**-20
 """The display value of what a response saturates: rounding, by a matrix between primaries too, leaves it above 1."""

@@ -17,10 +17,11 @@ from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 from relume.virtual_camera.film.film import Film, srgb_response
-from relume.virtual_camera.film.grain import Grain, photograph_grain
+from relume.virtual_camera.film.grain import Grain
 from relume.virtual_camera.film.undeveloping import AllButEnds, undevelop
 from relume.virtual_camera.lens.vignetting import MeasuredVignetting
 from relume.virtual_camera.plate_matching.camera_profile import profiled_response, profiled_scale, profiled_vignetting
+from relume.virtual_camera.plate_matching.grain_measuring import photograph_grain
 from relume.virtual_camera.plate_matching.sharpness import Sharpness, measured_sharpness
 from relume.virtual_camera.protocols import Optics
 from relume.virtual_camera.view import View

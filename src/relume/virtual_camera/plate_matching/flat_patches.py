@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.virtual_camera.film.grain import REACH
+
 SIDE = 16
 """Pixels of a patch's side: a plane fitted to fewer takes much of the noise with it, larger ones are rarely flat."""
-REACH = 3
-"""Pixels over which the noise of neighbours is alike: demosaicing and the chroma of JPEG reach about so far."""
 MEAN = 4
 """Side, in pixels, of the block means by which flatness is judged; noise hardly enters them, so that choosing flat
 patches does not choose quiet ones."""

@@ -14,7 +14,8 @@ from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 from relume.virtual_camera.film.film import Film
-from relume.virtual_camera.film.grain import Grain, bracket_grain, photograph_grain, radiance_grain
+from relume.virtual_camera.film.grain import Grain
+from relume.virtual_camera.plate_matching.grain_measuring import bracket_grain, photograph_grain, radiance_grain
 from synthetic import VirtualCamera, wide_scene
 
 MIXED = np.linalg.cholesky(np.array([[1, 0.5, 0.2], [0.5, 1, 0.4], [0.2, 0.4, 1]]))
