@@ -63,7 +63,7 @@ def environment(
     The scene's own light map is seen behind its shapes. Lamps without size, points and suns, which no picture shows,
     are added at the direction they come from: their irradiance at the point, intensity/distance² for the square law,
     over the solid angle of the pixels about it, so that the map's total grows by exactly that much. Those behind a
-    shape are left out, wholly, however clear it is: a warning tells. Ambient light is in the map as far as surfaces
+    shape are left out, wholly, however clear it is, with a warning. Ambient light is in the map as far as surfaces
     show it, and lamps that have a size, spheres of light, are seen in the pictures.
     Raises UnsupportedScene where the renderer cannot shade the scene, ValueError for a lamp at the point.
     """

@@ -59,7 +59,7 @@ def write(value: PreparedShot, folder: Path) -> tuple[str, ...]:
     scene, lost = _held(value.scene)
     lamps = tuple(light for light in scene.lights if isinstance(light, SphereLight))
     others = tuple(light for light in scene.lights if not isinstance(light, SphereLight))
-    words, told = _words(replace(scene, lights=others), value)
+    words, said = _words(replace(scene, lights=others), value)
     writer = _Writer(folder)
     first = len(scene.local)
     added = {f"shape_{index:04d}" for index in range(first, first + len(scene.objects))}
@@ -78,7 +78,7 @@ def write(value: PreparedShot, folder: Path) -> tuple[str, ...]:
             *notes,
             "opaque surfaces that are no mirrors are Mitsuba's `principled`, which ours differs from a little",
         )
-    return (*notes, *lost, *told)
+    return (*notes, *lost, *said)
 
 
 def _words(scene: Scene, value: PreparedShot) -> tuple[dict[str, Any], tuple[str, ...]]:
@@ -96,7 +96,7 @@ def _words(scene: Scene, value: PreparedShot) -> tuple[dict[str, Any], tuple[str
                 entry = words[f"shape_{index:04d}"]
                 parts = entry.parts if isinstance(entry, MeshWords) else entry
                 parts["bsdf"], parts["interior"] = bsdf(Notebook(), material, media=True), interior(material)
-    # What the renderer leaves out of materials is told by `_lost`: here bodies are filled.
+    # What the renderer leaves out of materials is listed by `_lost`: here bodies are filled.
     others = [str(each.message) for each in caught if not str(each.message).startswith("not rendered of material")]
     return words, (*lost, *others)
 
@@ -122,8 +122,8 @@ def _held(scene: Scene) -> tuple[Scene, tuple[str, ...]]:
 
 
 def _scene(elements: list[str]) -> str:
-    told = "<!-- Written by relume: +Y is up, lengths are metres, images scene-linear Rec. 709. -->\n"
-    return f'<?xml version="1.0" encoding="utf-8"?>\n{told}<scene version="3.0.0">\n{"".join(elements)}</scene>\n'
+    head = "<!-- Written by relume: +Y is up, lengths are metres, images scene-linear Rec. 709. -->\n"
+    return f'<?xml version="1.0" encoding="utf-8"?>\n{head}<scene version="3.0.0">\n{"".join(elements)}</scene>\n'
 
 
 def _render(value: PreparedShot, *, volumes: bool) -> str:
@@ -188,13 +188,13 @@ class _Writer:
         space, tag, kind = "    " * level, TAGS[words["type"]], words["type"]
         self.plugins.add(kind)
         # On the first level a name is an identity.
-        told = f"id={quoteattr(key)}" if level == 1 else f"name={quoteattr(key)}"
+        label = f"id={quoteattr(key)}" if level == 1 else f"name={quoteattr(key)}"
         children = "".join(self.element(name, each, level + 1) for name, each in words.items() if name != "type")
         if tag == "sampler":
             children += f'{space}    <integer name="sample_count" value="$samples"/>\n'
         if not children:
-            return f"{space}<{tag} type={quoteattr(kind)} {told}/>\n"
-        return f"{space}<{tag} type={quoteattr(kind)} {told}>\n{children}{space}</{tag}>\n"
+            return f"{space}<{tag} type={quoteattr(kind)} {label}/>\n"
+        return f"{space}<{tag} type={quoteattr(kind)} {label}>\n{children}{space}</{tag}>\n"
 
     def mesh(self, key: str, mesh: MeshWords, level: int) -> str:
         space = "    " * level

@@ -1,7 +1,7 @@
-"""Our scene's words for Mitsuba, taken down instead of rendered.
+"""Our scene as plain values for Mitsuba's XML: `Notebook` stands in for Mitsuba's module.
 
-`render.mitsuba_scene` tells Mitsuba a scene through the module that it is given. Given a `Notebook`, what it tells
-stays plain values: the very scene that would be rendered, without Mitsuba.
+`renderers.mitsuba.scene` builds a scene through the module that it is given. Given a `Notebook`, the scene stays
+plain values: the very scene that would be rendered, without Mitsuba.
 """
 
 from __future__ import annotations

@@ -106,7 +106,7 @@ def solids_of(
 ) -> tuple[tuple[Solid, ObjectOrbit | None], ...]:
     """The solids that a table stands for, a mesh file may hold several, each with its orbit.
 
-    Raises InvalidScene naming the key, or the file that it tells of.
+    Raises InvalidScene naming the key, or the file that it names.
     """
     orbit = None if table.orbit is None else ObjectOrbit(table.orbit.centre, table.orbit.turns)
     return tuple((solid, orbit) for solid in _solids(table, key, materials, path))

@@ -32,7 +32,7 @@ PASS_RAYS = 4_000_000
 FEW_RAYS = 500_000
 """Samples of a pass below which starting it takes longer than tracing it."""
 FEWEST_PASSES = 8
-"""Of a small picture: their scatter tells a pixel's variance to half of itself."""
+"""Of a small picture: their scatter estimates a pixel's variance to half of itself."""
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from relume.scene.scene import Scene
 PASS_RAYS = 4_000_000
 """Rays traced at once; 4 million keep a pass under about half a gigabyte."""
 PASSES = 16
-"""Passes at least, where the samples allow it: the scatter of 16 tells a pixel's variance to a third of itself."""
+"""Passes at least, where the samples allow it: the scatter of 16 estimates a pixel's variance to a third of itself."""
 MATTE_SAMPLES = 64
 """Rays a pixel for the matte and the other planes: coverage to about a hundredth at edges."""
 WALK = 10_000

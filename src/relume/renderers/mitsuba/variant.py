@@ -66,7 +66,7 @@ def _choice(cuda: bool, libraries: Iterable[str]) -> Variant:
 
 
 def llvm_version(path: str) -> int | None:
-    """The major version a libLLVM's file name tells, following links; None where no name tells it."""
+    """The major version in a libLLVM's file name, following links; None where no name holds it."""
     for name in (Path(path).name, Path(os.path.realpath(path)).name, str(Path(os.path.realpath(path)).parent)):
         match = re.search(r"LLVM(?:-|\.so\.|\.)(\d+)", name) or re.search(r"llvm[@/-]?(\d+)", name)
         if match:

@@ -149,7 +149,7 @@ class Shading:
         spans = Spans(samples, self.threads)
         material = samples.surface
         if np.any(self.first != np.arange(len(self.first))):
-            # Of samples that see nothing, −1, the last entry tells that they belong to no material.
+            # Of samples that see nothing, −1, the last entry says that they belong to no material.
             material = np.append(self.first, np.int32(-1))[samples.surface]
         for index, layers in enumerate(self.layers):
             chosen = np.flatnonzero(material == index).astype(np.int32)

@@ -23,7 +23,7 @@ from relume.renderers.results import Progress
 
 Planes = Mapping[str, np.ndarray]
 Preview = Callable[[Sums], None]
-"""Told what there is after 1, 2, 4, 8 … passes."""
+"""Called with what there is after 1, 2, 4, 8 … passes."""
 SHARE = 0.02
 """Share of the time that may go into writing states: the same two hundredths as of work that a crash may cost."""
 
@@ -77,7 +77,7 @@ def accumulate(
     target : stops earlier, once the estimated error is small enough
     key : what the pixels depend on, for the state kept on disk: a name and a hash or a short word each
     watch : what goes on around it
-    progress : told the share of `passes` that is done
+    progress : called with the share of `passes` that is done
 
     Raises Interrupted after the first Ctrl-C or SIGTERM, once the pass under way is done and the state kept;
     CannotResume where the state kept is another render's; OutputNotWritten; what `trace` or `progress` raise, after
@@ -87,7 +87,7 @@ def accumulate(
         raise ValueError(f"{passes} passes; expected 1 or more")
     loop = _Loop(key or {}, watch)
     sums, met = loop.begun()
-    tell = progress or (lambda share: None)
+    report = progress or (lambda share: None)
     due = 1 << sums.passes.bit_length()
     with interruptible(force=watch.force, save=loop.save) as asked:
         try:
@@ -97,7 +97,7 @@ def accumulate(
                 if target is not None and target.due(sums.passes):
                     met = met + 1 if target.reached(sums) else 0
                 loop.done(sums, met)
-                tell(sums.passes / passes)
+                report(sums.passes / passes)
                 if watch.preview is not None and sums.passes >= due:
                     due = 2 * sums.passes
                     watch.preview(sums)
@@ -109,7 +109,7 @@ def accumulate(
         _leave_if(asked, loop, sums, passes)
         # Kept until the caller has put the result away: see `forget`.
         loop.save()
-    tell(1.0)
+    report(1.0)
     return sums
 
 

@@ -123,7 +123,7 @@ def _difference(name: str, was: str, now: str) -> str:
 
 
 def _read(path: Path) -> Checkpoint | None:
-    """A whole file's contents, or None for one that is missing or, which is told, damaged."""
+    """A whole file's contents, or None for one that is missing or damaged, of which it warns."""
     try:
         data = path.read_bytes()
     except OSError:

@@ -18,7 +18,7 @@ SECOND = 0.3
 class Force:
     """How a program that owns its process is ended while native code keeps Python from doing so.
 
-    end : told the signal's number and what to say, or "" after a second signal; it ends the process at once, with
+    end : called with the signal's number and what to say, or "" after a second signal; it ends the process at once, with
         `os._exit`, and is called in another thread than the main one
     after : seconds that the pass under way may still take after the first signal; 4 leaves one to write what was done
     """
@@ -43,7 +43,7 @@ def interruptible(*, force: Force | None = None, save: Callable[[], None] = lamb
         the second
     save : called before the process is ended after the first signal, in that thread
 
-    Outside the main thread, and for signals that the process was told to ignore, nothing changes. The handlers that
+    Outside the main thread, and for signals that the process ignores, nothing changes. The handlers that
     were there come back afterwards.
     """
     asked = Asked()

@@ -24,7 +24,7 @@ def is_pierced(material: AnyMaterial) -> bool:
 def coverage(scene: Scene, camera: Camera, samples: int = 64, seed: int = 0) -> np.ndarray:
     """The share (H, W) float32 of each pixel that objects cover before real surfaces do, with their alpha.
 
-    samples : rays a pixel; 64 tell it to 0.06 where half is covered
+    samples : rays a pixel; 64 estimate it to 0.06 where half is covered
     """
     # The ray caster is imported only where it is used: it imports Numba.
     from relume.renderers.raytrace.raycast import RayCaster

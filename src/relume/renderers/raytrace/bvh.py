@@ -112,7 +112,7 @@ def _wait(waiting, place, begin, end, parent, depth):
 def _measure(boxes, begin, end, low, scale):
     """The box round all; writes where the bins of each axis begin and how many there are to a metre.
 
-    Centres are told as the sum of both ends. An axis along which all coincide has scale 0.
+    Centres are stored as the sum of both ends. An axis along which all coincide has scale 0.
     """
     infinity = np.float32(np.inf)
     lx, ly, lz, hx, hy, hz = infinity, infinity, infinity, -infinity, -infinity, -infinity

@@ -19,7 +19,7 @@ def polygon_measures(polygon: Polygon) -> np.ndarray:
 
 
 def polygon_frame(polygon: Polygon) -> np.ndarray:
-    """What its texture coordinates are told from: (12,) float64.
+    """What its texture coordinates are computed from: (12,) float64.
 
     Its unit normal; the corner of the rectangle around it where both are 0; and the rectangle's two sides, u's along
     the first edge.
@@ -27,7 +27,7 @@ def polygon_frame(polygon: Polygon) -> np.ndarray:
     normal, vertices = polygon.area_vector / np.linalg.norm(polygon.area_vector), polygon.vertices
     edges = np.roll(vertices, -1, axis=0) - vertices
     lengths = np.linalg.norm(edges, axis=-1)
-    first = edges[np.argmax(lengths > 1e-12 * lengths.max())]  # a vertex may be told twice
+    first = edges[np.argmax(lengths > 1e-12 * lengths.max())]  # a vertex may stand twice in a row
     first = first - (first @ normal) * normal
     along = first / np.linalg.norm(first)
     across = np.cross(normal, along)

@@ -24,7 +24,7 @@ class Primitives:
 
     corners : (P, 9) float32, the triangles' vertices, metres; 0 for others
     form : (P,) int32, −1 for a triangle; or else its kind, and where its measures begin, a multiple of 4
-    shape, primitive : (P,) int32, as `Hits` tells them
+    shape, primitive : (P,) int32, as `Hits` holds them
     boxes : (P, 6) float32, low x, y, z and high x, y, z, a little wider than the primitives are
     area : (P,) bool, whether it has one
     measures : (M,) float64, what the kernels of spheres, polygons and leaves take
@@ -86,10 +86,10 @@ def _corners_of(mesh: Mesh) -> np.ndarray:
 class _Solid:
     """A shape that is neither mesh nor plane, as N primitives.
 
-    kind : as kernels tell it
+    kind : as kernels store it
     boxes : (N, 6) float64, low x, y, z and high x, y, z
     measures : (N, W) float64, what the kind's kernel takes; W is a multiple of 4
-    primitive : (N,) int32, as `Hits` tells them
+    primitive : (N,) int32, as `Hits` holds them
     """
 
     kind: int

@@ -43,7 +43,7 @@ class RayCaster:
     tree : over the P primitives that are no planes; the next three hold them in the order of its leaves
     corners : (P, 9) float32, the triangles' vertices, metres
     form : (P,) int32, −1 for a triangle; or else its kind, and where its measures begin, a multiple of 4
-    shape, primitive : (P + Q,) int32, as `Hits` tells them; planes are last
+    shape, primitive : (P + Q,) int32, as `Hits` holds them; planes are last
     measures : (M,) float64, of a sphere its centre and radius, metres; of others what their kernels take
     planes : (Q, 3) float64, height and half the lengths along x and z, metres
     """
@@ -148,10 +148,10 @@ class RayCaster:
         count, geometry = len(directions), self.geometry
         hits = Hits(np.empty(count), np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 2)))
         rays = (origins, directions, limits, float(beyond), float(footprint), any_will_do)
-        told = (hits.distance, hits.shape, hits.primitive, hits.barycentric)
+        found = (hits.distance, hits.shape, hits.primitive, hits.barycentric)
 
         def work(begin: int, end: int) -> None:
-            _meet_all(rays, geometry, self.primitive, scratch(geometry), begin, end, told)
+            _meet_all(rays, geometry, self.primitive, scratch(geometry), begin, end, found)
 
         in_threads(work, count, threads)
         return hits
@@ -180,10 +180,10 @@ def checked_rays(origins: ArrayLike, directions: ArrayLike) -> tuple[np.ndarray,
 
 
 @exact_kernel
-def _meet_all(rays, geometry, whose_primitive, notes, begin, end, told):
-    """Tell the hits of rays begin … end."""
+def _meet_all(rays, geometry, whose_primitive, notes, begin, end, found):
+    """Write the hits of rays begin … end."""
     origins, directions, limits, beyond, footprint, any_will_do = rays
-    distance, shape, primitive, barycentric = told
+    distance, shape, primitive, barycentric = found
     boxes, children, root, _, corners, form, whose_shape, measures, planes = borrowed(geometry)
     waiting, entry, pieces = borrowed(notes)
     for i in range(begin, end):

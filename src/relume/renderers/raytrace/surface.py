@@ -122,10 +122,10 @@ class Surfaces:
         point, geometric, shading, dp_du, dp_dv = (np.zeros((count, 3)) for _ in range(5))
         points = SurfacePoints(point, geometric, shading, np.zeros((count, 2), np.float32), dp_du, dp_dv)
         met = (hits.distance, hits.shape, hits.primitive, hits.barycentric)
-        told = (point, geometric, shading, points.uv, dp_du, dp_dv)
+        described = (point, geometric, shading, points.uv, dp_du, dp_dv)
 
         def work(begin: int, end: int) -> None:
-            _describe((origins, directions), met, self.tables, begin, end, told)
+            _describe((origins, directions), met, self.tables, begin, end, described)
 
         in_threads(work, count, threads)
         return points
@@ -225,7 +225,7 @@ def surface_at(
                 weight * normals[a, 1] + second * normals[b, 1] + third * normals[c, 1],
                 weight * normals[a, 2] + second * normals[b, 2] + third * normals[c, 2],
             )
-            # Of files whose faces go round the other way the normals tell less than the faces do.
+            # Of files whose faces go round the other way the normals mean less than the faces do.
             agree = mean[0] * geometric[0] + mean[1] * geometric[1] + mean[2] * geometric[2]
             if agree > 0:
                 shading = mean

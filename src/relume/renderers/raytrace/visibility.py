@@ -16,7 +16,7 @@ from relume.scene.materials.bumps import Bumps
 from relume.scene.shapes.shapes import Shape
 
 EDGE = 4
-"""Samples along each side of a pixel that sees an edge: sixteen tell its coverage to three per cent."""
+"""Samples along each side of a pixel that sees an edge: sixteen estimate its coverage to three per cent."""
 
 
 STEEPEST = 10.0

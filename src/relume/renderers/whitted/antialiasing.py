@@ -25,7 +25,7 @@ SMALLEST = 6
 class Antialiasing:
     """When a pixel's square is halved, and how often.
 
-    subdivisions : halvings at most; 3 puts 81 samples into a pixel, which tells an edge's coverage to a hundredth
+    subdivisions : halvings at most; 3 puts 81 samples into a pixel, which resolves an edge's coverage to a hundredth
     tolerance : corners may differ by this share of the brightest; with a tenth the error
         is that of a hundredth, for corners that see different things are always halved
     """

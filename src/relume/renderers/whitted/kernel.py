@@ -37,14 +37,14 @@ CHANNELS = 12
 
 @exact_kernel
 def trace(
-    points, view, geometry, surfaces, materials, pictures, bumps, lights, sky, settings, begin, end, told, record
+    points, view, geometry, surfaces, materials, pictures, bumps, lights, sky, settings, begin, end, results, record
 ):
-    """Follow the trees of samples begin … end; tell their channels, what they saw first, and their number of rays.
+    """Follow the trees of samples begin … end; write their channels, what they saw first, and their number of rays.
 
     points : (N, 2) pixel coordinates
     view : the eye, the rotation's rows, the focal length and the middle of the picture: 16 numbers
     sky : the light map, padded and flat, and its number of rows
-    told : values (N, CHANNELS) float32, keys (N,) int64, rays (N,) int32
+    results : values (N, CHANNELS) float32, keys (N,) int64, rays (N,) int32
     """
     depth, scattered = settings.depth, settings.rays
     capacity = (depth + 1) * (len(lights.place) + 2) + 2 * scattered + 4
@@ -52,11 +52,11 @@ def trace(
     # level, its parent's node, and light.
     stack = (np.empty((capacity, 12)), np.empty((capacity, 4), np.int64), np.empty(capacity, np.uint64))
     world = (geometry, surfaces, materials, pictures, bumps, lights, sky)
-    _follow(points, view, world, settings, begin, end, told, record, scratch(geometry), stack)
+    _follow(points, view, world, settings, begin, end, results, record, scratch(geometry), stack)
 
 
 @exact_kernel
-def _follow(points, view, world, settings, begin, end, told, record, waiting_room, stack):
+def _follow(points, view, world, settings, begin, end, results, record, waiting_room, stack):
     """`trace`, with what it needs of scratch; all arrays are arguments, so that they can be borrowed."""
     points, view = borrowed(points), borrowed(view)
     geometry, surfaces, materials, pictures, bumps, lights, sky = borrowed(world)
@@ -69,7 +69,7 @@ def _follow(points, view, world, settings, begin, end, told, record, waiting_roo
     waves, first_wave, last_wave, wave_height, slope_picture = bumps
     place, strength, falloff, reach, shines, glow = lights
     entries, rows = sky
-    values, keys, counts = borrowed(told)
+    values, keys, counts = borrowed(results)
     ends, share, sent, parent_of, ray_kind, node_shape, node_light, node_inside, limits, node_count = borrowed(record)
     waiting, entry, pieces = borrowed(waiting_room)
     rays, notes, seeds = borrowed(stack)

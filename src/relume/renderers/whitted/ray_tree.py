@@ -122,9 +122,9 @@ class _Timed(PreparedWhitted):
 
     def traced(self, camera: Camera, points: np.ndarray, seed: int = 0) -> Traced:
         begin = time.thread_time()
-        told = super().traced(camera, points, seed)
+        traced = super().traced(camera, points, seed)
         self.spent.append(time.thread_time() - begin)
-        return told
+        return traced
 
 
 def _meetings(prepared: PreparedWhitted, record: Record, count: int, settings: Settings) -> Callable[[], object]:

@@ -157,9 +157,9 @@ class PreparedWhitted:
 
         def work(begin: int, end: int) -> tuple[np.ndarray, np.ndarray]:
             def noting(points: np.ndarray) -> Traced:
-                told = self.traced(camera, points, seed)
-                longest.append(int(told[2].max(initial=0)))
-                return told
+                results = self.traced(camera, points, seed)
+                longest.append(int(results[2].max(initial=0)))
+                return results
 
             band = self._band(noting, (left, top + begin, right, top + end), small, reference)
             done.append(end - begin)
@@ -200,16 +200,16 @@ class PreparedWhitted:
 
     def traced(self, camera: Camera, points: np.ndarray, seed: int = 0) -> Traced:
         """The trees of samples at pixel coordinates (N, 2), on this thread."""
-        told = _room_for(len(points))
+        results = _room_for(len(points))
         settings = self.settings(camera, seed)
-        trace(points, view_of(camera), *self.tables, settings, 0, len(points), told, empty_record())
-        return told
+        trace(points, view_of(camera), *self.tables, settings, 0, len(points), results, empty_record())
+        return results
 
     def recorded(self, camera: Camera, points: np.ndarray, seed: int, room: int) -> Record:
         """The first `room` nodes of the trees of samples at pixel coordinates (N, 2), one behind the other."""
-        told = _room_for(len(points))
+        results = _room_for(len(points))
         record = empty_record(room)
-        trace(points, view_of(camera), *self.tables, self.settings(camera, seed), 0, len(points), told, record)
+        trace(points, view_of(camera), *self.tables, self.settings(camera, seed), 0, len(points), results, record)
         return record
 
     def settings(self, camera: Camera, seed: int) -> Settings:

@@ -36,7 +36,7 @@ if field.use_dof:
     if field.focus_object is not None:
         to_object = placed.inverted() @ field.focus_object.matrix_world.translation
         focus = -to_object.z
-told = {
+camera_facts = {
     "format": "FORMAT",
     "matrix_world": [list(row) for row in placed],
     "unit": scene.unit_settings.scale_length,
@@ -52,7 +52,7 @@ told = {
 }
 path = os.path.join(os.path.dirname(bpy.data.filepath) or os.getcwd(), "camera.json")
 with open(path, "w") as file:
-    json.dump(told, file, indent=1)
+    json.dump(camera_facts, file, indent=1)
 print("wrote", path)
 """.replace("FORMAT", FORMAT)
 
@@ -72,18 +72,18 @@ def read_blender_camera(
     Raises UnreadableFile for another file, or one written for a render of another aspect than the picture.
     """
     path = Path(path)
-    told = _told(path)
+    camera_facts = _read_facts(path)
     try:
-        resolution = float(told["resolution"][0]), float(told["resolution"][1])
-        squareness = float(told["pixel_aspect"][0]) / float(told["pixel_aspect"][1])
-        sensors = float(told["sensor_width"]), float(told["sensor_height"])
-        shift = float(told["shift"][0]), float(told["shift"][1])
-        lens, fit, metres = float(told["lens"]), str(told["sensor_fit"]), unit or float(told["unit"])
-        f_number, focus = told.get("f_number"), told.get("focus")
+        resolution = float(camera_facts["resolution"][0]), float(camera_facts["resolution"][1])
+        squareness = float(camera_facts["pixel_aspect"][0]) / float(camera_facts["pixel_aspect"][1])
+        sensors = float(camera_facts["sensor_width"]), float(camera_facts["sensor_height"])
+        shift = float(camera_facts["shift"][0]), float(camera_facts["shift"][1])
+        lens, fit, metres = float(camera_facts["lens"]), str(camera_facts["sensor_fit"]), unit or float(camera_facts["unit"])
+        f_number, focus = camera_facts.get("f_number"), camera_facts.get("focus")
         # Blender blurs as if a unit were a metre.
         aperture = metres * lens / 1000 / (2 * float(f_number)) if f_number else 0.0
         distance = float(focus) * metres if focus is not None else np.inf
-        matrix = told["matrix_world"]
+        matrix = camera_facts["matrix_world"]
     except (KeyError, IndexError, TypeError, ValueError, ZeroDivisionError) as error:
         raise UnreadableFile(f"{path}: its camera lacks something ({error!r}); run the script again") from None
     require_aspect(path, (width, height), resolution)
@@ -107,15 +107,15 @@ def read_blender_camera(
         raise UnreadableFile(f"{path}: {error}; run the script again") from None
 
 
-def _told(path: Path) -> dict[str, Any]:
+def _read_facts(path: Path) -> dict[str, Any]:
     try:
-        told = json.loads(path.read_bytes())
+        camera_facts = json.loads(path.read_bytes())
     except OSError as error:
         raise UnreadableFile(f"{path}: cannot be read ({error.strerror or error}); check the path") from None
     except (RecursionError, ValueError) as error:
         raise UnreadableFile(f"{path}: not valid JSON ({error}); run the script again") from None
-    if not isinstance(told, dict) or told.get("format") != FORMAT:
+    if not isinstance(camera_facts, dict) or camera_facts.get("format") != FORMAT:
         raise UnreadableFile(
             f"{path}: not a camera; expected what fSpy exports, or what relume's script writes in Blender"
         )
-    return told
+    return camera_facts

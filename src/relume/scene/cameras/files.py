@@ -51,9 +51,9 @@ def read_camera(
 
 
 def _is_fspy(path: Path) -> bool:
-    """Whether a JSON file has what fSpy exports; the readers tell what is wrong with one that has not."""
+    """Whether a JSON file has what fSpy exports; the readers say what is wrong with one that has not."""
     try:
-        told = json.loads(path.read_bytes())
+        found = json.loads(path.read_bytes())
     except (OSError, RecursionError, ValueError):
         return False
-    return isinstance(told, dict) and ("cameraTransform" in told or "cameraParameters" in told)
+    return isinstance(found, dict) and ("cameraTransform" in found or "cameraParameters" in found)

@@ -16,7 +16,7 @@ def _nowhere() -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class CameraFit:
-    """A camera and the points of the photograph that told it.
+    """A camera and the points of the photograph that it was fitted to.
 
     camera : as found
     points : (N, 2) pixels, where the photograph has them; none for a camera that was given, not found
@@ -50,7 +50,7 @@ class Minimum:
     """What a least-squares fit found.
 
     values : (N,) the unknowns
-    deviations : (N,) their standard deviations; infinite where the measurements do not tell one
+    deviations : (N,) their standard deviations; infinite where the measurements do not determine one
     """
 
     values: np.ndarray

@@ -95,7 +95,7 @@ def _unit(path: Path, state: dict[str, Any]) -> float:
     if settings.get("referenceDistanceAxis") and name in UNITS:
         return UNITS[name]
     warnings.warn(
-        f"{path}: tells no reference distance in a unit of length; its units are taken for metres: give one in fSpy "
+        f"{path}: holds no reference distance in a unit of length; its units are taken as metres: give one in fSpy "
         "and use the project itself, or give unit",
         stacklevel=3,
     )

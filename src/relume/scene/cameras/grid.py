@@ -18,8 +18,8 @@ CORNER_NOISE = 0.05
 """Pixels to which corners are found at best: a few hundredths in photographs computed through a known camera."""
 FOCAL_LENGTHS = np.geomspace(0.5, 8, 17)
 """In widths of the picture: where the search for an unknown focal length starts, from 18 mm to 290 mm on full frame."""
-TOLD = 0.05
-"""The share to which a grid must tell the focal length; a distance that is wrong by more is better measured."""
+LARGEST_DEVIATION = 0.05
+"""The largest relative standard deviation of a focal length from a grid; where it is larger, measure it instead."""
 SIGNIFICANT = 3.0
 """Standard deviations by which k1 must differ from 0: by chance, 3 boards in 1000 do."""
 
@@ -52,12 +52,12 @@ def fit_grid(
     focal_length : pixels; from the photograph's EXIF unless given
     centre : the principal point, pixels from the upper left corner; the picture's middle unless given
     distortion : of the lens, where it is known; the corners are seen through it
-    estimate_focal_length : find it from the board; one flat board tells it only where it is seen at a slant
+    estimate_focal_length : find it from the board; one flat board determines it only where it is seen at a slant
     estimate_k1 : find the first radial coefficient from the board; it is kept where it differs from 0 with certainty
     The frame's origin is the board's middle, +X to the right along its long side as the photograph shows it, +Z
-    towards the camera and +Y up. What is estimated is told by a warning with its standard deviation, which is the
+    towards the camera and +Y up. A warning names what is estimated and its standard deviation, which is the
     Jacobian's for corners found to 0.05 pixels or as well as they fit, whichever is worse.
-    Raises GridNotFound where there is no board or it does not tell what is to be estimated.
+    Raises GridNotFound where there is no board or it does not determine what is to be estimated.
     """
     if focal_length is not None and estimate_focal_length:
         raise ValueError("both a focal_length and estimate_focal_length; give one of them")
@@ -91,7 +91,7 @@ def fit_corners(
 
     corners : (rows, columns, 2) pixels, x right and y down, rows along +Z and columns along +X
     size : (width, height) of the photograph, pixels
-    focal_length : pixels; None where the board is to tell it
+    focal_length : pixels; None where it is estimated from the board
     name : of the photograph, for warnings and errors; the rest as for `fit_grid`
     """
     if estimate_k1 and distortion is not None:
@@ -174,12 +174,12 @@ class _Seen:
 
 
 def _with_k1(seen: _Seen, start: Camera, without: Minimum, focal_length: bool) -> tuple[Camera, Minimum]:
-    """The camera and its unknowns, with k1 where the board tells it, and a warning either way."""
+    """The camera and its unknowns, with k1 where the board determines it, and a warning either way."""
     found, minimum = seen.refined(start, focal_length, True)
     k1, deviation = float(minimum.values[-1]), float(minimum.deviations[-1])
     if not abs(k1) >= SIGNIFICANT * deviation:
         warnings.warn(
-            f"{seen.name}: the lens's k1 from one flat board is {k1:.3g} ± {deviation:.2g}, which is not told from 0; "
+            f"{seen.name}: the lens's k1 from one flat board is {k1:.3g} ± {deviation:.2g}, which does not differ from 0; "
             "it is left out: give camera.distortion, or photograph a board that fills the picture",
             stacklevel=4,
         )
@@ -197,10 +197,10 @@ def _with_k1(seen: _Seen, start: Camera, without: Minimum, focal_length: bool) -
 
 def _tell_focal_length(seen: _Seen, found: Camera, minimum: Minimum) -> None:
     share = float(minimum.deviations[6])
-    if not share <= TOLD:
-        told = f"± {100 * share:.0f} %" if np.isfinite(share) else "or any other"
+    if not share <= LARGEST_DEVIATION:
+        spread = f"± {100 * share:.0f} %" if np.isfinite(share) else "or any other"
         raise GridNotFound(
-            f"{seen.name}: the board does not tell the focal length ({found.focal_length:.0f} pixels, {told}); "
+            f"{seen.name}: the board does not determine the focal length ({found.focal_length:.0f} pixels, {spread}); "
             "give camera.focal_length, or photograph the board nearer and at a slant"
         )
     warnings.warn(

@@ -1,4 +1,4 @@
-"""What tells how large a photographed place is: a length on the ground, an upright one, or the camera's height."""
+"""The scale of a photographed place: a length on the ground, an upright one, or the camera's height."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class UprightLength:
 
 @dataclass(frozen=True)
 class CameraHeight:
-    """The height of the lens above the ground, metres: what a tape measure tells most easily."""
+    """The height of the lens above the ground, metres: the easiest length to measure with a tape."""
 
     metres: float
 

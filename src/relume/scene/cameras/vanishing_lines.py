@@ -18,8 +18,8 @@ from relume.sphere.directions import normalised, rotation_from_vector
 
 DRAWN = 0.5
 """Pixels to which a person draws a line's ends at best."""
-TOLD = 0.1
-"""The share to which the lines must tell the focal length, and of the picture's width the principal point."""
+LARGEST_DEVIATION = 0.1
+"""The largest relative standard deviation of the focal length, and that of the principal point in picture widths."""
 DOUBTFUL = 0.03
 """The share from which on the focal length is doubtful: a third of what is refused."""
 LEVEL = 1e4
@@ -33,7 +33,7 @@ class AxisLines:
 
     x, z : along things that are level and at right angles to each other, such as a table's edges
     y : along things that stand upright
-    level : whether the camera's horizon is level, which tells what a second set of lines would
+    level : whether the camera's horizon is level, which stands for a second set of lines
 
     Their direction does not matter. Two sets are enough, or one where the camera is level or another has one line.
     """
@@ -73,7 +73,7 @@ def fit_vanishing_lines(
     size : (width, height) of the photograph, pixels
     lines : several along each axis are fitted by least squares, all axes at once and at right angles
     origin : where the photograph shows the world's origin, a point of the ground y = 0; pixels
-    length : what tells how large all is
+    length : a known length, which sets the scale
     focal_length : pixels; from two sets of lines that meet within reach unless given
     centre : the principal point, pixels; the picture's middle unless given
     distortion : of the lens; the lines are straightened first, for which the focal length must be given
@@ -81,7 +81,7 @@ def fit_vanishing_lines(
     The frame is that of a grid: +Y up in the photograph, +X to the right, +Z = X × Y, mostly towards the camera.
     Points and offsets are the segments' ends and how far they lie from the best line through the vanishing point;
     through a distorting lens the offsets are those of the straightened picture.
-    Raises ValueError, in one line, where the lines do not tell the camera.
+    Raises ValueError, in one line, where the lines do not determine the camera.
     """
     segments = lines.segments()
     if distortion is not None:
@@ -106,10 +106,10 @@ def fit_vanishing_lines(
     ray = lens.rays_through(np.asarray(origin, np.float64))
     if not ray[1] < 0:
         raise ValueError(
-            f"origin {origin[0]:.0f}, {origin[1]:.0f} lies above the horizon that the lines tell; give a point of "
+            f"origin {origin[0]:.0f}, {origin[1]:.0f} lies above the horizon of the lines; give a point of "
             "the ground, or check which axis each line was drawn along"
         )
-    # At first the origin is one unit away; the known length tells what a unit is.
+    # At first the origin is one unit away; the known length sets the unit.
     unit = Camera(*size, view.focal_length, -ray, lens.rotation, found_centre, distortion)
     camera = Camera(
         *size, view.focal_length, -ray * length.metres_per_unit(unit), lens.rotation, found_centre, distortion
@@ -120,7 +120,7 @@ def fit_vanishing_lines(
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """What lines tell: focal length, principal point (2,) and the world's axes as columns (3, 3), y down, z ahead."""
+    """What lines determine: focal length, principal point (2,) and the world's axes as columns (3, 3), y down, z ahead."""
 
     focal_length: float
     centre: np.ndarray
@@ -153,15 +153,15 @@ def _vanishing_point(axis: str, segments: np.ndarray, size: tuple[int, int]) -> 
 def _focal_length(points: dict[int, np.ndarray], middle: np.ndarray, free: bool) -> float:
     """A first focal length, pixels: lines to two vanishing points are at right angles in the world."""
     if len(points) < 2:
-        raise ValueError("lines along one axis do not tell the focal length; give it, or two lines along another axis")
+        raise ValueError("lines along one axis do not determine the focal length; give it, or two lines along another axis")
     squares = []
     for first, second in combinations(points.values(), 2):
         a, b = (v[:2] - v[2] * middle for v in (first, second))
         with np.errstate(divide="ignore", invalid="ignore"):
             squares.append(float(-(a @ b) / (first[2] * second[2])))
-    told = [square for square in squares if np.isfinite(square) and square > 0]
-    if told:
-        return float(np.sqrt(np.median(told)))
+    usable = [square for square in squares if np.isfinite(square) and square > 0]
+    if usable:
+        return float(np.sqrt(np.median(usable)))
     if free:
         return float(2 * np.max(middle))
     raise ValueError(
@@ -198,12 +198,12 @@ def _second(
             if np.linalg.norm(found) > 1e-6 * np.linalg.norm(a) * np.linalg.norm(b):
                 return {other: normalised(found)}
     right = np.array([1.0, 0, 0])
-    if level and axis == 1:  # nothing tells which way +X runs: to the camera's right
+    if level and axis == 1:  # nothing determines which way +X runs: to the camera's right
         return {0: normalised(right - (right @ direction) * direction)}
     if level and np.linalg.norm(np.cross(direction, right)) > 1e-3:
         return {1: normalised(np.cross(direction, right))}
     raise ValueError(
-        f"lines along {AXES[axis]} alone do not tell how the camera was turned; draw lines along another axis, or give "
+        f"lines along {AXES[axis]} alone do not determine how the camera was turned; draw lines along another axis, or give "
         "level = true where its horizon is level"
     )
 
@@ -279,20 +279,20 @@ def _offsets(view: _View, segments: Sequence[np.ndarray]) -> list[np.ndarray]:
 
 
 def _check_told(minimum: Minimum, view: _View, size: tuple[int, int], focal_length: bool, centre: bool) -> None:
-    if focal_length and DOUBTFUL < minimum.deviations[3] <= TOLD:
+    if focal_length and DOUBTFUL < minimum.deviations[3] <= LARGEST_DEVIATION:
         warnings.warn(
-            f"the lines tell the focal length to ± {100 * minimum.deviations[3]:.0f} % only ({view.focal_length:.0f} "
+            f"the lines determine the focal length to ± {100 * minimum.deviations[3]:.0f} % only ({view.focal_length:.0f} "
             "pixels); give camera.focal_length where it is known",
             stacklevel=3,
         )
-    if focal_length and not minimum.deviations[3] <= TOLD:
-        told = f" (± {100 * minimum.deviations[3]:.0f} %)" if np.isfinite(minimum.deviations[3]) else ""
+    if focal_length and not minimum.deviations[3] <= LARGEST_DEVIATION:
+        spread = f" (± {100 * minimum.deviations[3]:.0f} %)" if np.isfinite(minimum.deviations[3]) else ""
         raise ValueError(
-            f"the lines do not tell the focal length{told}: those along one axis stay almost parallel; give "
+            f"the lines do not determine the focal length{spread}: those along one axis stay almost parallel; give "
             "focal_length, or draw longer lines that run towards each other"
         )
-    if centre and not np.all(minimum.deviations[-2:] <= TOLD):
+    if centre and not np.all(minimum.deviations[-2:] <= LARGEST_DEVIATION):
         raise ValueError(
-            "the lines do not tell the principal point: those along one axis stay almost parallel; leave "
+            "the lines do not determine the principal point: those along one axis stay almost parallel; leave "
             "estimate_centre out, or give the centre"
         )

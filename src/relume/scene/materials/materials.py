@@ -143,7 +143,7 @@ class Material:
             return None
         with np.errstate(divide="ignore"):
             absorption = -np.log(np.asarray(self.attenuation_color, float)) / self.attenuation_distance
-        # Black after some distance is black after e⁻²⁰ of it as nearly as single precision tells.
+        # Black after some distance is black after e⁻²⁰ of it within single precision.
         absorption = np.nan_to_num(np.minimum(absorption, 20 / self.attenuation_distance))
         if self.scattering_distance is None:
             return Medium(triple(absorption)) if np.any(absorption > 0) else None

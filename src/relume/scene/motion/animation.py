@@ -106,7 +106,7 @@ def posed(meshes: tuple[Mesh, ...], animation: Animation, time: float) -> tuple[
 
     Meshes belong to the node of their name, or to that whose name and an underscore theirs begins with, as the parts of
     one mesh have it. One that is scaled to nothing at that time is left out. Raises ValueError where a mesh that moves
-    cannot be told from another.
+    has the same name as another.
     """
     return tuple(m for m in (_posed(mesh, animation, time) for mesh in meshes) if m is not None)
 

@@ -8,7 +8,7 @@ import numpy as np
 def triangles_of(points: np.ndarray) -> np.ndarray:
     """Triangles (M, 3) int32, counter-clockwise, that fill a polygon which need not be convex.
 
-    points : (N, 2), counter-clockwise; those between two others on a line, and those told twice, may be among them
+    points : (N, 2), counter-clockwise; those between two others on a line, and repeated ones, may be among them
     Raises ValueError where no ear is left, which only a polygon that crosses itself comes to.
     """
     points = np.asarray(points, np.float64)
@@ -37,7 +37,7 @@ def _is_ear(points: np.ndarray, ring: np.ndarray, i: int) -> bool:
     """Whether no other vertex lies in the triangle of the vertices i − 1, i and i + 1, or on its new side."""
     corners = points[ring[i - 1]], points[ring[i]], points[ring[(i + 1) % len(ring)]]
     a, b, c = corners
-    # A vertex where a corner is may be the same one told twice, and bars nothing.
+    # A vertex where a corner is may be the same one repeated, and bars nothing.
     others = points[ring][~np.any([np.all(points[ring] == corner, axis=-1) for corner in corners], axis=0)]
     inside = (_twice_areas(a, b, others) >= 0) & (_twice_areas(b, c, others) >= 0) & (_twice_areas(c, a, others) >= 0)
     return not np.any(inside)

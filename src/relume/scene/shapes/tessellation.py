@@ -45,7 +45,7 @@ def triangulated(polygon: Polygon) -> Mesh:
     normal = polygon.area_vector / np.linalg.norm(polygon.area_vector)
     edges = np.roll(polygon.vertices, -1, axis=0) - polygon.vertices
     lengths = np.linalg.norm(edges, axis=-1)
-    first = edges[np.argmax(lengths > 1e-12 * lengths.max())]  # a vertex may be told twice
+    first = edges[np.argmax(lengths > 1e-12 * lengths.max())]  # a vertex may stand twice in a row
     along = first - (first @ normal) * normal
     along /= np.linalg.norm(along)
     flat = polygon.vertices @ np.stack([along, np.cross(normal, along)], axis=1)

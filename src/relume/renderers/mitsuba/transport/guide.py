@@ -38,7 +38,7 @@ class Guide:
             sine = dr.minimum(radius / distance, WIDEST)
             less = sine * sine / (1 + dr.sqrt(1 - sine * sine))
             axis = away / distance
-            # Light that comes along the surface counts little; the cone's upper edge tells whether any comes at all.
+            # Light that comes along the surface counts little; the cone's upper edge shows whether any comes at all.
             height = dr.dot(axis, normal)
             cosine = dr.sqrt(1 - sine * sine)
             upper = dr.select(height > cosine, 1, height * cosine + dr.safe_sqrt(1 - height * height) * sine)

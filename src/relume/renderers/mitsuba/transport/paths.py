@@ -22,7 +22,7 @@ dr: Any = drjit
 mi: Any = mitsuba
 
 ROULETTE_FROM = 6
-"""Bounces after which a path goes on by chance only, as dark paths mostly tell nothing more."""
+"""Bounces after which a path goes on by chance only, as dark paths mostly add nothing more."""
 SHORTEN = 1 - 1e-4
 """Of a ray to a light: it ends before what the light stands on."""
 
