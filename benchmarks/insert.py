@@ -23,7 +23,6 @@ import numpy as np
 from insert_scenes import Cycles, room
 
 import relume as rl
-from relume.renderers.mitsuba.denoise import denoise_pair
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.renderers.mitsuba.scene import scene_dictionary
@@ -114,6 +113,31 @@ def path_pair(scene: rl.Scene, camera: rl.Camera, sampler: str, same_seed: bool)
             return with_ - without, time.perf_counter() - start
 
     return estimate
+
+
+def denoise_pair(with_: rl.Render, without: rl.Render) -> tuple[rl.Render, rl.Render]:
+    """The same two renders with less noise.
+
+    The picture without objects is denoised alone, and so is what the objects cover. Beside them the light that they
+    take and the light that they add are denoised each on its own: the noise that both renders share has cancelled
+    there. Pixels where the two were equal stay equal to the bit.
+    """
+    import mitsuba_oidn
+
+    def clean(radiance: np.ndarray, guide: rl.Render) -> np.ndarray:
+        picture = np.ascontiguousarray(np.maximum(radiance, 0), np.float32)
+        albedo, normal = (np.ascontiguousarray(p, np.float32) for p in (guide.albedo, guide.normal))
+        return np.asarray(mitsuba_oidn.denoise(picture, np.clip(albedo, 0, 1), normal, hdr=True))
+
+    smooth = clean(without.radiance, without)
+    difference = with_.radiance - without.radiance
+    covered = clean(with_.radiance, with_)
+    cover = with_.matte[..., None]
+    outside = difference * (1 - cover)
+    beside = smooth + clean(np.maximum(outside, 0), with_) - clean(np.maximum(-outside, 0), with_)
+    equal = (cover == 0) & np.all(difference == 0, axis=-1, keepdims=True)
+    radiance = np.where(equal, smooth, cover * covered + (1 - cover) * beside)
+    return replace(with_, radiance=radiance.astype(np.float32)), replace(without, radiance=smooth)
 
 
 def denoised_pair(scene: rl.Scene, camera: rl.Camera) -> Estimate:

@@ -22,8 +22,7 @@ import relume as rl
 from relume.scene.lights import AmbientLight, DistantLight, Light, Linear, PointLight, SquareLaw
 from relume.scene.materials.bumps import Wrinkles
 from relume.scene.materials.whitted import Checks, WhittedMaterial
-from relume.scene.shapes.patches import Patches
-from relume.scene.shapes.shapes import Polygon, Shape
+from relume.scene.shapes.shapes import Patches, Polygon, Shape
 
 PROGRAM = shutil.which("povray")
 ADAPTIVE = ("+AM2", "+A0.1", "+R3")

@@ -15,8 +15,7 @@ from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse
-from relume.scene.shapes.patches import Patches, read_patches
-from relume.scene.shapes.shapes import Mesh
+from relume.scene.shapes.shapes import Mesh, Patches, read_patches
 from relume.scene.shapes.tessellation import tessellated
 from relume.sphere.directions import rotation_about
 

@@ -8,8 +8,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from relume.scene.shapes.patches import Patches
-from relume.scene.shapes.shapes import Mesh, Polygon, Shape, Sphere
+from relume.scene.shapes.shapes import Mesh, Patches, Polygon, Shape, Sphere
 
 
 def lookup(radiance: np.ndarray, mapping: str, direction: np.ndarray) -> np.ndarray:

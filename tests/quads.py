@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from relume.light.reflection.lobes import Mirror
-from relume.renderers.prefiltered.filters import Filter
-from relume.renderers.prefiltered.footprints import Spans
+from relume.renderers.prefiltered.filters import Filter, Spans
 from relume.renderers.prefiltered.shading_samples import Samples
 from relume.renderers.prefiltered.shading_terms import term
 from relume.scene.materials.reflective import Layer, Towards

@@ -13,7 +13,7 @@ import pytest
 import relume as rl
 from relume.renderers.whitted.whitted import PreparedWhitted
 from relume.scene.materials.whitted import WhittedMaterial
-from relume.scene.shapes.patches import Patches
+from relume.scene.shapes.shapes import Patches
 
 FOLDER = Path(__file__).parents[1] / "examples" / "whitted"
 FILES = sorted(path.stem for path in FOLDER.glob("*.toml"))

@@ -6,7 +6,7 @@ import pytest
 from relume.image.files import read_photograph, read_radiance
 from relume.image.radiance import RadianceMap
 from relume.project.insertion.render_change import Previews
-from relume.renderers.progressive.accumulation import Watch, accumulate
+from relume.renderers.progressive.accumulation import RenderSession, accumulate
 from relume.renderers.progressive.accumulators import Sums
 from relume.virtual_camera.film.film import Film
 
@@ -22,7 +22,7 @@ def passing(seed: int) -> dict[str, np.ndarray]:
 
 def test_it_is_the_composite_of_what_there_is(tmp_path):
     previews = Previews(tmp_path, RadianceMap(PLATE), Film(1.0))
-    accumulate(passing, passes=3, watch=Watch(preview=previews))
+    accumulate(passing, passes=3, watch=RenderSession(preview=previews))
     picture = read_radiance(tmp_path / "preview.exr").radiance
     assert [picture[i, i].tolist() for i in range(3)] == [[1.25] * 3, [0.5] * 3, [2.0] * 3]
     assert (read_photograph(tmp_path / "preview.png").pixels[1, 1] == 188).all()  # sRGB of one half
@@ -34,5 +34,5 @@ def test_it_is_the_composite_of_what_there_is(tmp_path):
 def test_a_preview_that_cannot_be_written_is_told_and_stops_nothing(tmp_path):
     previews = Previews(tmp_path / "nowhere", RadianceMap(PLATE), Film(1.0))
     with pytest.warns(UserWarning, match="no preview: .*nowhere"):
-        sums = accumulate(passing, passes=2, watch=Watch(preview=previews))
+        sums = accumulate(passing, passes=2, watch=RenderSession(preview=previews))
     assert isinstance(sums, Sums) and sums.passes == 2

@@ -19,8 +19,7 @@ from relume.scene.lights import AmbientLight, DistantLight, Light, Linear, Point
 from relume.scene.materials.bumps import Wrinkles
 from relume.scene.materials.materials import Diffuse
 from relume.scene.materials.whitted import Checks, WhittedMaterial
-from relume.scene.shapes.patches import Patches
-from relume.scene.shapes.shapes import Mesh, Polygon, Sphere
+from relume.scene.shapes.shapes import Mesh, Patches, Polygon, Sphere
 
 CAMERA = "[camera]\nposition = [0, 1, 4]\ntarget = [0, 0.5, 0]\n"
 SUN = '[[lights]]\nkind = "distant"\ntowards = [1, 1, 1]\nirradiance = 3\n'

@@ -15,7 +15,7 @@ import pytest
 
 from relume.errors import CannotResume, Interrupted, OutputNotWritten
 from relume.renderers.mitsuba.path_tracer import Mitsuba
-from relume.renderers.progressive.accumulation import Watch, accumulate, forget, pass_seed
+from relume.renderers.progressive.accumulation import RenderSession, accumulate, forget, pass_seed
 from relume.renderers.progressive.accumulators import Sums
 from relume.renderers.progressive.checkpoint import Checkpoint, previous, read_checkpoint, write_checkpoint
 from relume.renderers.progressive.convergence import ChangeError, StandardError, Target
@@ -92,7 +92,7 @@ def test_a_pass_with_other_planes_is_refused():
 
 @pytest.mark.parametrize("stop", [1, 4, 9])
 def test_a_resumed_render_has_the_bits_of_one_that_never_stopped(tmp_path, stop):
-    watch = Watch(tmp_path / "render.passes")
+    watch = RenderSession(tmp_path / "render.passes")
     first, _ = stopping_after(stop)
     with pytest.raises(Stopped):
         accumulate(first, passes=10, seed=3, key=KEY, watch=watch)
@@ -106,7 +106,7 @@ def test_a_resumed_render_has_the_bits_of_one_that_never_stopped(tmp_path, stop)
 
 
 def test_a_render_that_was_done_is_not_traced_again_until_it_is_forgotten(tmp_path):
-    watch = Watch(tmp_path / "render.passes", seconds=ALWAYS)
+    watch = RenderSession(tmp_path / "render.passes", seconds=ALWAYS)
     accumulate(trace, passes=3, seed=3, key=KEY, watch=watch)
     none, calls = stopping_after(0)
     assert np.array_equal(accumulate(none, passes=3, seed=3, key=KEY, watch=watch).totals["radiance"], total(3))
@@ -119,7 +119,7 @@ def test_a_stop_at_a_noise_is_resumed_with_what_was_confirmed(tmp_path):
     target = Target(0.08, StandardError(), confirmations=3)
     straight = accumulate(trace, passes=500, seed=5, target=target)
     assert 6 < straight.passes < 500
-    watch = Watch(tmp_path / "p")
+    watch = RenderSession(tmp_path / "p")
     # One pass before the end two of three confirmations are there already.
     first, _ = stopping_after(straight.passes - 1)
     with pytest.raises(Stopped):
@@ -139,13 +139,13 @@ def test_a_stop_at_a_noise_is_resumed_with_what_was_confirmed(tmp_path):
     ],
 )
 def test_the_state_of_another_render_is_refused_by_naming_the_difference(tmp_path, change, words):
-    watch = Watch(tmp_path / "p")
+    watch = RenderSession(tmp_path / "p")
     accumulate(trace, passes=2, seed=3, key=KEY, watch=watch)
     before = (tmp_path / "p").read_bytes()
     with pytest.raises(CannotResume, match=words):
         accumulate(trace, passes=2, seed=3, key=KEY | change, watch=watch)
     assert (tmp_path / "p").read_bytes() == before
-    anew = accumulate(trace, passes=4, seed=3, key=KEY | change, watch=Watch(tmp_path / "p", restart=True))
+    anew = accumulate(trace, passes=4, seed=3, key=KEY | change, watch=RenderSession(tmp_path / "p", restart=True))
     assert np.array_equal(anew.totals["radiance"], total(4))
 
 
@@ -206,7 +206,7 @@ def test_planes_come_back_to_the_bit(tmp_path):
 
 def test_previews_come_after_one_two_four_and_eight_passes_and_after_a_resume_go_on():
     shown = []
-    watch = Watch(preview=lambda sums: shown.append((sums.passes, float(sums.mean("matte").mean()))))
+    watch = RenderSession(preview=lambda sums: shown.append((sums.passes, float(sums.mean("matte").mean()))))
     sums = accumulate(trace, passes=11, watch=watch)
     assert [count for count, _ in shown] == [1, 2, 4, 8]
     assert abs(shown[-1][1] - sums.mean("matte").mean()) < 0.05
@@ -223,7 +223,7 @@ def test_progress_may_cancel_and_what_was_done_is_kept(tmp_path):
         if share >= 0.5:
             raise Stopped
 
-    watch = Watch(tmp_path / "p")
+    watch = RenderSession(tmp_path / "p")
     with pytest.raises(Stopped):
         accumulate(trace, passes=6, seed=3, key=KEY, watch=watch, progress=cancel)
     kept = kept_at(tmp_path / "p")
@@ -236,7 +236,7 @@ def test_ctrl_c_finishes_the_pass_keeps_it_and_tells_how_to_go_on(tmp_path):
             os.kill(os.getpid(), signal.SIGINT)
         return trace(seed)
 
-    watch = Watch(tmp_path / "p")
+    watch = RenderSession(tmp_path / "p")
     before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
     with pytest.raises(Interrupted, match=r"5 of 9 passes are kept in .*p; give the same command again") as caught:
         accumulate(interrupted, passes=9, seed=3, key=KEY, watch=watch)
@@ -274,8 +274,8 @@ import numpy as np
 from pathlib import Path
 sys.path[:0] = {path!r}
 from relume.errors import Interrupted, OutputNotWritten
-from relume.renderers.progressive.accumulation import Watch, accumulate
-from relume.renderers.progressive.graceful_shutdown import Force
+from relume.renderers.progressive.accumulation import RenderSession, accumulate
+from relume.renderers.progressive.graceful_shutdown import HardStop
 from test_accumulation import KEY, trace
 
 def slow(seed):
@@ -287,7 +287,7 @@ def end(number, words):
     os._exit(128 + number)
 
 {before}
-watch = Watch(Path(sys.argv[1]), seconds={every}, force=Force(end, {force}) if {force} else None)
+watch = RenderSession(Path(sys.argv[1]), seconds={every}, force=HardStop(end, {force}) if {force} else None)
 print("begun", flush=True)
 try:
     sums = accumulate(slow, passes={passes}, seed=3, key=KEY, watch=watch)
@@ -335,10 +335,10 @@ def killed_and_resumed(folder: Path, moments: list[float]) -> None:
         time.sleep(moment)
         process.kill()
         process.communicate()
-    resumed = accumulate(trace, passes=40, seed=3, key=KEY, watch=Watch(folder / "p"))
+    resumed = accumulate(trace, passes=40, seed=3, key=KEY, watch=RenderSession(folder / "p"))
     assert np.array_equal(resumed.totals["radiance"], total(40))
     assert np.array_equal(resumed.squares["matte"], accumulate(trace, passes=40, seed=3).squares["matte"])
-    forget(Watch(folder / "p"))
+    forget(RenderSession(folder / "p"))
     assert list(folder.iterdir()) == []
 
 
@@ -400,7 +400,7 @@ def slow(seed):
 
 
 def test_a_disk_that_is_full_is_told_in_one_line_and_the_old_state_stays(tmp_path):
-    accumulate(trace, passes=2, seed=3, key=KEY, watch=Watch(tmp_path / "p"))
+    accumulate(trace, passes=2, seed=3, key=KEY, watch=RenderSession(tmp_path / "p"))
     before = (tmp_path / "p").read_bytes()
     limit = """
 import resource, signal
@@ -417,7 +417,7 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
 def test_a_folder_that_cannot_be_made_is_told(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputNotWritten, match="file"):
-        accumulate(trace, passes=2, key=KEY, watch=Watch(tmp_path / "file" / "p"))
+        accumulate(trace, passes=2, key=KEY, watch=RenderSession(tmp_path / "file" / "p"))
 
 
 # With Mitsuba
@@ -432,13 +432,13 @@ def test_mitsuba_goes_on_where_it_was_interrupted(tmp_path):
         if share >= 0.25:
             raise Stopped
 
-    watch = Watch(tmp_path / "p")
+    watch = RenderSession(tmp_path / "p")
     with pytest.raises(Stopped):
         method.render(scene, camera, seed=2, watch=watch, progress=cancel)
     with pytest.raises(CannotResume, match=r"another camera, samples \(16, now 32\), seed \(2, now 4\)"):
         wider = Camera.looking_at(np.array([0, 1.0, 3]), np.zeros(3), width=8, height=6, focal_length=7)
         Mitsuba(samples=32).render(scene, wider, seed=4, watch=watch)
-    resumed, straight = (method.render(scene, camera, seed=2, watch=w) for w in (watch, Watch()))
+    resumed, straight = (method.render(scene, camera, seed=2, watch=w) for w in (watch, RenderSession()))
     assert np.array_equal(resumed.radiance, straight.radiance)
     assert np.array_equal(resumed.variance, straight.variance)
 

@@ -6,8 +6,7 @@ import pytest
 from lights import constant, lone, of_directions, spiky, spread, sunny
 from quads import around, filtered, supersampled
 from relume.light.reflection.lobes import Mirror
-from relume.renderers.prefiltered.filters import Filter, Mip, Plain, Preintegrated, Quadrilateral, Subdivision
-from relume.renderers.prefiltered.footprints import Spans
+from relume.renderers.prefiltered.filters import Filter, Mip, Plain, Preintegrated, Quadrilateral, Spans, Subdivision
 from relume.renderers.prefiltered.prefiltered import Prefiltered
 from relume.renderers.prefiltered.shading_samples import Samples
 from relume.renderers.prefiltered.shading_terms import term

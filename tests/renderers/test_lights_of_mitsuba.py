@@ -16,8 +16,7 @@ from relume.scene.lights import AmbientLight, DistantLight, Light, Linear, Point
 from relume.scene.materials.materials import Diffuse
 from relume.scene.materials.whitted import WhittedMaterial
 from relume.scene.scene import Scene
-from relume.scene.shapes.patches import Patches
-from relume.scene.shapes.shapes import Plane, Polygon, Shape, Sphere
+from relume.scene.shapes.shapes import Patches, Plane, Polygon, Shape, Sphere
 from relume.sphere.directions import normalised
 from relume.sphere.environment_map import EnvironmentMap
 

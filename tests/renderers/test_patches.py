@@ -14,8 +14,7 @@ from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse
-from relume.scene.shapes.patches import Patches, read_patches
-from relume.scene.shapes.shapes import Mesh, Plane, Polygon, Sphere
+from relume.scene.shapes.shapes import Mesh, Patches, Plane, Polygon, Sphere, read_patches
 from relume.sphere.directions import normalised, rotation_about
 
 GREY = Diffuse((0.5, 0.5, 0.5))

@@ -12,8 +12,7 @@ from relume.renderers.raytrace.bvh import LARGEST_LEAF, build_tree
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
 from relume.scene.materials.materials import Diffuse
-from relume.scene.shapes.patches import Patches
-from relume.scene.shapes.shapes import Mesh, Plane, Polygon, Sphere
+from relume.scene.shapes.shapes import Mesh, Patches, Plane, Polygon, Sphere
 from relume.sphere.directions import normalised, rotation_about
 
 GREY = Diffuse((0.5, 0.5, 0.5))

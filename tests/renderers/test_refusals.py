@@ -11,7 +11,7 @@ import lights
 from relume.errors import UnsupportedScene
 from relume.renderers.prefiltered.materials import layers_of
 from relume.renderers.prefiltered.prefiltered import Prefiltered
-from relume.renderers.unsupported_features import unshown
+from relume.renderers.unsupported_features import unsupported_features
 from relume.renderers.whitted.materials import as_whitted
 from relume.renderers.whitted.whitted import Whitted, view_of
 from relume.scene.cameras.camera import Camera
@@ -58,10 +58,10 @@ FULL = Material(clearcoat=0.5, emission=(1.0, 0.0, 0.0), alpha=0.5, sheen_color=
 
 
 def test_what_of_a_material_is_not_shown_is_told():
-    assert unshown(FULL) == ("emission", "alpha", "clearcoat", "sheen")
+    assert unsupported_features(FULL) == ("emission", "alpha", "clearcoat", "sheen")
     glass = Material(transmission=1.0, dispersion=1.0, thin=True, attenuation_color=(0.5, 0.5, 0.5))
-    assert unshown(glass) == ("thinness", "dispersion")
-    assert unshown(Material((0.2, 0.2, 0.2), 0.5, 0.3, 0.5, 1.4)) == ()
+    assert unsupported_features(glass) == ("thinness", "dispersion")
+    assert unsupported_features(Material((0.2, 0.2, 0.2), 0.5, 0.3, 0.5, 1.4)) == ()
     with pytest.warns(UserWarning, match="Whitted's model does not show emission, alpha, clearcoat, sheen of 'cloth'"):
         as_whitted(FULL)
     with pytest.warns(UserWarning, match="reflection maps do not show emission, alpha, clearcoat, sheen of 'cloth'"):

@@ -6,7 +6,7 @@ import pytest
 
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
-from relume.scene.cameras.undistortion import reprojected, straightened
+from relume.scene.cameras.undistortion import reprojected, undistorted
 from relume.sphere.directions import rotation_about
 
 LENSES = [
@@ -90,7 +90,7 @@ def test_a_lens_that_folds_over_within_the_picture_is_refused():
 @pytest.mark.parametrize("lens", LENSES[:4])
 def test_a_straightened_picture_sees_all_and_comes_back(lens):
     camera = Camera(120, 80, 110.0, np.array([1.0, 2.0, 3.0]), TURN, (61.0, 38.5), lens)
-    wide = straightened(camera)
+    wide = undistorted(camera)
     seen = wide.project(camera.position + camera.rays())
     assert wide.distortion is None and wide.focal_length == camera.focal_length
     assert (seen > 0).all() and (seen < [wide.width, wide.height]).all()
@@ -117,4 +117,4 @@ def test_what_the_picture_does_not_reach_is_nan_and_wrong_calls_are_told():
         reprojected(picture, camera, Camera(8, 6, 10.0, np.ones(3), np.eye(3)))
     with pytest.raises(ValueError, match=r"\(6, 8\) from a camera of 9×6"):
         reprojected(picture, Camera(9, 6, 10.0, np.zeros(3), np.eye(3)), camera)
-    assert straightened(camera) is camera
+    assert undistorted(camera) is camera

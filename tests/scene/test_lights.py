@@ -14,8 +14,7 @@ from relume.errors import UnreadableFile
 from relume.scene.lights import AmbientLight, DistantLight, Linear, PointLight, SquareLaw, Unattenuated
 from relume.scene.materials.materials import Diffuse
 from relume.scene.materials.whitted import Checks, WhittedMaterial
-from relume.scene.shapes.patches import Patches, read_patches
-from relume.scene.shapes.shapes import Polygon
+from relume.scene.shapes.shapes import Patches, Polygon, read_patches
 
 GREY = Diffuse((0.5, 0.5, 0.5))
 

@@ -20,9 +20,7 @@ from relume.scene.materials.reflective import glossy
 from relume.scene.materials.whitted import Checks, WhittedMaterial
 from relume.scene.motion.moving_objects import ObjectOrbit, columns_turned, left_in_space, turned, turned_scene
 from relume.scene.scene import Scene
-from relume.scene.shapes.bounds import bounding_sphere, bounds
-from relume.scene.shapes.patches import Patches
-from relume.scene.shapes.shapes import Mesh, Polygon, Solid, Sphere
+from relume.scene.shapes.shapes import Mesh, Patches, Polygon, Solid, Sphere, bounding_sphere, bounds
 from relume.sphere.directions import UP, rotation_about
 
 GREY = Diffuse((0.5, 0.5, 0.5))

@@ -10,10 +10,8 @@ import pytest
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
 from relume.scene.materials.materials import Diffuse
-from relume.scene.shapes.patches import Patches, read_patches
-from relume.scene.shapes.polygon_triangulation import triangles_of
-from relume.scene.shapes.shapes import Mesh, Polygon
-from relume.scene.shapes.tessellation import tessellated, triangulated
+from relume.scene.shapes.shapes import Mesh, Patches, Polygon, read_patches
+from relume.scene.shapes.tessellation import tessellated, triangles_of, triangulated
 
 GREY = Diffuse((0.5, 0.5, 0.5))
 ARC = 4 / 3 * (np.sqrt(2) - 1)

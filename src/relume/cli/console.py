@@ -71,7 +71,7 @@ def warnings_as_notes(output: OutputOptions) -> Iterator[None]:
         yield
 
 
-def force() -> rl.renderers.Force:
+def force() -> rl.renderers.HardStop:
     """How a long render is ended in time: by this process's own end, said in one line."""
 
     def end(number: int, words: str) -> None:
@@ -79,7 +79,7 @@ def force() -> rl.renderers.Force:
             print(f"relume: {words}", file=sys.stderr, flush=True)
         os._exit(128 + number)
 
-    return rl.renderers.Force(end)
+    return rl.renderers.HardStop(end)
 
 
 def note(output: OutputOptions, line: str) -> None:

@@ -15,8 +15,7 @@ from relume.scene.materials.materials import Diffuse, Material, Ward, mean_colou
 from relume.scene.materials.reflective import Reflective
 from relume.scene.materials.whitted import WhittedMaterial
 from relume.scene.scene import Scene
-from relume.scene.shapes.patches import Patches
-from relume.scene.shapes.shapes import Mesh, Plane, Polygon, Shape, Sphere
+from relume.scene.shapes.shapes import Mesh, Patches, Plane, Polygon, Shape, Sphere
 from relume.scene.shapes.tessellation import tessellated, triangulated
 
 SPHERE_ROWS = 64

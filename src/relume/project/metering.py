@@ -7,7 +7,7 @@ import numpy as np
 from relume.image.colour import luminance
 from relume.scene.lights import AmbientLight, DistantLight, Light, SphereLight
 from relume.scene.scene import Scene
-from relume.scene.shapes.bounds import bounds
+from relume.scene.shapes.shapes import bounds
 from relume.virtual_camera.film.film import Film
 
 

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from relume.project.schema import Positive, Table, Vector
-from relume.scene.shapes.patches import Patches
-from relume.scene.shapes.shapes import Mesh
+from relume.scene.shapes.shapes import Mesh, Patches
 from relume.sphere.directions import rotation_about
 
 

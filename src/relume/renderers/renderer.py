@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from relume.renderers.progressive.accumulation import ALONE, Watch
+from relume.renderers.progressive.accumulation import NO_SESSION, RenderSession
 from relume.renderers.results import Change, Progress, Render
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.shutter import Shutter
@@ -36,7 +36,7 @@ class Renderer(Protocol):
         *,
         seed: int = 0,
         progress: Progress | None = None,
-        watch: Watch = ALONE,
+        watch: RenderSession = NO_SESSION,
         plate: np.ndarray | None = None,
         moments: Moments | None = None,
         shutter: Shutter = Shutter(0.0, 0.0),

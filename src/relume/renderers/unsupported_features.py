@@ -9,12 +9,12 @@ import numpy as np
 from relume.scene.materials.materials import Material
 
 
-def warn_of_unshown(material: Material, whose: str) -> None:
+def warn_of_unsupported(material: Material, whose: str) -> None:
     """Warn of what of a material is not shown where only its base, its gloss and its transmission are.
 
     whose : the renderer, to begin the sentence
     """
-    if found := unshown(material):
+    if found := unsupported_features(material):
         warnings.warn(
             f"{whose} not show {', '.join(found)} of {material.name or 'a material'!r}; "
             "use rl.Mitsuba (--renderer mitsuba)",
@@ -22,7 +22,7 @@ def warn_of_unshown(material: Material, whose: str) -> None:
         )
 
 
-def unshown(material: Material) -> tuple[str, ...]:
+def unsupported_features(material: Material) -> tuple[str, ...]:
     """The names of what is set of a material beyond base colour, metallic, roughness, transmission and ior."""
     clear = bool(np.any(material.through))
     there = {

@@ -17,8 +17,7 @@ from relume.project.scene_file.scene_file import SceneFile
 from relume.renderers.whitted.ray_tree import NAMES, Breakdown, RayTree, breakdown, ray_tree
 from relume.renderers.whitted.record import EYE, REFLECTED, REFRACTED, SHADOW
 from relume.scene.scene import Scene
-from relume.scene.shapes.patches import Patches
-from relume.scene.shapes.shapes import Plane, Shape, Sphere
+from relume.scene.shapes.shapes import Patches, Plane, Shape, Sphere
 from relume.virtual_camera.developing import develop
 from relume.virtual_camera.film.film import Film
 

@@ -1,7 +1,7 @@
 """The shape of the distant scene: onto what the light of a probe is projected (Debevec 1998, §4 and §5.1, Fig. 5).
 
-A probe records from which directions light comes to one place. Where it comes *from* decides what other places get: each
-value here says where a ray from the probe ends. The shapes shine and take no light: they are not part of the local
+A probe records from which directions light comes to one place. Where it comes *from* decides what other places get:
+each value here says where a ray from the probe ends. The shapes shine and take no light: they are not part of the local
 scene, and hide nothing.
 """
 

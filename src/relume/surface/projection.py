@@ -15,8 +15,7 @@ import numpy as np
 
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.scene.cameras.camera import Camera
-from relume.scene.shapes.patches import Patches
-from relume.scene.shapes.shapes import AnyMaterial, Mesh, Plane, Polygon, Shape, Sphere
+from relume.scene.shapes.shapes import AnyMaterial, Mesh, Patches, Plane, Polygon, Shape, Sphere
 from relume.scene.shapes.tessellation import tessellated, triangulated
 
 STRAIGHT = 0.1

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relume.image.radiance import RadianceMap
-from relume.renderers.mitsuba.irradiance_denoise import smoothed
+from relume.renderers.mitsuba.denoise import smoothed
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.renderer import Renderer

@@ -18,7 +18,7 @@ from relume.project.insertion.render_change import Motion, Rendering, render_cha
 from relume.project.shot_file.objects import doubts_about, placed_meshes
 from relume.project.shot_file.shot import Shot
 from relume.project.stages import Progress, Stages, Steps
-from relume.renderers.progressive.graceful_shutdown import Force
+from relume.renderers.progressive.graceful_shutdown import HardStop
 from relume.renderers.renderer import Renderer
 
 
@@ -32,7 +32,7 @@ def insert(
     others: tuple[Path, ...] = (),
     motion: Motion | None = None,
     restart: bool = False,
-    force: Force | None = None,
+    force: HardStop | None = None,
 ) -> Inserted:
     """Do the whole job and write composite.exr and .png, layers.exr, light.exr and response.json.
 

@@ -27,8 +27,8 @@ from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.results import Change
 from relume.scene.cameras.camera import Camera
 from relume.scene.scene import Scene
-from relume.scene.shapes.bounds import bounds
 from relume.scene.shapes.meshes import read_meshes
+from relume.scene.shapes.shapes import bounds
 
 LIGHT = Mitsuba(samples=64, depth=6)
 """Renders what reaches the subject; its noise is averaged over the cells of the stage's lights."""

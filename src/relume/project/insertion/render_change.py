@@ -18,10 +18,10 @@ from relume.project.shot_file.objects import placed_meshes
 from relume.project.shot_file.shot import Shot
 from relume.project.stages import Steps
 from relume.renderers.mitsuba.differential import Differential
-from relume.renderers.progressive.accumulation import Watch, forget
+from relume.renderers.progressive.accumulation import RenderSession, forget
 from relume.renderers.progressive.accumulators import Sums
 from relume.renderers.progressive.fingerprint import without_threads
-from relume.renderers.progressive.graceful_shutdown import Force
+from relume.renderers.progressive.graceful_shutdown import HardStop
 from relume.renderers.renderer import Moments, Renderer
 from relume.renderers.results import Change
 from relume.scene.cameras.shutter import Shutter
@@ -68,7 +68,7 @@ class Rendering:
     threads: int | None = None
     motion: Motion | None = None
     restart: bool = False
-    force: Force | None = None
+    force: HardStop | None = None
 
 
 def render_change(
@@ -101,12 +101,12 @@ def render_change(
         folder.mkdir(parents=True, exist_ok=True)
         plate = calibrated.plate
         previews = Previews(folder.parent, plate, film)
-        watch = Watch(
+        watch = RenderSession(
             folder / "render.passes", rendering.restart, preview=previews if table.preview else None,
             force=rendering.force,
         )  # fmt: skip
 
-        def trace(watch: Watch) -> Change:
+        def trace(watch: RenderSession) -> Change:
             return renderer.change(
                 scene, place.camera, seed=table.seed, progress=lambda share: steps.progress("render", share),
                 watch=watch, plate=plate.radiance, moments=moments,
@@ -119,7 +119,7 @@ def render_change(
         except CannotResume as error:
             what = str(error).partition(";")[0]
             warnings.warn(f"cannot resume the saved render: {what}; starting over", stacklevel=2)
-            change = trace(Watch(watch.checkpoint, True, preview=watch.preview, force=rendering.force))
+            change = trace(RenderSession(watch.checkpoint, True, preview=watch.preview, force=rendering.force))
         forget(watch)
         previews.remove()
         if not table.denoise:
@@ -146,7 +146,7 @@ def _scene_at(place: Place, shot: Shot) -> Scene:
 
 @dataclass(frozen=True, eq=False)
 class Previews:
-    """Writes preview.exr and preview.png, each whole at every moment; for `Watch.preview`.
+    """Writes preview.exr and preview.png, each whole at every moment; for `RenderSession.preview`.
 
     folder : must exist
     plate : that the composite so far is over

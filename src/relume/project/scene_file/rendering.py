@@ -283,7 +283,7 @@ def _prefiltered(settings: RenderSettings) -> Prefiltered:
 def _motion(read: SceneFile, settings: RenderSettings) -> Orbit | Turntable:
     """The motion about the middle of the scene's objects, a turntable unless given."""
     from relume.renderers import turntable as motions
-    from relume.scene.shapes.bounds import bounds
+    from relume.scene.shapes.shapes import bounds
 
     x, y, z = bounds(read.scene.objects).mean(axis=0)
     angle = math.radians(360.0 if settings.degrees is None else settings.degrees)

@@ -8,18 +8,26 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from relume.errors import InvalidScene, UnreadableFile
 from relume.image import files
-from relume.project.scene_file.lights import AnyLightTable, LightTable, distant_light, light_of, read_light
+from relume.project.scene_file.lights import (
+    AnyLightTable,
+    AttenuationTable,
+    LightTable,
+    attenuation,
+    distant_light,
+    light_of,
+    read_light,
+)
 from relume.project.scene_file.materials import SurfaceTable, made, naming
 from relume.project.scene_file.shapes import LocalTable, ObjectTable, plane_of, solids_of
-from relume.project.scene_file.whitted import WhittedSettings, whitted_of
 from relume.project.schema import Table, Vector, checked, read_toml
+from relume.renderers.whitted.antialiasing import Antialiasing
 from relume.renderers.whitted.whitted import Whitted
 from relume.scene.cameras.camera import Camera
 from relume.scene.motion.moving_objects import ObjectOrbit
@@ -27,6 +35,44 @@ from relume.scene.scene import Scene
 from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import Mesh
 from relume.sphere.environment_files import as_environment
+
+
+class WhittedSettings(Table):
+    """How trees are traced and pixels subdivided; what is left out is as in `Whitted`."""
+
+    depth: int | None = None
+    contribution: float | None = None
+    attenuation: AttenuationTable | None = None
+    subdivisions: int | None = None
+    tolerance: float | None = None
+    antialiasing: bool = True
+    constellation: int | None = None
+    rays: int | None = None
+    clear_shadows: bool | None = None
+
+    @model_validator(mode="after")
+    def _of_use(self) -> WhittedSettings:
+        for name in ("subdivisions", "tolerance"):
+            if not self.antialiasing and getattr(self, name) is not None:
+                raise ValueError(f"has {name}, but antialiasing is false; remove one of them")
+        return self
+
+
+def whitted_of(table: WhittedSettings | None, path: Path) -> Whitted:
+    """The renderer that the table describes; raises InvalidScene naming the key."""
+    if table is None:
+        return Whitted()
+    place = f"{path}: whitted"
+    given: dict[str, Any] = table.model_dump(
+        exclude_none=True, exclude={"attenuation", "antialiasing", "subdivisions", "tolerance"}
+    )
+    with naming(place):
+        finer = table.model_dump(exclude_none=True, include={"subdivisions", "tolerance"})
+        given["antialiasing"] = replace(Antialiasing(), **finer) if table.antialiasing else None
+        if table.attenuation is not None:
+            given["attenuation"] = attenuation(table.attenuation, f"{place}.attenuation")
+        return Whitted(**given)
+
 
 SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")
 LARGEST = 65536

@@ -18,8 +18,7 @@ from relume.scene.materials.materials import Diffuse
 from relume.scene.materials.whitted import WhittedMaterial
 from relume.scene.motion.moving_objects import ObjectOrbit
 from relume.scene.shapes.meshes import read_meshes
-from relume.scene.shapes.patches import Patches, read_patches
-from relume.scene.shapes.shapes import AnyMaterial, Plane, Polygon, Solid, Sphere
+from relume.scene.shapes.shapes import AnyMaterial, Patches, Plane, Polygon, Solid, Sphere, read_patches
 
 PLACED_BY = {"sphere": "its centre and radius", "polygon": "its vertices"}
 """Objects that are not scaled, rotated and translated, and why."""

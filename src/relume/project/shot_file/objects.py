@@ -16,7 +16,7 @@ from relume.scene.gltf.animation import read_animation
 from relume.scene.motion.animation import posed
 from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import Mesh, Plane, Shape
-from relume.scene.shapes.watertight import bodied, inside
+from relume.scene.shapes.watertight import facing_outwards, inside
 
 HOVERING = 0.005
 """Metres between all objects and the plane from which on they seem to hover."""
@@ -51,7 +51,7 @@ def _overridden(mesh: Mesh, table: Object) -> Mesh:
         material = table.material.apply(mesh.material)
     except ValueError as error:
         raise InvalidShot(f"objects.material: {error}") from None
-    return bodied(replace(mesh, material=material))
+    return facing_outwards(replace(mesh, material=material))
 
 
 def require_outside(meshes: Sequence[Mesh], camera: Camera) -> None:

@@ -17,7 +17,7 @@ from relume.errors import UnsupportedScene
 from relume.renderers.mitsuba.distant import require_inside
 from relume.renderers.mitsuba.path_tracer import MATTE_SAMPLES, PASSES, Mitsuba, _mitsuba
 from relume.renderers.mitsuba.scene import why_not
-from relume.renderers.progressive.accumulation import ALONE, Watch, accumulate, pass_seed
+from relume.renderers.progressive.accumulation import NO_SESSION, RenderSession, accumulate, pass_seed
 from relume.renderers.progressive.convergence import ChangeError, Target
 from relume.renderers.progressive.fingerprint import fingerprint, render_key
 from relume.renderers.renderer import Moments, Renderer, subtracted
@@ -72,7 +72,7 @@ class Differential(Renderer):
         *,
         seed: int = 0,
         progress: Progress | None = None,
-        watch: Watch = ALONE,
+        watch: RenderSession = NO_SESSION,
         plate: np.ndarray | None = None,
         moments: Moments | None = None,
         shutter: Shutter = Shutter(0.0, 0.0),

@@ -48,7 +48,7 @@ def not_rendered(material: Material, *, media: bool, scalar: bool) -> tuple[str,
     """What of a material Mitsuba's BSDFs here leave out or replace, each in a few words."""
     lost = []
     if material.dispersion > 0 and np.any(material.through):
-        lost.append("dispersion (render the three of relume.scene.materials.materials.dispersed for it)")
+        lost.append("dispersion (render the three of rl.scene.dispersed for it)")
     if np.any(material.through):
         upper = {
             "clearcoat": _some(material.clearcoat),

@@ -17,7 +17,7 @@ import numpy as np
 
 from relume.renderers.mitsuba.scene import fills, matte_dictionary, scene_dictionary, surfaces_dictionary
 from relume.renderers.mitsuba.variant import choose_variant
-from relume.renderers.progressive.accumulation import ALONE, Watch, accumulate, pass_seed
+from relume.renderers.progressive.accumulation import NO_SESSION, RenderSession, accumulate, pass_seed
 from relume.renderers.progressive.convergence import StandardError, Target
 from relume.renderers.progressive.fingerprint import render_key
 from relume.renderers.raytrace.alpha_coverage import coverage, is_pierced
@@ -75,7 +75,7 @@ class Mitsuba(Renderer):
         *,
         seed: int = 0,
         progress: Progress | None = None,
-        watch: Watch = ALONE,
+        watch: RenderSession = NO_SESSION,
     ) -> Render:
         """Render in passes of equal size; the passes' scatter is the variance.
 

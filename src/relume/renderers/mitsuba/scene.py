@@ -22,8 +22,7 @@ from relume.scene.materials.media import Medium
 from relume.scene.materials.reflective import Reflective
 from relume.scene.materials.whitted import WhittedMaterial
 from relume.scene.scene import Scene
-from relume.scene.shapes.patches import Patches
-from relume.scene.shapes.shapes import AnyMaterial, Mesh, Plane, Polygon, Shape, Sphere
+from relume.scene.shapes.shapes import AnyMaterial, Mesh, Patches, Plane, Polygon, Shape, Sphere
 from relume.scene.shapes.tessellation import tessellated, triangulated
 from relume.sphere.environment_map import EnvironmentMap
 
@@ -112,8 +111,7 @@ def sensor(mi: Any, camera: Camera) -> dict[str, Any]:
     """
     if camera.distortion is not None:
         raise UnsupportedScene(
-            "Mitsuba's cameras have no lens distortion; use rl.Differential (relume insert), or "
-            "relume.scene.cameras.undistortion.straightened"
+            "Mitsuba's cameras have no lens distortion; use rl.Differential (relume insert), or rl.scene.undistorted"
         )
     across, down = 0.5 - np.array(camera.principal_point) / [camera.width, camera.height]
     if camera.aperture > 0 and max(abs(across), abs(down)) > 1e-9:

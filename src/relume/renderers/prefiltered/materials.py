@@ -12,8 +12,8 @@ from relume.light.reflection.brdf import GGX
 from relume.light.reflection.glossy import albedo
 from relume.light.reflection.lobes import GGXLobe, Lambert, Mirror
 from relume.light.reflection.weights import ByAngle, Complement, Schlick
-from relume.renderers.raytrace.texture_wrapping import repeated
-from relume.renderers.unsupported_features import warn_of_unshown
+from relume.renderers.raytrace.alpha_coverage import repeated
+from relume.renderers.unsupported_features import warn_of_unsupported
 from relume.scene.materials.materials import Colour, Diffuse, Material
 from relume.scene.materials.reflective import Layer, Reflective, Towards
 
@@ -61,7 +61,7 @@ def layers_of(material: Material | Diffuse | Reflective) -> tuple[ShadedLayer, .
         np.ndim(each) > 1
         for each in (material.base_color, material.metallic, material.roughness, material.transmission)
     )
-    warn_of_unshown(material, "reflection maps do")
+    warn_of_unsupported(material, "reflection maps do")
     return tuple(replace(layer, has_image=images) for layer in _metallic_roughness(material))
 
 

@@ -22,8 +22,7 @@ from relume.light.reflection.convolution import as_latlong
 from relume.light.reflection.glossy import AZIMUTHS, GlossyMap, glossy_map
 from relume.light.reflection.reflection_map import reflection_map
 from relume.renderers.prefiltered.filter_kernels import add_seen
-from relume.renderers.prefiltered.filters import Filter, Plain, Preintegrated, background
-from relume.renderers.prefiltered.footprints import Spans
+from relume.renderers.prefiltered.filters import Filter, Plain, Preintegrated, Spans, background
 from relume.renderers.prefiltered.glossy_kernel import lookup_glossy
 from relume.renderers.prefiltered.materials import ShadedLayer, layers_of
 from relume.renderers.prefiltered.shading_samples import GBuffer, Samples
@@ -37,8 +36,7 @@ from relume.scene.materials.materials import Diffuse, Material, Ward
 from relume.scene.materials.reflective import Reflective
 from relume.scene.materials.whitted import WhittedMaterial
 from relume.scene.scene import Scene
-from relume.scene.shapes.patches import Patches
-from relume.scene.shapes.shapes import Polygon, Solid, Sphere
+from relume.scene.shapes.shapes import Patches, Polygon, Solid, Sphere
 from relume.sphere.bilinear_kernels import padded
 from relume.sphere.environment_map import EnvironmentMap
 

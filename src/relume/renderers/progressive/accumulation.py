@@ -18,7 +18,7 @@ from relume.errors import Interrupted
 from relume.renderers.progressive.accumulators import Sums
 from relume.renderers.progressive.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint, write_checkpoint
 from relume.renderers.progressive.convergence import Target
-from relume.renderers.progressive.graceful_shutdown import Asked, Force, interruptible
+from relume.renderers.progressive.graceful_shutdown import HardStop, StopFlag, interruptible
 from relume.renderers.results import Progress
 
 Planes = Mapping[str, np.ndarray]
@@ -29,7 +29,7 @@ SHARE = 0.02
 
 
 @dataclass(frozen=True)
-class Watch:
+class RenderSession:
     """What goes on around a long render; none of it changes a pixel.
 
     checkpoint : the file that its state is kept in, so that it can be resumed; None keeps nothing
@@ -45,10 +45,10 @@ class Watch:
     restart: bool = False
     seconds: float = 30.0
     preview: Preview | None = None
-    force: Force | None = None
+    force: HardStop | None = None
 
 
-ALONE = Watch()
+NO_SESSION = RenderSession()
 """Nothing is kept, shown or forced."""
 
 
@@ -65,7 +65,7 @@ def accumulate(
     scattered: Collection[str] | None = None,
     target: Target | None = None,
     key: Mapping[str, str] | None = None,
-    watch: Watch = ALONE,
+    watch: RenderSession = NO_SESSION,
     progress: Progress | None = None,
 ) -> Sums:
     """Trace passes and add them up.
@@ -113,13 +113,13 @@ def accumulate(
     return sums
 
 
-def forget(watch: Watch) -> None:
+def forget(watch: RenderSession) -> None:
     """Remove the state of a render whose result is safe elsewhere."""
     if watch.checkpoint is not None:
         remove_checkpoint(watch.checkpoint)
 
 
-def _leave_if(asked: Asked, loop: _Loop, sums: Sums, passes: int) -> None:
+def _leave_if(asked: StopFlag, loop: _Loop, sums: Sums, passes: int) -> None:
     if asked.signal is not None:
         loop.save()
         raise Interrupted(sums.passes, passes, asked.signal, loop.watch.checkpoint)
@@ -128,7 +128,7 @@ def _leave_if(asked: Asked, loop: _Loop, sums: Sums, passes: int) -> None:
 class _Loop:
     """The state that is kept: the sums of the passes that are done, never half a pass."""
 
-    def __init__(self, key: Mapping[str, str], watch: Watch) -> None:
+    def __init__(self, key: Mapping[str, str], watch: RenderSession) -> None:
         self.key, self.watch = key, watch
         self.current: tuple[Sums, int] = Sums(), 0
         self.saved = 0

@@ -15,11 +15,11 @@ SECOND = 0.3
 
 
 @dataclass(frozen=True)
-class Force:
+class HardStop:
     """How a program that owns its process is ended while native code keeps Python from doing so.
 
-    end : called with the signal's number and what to say, or "" after a second signal; it ends the process at once, with
-        `os._exit`, and is called in another thread than the main one
+    end : called with the signal's number and what to say, or "" after a second signal; it ends the process at
+        once, with `os._exit`, and is called in another thread than the main one
     after : seconds that the pass under way may still take after the first signal; 4 leaves one to write what was done
     """
 
@@ -27,7 +27,7 @@ class Force:
     after: float = 4.0
 
 
-class Asked:
+class StopFlag:
     """Whether a signal asked for the end: its number, or None."""
 
     def __init__(self) -> None:
@@ -35,7 +35,7 @@ class Asked:
 
 
 @contextmanager
-def interruptible(*, force: Force | None = None, save: Callable[[], None] = lambda: None) -> Iterator[Asked]:
+def interruptible(*, force: HardStop | None = None, save: Callable[[], None] = lambda: None) -> Iterator[StopFlag]:
     """Within the block the first Ctrl-C or SIGTERM is only noted; a second raises KeyboardInterrupt.
 
     force : a renderer's native code keeps Python from acting on a signal until its pass is done. Where this is given, a
@@ -46,7 +46,7 @@ def interruptible(*, force: Force | None = None, save: Callable[[], None] = lamb
     Outside the main thread, and for signals that the process ignores, nothing changes. The handlers that
     were there come back afterwards.
     """
-    asked = Asked()
+    asked = StopFlag()
     if threading.current_thread() is not threading.main_thread():
         yield asked
         return
@@ -71,7 +71,7 @@ def interruptible(*, force: Force | None = None, save: Callable[[], None] = lamb
 class _Watch:
     """A thread that hears of signals at once, from the pipe that C code writes their numbers to."""
 
-    def __init__(self, force: Force, save: Callable[[], None], numbers: list[signal.Signals]) -> None:
+    def __init__(self, force: HardStop, save: Callable[[], None], numbers: list[signal.Signals]) -> None:
         self.force, self.save, self.numbers = force, save, {int(n) for n in numbers}
         self.read, self.write = socket.socketpair()
         self.write.setblocking(False)

@@ -2,13 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from relume.renderers.raytrace.texture_wrapping import repeated
+from relume.image.bilinear import bilinear
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Material
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import AnyMaterial
+
+
+def repeated(image: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """What looks an image (H, W) or (H, W, C) up, bilinearly, at texture coordinates (P, 2).
+
+    (0, 0) is the image's lower left corner, (1, 1) its upper right one, where it begins anew.
+    """
+    rows, columns = image.shape[:2]
+    tiled = np.pad(image, ((1, 1), (1, 1)) + ((0, 0),) * (image.ndim - 2), mode="wrap")
+
+    def looked_up(uv: np.ndarray) -> np.ndarray:
+        # Images begin with the upper row.
+        return bilinear(tiled, uv[:, 0] % 1 * columns + 1, (1 - uv[:, 1] % 1) * rows + 1)
+
+    return looked_up
+
 
 BEYOND = 1e-6
 """Share of a ray's way that it goes on after a hole, so that it does not meet the same surface again."""

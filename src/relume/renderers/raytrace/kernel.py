@@ -62,7 +62,7 @@ def meet(
     """The nearest hit, or any, of one ray between two distances: its distance, the primitive's place in the leaves
     (planes come after them; −1 for none), and the second and third weight of a triangle's vertices or a patch's u, v.
 
-    Compiled into the caller, and given what `Geometry` and `scratch` hold one by one, `borrowed` before the loop over
+    Compiled into the caller, and given what `Geometry` and `scratch` hold one by one, `unowned` before the loop over
     rays: references to the arrays would be counted for every ray otherwise, which takes half as long again. The caller
     has to be an exact kernel.
 

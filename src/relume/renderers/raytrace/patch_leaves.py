@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.renderers.raytrace.patch_point import BEYOND, TOUCH
-from relume.scene.shapes.patches import Patches
+from relume.scene.shapes.shapes import Patches
 
 BENT = 0.3
 """Sine of the angle to a leaf's mean normal that none of its own may exceed: rays at less steep ones are subdivided."""

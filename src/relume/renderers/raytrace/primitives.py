@@ -11,8 +11,7 @@ from relume._kernel import exact_kernel
 from relume.renderers.raytrace.kernel import LEAF, POLYGON, SPHERE
 from relume.renderers.raytrace.patch_leaves import split
 from relume.renderers.raytrace.polygon_kernel import polygon_measures
-from relume.scene.shapes.patches import Patches
-from relume.scene.shapes.shapes import Mesh, Plane, Polygon, Shape, Sphere
+from relume.scene.shapes.shapes import Mesh, Patches, Plane, Polygon, Shape, Sphere
 
 FARTHEST = 1e15
 """Metres from the origin within which every shape has to lie, so that areas stay finite."""

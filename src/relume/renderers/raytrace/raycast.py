@@ -12,7 +12,7 @@ from relume._kernel import exact_kernel, in_threads
 from relume.renderers.raytrace.bvh import Tree, build_tree
 from relume.renderers.raytrace.kernel import Geometry, meet, scratch
 from relume.renderers.raytrace.primitives import Primitives
-from relume.renderers.raytrace.unowned_arrays import borrowed
+from relume.renderers.raytrace.unowned_arrays import unowned
 from relume.scene.shapes.shapes import Plane, Shape
 
 FOOTPRINT = 1e-6
@@ -184,8 +184,8 @@ def _meet_all(rays, geometry, whose_primitive, notes, begin, end, found):
     """Write the hits of rays begin … end."""
     origins, directions, limits, beyond, footprint, any_will_do = rays
     distance, shape, primitive, barycentric = found
-    boxes, children, root, _, corners, form, whose_shape, measures, planes = borrowed(geometry)
-    waiting, entry, pieces = borrowed(notes)
+    boxes, children, root, _, corners, form, whose_shape, measures, planes = unowned(geometry)
+    waiting, entry, pieces = unowned(notes)
     for i in range(begin, end):
         j = i if len(origins) > 1 else 0
         origin = (origins[j, 0], origins[j, 1], origins[j, 2])

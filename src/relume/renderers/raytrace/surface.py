@@ -12,9 +12,8 @@ from relume._kernel import in_threads, inlined, kernel
 from relume.renderers.raytrace.patch_point import tangents_and_normal
 from relume.renderers.raytrace.polygon_kernel import polygon_frame
 from relume.renderers.raytrace.raycast import Hits, checked_rays
-from relume.renderers.raytrace.unowned_arrays import borrowed
-from relume.scene.shapes.patches import Patches
-from relume.scene.shapes.shapes import Mesh, Plane, Polygon, Shape, Sphere
+from relume.renderers.raytrace.unowned_arrays import unowned
+from relume.scene.shapes.shapes import Mesh, Patches, Plane, Polygon, Shape, Sphere
 
 _MESH, _SPHERE, _PLANE, _POLYGON, _PATCHES = 0, 1, 2, 3, 4
 
@@ -147,7 +146,7 @@ def _describe(rays, hits, tables, begin, end, points):
     """Write the surface at hits begin … end."""
     origins, directions = rays
     distance, shape, primitive, barycentric = hits
-    kind, first, measures, smooth, textured, faces, vertices, normals, mesh_uv = borrowed(tables)
+    kind, first, measures, smooth, textured, faces, vertices, normals, mesh_uv = unowned(tables)
     point, geometric_normal, shading_normal, uv, dp_du, dp_dv = points
     for i in range(begin, end):
         s = shape[i]

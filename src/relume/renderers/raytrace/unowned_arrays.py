@@ -9,7 +9,7 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
 
-def _borrowed(typing: Any, held: Any) -> Any:
+def _unowned(typing: Any, held: Any) -> Any:
     """The same array, or tuple of arrays and numbers, not owned: to be taken once, before a loop over rays.
 
     Numba counts the references to each array that is given to a function, even to one compiled into its caller, and
@@ -32,4 +32,4 @@ def _borrowed(typing: Any, held: Any) -> Any:
     return held(held), lambda context, builder, signature, given: without_owner(context, builder, held, given[0])
 
 
-borrowed: Any = intrinsic(_borrowed)
+unowned: Any = intrinsic(_unowned)

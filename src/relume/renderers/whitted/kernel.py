@@ -11,13 +11,12 @@ import numpy as np
 from relume._kernel import exact_kernel, exact_small
 from relume.renderers.raytrace.kernel import meet, scratch
 from relume.renderers.raytrace.surface import surface_at
-from relume.renderers.raytrace.unowned_arrays import borrowed
-from relume.renderers.whitted.facets import facets, schlick, shadowed, under_coat
+from relume.renderers.raytrace.unowned_arrays import unowned
 from relume.renderers.whitted.lights import DISTANT, LINEAR, NONE, SQUARE
 from relume.renderers.whitted.materials import CHECKED, CONSTANT, FRESNEL, PICTURE, SCHLICK
 from relume.renderers.whitted.optics import along, dot, fresnel, hashed, largest, perturbed, reflected, refracted, unit
 from relume.renderers.whitted.record import EYE, REFLECTED, REFRACTED, SHADOW
-from relume.renderers.whitted.textures import bumped, picture_at, wrinkled
+from relume.renderers.whitted.textures import bumped, facets, picture_at, schlick, shadowed, under_coat, wrinkled
 from relume.sphere.bilinear_kernels import looked_up, polar_point
 
 NEAR = 4e-6
@@ -57,9 +56,9 @@ def trace(
 
 @exact_kernel
 def _follow(points, view, world, settings, begin, end, results, record, waiting_room, stack):
-    """`trace`, with what it needs of scratch; all arrays are arguments, so that they can be borrowed."""
-    points, view = borrowed(points), borrowed(view)
-    geometry, surfaces, materials, pictures, bumps, lights, sky = borrowed(world)
+    """`trace`, with what it needs of scratch; all arrays are arguments, so that they can be unowned."""
+    points, view = unowned(points), unowned(view)
+    geometry, surfaces, materials, pictures, bumps, lights, sky = unowned(world)
     boxes, children, root, _, corners, form, whose, measures, planes = geometry
     kind_of, first_of, sizes, smooth, textured, faces, vertices, normals, mesh_uv = surfaces[:9]
     primitive_of, material_of = surfaces[9], surfaces[10]
@@ -69,10 +68,10 @@ def _follow(points, view, world, settings, begin, end, results, record, waiting_
     waves, first_wave, last_wave, wave_height, slope_picture = bumps
     place, strength, falloff, reach, shines, glow = lights
     entries, rows = sky
-    values, keys, counts = borrowed(results)
-    ends, share, sent, parent_of, ray_kind, node_shape, node_light, node_inside, limits, node_count = borrowed(record)
-    waiting, entry, pieces = borrowed(waiting_room)
-    rays, notes, seeds = borrowed(stack)
+    values, keys, counts = unowned(results)
+    ends, share, sent, parent_of, ray_kind, node_shape, node_light, node_inside, limits, node_count = unowned(record)
+    waiting, entry, pieces = unowned(waiting_room)
+    rays, notes, seeds = unowned(stack)
     depth, contribution, attenuation, attenuation_reach, scattered, clear, background = settings[:7]
     first_object, footprint, seed = settings[7:]
     for i in range(begin, end):

@@ -13,7 +13,7 @@ from relume.errors import UnsupportedScene
 from relume.light.reflection.brdf import PhongReflectance, Reflectance
 from relume.light.reflection.lobes import Lambert, Lobe, Mirror, Phong
 from relume.light.reflection.weights import Complement, Even, Fresnel, Schlick, Weight
-from relume.renderers.unsupported_features import warn_of_unshown
+from relume.renderers.unsupported_features import warn_of_unsupported
 from relume.scene.materials.bumps import BumpMap, Bumps, Wrinkles
 from relume.scene.materials.materials import Colour, Diffuse, Material, Ward
 from relume.scene.materials.reflective import Reflective, Towards
@@ -149,7 +149,7 @@ def as_whitted(material: AnyMaterial) -> Model:
 def _metallic_roughness(material: Material) -> Model:
     """glTF's model: smooth mirrors, glass and plastic exactly; rough ones by GGX facets, which scatter rays where they
     are narrow or let light through, and else reflect all lights."""
-    warn_of_unshown(material, "Whitted's model does")
+    warn_of_unsupported(material, "Whitted's model does")
     for name in ("metallic", "roughness", "transmission"):
         if np.ndim(getattr(material, name)):
             warnings.warn(

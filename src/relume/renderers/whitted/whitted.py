@@ -29,8 +29,7 @@ from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Infinite
 from relume.scene.lights import Attenuation, SphereLight, Unattenuated
 from relume.scene.scene import Scene
-from relume.scene.shapes.bounds import bounding_sphere
-from relume.scene.shapes.shapes import Mesh, Shape, Sphere
+from relume.scene.shapes.shapes import Mesh, Shape, Sphere, bounding_sphere
 from relume.sphere.bilinear_kernels import padded
 
 BAND = 1 << 14

@@ -72,18 +72,22 @@ def read_blender_camera(
     Raises UnreadableFile for another file, or one written for a render of another aspect than the picture.
     """
     path = Path(path)
-    camera_facts = _read_facts(path)
+    facts = _read_facts(path)
     try:
-        resolution = float(camera_facts["resolution"][0]), float(camera_facts["resolution"][1])
-        squareness = float(camera_facts["pixel_aspect"][0]) / float(camera_facts["pixel_aspect"][1])
-        sensors = float(camera_facts["sensor_width"]), float(camera_facts["sensor_height"])
-        shift = float(camera_facts["shift"][0]), float(camera_facts["shift"][1])
-        lens, fit, metres = float(camera_facts["lens"]), str(camera_facts["sensor_fit"]), unit or float(camera_facts["unit"])
-        f_number, focus = camera_facts.get("f_number"), camera_facts.get("focus")
+        resolution = float(facts["resolution"][0]), float(facts["resolution"][1])
+        squareness = float(facts["pixel_aspect"][0]) / float(facts["pixel_aspect"][1])
+        sensors = float(facts["sensor_width"]), float(facts["sensor_height"])
+        shift = float(facts["shift"][0]), float(facts["shift"][1])
+        lens, fit, metres = (
+            float(facts["lens"]),
+            str(facts["sensor_fit"]),
+            unit or float(facts["unit"]),
+        )
+        f_number, focus = facts.get("f_number"), facts.get("focus")
         # Blender blurs as if a unit were a metre.
         aperture = metres * lens / 1000 / (2 * float(f_number)) if f_number else 0.0
         distance = float(focus) * metres if focus is not None else np.inf
-        matrix = camera_facts["matrix_world"]
+        matrix = facts["matrix_world"]
     except (KeyError, IndexError, TypeError, ValueError, ZeroDivisionError) as error:
         raise UnreadableFile(f"{path}: its camera lacks something ({error!r}); run the script again") from None
     require_aspect(path, (width, height), resolution)
@@ -109,13 +113,13 @@ def read_blender_camera(
 
 def _read_facts(path: Path) -> dict[str, Any]:
     try:
-        camera_facts = json.loads(path.read_bytes())
+        facts = json.loads(path.read_bytes())
     except OSError as error:
         raise UnreadableFile(f"{path}: cannot be read ({error.strerror or error}); check the path") from None
     except (RecursionError, ValueError) as error:
         raise UnreadableFile(f"{path}: not valid JSON ({error}); run the script again") from None
-    if not isinstance(camera_facts, dict) or camera_facts.get("format") != FORMAT:
+    if not isinstance(facts, dict) or facts.get("format") != FORMAT:
         raise UnreadableFile(
             f"{path}: not a camera; expected what fSpy exports, or what relume's script writes in Blender"
         )
-    return camera_facts
+    return facts

@@ -179,8 +179,8 @@ def _with_k1(seen: _Seen, start: Camera, without: Minimum, focal_length: bool) -
     k1, deviation = float(minimum.values[-1]), float(minimum.deviations[-1])
     if not abs(k1) >= SIGNIFICANT * deviation:
         warnings.warn(
-            f"{seen.name}: the lens's k1 from one flat board is {k1:.3g} ± {deviation:.2g}, which does not differ from 0; "
-            "it is left out: give camera.distortion, or photograph a board that fills the picture",
+            f"{seen.name}: the lens's k1 from one flat board is {k1:.3g} ± {deviation:.2g}, which is not "
+            "significant: it is left out: give camera.distortion, or photograph a board that fills the picture",
             stacklevel=4,
         )
         return start, without

@@ -9,10 +9,10 @@ import numpy as np
 from relume.scene.cameras.camera import Camera, border
 
 LARGEST = 4.0
-"""Times the picture's sides: a straightened picture that is larger is that of a model stretched beyond its measure."""
+"""Times the picture's sides: a undistorted picture that is larger is that of a model stretched beyond its measure."""
 
 
-def straightened(camera: Camera) -> Camera:
+def undistorted(camera: Camera) -> Camera:
     """A camera without distortion that sees all that `camera` sees, as finely in the middle: same pose, larger picture.
 
     Raises ValueError where its picture would be more than four times as wide or high.
@@ -25,7 +25,7 @@ def straightened(camera: Camera) -> Camera:
     width, height = (int(n) for n in high - low)
     if not (width <= LARGEST * camera.width and height <= LARGEST * camera.height):
         raise ValueError(
-            f"the straightened picture has {width}×{height} pixels for {camera.width}×{camera.height}; the distortion "
+            f"the undistorted picture has {width}×{height} pixels for {camera.width}×{camera.height}; the distortion "
             "does not hold out to the corners: check its coefficients"
         )
     across, down = camera.principal_point
@@ -36,7 +36,7 @@ def reprojected(picture: np.ndarray, seen_by: Camera, wanted: Camera) -> np.ndar
     """A picture (H, W) or (H, W, C) as another camera at the same place would have taken it, float32.
 
     seen_by : the camera of `picture`; wanted : the camera whose lens or turn the result has
-    With `wanted = straightened(seen_by)` the distortion is undone, the other way round it is redone.
+    With `wanted = undistorted(seen_by)` the distortion is undone, the other way round it is redone.
     Bilinear, so that nothing gets brighter or darker than its neighbours; NaN where `picture` does not reach.
     """
     from scipy.ndimage import map_coordinates

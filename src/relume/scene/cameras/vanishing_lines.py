@@ -120,7 +120,7 @@ def fit_vanishing_lines(
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """What lines determine: focal length, principal point (2,) and the world's axes as columns (3, 3), y down, z ahead."""
+    """A camera from lines: focal length, principal point (2,), the world's axes as columns (3, 3), y down, z ahead."""
 
     focal_length: float
     centre: np.ndarray
@@ -153,7 +153,9 @@ def _vanishing_point(axis: str, segments: np.ndarray, size: tuple[int, int]) -> 
 def _focal_length(points: dict[int, np.ndarray], middle: np.ndarray, free: bool) -> float:
     """A first focal length, pixels: lines to two vanishing points are at right angles in the world."""
     if len(points) < 2:
-        raise ValueError("lines along one axis do not determine the focal length; give it, or two lines along another axis")
+        raise ValueError(
+            "lines along one axis do not determine the focal length; give it, or two lines along another axis"
+        )
     squares = []
     for first, second in combinations(points.values(), 2):
         a, b = (v[:2] - v[2] * middle for v in (first, second))
@@ -203,8 +205,8 @@ def _second(
     if level and np.linalg.norm(np.cross(direction, right)) > 1e-3:
         return {1: normalised(np.cross(direction, right))}
     raise ValueError(
-        f"lines along {AXES[axis]} alone do not determine how the camera was turned; draw lines along another axis, or give "
-        "level = true where its horizon is level"
+        f"lines along {AXES[axis]} alone do not determine how the camera was turned; draw lines along another axis, "
+        "or give level = true where its horizon is level"
     )
 
 
@@ -281,8 +283,8 @@ def _offsets(view: _View, segments: Sequence[np.ndarray]) -> list[np.ndarray]:
 def _check_told(minimum: Minimum, view: _View, size: tuple[int, int], focal_length: bool, centre: bool) -> None:
     if focal_length and DOUBTFUL < minimum.deviations[3] <= LARGEST_DEVIATION:
         warnings.warn(
-            f"the lines determine the focal length to ± {100 * minimum.deviations[3]:.0f} % only ({view.focal_length:.0f} "
-            "pixels); give camera.focal_length where it is known",
+            f"the lines determine the focal length to ± {100 * minimum.deviations[3]:.0f} % only "
+            f"({view.focal_length:.0f} pixels); give camera.focal_length where it is known",
             stacklevel=3,
         )
     if focal_length and not minimum.deviations[3] <= LARGEST_DEVIATION:

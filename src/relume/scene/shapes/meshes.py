@@ -6,6 +6,7 @@ import io
 import json
 import logging
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,6 @@ from relume.scene.gltf.materials import READ, GltfMaterial, read_materials
 from relume.scene.gltf.writing import glb_bytes
 from relume.scene.materials.materials import Material
 from relume.scene.materials.mtl import read_mtl_materials
-from relume.scene.materials.texture_mirroring import with_mirrored_apart
 from relume.scene.shapes.shapes import Mesh
 
 GREY = Material((0.5, 0.5, 0.5), roughness=1.0, name="grey")
@@ -172,3 +172,34 @@ def _unread_primitives(header: dict[str, Any]) -> list[str]:
     lost = {name for name in attributes if name.startswith(("COLOR_", "JOINTS_"))}
     lost |= {"morph targets" for primitive in primitives if primitive.get("targets")}
     return sorted(lost)
+
+
+def with_mirrored_apart(mesh: Mesh) -> tuple[Mesh, ...]:
+    """The mesh itself, or, where its normal map lies mirrored on some triangles, those as a mesh of their own.
+
+    glTF's bitangent points up in the picture. A renderer that takes the cross product of the normal and the tangent
+    has it downwards on triangles whose texture is mirrored; their own normal map has its y turned over.
+    """
+    material = mesh.material
+    if mesh.uv is None or not isinstance(material, Material) or material.normal is None:
+        return (mesh,)
+    a, b, c = (mesh.uv[mesh.faces[:, corner]].astype(np.float64) for corner in range(3))
+    mirrored = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0] < 0
+    if not mirrored.any():
+        return (mesh,)
+    turned = _part(mesh, mirrored, replace(material, normal=material.normal * np.array([1, -1, 1], np.float32)))
+    if mirrored.all():
+        return (turned,)
+    return _part(mesh, ~mirrored, material), turned
+
+
+def _part(mesh: Mesh, chosen: np.ndarray, material: Material) -> Mesh:
+    kept, faces = np.unique(mesh.faces[chosen], return_inverse=True)
+    return replace(
+        mesh,
+        vertices=mesh.vertices[kept],
+        faces=faces.reshape(-1, 3).astype(np.int32),
+        material=material,
+        normals=None if mesh.normals is None else mesh.normals[kept],
+        uv=None if mesh.uv is None else mesh.uv[kept],
+    )

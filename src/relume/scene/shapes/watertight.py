@@ -12,7 +12,7 @@ from relume.scene.shapes.shapes import Mesh
 
 
 @dataclass(frozen=True)
-class Closedness:
+class Watertightness:
     """What a mesh lacks to be the boundary of a body.
 
     open_edges : edges with a triangle on one side alone
@@ -32,7 +32,7 @@ class Closedness:
         return not (self.open_edges or self.crowded_edges or self.turned_edges)
 
 
-def closedness(mesh: Mesh) -> Closedness:
+def watertightness(mesh: Mesh) -> Watertightness:
     """How closed a mesh is, its vertices at equal places taken as one and triangles without area left out."""
     faces = _welded(mesh)
     starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
@@ -46,7 +46,7 @@ def closedness(mesh: Mesh) -> Closedness:
     volume = np.sum(np.cross(a - middle, b - middle) * (c - middle)) / 6
     # Bodies may touch along an edge: an even number of triangles, half of them each way, closes it.
     paired = (count % 2 == 0) & (balance == 0)
-    return Closedness(
+    return Watertightness(
         int(np.sum(count == 1)),
         int(np.sum((count > 2) & ~paired)),
         int(np.sum((count == 2) & (balance != 0))),
@@ -67,7 +67,7 @@ def _welded(mesh: Mesh) -> np.ndarray:
     return faces[kept]
 
 
-def bodied(mesh: Mesh) -> Mesh:
+def facing_outwards(mesh: Mesh) -> Mesh:
     """The mesh, facing outwards if its material lets light in; warns where it cannot be the boundary of a body.
 
     Only meshes that light goes through bent, or that are filled, are looked at: others are as good open as closed.
@@ -75,7 +75,7 @@ def bodied(mesh: Mesh) -> Mesh:
     material = mesh.material
     if not isinstance(material, Material) or material.thin or not np.any(material.through):
         return mesh
-    found = closedness(mesh)
+    found = watertightness(mesh)
     if not found.closed:
         parts = {
             "open edges": found.open_edges,

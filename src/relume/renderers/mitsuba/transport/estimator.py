@@ -27,8 +27,7 @@ from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Enclosure, Infinite
 from relume.scene.materials.materials import Material
 from relume.scene.scene import Scene
-from relume.scene.shapes.bounds import bounding_sphere, bounds
-from relume.scene.shapes.shapes import Plane, Shape
+from relume.scene.shapes.shapes import Plane, Shape, bounding_sphere, bounds
 
 LOOKS = 2
 """Directions towards light from each real surface: a shadow ray costs a third of the rest of a sample."""

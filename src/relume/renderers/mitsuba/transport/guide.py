@@ -12,8 +12,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from relume.scene.shapes.bounds import bounding_sphere
-from relume.scene.shapes.shapes import Solid
+from relume.scene.shapes.shapes import Solid, bounding_sphere
 
 MOST_CONES = 8
 """Cones that every direction is held against; more objects than that share their nearest neighbour's."""

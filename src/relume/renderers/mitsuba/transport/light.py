@@ -27,7 +27,7 @@ from relume.renderers.mitsuba.transport.lamps import (
 from relume.renderers.mitsuba.transport.light_map import LightMap
 from relume.scene.lights import DistantLight, PointLight, SphereLight, SquareLaw
 from relume.scene.scene import Scene
-from relume.scene.shapes.bounds import bounding_sphere
+from relume.scene.shapes.shapes import bounding_sphere
 
 BRIGHT = 4.0
 """Of the map's mean radiance: what is brighter is followed from the light where objects are smooth."""

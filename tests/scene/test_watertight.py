@@ -9,7 +9,7 @@ import trimesh
 
 from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.shapes.shapes import Mesh
-from relume.scene.shapes.watertight import bodied, closedness, inside
+from relume.scene.shapes.watertight import facing_outwards, inside, watertightness
 
 GLASS = Material(roughness=0.0, transmission=1.0)
 
@@ -25,7 +25,7 @@ def box(material=GLASS, split=False):
 
 @pytest.mark.parametrize("split", [False, True])
 def test_a_box_is_closed_however_its_corners_are_stored(split):
-    found = closedness(box(split=split))
+    found = watertightness(box(split=split))
     assert (found.open_edges, found.crowded_edges, found.turned_edges, found.closed) == (0, 0, 0, True)
     assert found.volume == pytest.approx(8)
 
@@ -33,24 +33,24 @@ def test_a_box_is_closed_however_its_corners_are_stored(split):
 def test_a_box_without_a_triangle_has_three_open_edges():
     whole = box()
     mesh = replace(whole, faces=whole.faces[1:])
-    assert closedness(mesh).open_edges == 3
+    assert watertightness(mesh).open_edges == 3
     with pytest.warns(UserWarning, match=r"mesh 'box' lets light in but does not bound a body \(3 open edges\).*thin"):
-        assert bodied(mesh) is mesh
+        assert facing_outwards(mesh) is mesh
 
 
 def test_a_turned_triangle_has_three_turned_edges():
     mesh = box()
     mesh.faces[0] = mesh.faces[0][::-1]
-    assert closedness(mesh).turned_edges == 3
+    assert watertightness(mesh).turned_edges == 3
     with pytest.warns(UserWarning, match="3 edges wound both ways"):
-        bodied(mesh)
+        facing_outwards(mesh)
 
 
 def test_a_fin_makes_an_edge_crowded():
     mesh = box()
     fin = np.array([[*mesh.faces[0][:2], len(mesh.vertices)]], np.int32)
     vertices = np.concatenate([mesh.vertices, [[3, 3, 3]]]).astype(np.float32)
-    found = closedness(replace(mesh, vertices=vertices, faces=np.concatenate([mesh.faces, fin])))
+    found = watertightness(replace(mesh, vertices=vertices, faces=np.concatenate([mesh.faces, fin])))
     assert (found.crowded_edges, found.open_edges) == (1, 2)
 
 
@@ -60,21 +60,21 @@ def test_two_bodies_that_touch_along_an_edge_are_closed():
     both = replace(
         one, vertices=np.concatenate([one.vertices, other]), faces=np.concatenate([one.faces, one.faces + 8])
     )
-    assert closedness(both).closed
+    assert watertightness(both).closed
 
 
 def test_triangles_without_area_open_nothing():
     mesh = box()
     sliver = np.array([[0, 0, 1]], np.int32)
-    assert closedness(replace(mesh, faces=np.concatenate([mesh.faces, sliver]))).closed
+    assert watertightness(replace(mesh, faces=np.concatenate([mesh.faces, sliver]))).closed
 
 
 def test_glass_that_is_inside_out_is_turned_and_said():
     outside = box()
     inside_out = replace(outside, faces=outside.faces[:, ::-1].copy(), normals=-outside.vertices)
-    assert closedness(inside_out).volume == pytest.approx(-8)
+    assert watertightness(inside_out).volume == pytest.approx(-8)
     with pytest.warns(UserWarning, match="mesh 'box' lets light in and was inside out; it was turned"):
-        turned = bodied(inside_out)
+        turned = facing_outwards(inside_out)
     np.testing.assert_array_equal(turned.faces, outside.faces)
     np.testing.assert_array_equal(turned.normals, outside.vertices)
 
@@ -84,12 +84,12 @@ def test_what_lets_no_light_in_bent_may_be_open(material):
     mesh = replace(box(material), faces=box().faces[1:])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert bodied(mesh) is mesh
+        assert facing_outwards(mesh) is mesh
 
 
 def test_closed_glass_that_faces_outwards_stays_as_it_is():
     mesh = box()
-    assert bodied(mesh) is mesh
+    assert facing_outwards(mesh) is mesh
 
 
 @pytest.mark.parametrize(
