@@ -83,6 +83,7 @@ def panorama(
     import relume as rl
 
     with warnings_as_notes(output):
+        # What is to be done.
         require_suffix(out, ".exr", ".hdr")
         settings = rl.probe.PanoramaSettings(
             size=size, field=field, turn=turn, orientations=orientations, match=match,
@@ -96,9 +97,11 @@ def panorama(
             names = [path.name for path in photographs]
             print_facts(output, {"would write": str(out), "views": names, "orientation": where})
             return
+        # The work.
         camera = None if profile is None else rl.read_profile(profile)
         result = rl.probe.panorama_from_files(photographs, profile=camera, settings=settings)
         rl.write(out, rl.as_radiance_map(result.light))
+        # What came of it.
         print_facts(output, {"written": str(out), **result.facts(listed=output.json)})
         for line in result.notes:
             note(output, line)

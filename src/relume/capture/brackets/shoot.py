@@ -129,6 +129,7 @@ def plan_merge(
         if list(paths) != sorted(paths, key=name_order):
             names = ", ".join(path.name for path in paths)
             notes.append(f"times go with the photographs in the order given, {names}")
+    # Which of them make a bracket.
     groups = (tuple(paths),) if times else group_files(paths)
 
     # What is known of the camera, and which settings have an effect.

@@ -95,6 +95,7 @@ def recover_response(
             f"{brackets[0].name}: no two photographs differ in exposure, so the response cannot be recovered; "
             "add differently exposed ones"
         )
+    # What the pixels of each channel show, with exposures refined where asked for.
     with ThreadPoolExecutor(3) as pool:
         observed = list(pool.map(lambda channel: _observed(telling, channel), range(3)))
         for channel, each in enumerate(observed):
@@ -108,6 +109,7 @@ def recover_response(
     curves = [method.curve(each, levels) for each in observed]
     log_exposure = np.stack([curve for curve, _ in curves])
     noise, table = fit_noise(log_exposure, still)
+    # How well the curves fit.
     samples, residual = zip(*(_misfit(*each) for each in zip(log_exposure, table, observed, strict=True)), strict=True)
     return Calibration(
         Response(log_exposure, table),

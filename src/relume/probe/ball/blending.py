@@ -74,6 +74,7 @@ def blend_views(
     """
     if not views:
         raise ValueError("no views of the ball were given; give one at least")
+    # Lay the views on one another.
     found = registration(views)
     placed = found.views
     gains = found.gains if balanced else (1.0,) * len(views)
@@ -110,6 +111,7 @@ def blend_views(
             lost = over * share / whole
             saturated[chosen] += lost.reshape(cells).mean((1, 3))
             clipped += float(((over > 0.5) * share / whole).sum(1) @ cell[rows])
+    # What no view saw is filled from its rim.
     confidence = np.minimum(sure / subdivision**2, 1) ** (1 / SHARPNESS)
     known = confidence > UNSEEN
     radiance = continued(total / np.maximum(weight, 1e-300)[..., None], known).astype(np.float32)

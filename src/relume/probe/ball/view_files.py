@@ -162,12 +162,14 @@ def read_view_pictures(
                 )
         else:
             brackets[index] = _bracket(view.paths, given, notes)
+    # Their exposures must lie on one scale.
     read = [bracket for bracket in brackets.values() if isinstance(bracket, Bracket)]
     if len(views) > 1:
         require_known_exposures(read)
     if raw_times and read:
         raise ValueError("times: give them for camera raws or for photographs, not for both at once")
 
+    # Brackets, together.
     if brackets:
         merged = merge_brackets(list(brackets.values()), profile=profile, times=raw_times or None, settings=settings)
         notes += merged.notes

@@ -111,6 +111,7 @@ def stitch_panorama(
     if size is not None and size < STEP:
         raise ValueError(f"size is {size}; expected at least {STEP} rows")
     error, doubts, notes = None, [], []
+    # Where the views looked.
     if any(view.rotation is None for view in views):
         adjusted = orient(views, matching)
         doubts += _doubts_of_matching(adjusted)
@@ -122,12 +123,14 @@ def stitch_panorama(
     # Views that only touch and need no gain are right as they are: what their rims differ by is what they show.
     if balancing is not None and not (balanced.touching and balanced.unchanged):
         views = list(even(balanced.views, RIM if balanced.touching else 0.0))
+    # Seams, and the map along them.
     seen = coverage(views, SEAM_ROWS)
     seams = lay_seams(views, seen)
     light = blend(views, seams, rows)
     angles = light.mapping.solid_angles(rows)
     codes = np.zeros(angles.shape, np.uint8) if light.clipped is None else light.clipped
     unseen, saturated = (float(angles[codes == code].sum()) for code in (OUTSIDE, SATURATED))
+    # Whether the views show the same.
     if balanced.disagreement > UNLIKE:
         doubts.append(
             f"views differ by {100 * np.expm1(balanced.disagreement):.0f} % where they overlap; check their "
