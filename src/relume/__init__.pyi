@@ -37,10 +37,6 @@ from .image.photograph import Photograph as Photograph
 from .image.radiance import RadianceMap as RadianceMap
 from .image.response import Response as Response
 from .light.constellations.constellation import constellation as constellation
-from .light.constellations.k_means import KMeans as KMeans
-from .light.constellations.median_cut import MedianCut as MedianCut
-from .light.reflection.reflection_map import reflection_maps as reflection_maps
-from .light.suns.extraction import extract_sun as extract_sun
 from .probe.ball.blending import blend_views as blend_views
 from .probe.ball.unwrapping import unwrap_ball as unwrap_ball
 from .probe.panorama.stitching import stitch_panorama as stitch_panorama
@@ -68,12 +64,10 @@ from .renderers.renderer import Renderer as Renderer
 from .renderers.renderer import render as render
 from .renderers.results import Render as Render
 from .renderers.whitted.whitted import Whitted as Whitted
-from .report.constellation_plot import draw_lights as draw_lights
 from .report.develop_report import write_develop_report as write_develop_report
 from .report.file_facts import describe as describe
 from .report.file_facts import draw_environment as draw_environment
 from .report.ray_tree_plot import draw_ray_tree as draw_ray_tree
-from .report.reflection_sheet import draw_reflection_sheet as draw_reflection_sheet
 from .report.write_report import write_report as write_report
 from .scene.cameras.camera import Camera as Camera
 from .scene.cameras.files import read_camera as read_camera
@@ -94,11 +88,9 @@ from .sphere.environment_files import as_environment as as_environment
 from .sphere.environment_files import as_radiance_map as as_radiance_map
 from .sphere.environment_files import read_environment as read_environment
 from .sphere.environment_map import EnvironmentMap as EnvironmentMap
-from .sphere.mappings.cubes import CubeCross as CubeCross
 from .sphere.mappings.discs import Angular as Angular
 from .sphere.mappings.discs import MirrorBall as MirrorBall
 from .sphere.mappings.mapping import LatLong as LatLong
-from .sphere.mappings.squares import Octahedral as Octahedral
 from .surface.reflectance import recover_reflectance as recover_reflectance
 from .virtual_camera import film as film
 from .virtual_camera import lens as lens

@@ -1,4 +1,4 @@
-"""A sun that clipped: light made up, cut off, and told again by a grey ball or a chart that stood in it."""
+"""A sun that clipped: light made up, cut off, and recovered by a grey ball or a chart that stood in it."""
 
 from dataclasses import replace
 
@@ -170,7 +170,7 @@ def test_more_sources_than_patches_are_refused():
     truth, lights = made(LIGHTS)
     normal = normalised(SUN + LAMP)
     patch = Patch(tuple(irradiance(normal, lights) / np.pi), 1.0, tuple(normal))
-    with pytest.raises(SunNotRecovered, match="2 sources clipped, which one patch of a chart cannot tell apart"):
+    with pytest.raises(SunNotRecovered, match="2 sources clipped, which one patch of a chart cannot separate"):
         recover_sun(cut(truth), read_chart([patch]))
 
 

@@ -48,14 +48,14 @@ def turned_by(quaternion, vector):
 
 
 def read_json(text):
-    told = json.loads(text)["lights"]
-    return [light["direction"] for light in told], [light["irradiance"] for light in told]
+    report = json.loads(text)["lights"]
+    return [light["direction"] for light in report], [light["irradiance"] for light in report]
 
 
 def read_gltf(text):
-    told = json.loads(text)
-    bulbs = told["extensions"]["KHR_lights_punctual"]["lights"]
-    nodes = [told["nodes"][index] for index in told["scenes"][told["scene"]]["nodes"]]
+    report = json.loads(text)
+    bulbs = report["extensions"]["KHR_lights_punctual"]["lights"]
+    nodes = [report["nodes"][index] for index in report["scenes"][report["scene"]]["nodes"]]
     ways = [turned_by(node["rotation"], -Z) for node in nodes]
     shining = [bulbs[node["extensions"]["KHR_lights_punctual"]["light"]] for node in nodes]
     return [-way for way in ways], [np.multiply(bulb["color"], bulb["intensity"]) for bulb in shining]
@@ -191,24 +191,24 @@ def test_every_format_has_a_suffix_of_its_own():
 
 
 def test_the_json_text():
-    told = json.loads(written("json", ONE, unit="cd/m²", background="rest.exr", angles=np.array([0.01])))
-    assert told["format"] == "relume constellation 1"
-    assert told["unit"] == "cd/m²" and told["background"] == "rest.exr"
-    assert told["lights"] == [{"direction": [0.6, 0.8, 0.0], "irradiance": [4.0, 2.0, 1.0], "angle": 0.01}]
+    report = json.loads(written("json", ONE, unit="cd/m²", background="rest.exr", angles=np.array([0.01])))
+    assert report["format"] == "relume constellation 1"
+    assert report["unit"] == "cd/m²" and report["background"] == "rest.exr"
+    assert report["lights"] == [{"direction": [0.6, 0.8, 0.0], "irradiance": [4.0, 2.0, 1.0], "angle": 0.01}]
     assert "angle" not in json.loads(written("json", ONE))["lights"][0]
 
 
 def test_the_gltf_text_keeps_to_the_schema():
     text = written("gltf", background="rest.exr", angles=np.full(5, 0.01))
-    told = json.loads(text)
-    assert told["asset"]["version"] == "2.0" and told["extensionsUsed"] == ["KHR_lights_punctual"]
-    assert told["asset"]["extras"]["background"] == "rest.exr"
-    assert len(told["nodes"]) == 5 and told["scenes"][0]["nodes"] == [0, 1, 2, 3, 4]
-    for bulb in told["extensions"]["KHR_lights_punctual"]["lights"]:
+    report = json.loads(text)
+    assert report["asset"]["version"] == "2.0" and report["extensionsUsed"] == ["KHR_lights_punctual"]
+    assert report["asset"]["extras"]["background"] == "rest.exr"
+    assert len(report["nodes"]) == 5 and report["scenes"][0]["nodes"] == [0, 1, 2, 3, 4]
+    for bulb in report["extensions"]["KHR_lights_punctual"]["lights"]:
         # KHR_lights_punctual: "range" is undefined for directional lights, colours are in 0…1, intensity in lux.
         assert set(bulb) == {"name", "type", "color", "intensity", "extras"} and bulb["type"] == "directional"
         assert bulb["intensity"] >= 0 and max(bulb["color"]) == 1 and min(bulb["color"]) >= 0
-    for node in told["nodes"]:
+    for node in report["nodes"]:
         assert np.linalg.norm(node["rotation"]) == pytest.approx(1, abs=1e-8)
     dark = json.loads(written("gltf", NONE))
     # The schema wants at least one element in every list there is.

@@ -37,11 +37,11 @@ def read_json(text):
 
 
 def read_gltf(text):
-    told, extension = json.loads(text), "KHR_lights_punctual"
-    bulbs = told["extensions"][extension]["lights"]
+    report, extension = json.loads(text), "KHR_lights_punctual"
+    bulbs = report["extensions"][extension]["lights"]
     found = []
-    for index in told["scenes"][told["scene"]]["nodes"]:
-        node = told["nodes"][index]
+    for index in report["scenes"][report["scene"]]["nodes"]:
+        node = report["nodes"][index]
         bulb = bulbs[node["extensions"][extension]["light"]]
         if bulb["type"] == "point":
             radius = bulb.get("extras", {}).get("radius_metres", 0)
@@ -127,9 +127,9 @@ def test_without_placed_lights_nothing_speaks_of_them(name):
 
 
 @EACH
-@pytest.mark.parametrize(("unit", "told"), [("cd/m²", "intensity in cd:"), ("relative", "in that unit × m²:")])
-def test_the_text_says_what_intensity_is(name, unit, told):
-    assert told in written(name, unit=unit)
+@pytest.mark.parametrize(("unit", "report"), [("cd/m²", "intensity in cd:"), ("relative", "in that unit × m²:")])
+def test_the_text_says_what_intensity_is(name, unit, report):
+    assert report in written(name, unit=unit)
 
 
 @EACH
@@ -160,10 +160,10 @@ def test_the_texts_have_the_numbers_their_programs_want():
 
 
 def test_the_gltf_text_keeps_to_the_schema():
-    told = json.loads(written("gltf"))
-    bulbs = told["extensions"]["KHR_lights_punctual"]["lights"]
+    report = json.loads(written("gltf"))
+    bulbs = report["extensions"]["KHR_lights_punctual"]["lights"]
     assert [bulb["type"] for bulb in bulbs] == ["directional", "point", "point", "point"]
-    assert [node["extensions"]["KHR_lights_punctual"]["light"] for node in told["nodes"]] == [0, 1, 2, 3]
+    assert [node["extensions"]["KHR_lights_punctual"]["light"] for node in report["nodes"]] == [0, 1, 2, 3]
     assert bulbs[2] == {
         "name": "point_001",
         "type": "point",

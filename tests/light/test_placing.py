@@ -107,7 +107,7 @@ def test_an_angular_radius_becomes_a_sphere_that_looks_as_large():
 
 
 @pytest.mark.parametrize(
-    ("probe", "box", "distant", "told"),
+    ("probe", "box", "distant", "report"),
     [
         ((0, 5, 0), ((-1, 0, -1), (1, 3, 1)), [], r"probe at \[0.0, 5.0, 0.0\] is not inside the box"),
         ((1, 1, 0), ((-1, 0, -1), (1, 3, 1)), [], "is not inside the box"),
@@ -118,9 +118,9 @@ def test_an_angular_radius_becomes_a_sphere_that_looks_as_large():
         ((0, 1, 0), ((-1, 0, -1), (1, 3, 1)), [-1], "of 2 lights"),
     ],
 )
-def test_boxes_and_probes_that_cannot_be_are_refused(probe, box, distant, told):
+def test_boxes_and_probes_that_cannot_be_are_refused(probe, box, distant, report):
     lights = Constellation(np.array([[0.0, 1, 0], [1, 0, 0]]), np.ones((2, 3)))
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=report):
         placed_in_box(lights, probe, box, distant)
 
 
@@ -137,7 +137,7 @@ def test_what_a_place_sees_falls_with_the_square_of_the_distance():
 
 
 @pytest.mark.parametrize(
-    ("positions", "intensity", "radii", "told"),
+    ("positions", "intensity", "radii", "report"),
     [
         (np.zeros((2, 3)), np.zeros((1, 3)), None, "expected \\(N, 3\\) both"),
         (np.full((1, 3), np.inf), np.zeros((1, 3)), None, "a light without a place is a distant one"),
@@ -145,8 +145,8 @@ def test_what_a_place_sees_falls_with_the_square_of_the_distance():
         (np.zeros((1, 3)), np.ones((1, 3)), np.array([-1.0]), "radii are .* expected 1 of them"),
     ],
 )
-def test_lights_that_cannot_be_are_refused(positions, intensity, radii, told):
-    with pytest.raises(ValueError, match=told):
+def test_lights_that_cannot_be_are_refused(positions, intensity, radii, report):
+    with pytest.raises(ValueError, match=report):
         PlacedLights(positions, intensity, radii)
 
 
@@ -292,9 +292,9 @@ def test_probes_at_one_place_are_refused(maps):
 def test_that_no_lamp_matches_is_told_in_a_line(maps):
     first, second = compact(maps[0]), compact(maps[1])
     turned = replace(second, directions=second.directions @ rotation_about([0.3, 1, 0.2], 2.0).T)
-    with pytest.raises(LampsNotMatched, match=r"none of 5 and 5 lamps match: .*check the places") as told:
+    with pytest.raises(LampsNotMatched, match=r"none of 5 and 5 lamps match: .*check the places") as report:
         triangulated(first, turned, FIRST, SECOND)
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(report.value)
     with pytest.raises(LampsNotMatched, match="exposure"):
         triangulated(first, replace(second, irradiance=100 * second.irradiance), FIRST, SECOND)
     none = Constellation(np.zeros((0, 3)), np.zeros((0, 3)))

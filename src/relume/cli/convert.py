@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -13,9 +13,6 @@ from relume.cli.console import OutputOptions, finish, note, print_facts, warning
 from relume.cli.convert_options import FormatOptions, MapOptions, PaintingOptions, ViewOptions
 from relume.cli.light_input import Clamp, mapping_of
 from relume.cli.reading_options import ReadingOptions
-
-if TYPE_CHECKING:
-    from relume.files import ReadOptions
 
 PHOTOGRAPHS = (".png", ".tif", ".tiff", ".jpg", ".jpeg")
 
@@ -103,7 +100,7 @@ def convert(
 
 
 def _read(
-    paths: list[Path], maps: MapOptions, painting: PaintingOptions, clamp: bool, options: ReadOptions
+    paths: list[Path], maps: MapOptions, painting: PaintingOptions, clamp: bool, options: rl.files.ReadOptions
 ) -> rl.EnvironmentMap:
     """The environment map that the files hold: a map, the six faces of a cube, or a painting."""
     mapping = mapping_of("strip" if maps.from_ == "faces" else maps.from_)

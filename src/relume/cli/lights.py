@@ -144,7 +144,7 @@ def lights(
             note(output, line)
         number = len(made.lights.directions)
         if picture is not None:
-            rl.draw_lights(picture, made, f"{light_map.name}: {number} lights, {method}")
+            rl.report.draw_lights(picture, made, f"{light_map.name}: {number} lights, {method}")
         facts = {"written": [str(path) for path in written], "lights": number, "method": method, "unit": light.unit}
         print_facts(output, facts | made.facts())
         finish(output, made.doubts, accept=accept)

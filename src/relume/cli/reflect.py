@@ -116,7 +116,7 @@ def reflect(
         with progress(output) as report:
             made = rl.light.write_reflection_maps(light, out, wanted, report)
             if picture is not None:
-                rl.draw_reflection_sheet(
+                rl.report.draw_reflection_sheet(
                     picture, light, light_map.name, exposure or 0.0, lambda share: report("sheet", share)
                 )
         for line in made.notes:

@@ -66,23 +66,25 @@ def text(
 def read_lights(path: str | Path) -> Constellation:
     """The parallel lights of such a text; raises UnreadableFile, also for lights that have a place."""
     try:
-        told = json.loads(Path(path).read_text("utf-8"))
+        document = json.loads(Path(path).read_text("utf-8"))
     except OSError as error:
         raise UnreadableFile(f"{path}: {error.strerror}; check the path") from None
     except (RecursionError, ValueError) as error:
         raise UnreadableFile(f"{path}: no JSON text ({error}); give what `relume lights` wrote") from None
-    if not isinstance(told, dict) or told.get("format") != FORMAT:
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise UnreadableFile(
             f'{path}: its format is not "{FORMAT}"; give what `relume lights -o {Path(path).name}` wrote'
         )
-    if told.get("points"):
+    if document.get("points"):
         raise UnreadableFile(f"{path}: has lights with a place, which are not read; write it without them")
-    if told.get("background"):
-        warnings.warn(f"{path}: what its lights do not carry is in {told['background']}; give it too", stacklevel=2)
+    if document.get("background"):
+        warnings.warn(
+            f"{path}: the light that its lights do not carry is in {document['background']}; give it too", stacklevel=2
+        )
     try:
-        directions = np.array([light["direction"] for light in told["lights"]], np.float64).reshape(-1, 3)
-        irradiance = np.array([light["irradiance"] for light in told["lights"]], np.float64).reshape(-1, 3)
-        angles = [float(light.get("angle", 0.0)) for light in told["lights"]]
+        directions = np.array([light["direction"] for light in document["lights"]], np.float64).reshape(-1, 3)
+        irradiance = np.array([light["irradiance"] for light in document["lights"]], np.float64).reshape(-1, 3)
+        angles = [float(light.get("angle", 0.0)) for light in document["lights"]]
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise UnreadableFile(f"{path}: a light without three numbers of direction and irradiance ({error})") from None
     lengths = np.linalg.norm(directions, axis=1)

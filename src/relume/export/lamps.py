@@ -138,20 +138,20 @@ def figures(numbers: tuple[float, ...], between: str = " ") -> str:
 def meaning(unit: str, points: PlacedLights | None = None) -> str:
     """What the numbers of lights, background and placed lights are; raises ValueError for a unit there is not."""
     if unit == "cd/m²":
-        told, intensity = (
+        irradiance, intensity = (
             "Irradiance is in lux, red, green and blue apart, and the background's pixels are in cd/m².",
             "cd",
         )
     elif unit == "relative":
-        told, intensity = (
+        irradiance, intensity = (
             "Irradiance is in the light map's own relative unit × steradian, and the background's pixels in that unit.",
             "that unit × m²",
         )
     else:
         raise ValueError(f'unit is "{unit}"; expected "relative" or "cd/m²"')
     if points is None:
-        return told
-    return f"{told} Points have a place in metres and an intensity in {intensity}: irradiance × distance²."
+        return irradiance
+    return f"{irradiance} Points have a place in metres and an intensity in {intensity}: irradiance × distance²."
 
 
 def beside(background: str | None) -> str | None:

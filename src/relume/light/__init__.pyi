@@ -15,7 +15,6 @@ from .conversion.maps import crop_view as crop_view
 from .conversion.maps import put_view as put_view
 from .conversion.maps import read_cube_faces as read_cube_faces
 from .conversion.maps import read_painting as read_painting
-from .editing.edits import Arithmetic as Arithmetic
 from .editing.edits import Balance as Balance
 from .editing.edits import Crop as Crop
 from .editing.edits import Edit as Edit
@@ -24,13 +23,14 @@ from .editing.edits import Gain as Gain
 from .editing.edits import MotionBlur as MotionBlur
 from .editing.edits import NeutralAt as NeutralAt
 from .editing.edits import NeutralUnder as NeutralUnder
-from .editing.edits import Operation as Operation
 from .editing.edits import Resize as Resize
 from .editing.edits import SoftBlur as SoftBlur
 from .editing.edits import SphericalBlur as SphericalBlur
 from .editing.edits import Spin as Spin
 from .editing.edits import edit as edit
 from .editing.edits import energy as energy
+from .editing.map_arithmetic import Arithmetic as Arithmetic
+from .editing.map_arithmetic import Operation as Operation
 from .editing.slices import PaintedSlice as PaintedSlice
 from .editing.slices import paint_over as paint_over
 from .editing.slices import slice_sidecar as slice_sidecar
@@ -52,10 +52,12 @@ from .reflection.names import tables_named as tables_named
 from .reflection.reflection_map import Normalisation as Normalisation
 from .reflection.reflection_map import ReflectionMap as ReflectionMap
 from .reflection.reflection_map import reflection_map as reflection_map
+from .reflection.reflection_map import reflection_maps as reflection_maps
 from .sampling import EnvironmentSampler as EnvironmentSampler
 from .suns.clipped_regions import ClippedPixels as ClippedPixels
 from .suns.clipped_regions import SunDisc as SunDisc
 from .suns.clipped_sun import recover_sun as recover_sun
+from .suns.extraction import extract_sun as extract_sun
 from .suns.matte_readings import ChartPatch as ChartPatch
 from .suns.matte_readings import measure_chart as measure_chart
 from .suns.matte_readings import measure_grey_ball as measure_grey_ball

@@ -22,7 +22,7 @@ _ROUNDS = 100_000
 # A hair within the pixel: beyond its edge another face of a cube may begin.
 _EDGES = np.array([1e-6, 0.25, 0.5, 0.75, 1 - 1e-6])
 _CORNERS = np.stack(np.meshgrid(_EDGES, _EDGES), axis=-1).reshape(-1, 2)
-"""Points of a pixel whose directions tell how far it reaches."""
+"""Points of a pixel whose directions show how far it reaches."""
 _MARGIN = 0.1
 """Share of its extent by which a pixel's box is widened each way: its edges are curved between those points. Twice
 what the mirror ball's rim needs."""
@@ -32,7 +32,7 @@ _WIDE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class EnvironmentSampler:
-    """Importance sampling of an illumination map, in any mapping.
+    """Importance sampling of an environment map, in any mapping.
 
     light : the map; pixels without brightness are never drawn
     brightness : of radiance (…, 3), (…), finite and not below 0; luminance, so that what is seen is least noisy. For

@@ -1,4 +1,4 @@
-"""Constellation of lights: distant lights that stand for an illumination map (Debevec 2005; course slides 5).
+"""Constellation of lights: distant lights that stand for an environment map (Debevec 2005; course slides 5).
 
 The sphere is divided into regions, by one of three methods, and a light stands in the middle of the light of each:
 `MedianCut`, `VarianceMinimisation` and `KMeans`, from the quickest to the one of the least error.

@@ -24,7 +24,7 @@ class Triangulated:
     pairs : (N, 2) int, of each of them its number in the first and in the second probe
     misses : (N,) metres, how near its two rays come to each other
     uncertainty : (N,) metres, the standard deviation of its position, in the worst direction
-    ratios : (N,) its intensity as the second probe tells it over that of the first
+    ratios : (N,) its intensity by the second probe over that by the first
     far : (F, 2) int, pairs of lamps that are too far to have a place
     unmatched : the numbers of lamps that only the first probe has, (U,), and only the second, (V,)
     distant : the first probe's lights that have no place: first the far, then its unmatched
@@ -75,7 +75,7 @@ def triangulated(
     meeting = _Meeting.of(first, second, starts, uncertainty)
     pairs = _matched(meeting.cost(ratio, tint))
     if not len(pairs):
-        raise LampsNotMatched(_told(meeting, len(first.directions), len(second.directions)))
+        raise LampsNotMatched(_why_no_match(meeting, len(first.directions), len(second.directions)))
     rows, columns = pairs.T
     is_far = meeting.far[rows, columns]
     far, near = pairs[is_far], pairs[~is_far]
@@ -132,7 +132,7 @@ class _Meeting:
         weights = 1 / reach**2
         places = weights[0][..., None] * nearest[0] + weights[1][..., None] * nearest[1]
         places /= weights.sum(axis=0)[..., None]
-        # What a ray tells of a place is across it, the better the nearer it is.
+        # A ray constrains a place across it, the better the nearer it is.
         known = sum(
             (np.eye(3) - way[..., :, None] * way[..., None, :]) * weight[..., None, None]
             for way, weight in ((u, weights[0]), (v, weights[1]))
@@ -183,7 +183,7 @@ def _matched(cost: np.ndarray) -> np.ndarray:
     return np.stack([rows[kept], columns[kept]], axis=-1)
 
 
-def _told(meeting: _Meeting, number: int, other: int) -> str:
+def _why_no_match(meeting: _Meeting, number: int, other: int) -> str:
     if not number or not other:
         return f"the probes have {number} and {other} lamps; nothing can be matched"
     meet = np.all(meeting.distances > 0, axis=0) & ~meeting.far
@@ -198,7 +198,7 @@ def _told(meeting: _Meeting, number: int, other: int) -> str:
         )
     if meeting.vague[i, j]:
         return (
-            f"none of {number} and {other} lamps match: they lie about the line through both probes, where rays tell "
+            f"none of {number} and {other} lamps match: they lie about the line through both probes, where rays say "
             "no place; put one of the probes aside"
         )
     return (

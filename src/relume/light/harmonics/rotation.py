@@ -31,7 +31,7 @@ def turned(coefficients: np.ndarray, rotation: np.ndarray) -> np.ndarray:
         signs = ((-1.0) ** orders)[:, None]
         a = np.concatenate([np.conj(positive[::-1]), coefficients[middle : middle + 1], signs * positive])
         every = np.arange(-l, l + 1)[:, None]
-        # Orders from 0 on tell the others.
+        # Orders from 0 on give the others.
         a = np.exp(-1j * every[l:] * alpha) * (wigner @ (np.exp(-1j * every * gamma) * a))
         result[middle] = a[0].real
         positive = np.sqrt(2) * signs * a[1:]

@@ -1,7 +1,7 @@
 """Sums over all directions of light, Σ I[L] · Area[L] · f(N·L), for every entry of a table (Miller & Hoffman 1984, §6).
 
 Three ways to the same sums: hemispheres for Lambert (exact), zonal harmonics for smooth lobes (to a bound that is
-told), and transforms along the longitude for any other function of the cosine (exact, slower).
+returned), and transforms along the longitude for any other function of the cosine (exact, slower).
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ def glossy_map(
     views: int = VIEWS,
     azimuths: int = AZIMUTHS,
 ) -> GlossyMap:
-    """Convolve an illumination map with an isotropic BRDF for every view.
+    """Convolve an environment map with an isotropic BRDF for every view.
 
     rows : the tables' height; as fine as the lobe needs unless given
     views : view angles, evenly spaced from 0 to π/2

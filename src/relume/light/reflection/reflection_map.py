@@ -42,8 +42,8 @@ class Normalisation(Enum):
 class ReflectionMap:
     """A table of reflected light.
 
-    light : the table, a lat-long map in the illumination map's unit; `lookup` is bilinear over seam and poles
-    lobe : what the illumination map was convolved with
+    light : the table, a lat-long map in the environment map's unit; `lookup` is bilinear over seam and poles
+    lobe : what the environment map was convolved with
     normalisation : what the sums were divided by
     error_bound : no entry is further from the exact sum than this share of it, rounding aside
     """
@@ -69,7 +69,7 @@ def reflection_map(
     rows: int | None = None,
     normalisation: Normalisation = Normalisation.RADIOMETRIC,
 ) -> ReflectionMap:
-    """The table of an illumination map convolved with a lobe (Miller & Hoffman 1984, §§6.1, 6.2).
+    """The table of an environment map convolved with a lobe (Miller & Hoffman 1984, §§6.1, 6.2).
 
     light : in any mapping
     lobe : the convolution function; with a mirror's share, that share of the light itself is added

@@ -1,4 +1,4 @@
-"""Reflection maps as pictures and layers that tell what they hold, ready for `relume.image.files`, and back."""
+"""Reflection maps as pictures and layers whose attributes say what they hold, ready for files, and back."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _BRDFS: dict[str, type[GGX] | type[Ward] | type[PhongReflectance]] = {c.name: c 
 
 
 def as_picture(table: ReflectionMap) -> RadianceMap:
-    """A table as a radiance map whose attributes tell its lobe, normalisation, error bound and unit.
+    """A table as a radiance map whose attributes say its lobe, normalisation, error bound and unit.
 
-    Sums that nothing divides are no radiance: their unit, with sr in it, is told by the attribute alone.
+    Sums that nothing divides are no radiance: their unit, with sr in it, is in the attribute alone.
     """
     summed = table.normalisation is Normalisation.SUM
     attributes = {
@@ -95,7 +95,7 @@ def _names(view: int, components: int) -> list[str]:
 
 
 def _parameters(reflectance: Lobe | Reflectance) -> dict[str, str]:
-    """The numbers of a lobe or BRDF, those of which attributes can tell."""
+    """The numbers of a lobe or BRDF, those that attributes can hold."""
     fields = {"k": reflectance.k} if isinstance(reflectance, Cosine) else asdict(reflectance)
     return {name: repr(float(value)) for name, value in fields.items() if isinstance(value, int | float)}
 

@@ -71,8 +71,8 @@ def plateau(light: EnvironmentMap) -> np.ndarray:
     mask &= light.mapping.solid_angles(light.size) > 0
     if mask.sum() < 3:
         raise SunNotRecovered(
-            "the map tells of no clipped pixel, and its brightest ones are no plateau; "
-            "tell which are clipped, or from which radiance on"
+            "the map marks no clipped pixel, and its brightest ones are no plateau; "
+            "say from which radiance on pixels are clipped (--level)"
         )
     return mask
 

@@ -1,10 +1,10 @@
 """A sun that clipped, recovered from a matte ball or a chart that stood in the same light.
 
-Clipped pixels hold a lower bound. How much they lack is told by things that average light: a grey ball of known albedo
-reflects ρ/π times its irradiance, which is that of the map as it is plus x max(0, n·ω) of every clipped source. The
-x ≥ 0 of each channel are the least squares fit over all sides of the ball that are seen (Debevec et al., "Estimating
-Surface Reflectance Properties of a Complex Scene under Captured Natural Illumination", 2004, with one sun; several
-sources by one linear system as in Debevec et al., "A Single-Shot Light Probe", 2012).
+Clipped pixels hold a lower bound. How much they lack is measured by things that average light: a grey ball of known
+albedo reflects ρ/π times its irradiance, which is that of the map as it is plus x max(0, n·ω) of every clipped source.
+The x ≥ 0 of each channel are the least squares fit over all sides of the ball that are seen (Debevec et al.,
+"Estimating Surface Reflectance Properties of a Complex Scene under Captured Natural Illumination", 2004, with one sun;
+several sources by one linear system as in Debevec et al., "A Single-Shot Light Probe", 2012).
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from relume.sphere.mappings.mapping import pixel_directions
 APART = np.radians(15)
 """Sources nearer than this light a matte ball so much alike that they are recovered as one."""
 MOST = 8
-"""Sources recovered at once: a matte ball tells about nine numbers a channel (Ramamoorthi & Hanrahan 2001)."""
+"""Sources recovered at once: a matte ball measures about nine numbers a channel (Ramamoorthi & Hanrahan 2001)."""
 SEEN = 0.2
-"""Cosine that the best lit reading must reach for a source to be told from it."""
+"""Cosine that the best lit reading must reach for a source to be recovered from it."""
 MODEL = 0.01
 """Share of a reading by which paint, the ball's shape and interpolation may be off; weighs dark sides against lit."""
 DISAGREEMENT = 0.1
@@ -80,7 +80,7 @@ class RecoveredSun:
     sources : the strongest first, as they were found to be
     residual : root mean square of (fit − reading) / reading
     agreement : by which factor the readings exceed the map where no clipped light falls; 1 ± `agreement_uncertainty`
-        if albedo, exposure and orientation are right. NaN where too few readings tell
+        if albedo, exposure and orientation are right. NaN where there are too few readings
     source : what was read, as in "a grey ball of albedo 0.18"
     """
 
@@ -161,7 +161,7 @@ def recover_sun(
     if readings.unit != light.unit:
         raise ValueError(f'readings are "{readings.unit}" and the map "{light.unit}"; bring both to one unit first')
     if not readings.irradiance.any():
-        raise SunNotRecovered(f"{readings.source}: black all over, so nothing tells of the light; photograph it lit")
+        raise SunNotRecovered(f"{readings.source}: black all over, so nothing is known of the light; photograph it lit")
     directions = pixel_directions(light.mapping, light.size)
     mask = clipped_pixels(light, level)
     gathered = sources(light, directions, mask, apart)
@@ -198,7 +198,7 @@ def recover_sun(
 
 
 def _distinguishable(lit: np.ndarray, middles: list[np.ndarray], readings: MatteReadings) -> list[int]:
-    """Which sources the readings can tell, strongest first; what cannot be stays as it is, and is warned of."""
+    """Which sources the readings can separate, strongest first; what cannot be stays as it is, and is warned of."""
     seen = [k for k in range(lit.shape[1]) if lit[:, k].max() >= SEEN]
     if not seen:
         towards = ", ".join(f"{v:.2f}" for v in middles[0])
@@ -209,7 +209,7 @@ def _distinguishable(lit: np.ndarray, middles: list[np.ndarray], readings: Matte
         )
     if len(readings.normals) < len(seen[:MOST]):
         raise SunNotRecovered(
-            f"{len(seen)} sources clipped, which {readings.source} cannot tell apart; read more sides, or give a "
+            f"{len(seen)} sources clipped, which {readings.source} cannot separate; read more sides, or give a "
             "higher level so that only the brightest counts"
         )
     if len(seen[:MOST]) < lit.shape[1]:

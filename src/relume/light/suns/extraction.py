@@ -105,7 +105,7 @@ def extract_sun(
             rest[patch] = fill
             suns.append(sun)
     if not suns:
-        raise SunNotFound(_told(float(values.max(initial=0)), level, wide, contrast))
+        raise SunNotFound(_why_no_sun(float(values.max(initial=0)), level, wide, contrast))
     clipped = light.clipped
     if clipped is not None:
         clipped = np.where(np.any(rest != light.radiance, axis=-1) & (clipped == SATURATED), 0, clipped)
@@ -161,7 +161,7 @@ def _sun(
     return sun, max(reach, radius)
 
 
-def _told(highest: float, level: float, wide: float, contrast: float) -> str:
+def _why_no_sun(highest: float, level: float, wide: float, contrast: float) -> str:
     if wide:
         return (
             f"no sun stands out: the brightest source is {2 * np.degrees(wide):.0f}° wide, no parallel light; "

@@ -61,7 +61,7 @@ class _Disc(ABC):
     def solid_angles(self, size: int) -> np.ndarray:
         # Green's theorem: ∬ sin θ dθ dψ = ∮ (1 − cos θ(r)) dψ round the pixel. Beyond the rim 1 − cos θ is a
         # constant, whose integral round a closed path is 0, so pixels outside get 0 and the rest sums to the disc's.
-        # One quarter tells all four.
+        # One quarter gives all four.
         nodes, weights = np.polynomial.legendre.leggauss(16)
         rows, _ = self.shape(size)
         edges = np.linspace(-1, 1, rows + 1)[rows // 2 :]
@@ -135,10 +135,10 @@ class Fisheye(_Disc):
     def name(self) -> str:
         # The shortest number that is read as this very field again.
         degrees = (f"{np.degrees(self.field):.{digits}g}" for digits in range(3, 18))
-        told = next(
+        exact = next(
             (text for text in degrees if np.radians(float(text)) == self.field), f"{np.degrees(self.field):.17g}"
         )
-        return f"fisheye:{'equisolid' if self.equisolid else 'equidistant'}:{told}"
+        return f"fisheye:{'equisolid' if self.equisolid else 'equidistant'}:{exact}"
 
     @classmethod
     def named(cls, text: str) -> Fisheye:
@@ -151,7 +151,7 @@ class Fisheye(_Disc):
             (degrees,) = map(float, words or ["180"])
         except ValueError:
             raise ValueError(
-                f'"{text}" is no fisheye; write fisheye:equidistant:DEGREES or fisheye:equisolid:DEGREES'
+                f'"{text}" is not a fisheye; write fisheye:equidistant:DEGREES or fisheye:equisolid:DEGREES'
             ) from None
         return cls(float(np.radians(degrees)), equisolid)
 

@@ -15,7 +15,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 RIM = 16
 """Pixels from the rim of an orthographic disc within which solid angles grow too fast for a sum of four densities."""
 FINE = 1024
-"""Columns from which the density at a pixel's middle tells its solid angle to 1e-6."""
+"""Columns from which the density at a pixel's middle gives its solid angle to 1e-6."""
 
 
 @inlined

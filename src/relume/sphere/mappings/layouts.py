@@ -23,7 +23,7 @@ _ABOVE = np.array([[1, 0, 0], [0, 0, 1], [0, 1, 0]], np.float64)
 
 
 class Planes(NamedTuple):
-    """What kernels are told of an image.
+    """What kernels need of an image.
 
     kind : LAT_LONG … EQUAL_AREA
     across, down : the projection's numbers: the angle at a disc's rim (EQUIDISTANT), the sine of half of it

@@ -31,7 +31,7 @@ def rotation_from_angles(yaw: float, pitch: float = 0.0, roll: float = 0.0) -> n
 
 @dataclass(frozen=True, eq=False)
 class Orientation:
-    """Where a program shows the points of a file, told in our world's directions.
+    """Where a program shows the points of a file, in directions of our world.
 
     name : the program, as `ORIENTATIONS` lists it
     mapping : the mapping of the file

@@ -1,4 +1,4 @@
-"""A light map with its axes written on it: where it is loaded turned or mirrored, one look tells.
+"""A test map with its axes written on it: whoever loads it sees at once whether it is turned or mirrored.
 
 Round each of ±X, ±Y and ±Z lies a disc in a colour of its own with the axis's name upright for someone who stands
 inside, looks along −Z with +Y up, turns to ±X or +Z, or nods to ±Y.

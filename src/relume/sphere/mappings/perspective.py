@@ -1,4 +1,4 @@
-"""Perspective views cropped out of an illumination map, and put back into it."""
+"""Perspective views cropped out of an environment map, and put back into it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def perspective_view(light: EnvironmentMap, rotation: np.ndarray, field: float, 
     field : the horizontal field of view, radians
     size : (width, height) in pixels, which are square
 
-    The picture keeps the light's unit and marks, and its attributes tell the view: "view-field" in degrees and
+    The picture keeps the light's unit and marks, and its attributes store the view: "view-field" in degrees and
     "view-rotation", nine numbers by rows. Raises ValueError for a field that is not above 0 and below π, for a size
     below 1, and for a matrix that is no rotation.
     """

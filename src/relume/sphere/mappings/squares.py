@@ -48,7 +48,7 @@ class Octahedral(_Folded):
         if rows % 2:
             # Folds run along the diagonals of the pixels of an even number only.
             return self.solid_angles(2 * rows).reshape(rows, 2, rows, 2).sum((1, 3))
-        # One quarter tells all four, and in it the fold x + z = 1 halves the pixels along their diagonals.
+        # One quarter gives all four, and in it the fold x + z = 1 halves the pixels along their diagonals.
         half = rows // 2
         places = np.arange(half + 1) / half
         x, z = places[None, :], places[:, None]
