@@ -20,13 +20,9 @@ def panorama(
     ],
     /,
     *,
-<<<<<<< HEAD
     out: Annotated[
         Path, Parameter(alias="-o", help="The equirectangular (lat-long) environment map to write, .exr or .hdr.")
     ],
-=======
-    out: Annotated[Path, Parameter(alias="-o", help="The lat-long environment map to write, .exr or .hdr.")],
->>>>>>> 85672f4 (Light and sphere in the field's words; lesser names in rl.light, rl.mappings, rl.report; documents)
     faces: Annotated[
         str | None,
         Parameter(

@@ -26,13 +26,9 @@ def probe(
     ] = None,
     /,
     *,
-<<<<<<< HEAD
     out: Annotated[
         Path, Parameter(alias="-o", help="The equirectangular (lat-long) environment map to write, .exr or .hdr.")
     ],
-=======
-    out: Annotated[Path, Parameter(alias="-o", help="The lat-long environment map to write, .exr or .hdr.")],
->>>>>>> 85672f4 (Light and sphere in the field's words; lesser names in rl.light, rl.mappings, rl.report; documents)
     second: Annotated[
         list[Path] | None,
         Parameter(

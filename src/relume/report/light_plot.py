@@ -46,11 +46,7 @@ def light_plot(light: EnvironmentMap, title: str) -> bytes:
         _name_axes(axis, light)
         axis.set_title(f"{_signed(stops)} stops: radiance {1 / film.exposure:.3g} is white", fontsize=8)
         axis.set_axis_off()
-<<<<<<< HEAD
     figure.supxlabel(_in_words(measured), fontsize=8)
-=======
-    figure.supxlabel(_caption(measured), fontsize=8)
->>>>>>> 85672f4 (Light and sphere in the field's words; lesser names in rl.light, rl.mappings, rl.report; documents)
     stream = io.BytesIO()
     figure.savefig(stream, format="png", metadata={"Software": None})
     return stream.getvalue()
@@ -94,11 +90,7 @@ def _name_axes(axis, light: EnvironmentMap) -> None:
         )  # fmt: skip
 
 
-<<<<<<< HEAD
 def _in_words(measured: Audit) -> str:
-=======
-def _caption(measured: Audit) -> str:
->>>>>>> 85672f4 (Light and sphere in the field's words; lesser names in rl.light, rl.mappings, rl.report; documents)
     facts = measured.facts()
     lines = [f"total {facts['total']}   peak {facts['peak']} towards {facts['peak direction']}"]
     up, down = measured.irradiance[2], measured.irradiance[3]
