@@ -35,7 +35,7 @@ def room(width: int = 384) -> tuple[rl.Scene, rl.Camera]:
     smaller = replace(camera, width=width, height=height, focal_length=camera.focal_length * share)
     plane = rl.Plane(rl.Diffuse(REFLECTANCE), (1.7, 1.0))
     objects = tuple(mesh for one in sorted((ROOM / "objects").glob("*.glb")) for mesh in rl.read_meshes(one))
-    return rl.Scene(done.probe.light, (plane,), objects), smaller
+    return rl.Scene(done.calibrated.probe.light, (plane,), objects), smaller
 
 
 def pack(scene: rl.Scene, camera: rl.Camera, path: Path) -> None:
