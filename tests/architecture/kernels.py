@@ -45,7 +45,6 @@ PROOFS: dict[str, tuple[str, str]] = {
     "renderers/raytrace/raycast.py": ("renderers/test_raycast.py", "slow twin in naive.py"),
     "renderers/raytrace/surface.py": ("renderers/test_raycast.py", "closed forms of normals and places"),
     "renderers/whitted/antialiasing.py": ("renderers/test_antialiasing.py", "closed form: the covered share"),
-    "renderers/whitted/facets.py": ("renderers/test_whitted_paper.py", "slow twin in naive_whitted.py"),
     "renderers/whitted/kernel.py": ("renderers/test_whitted_paper.py", "slow twin in naive_whitted.py"),
     "renderers/whitted/optics.py": ("renderers/test_whitted_paper.py", "slow twin in naive_whitted.py"),
     "renderers/whitted/textures.py": ("renderers/test_whitted_paper.py", "slow twin in naive_whitted.py"),
