@@ -61,7 +61,7 @@ def behind_a_pane(roughness: float) -> float:
         WhittedMaterial(ambient=None, diffuse=Checks(WHITE, (0.0, 0.0, 0.0), 0.5)),
     )
     ball = rl.Sphere((0, 0, 0), 1.0, rl.Material(WHITE, 0.0, roughness, 1.0, ior=1.3))
-    light = (rl.DistantLight((0, 0, 1), WHITE),)
+    light = (rl.scene.DistantLight((0, 0, 1), WHITE),)
     method = rl.Whitted(antialiasing=None, rays=64, constellation=0)
     seen = method.render(rl.Scene(BLACK, objects=(wall, ball), lights=light), CAMERA).radiance[8:16, 8:16, 0]
     return float(seen.std() / seen.mean())
@@ -86,7 +86,7 @@ def test_frosted_glass_grows_more_frosted_and_never_clear_again():
 )
 def test_an_image_of_one_colour_is_that_colour(material):
     plain = replace(material, base_color=(0.8, 0.0, 0.0))
-    lights = (rl.DistantLight((1, 1, 1), WHITE),)
+    lights = (rl.scene.DistantLight((1, 1, 1), WHITE),)
     seen = [
         rl.Whitted(antialiasing=None)
         .render(rl.Scene(FURNACE, objects=(rl.Sphere((0, 0, 0), 1.0, m),), lights=lights), CAMERA)

@@ -1,4 +1,5 @@
 from .alignment.alignment import Aligned as Aligned
+from .alignment.alignment import align as align
 from .brackets.merging import measured_profile as measured_profile
 from .brackets.merging import merge_brackets as merge_brackets
 from .brackets.result import MergedBracket as MergedBracket
@@ -13,8 +14,10 @@ from .brackets.shoot import plan_merge as plan_merge
 from .clipping_report import ClippingReport as ClippingReport
 from .clipping_report import clipping_report as clipping_report
 from .denoising import denoise as denoise
+from .exposure.bracket import Bracket as Bracket
 from .exposure.grouping import group_files as group_files
 from .ghosts.deghosting import Consistency as Consistency
+from .ghosts.deghosting import deghost as deghost
 from .lens.glare import Glare as Glare
 from .lens.glare import diminish_glare as diminish_glare
 from .lens.glare_recovery import largest_glare as largest_glare
@@ -27,6 +30,9 @@ from .raw.merging import RawCalibration as RawCalibration
 from .raw.merging import calibrate_raw as calibrate_raw
 from .raw.merging import merge_raw as merge_raw
 from .response.calibration import Calibration as Calibration
+from .response.camera_profile import CameraProfile as CameraProfile
+from .response.camera_profile import read_profile as read_profile
+from .response.camera_profile import write_profile as write_profile
 from .response.debevec_malik import DebevecMalik as DebevecMalik
 from .response.mitsunaga_nayar import MitsunagaNayar as MitsunagaNayar
 from .response.ratios import Ratios as Ratios

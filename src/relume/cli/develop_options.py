@@ -253,7 +253,7 @@ class BesideOptions:
             rl.write(self.false_colour, rl.tone.false_colour(made.image))
             files["false colour"] = str(self.false_colour)
         if self.report:
-            rl.write_develop_report(self.report, made, facts={**made.facts, **files, "relume": version()})
+            rl.report.write_develop_report(self.report, made, facts={**made.facts, **files, "relume": version()})
             files["report"] = str(self.report)
         return files
 

@@ -50,7 +50,7 @@ def info(
         unreadable: list[rl.RelumeError] = []
         for path in paths or ():
             try:
-                facts = rl.describe(path, reading)
+                facts = rl.report.describe(path, reading)
             except rl.RelumeError as error:
                 unreadable.append(error)
                 continue
@@ -68,7 +68,7 @@ def _draw(paths: list[Path], out: Path, from_: str | None, reading: rl.ReadOptio
         raise ValueError(f"--draw shows one map; {len(paths)} files are named")
     require_suffix(out, ".png", option="--draw")
     light = rl.read_environment(paths[0], None if from_ is None else rl.mappings.mapping_named(from_), options=reading)
-    rl.draw_environment(light, out, title=paths[0].name)
+    rl.report.draw_environment(light, out, title=paths[0].name)
 
 
 def _system() -> dict[str, object]:

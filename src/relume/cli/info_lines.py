@@ -16,7 +16,7 @@ _LONGEST = 100  # characters of an attribute that fit beside its name
 
 
 def lines_of(facts: Mapping[str, Any], *, whole: bool = False) -> dict[str, str]:
-    """The facts of `rl.describe` as label → text, in the order to print.
+    """The facts of `rl.report.describe` as label → text, in the order to print.
 
     facts : with "direction" in the places that have one
     whole : print attributes to their end, however long

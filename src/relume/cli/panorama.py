@@ -98,7 +98,7 @@ def panorama(
             print_facts(output, {"would write": str(out), "views": names, "orientation": where})
             return
         # The work.
-        camera = None if profile is None else rl.read_profile(profile)
+        camera = None if profile is None else rl.capture.read_profile(profile)
         result = rl.probe.panorama_from_files(photographs, profile=camera, settings=settings)
         rl.write(out, rl.as_radiance_map(result.light))
         # What came of it.

@@ -129,7 +129,7 @@ def probe(
                 raise ValueError("--second is the other of two views; give more than two with --view or as folders")
             views.append(rl.probe.BallPhotographs(tuple(second), second_camera))
         views = _picked(views, pick or [])
-        known = rl.read_profile(profile) if profile else None
+        known = rl.capture.read_profile(profile) if profile else None
         if dry_run:
             where = "given" if all(each.camera for each in views) else "to be found by registration"
             print_facts(

@@ -202,7 +202,7 @@ def _environment(
 
 
 def _tree(read: rl.SceneFile, out: Path, pixel: Pixel, settings: rl.RenderSettings, dry_run: bool) -> dict[str, object]:
-    drawn = rl.draw_ray_tree(read, out, pixel, settings, dry_run=dry_run)
+    drawn = rl.report.draw_ray_tree(read, out, pixel, settings, dry_run=dry_run)
     facts: dict[str, object] = {"renderer": "whitted", "pixel": f"{pixel[0]},{pixel[1]}"}
     if drawn is not None:
         shares = drawn.shares

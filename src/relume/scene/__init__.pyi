@@ -6,6 +6,9 @@ from .cameras.vanishing_lines import fit_vanishing_lines as fit_vanishing_lines
 from .distant import Box as Box
 from .distant import Dome as Dome
 from .lights import AmbientLight as AmbientLight
+from .lights import DistantLight as DistantLight
+from .lights import PointLight as PointLight
+from .lights import SphereLight as SphereLight
 from .materials.materials import Ward as Ward
 from .materials.materials import dispersed as dispersed
 from .materials.reflective import Reflective as Reflective

@@ -92,11 +92,11 @@ class Light:
         import numpy as np
 
         files = list(self.light or []) if paths is None else paths
-        lamps = [] if paths is not None else [rl.DistantLight(*_strength(each)) for each in self.direction or []]
-        lamps += [] if paths is not None else [rl.PointLight(*_strength(each)) for each in self.lamp or []]
+        lamps = [] if paths is not None else [rl.scene.DistantLight(*_strength(each)) for each in self.direction or []]
+        lamps += [] if paths is not None else [rl.scene.PointLight(*_strength(each)) for each in self.lamp or []]
         return rl.lightstage.StageLighting(
             tuple(rl.read_environment(path, clamp=self.clamp) for path in files if path.suffix.lower() != ".json"),
-            tuple(rl.read_lights(path) for path in files if path.suffix.lower() == ".json"),
+            tuple(rl.export.read_lights(path) for path in files if path.suffix.lower() == ".json"),
             tuple(lamps),
             float(np.radians(self.size)),
             rotation_of(self.rotate),

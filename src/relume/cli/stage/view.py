@@ -89,7 +89,7 @@ def view(
         # The files.
         if out.suffix.lower() == ".exr":
             layers = {"radiance": found.picture.radiance, "alpha": found.alpha, "unseen": found.unseen}
-            rl.write_layers(out, layers, unit=found.picture.unit)
+            rl.files.write_layers(out, layers, unit=found.picture.unit)
         else:
             rl.lightstage.write_picture(out, found.picture, exposure)
         share = float(found.unseen.sum() / (found.alpha.sum() + found.unseen.sum()))
