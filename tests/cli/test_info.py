@@ -12,8 +12,8 @@ import pytest
 
 from command_line import refused
 from relume.cli import main
-from relume.cli.info_lines import lines_of, number
-from relume.cli.reading_options import ReadingOptions
+from relume.cli.arguments import ReadingOptions
+from relume.cli.info import lines_of, number
 from relume.image.files import write
 from relume.image.files.description import describe
 from relume.image.files.gain_map import gain_map

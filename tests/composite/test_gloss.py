@@ -14,7 +14,8 @@ from relume.scene.shapes.shapes import Mesh, Plane
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
 from relume.surface.gloss import FittedGloss, Gloss, ViewOfProbe, fit_gloss, glossy
-from relume.surface.reflectance import Recovery, recover_reflectance
+from relume.surface.recovery import Recovery
+from relume.surface.reflectance import recover_reflectance
 from relume.surface.two_views import common_points
 
 WIDTH, HEIGHT = 96, 64

@@ -17,7 +17,8 @@ from relume.sphere.mappings.mapping import LatLong, pixel_directions
 from relume.surface.clean_pixels import filled_in, trustworthy
 from relume.surface.gloss import Gloss, glossy
 from relume.surface.projection import box_mesh
-from relume.surface.reflectance import ConstantAlbedo, KnownMaterial, RecoveredLocal, Recovery, recover_reflectance
+from relume.surface.recovery import ConstantAlbedo, KnownMaterial, RecoveredLocal, Recovery
+from relume.surface.reflectance import recover_reflectance
 
 CAMERA = Camera.looking_at(np.array([0.1, 0.6, 1.2]), np.zeros(3), width=96, height=64, focal_length=90.0)
 QUICK = Mitsuba(samples=64, depth=6)

@@ -16,7 +16,7 @@ from relume.scene.materials.materials import Diffuse
 from relume.scene.shapes.shapes import Mesh, Plane
 from relume.sphere.environment_map import EnvironmentMap
 from relume.surface.gloss import FittedGloss, Gloss, glossy
-from relume.surface.reflectance import RecoveredLocal, RecoveredSurface
+from relume.surface.recovery import RecoveredLocal, RecoveredSurface
 
 GENERATOR = np.random.default_rng(1)
 ALBEDO, WITHOUT, LIGHT = (GENERATOR.random((5, 7, 3)).astype(np.float32) for _ in range(3))

@@ -2,66 +2,100 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from fractions import Fraction
-from math import isfinite
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 import relume as rl
+from relume.cli.option_types import numbers
 
-if TYPE_CHECKING:
-    import numpy as np
-
-Times = Annotated[
-    str | None, Parameter(help="Exposure time of each photograph in seconds, like 1/30,1/60,1/125; replaces the EXIF.")
+Clamp = Annotated[
+    bool, Parameter(negative="", help="Set negative pixels, which a resize may leave, to 0; refused unless given.")
 ]
+From = Annotated[
+    str | None,
+    Parameter(
+        name="--from",
+        help="Mapping of the map where the file does not store it: latlong, angular, ball or another of `convert`.",
+    ),
+]
+
+
+def mapping_of(name: str | None, option: str = "--from") -> rl.mappings.Mapping | None:
+    """The mapping of an option's word, None for none; raises ValueError naming the option."""
+    if name is None:
+        return None
+    try:
+        return rl.mappings.mapping_named(name)
+    except ValueError as error:
+        raise ValueError(f"{option}: {error}") from None
+
+
+_MEGAPIXEL = 1e6
+_BYTES = 32  # a pixel being read: its floats, those of the file, and a mask or two
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class ReadingOptions:
+    """What a user may say of the files a command reads; the same for every command that reads any picture."""
+
+    largest: Annotated[
+        float | None,
+        Parameter(help="Megapixels of a picture, at most; 268 unless given, so that no damaged file fills the memory."),
+    ] = None
+    salvage: Annotated[
+        bool,
+        Parameter(negative="", help="Read a file that ends early as far as it goes; the rest is black and marked."),
+    ] = False
+    mantissa_middle: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="Read Radiance .hdr values half a step higher, as Radiance does: right for files of programs that "
+            "round down.",
+        ),
+    ] = False
+    float_size: Annotated[
+        tuple[int, int] | None,
+        numbers(
+            "WIDTHxHEIGHT",
+            like="640x480",
+            above=0,
+            help="Size of a raw .float file, as WIDTHxHEIGHT; that of a square one is inferred.",
+        ),
+    ] = None
+    float_order: Annotated[
+        Literal["little", "big"] | None,
+        Parameter(help="Byte order of a raw .float file; the one that makes sense unless given."),
+    ] = None
+
+    def reading(self) -> rl.ReadOptions:
+        """The same for `rl.read`; raises ValueError that names the option."""
+        limits = rl.ReadOptions()
+        pixels = limits.pixels
+        if self.largest is not None:
+            if not (math.isfinite(self.largest) and self.largest * _MEGAPIXEL >= 1):
+                raise ValueError(f"--largest is {self.largest:g} megapixels; give a number like 500")
+            pixels = int(self.largest * _MEGAPIXEL)
+        return rl.ReadOptions(
+            # Who raises the area means long strips too; memory is still held against what the machine has free.
+            side=limits.side if pixels <= limits.pixels else pixels,
+            pixels=pixels,
+            decoded=max(limits.decoded, _BYTES * pixels),
+            salvage=self.salvage,
+            mantissa_middle=self.mantissa_middle,
+            float_size=self.float_size,
+            float_order=self.float_order,
+        )
+
+
 Threads = Annotated[int | None, Parameter(help="Threads to render with; all cores unless given.")]
 DryRun = Annotated[bool, Parameter(negative="", help="Say what would be done, and do nothing.")]
-
-
-def read_times(text: str | None, option: str = "--times") -> list[float] | None:
-    """Seconds from text like "1/30,1/60,0.5"; raises ValueError naming the option and the word."""
-    if text is None:
-        return None
-    times = []
-    for word in text.replace(",", " ").split():
-        try:
-            times.append(float(Fraction(word)))
-        except (ValueError, ZeroDivisionError):
-            raise ValueError(f'{option}: "{word}" is no exposure time; write seconds, like 1/30 or 0.5') from None
-        if times[-1] <= 0:
-            raise ValueError(f'{option}: "{word}" is not above 0')
-    return times
-
-
-def read_point(text: str, option: str) -> tuple[float, float, float]:
-    """Three numbers from text like "0,0.17,1"; raises ValueError naming the option."""
-    try:
-        x, y, z = (float(word) for word in text.replace(",", " ").split())
-    except ValueError:
-        raise ValueError(f'{option}: "{text}" is no place; write three numbers in metres, like 0,0.17,1') from None
-    return x, y, z
-
-
-def read_angles(text: str, option: str) -> np.ndarray:
-    """Three angles of "YAW[,PITCH[,ROLL]]" in degrees, as radians; raises ValueError naming the option."""
-    import numpy as np
-
-    try:
-        angles = [float(word) for word in text.replace(",", " ").split()]
-        if not 1 <= len(angles) <= 3 or not np.all(np.isfinite(angles)):
-            raise ValueError
-    except ValueError:
-        raise ValueError(f'{option}: "{text}" is no turn; write YAW, YAW,PITCH or YAW,PITCH,ROLL in degrees') from None
-    return np.radians([*angles, 0.0, 0.0][:3])
-
-
-def read_rotation(text: str, option: str) -> np.ndarray:
-    """The rotation of light: roll about +Z first, pitch about +X, then yaw about +Y, right-handed."""
-    return rl.mappings.rotation_from_angles(*read_angles(text, option))
 
 
 def require_files(paths: Sequence[Path]) -> None:
@@ -97,22 +131,3 @@ def require_suffix(out: Path, *suffixes: str, option: str = "-o") -> None:
         raise ValueError(f"{option} {out}: the file must end in {' or '.join(suffixes)}")
     if not out.parent.is_dir():
         raise rl.errors.OutputNotWritten(f"{option} {out}: no folder {out.parent}; make it first or choose another")
-
-
-def numbers(text: str, option: str, *counts: int) -> list[float]:
-    """As many numbers as one of `counts` from text like "10,20,5.5"; raises ValueError naming the option."""
-    try:
-        values = [float(word) for word in text.replace(",", " ").split()]
-    except ValueError:
-        values = []
-    if len(values) not in counts or not all(map(isfinite, values)):
-        wanted = " or ".join(map(str, counts))
-        raise ValueError(f'{option}: "{text}" is not {wanted} numbers; write them with commas between')
-    return values
-
-
-def whole(values: Sequence[float], option: str) -> list[int]:
-    """Pixels and pixel values as integers; raises ValueError naming the option where one is a fraction."""
-    if broken := [value for value in values if not value.is_integer()]:
-        raise ValueError(f"{option}: {broken[0]:g} is no whole number; pixels and their values are")
-    return [int(value) for value in values]

@@ -2,17 +2,180 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
 import relume as rl
-from relume.cli.arguments import DryRun, refuse_input, require_files, require_suffix
+from relume.cli.arguments import Clamp, DryRun, ReadingOptions, mapping_of, refuse_input, require_files, require_suffix
 from relume.cli.console import OutputOptions, finish, note, print_facts, warnings_as_notes
-from relume.cli.convert_options import FormatOptions, MapOptions, PaintingOptions, ViewOptions
-from relume.cli.light_input import Clamp, mapping_of
-from relume.cli.reading_options import ReadingOptions
+from relume.cli.option_types import Angles, Box, Size, numbers
+
+MAPPINGS = (
+    "latlong, angular, ball, cross, cross-vertical, strip, faces, octahedral, equalarea, hemispheres, "
+    "fisheye (:equisolid) (:DEGREES)"
+)
+HOSTS = "blender, usd, gltf, three, mitsuba, pbrt, arnold, radiance"
+FORMAT = Group("The format of the output", sort_key=1)
+FLOATS = (".exr", ".tif", ".tiff", ".pfm", ".float", ".float.gz")
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class FormatOptions:
+    """What the name of the output does not say."""
+
+    half: Annotated[
+        bool, Parameter(group=FORMAT, negative="", help="16 bits a value in an .exr; float where halves would not do.")
+    ] = False
+    float_: Annotated[
+        bool,
+        Parameter(
+            name="--float",
+            group=FORMAT,
+            negative="",
+            help="32 bits a value, which is what is written unless asked otherwise.",
+        ),
+    ] = False
+    as_: Annotated[
+        Literal["xyze", "logluv32", "logluv24", "logl16", "grey"] | None,
+        Parameter(
+            name="--as",
+            group=FORMAT,
+            help="xyze: a .hdr in CIE XYZ. logluv32, logluv24, logl16: a .tif of log luminance. grey: a .pfm of one "
+            "channel.",
+        ),
+    ] = None
+    roi: Annotated[Box | None, Parameter(group=FORMAT, help="Keep this rectangle of the input, in pixels.")] = None
+
+    def encoding(self, out: Path) -> rl.files.Encoding | None:
+        """How the output is written; None as its name says. Raises ValueError for options that do not fit it."""
+        radiance, tiff = (".hdr", ".pic", ".rgbe", ".xyze"), (".tif", ".tiff")
+        choices: dict[str, tuple[bool, Callable[[], rl.files.Encoding | None], tuple[str, ...]]] = {
+            "--half": (self.half, lambda: rl.files.OpenEXR(half=True), (".exr",)),
+            "--float": (self.float_, lambda: None, FLOATS),
+            "--as xyze": (self.as_ == "xyze", lambda: rl.files.RadianceHDR(xyz=True), radiance),
+            "--as logluv32": (self.as_ == "logluv32", lambda: rl.files.LogLuv(32), tiff),
+            "--as logluv24": (self.as_ == "logluv24", lambda: rl.files.LogLuv(24), tiff),
+            "--as logl16": (self.as_ == "logl16", lambda: rl.files.LogLuv(16), tiff),
+            "--as grey": (self.as_ == "grey", lambda: rl.files.PFM(grey=True), (".pfm",)),
+        }
+        asked = {option: choice for option, choice in choices.items() if choice[0]}
+        if len(asked) > 1:
+            raise ValueError(f"{' and '.join(asked)} contradict each other; keep one")
+        for option, (_, encoding, fits) in asked.items():
+            if rl.files.encodings.suffix_of(out) not in fits:
+                raise ValueError(f"{option} is for {', '.join(fits)}; {out.name} is not one")
+            return encoding()
+        return None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class MapOptions:
+    """What becomes of an environment map."""
+
+    from_: Annotated[
+        str | None,
+        Parameter(name="--from", help=f"Mapping of the input, where the file does not store it: {MAPPINGS}."),
+    ] = None
+    to: Annotated[str | None, Parameter(help="Mapping to convert to, one of the same; as it is unless given.")] = None
+    for_: Annotated[
+        str | None,
+        Parameter(name="--for", help=f"Lay the map out as a program loads it by default: {HOSTS}. Not with --to."),
+    ] = None
+    size: Annotated[
+        int | None, Parameter(help="Rows of the map; with --to faces of each face; as fine as the input unless given.")
+    ] = None
+    rotate: Annotated[
+        Angles | None,
+        Parameter(
+            help="Turn the light by YAW[,PITCH[,ROLL]] degrees, about +Y, then +X, then +Z, right-handed: yaw 90 "
+            "moves what lies ahead to the left.",
+        ),
+    ] = None
+    mirror: Annotated[
+        Literal["x", "z"] | None,
+        Parameter(
+            help="The cube faces, read or written, are for an engine that negates an axis before it looks up: x for "
+            "three.js and PlayCanvas, z for Bevy and Stride; not for OpenGL, glTF and Filament."
+        ),
+    ] = None
+
+    def conversion(self, *, reads_faces: bool) -> rl.light.MapConversion:
+        """The same as the library has it; `mirror` may be meant for six faces that are read."""
+        cubes = reads_faces, self.to in ("faces", "strip")
+        if self.mirror is not None and any(cubes) == all(cubes):
+            raise ValueError("--mirror is for six faces that are read, or for --to faces and --to strip; not for both")
+        return rl.light.MapConversion(
+            mapping=mapping_of("strip" if self.to == "faces" else self.to, "--to") if self.for_ is None else None,
+            faces=self.to == "faces",
+            size=self.size,
+            turn=None if self.rotate is None else radians(self.rotate),
+            program=self.for_,
+            mirror=None if reads_faces else self.mirror,
+        )
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class ViewOptions:
+    """Perspective pictures, out of a map and into it."""
+
+    view: Annotated[
+        Angles | None,
+        Parameter(
+            help="Crop a perspective picture out of the map, from a camera turned by YAW[,PITCH[,ROLL]] degrees, "
+            "to the right, up and clockwise, as panorama's --orientations.",
+        ),
+    ] = None
+    field: Annotated[float | None, Parameter(help="Horizontal field of view of --view, degrees; 90 unless given.")] = (
+        None
+    )
+    pixels: Annotated[Size | None, Parameter(help="Size of --view; 1024x1024 unless given.")] = None
+    put: Annotated[
+        Path | None,
+        Parameter(help="Put a perspective picture into the map, where its file says it came from, or at --view."),
+    ] = None
+
+    def camera(self) -> rl.light.CameraView | None:
+        """The camera of --view."""
+        if self.view is None:
+            return None
+        (field,) = radians((self.field or 90.0,))
+        return rl.light.CameraView(radians(self.view), field)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class PaintingOptions:
+    """Brightness, and paintings as maps."""
+
+    gamma: Annotated[
+        str | None, Parameter(help="The input is a painting for a display of this gamma: a number like 2.2, or srgb.")
+    ] = None
+    exposure: Annotated[
+        float, Parameter(help="Stops to brighten by; a painting's white is 1 at 0.", allow_leading_hyphen=True)
+    ] = 0.0
+    hot: Annotated[
+        list[tuple[Path, float]] | None,
+        numbers(
+            "MASK=STOPS",
+            like="sun.png=12",
+            help="Brighten a painting where a picture is white; again for each mask.",
+        ),
+    ] = None
+
+
+def radians(degrees: tuple[float, ...]) -> tuple[float, ...]:
+    """Angles in radians."""
+    import math
+
+    return tuple(math.radians(each) for each in degrees)
+
 
 PHOTOGRAPHS = (".png", ".tif", ".tiff", ".jpg", ".jpeg")
 

@@ -10,9 +10,8 @@ from cyclopts import Group, Parameter
 from cyclopts.validators import Number
 
 import relume as rl
-from relume.cli.arguments import DryRun, require_files, require_suffix
+from relume.cli.arguments import Clamp, DryRun, From, mapping_of, require_files, require_suffix
 from relume.cli.console import OutputOptions, finish, note, print_facts, warnings_as_notes
-from relume.cli.light_input import Clamp, From, mapping_of
 from relume.cli.option_types import Point, numbers
 
 PLACES = Group("Lights that have a place")

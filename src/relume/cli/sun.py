@@ -9,9 +9,8 @@ from typing import Annotated
 from cyclopts import Parameter
 
 import relume as rl
-from relume.cli.arguments import DryRun, require_files, require_suffix
+from relume.cli.arguments import Clamp, DryRun, From, mapping_of, require_files, require_suffix
 from relume.cli.console import OutputOptions, finish, print_facts, warnings_as_notes
-from relume.cli.light_input import Clamp, From, mapping_of
 from relume.cli.option_types import Colour, Point, numbers
 
 Circle = tuple[float, float, float]

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 import relume as rl
-from relume.cli.arguments import require_files
-from relume.cli.light_input import Clamp
+from relume.cli.arguments import Clamp, require_files
 from relume.cli.option_types import Angles, numbers
 
 if TYPE_CHECKING:

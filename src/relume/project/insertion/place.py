@@ -38,7 +38,8 @@ from relume.scene.shapes.shapes import Mesh
 from relume.sphere.directions import UP, rotation_about
 from relume.sphere.environment_map import EnvironmentMap
 from relume.surface.gloss import ViewOfProbe
-from relume.surface.reflectance import RecoveredLocal, recover_reflectance
+from relume.surface.recovery import RecoveredLocal
+from relume.surface.reflectance import recover_reflectance
 
 
 @dataclass(frozen=True, eq=False)

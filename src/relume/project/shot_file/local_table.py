@@ -16,7 +16,7 @@ from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import Mesh, Plane, Shape
 from relume.surface.gloss import Gloss, glossy
 from relume.surface.projection import box_mesh
-from relume.surface.reflectance import ConstantAlbedo, EstimatedGloss, KnownMaterial, Recovery, TexturedAlbedo
+from relume.surface.recovery import ConstantAlbedo, EstimatedGloss, KnownMaterial, Recovery, TexturedAlbedo
 
 GREY = Diffuse((0.5, 0.5, 0.5))
 """What a surface is made of until its reflectance is recovered."""

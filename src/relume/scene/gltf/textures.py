@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from relume.errors import UnreadableFile
-from relume.image.files.texture_pixels import texture_pixels
+from relume.image.files.photographs.texture_pixels import texture_pixels
 from relume.scene.gltf.document import GltfDocument
 
 CLAMP, MIRROR, REPEAT = 33071, 33648, 10497

@@ -10,7 +10,7 @@ import numpy as np
 
 from relume.errors import UnreadableFile
 from relume.image.colour import decode_srgb
-from relume.image.files.texture_pixels import texture_pixels
+from relume.image.files.photographs.texture_pixels import texture_pixels
 from relume.scene.materials.checks import triple
 from relume.scene.materials.materials import Material
 
