@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import median_abs_deviation
 
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.merging import clipping_bounds, merge
@@ -117,6 +116,8 @@ def _read(photograph: Photograph, response: Response, weighting: Weighting) -> _
 
 def _aligned(first: _Scan, other: _Scan) -> _Scan:
     """The other scan on the first one's scale, channel by channel."""
+    from scipy.stats import median_abs_deviation  # half a second to load
+
     logarithm = other.logarithm.copy()
     for channel, name in enumerate(("red", "green", "blue")):
         both = (first.weights[..., channel] > 0) & (other.weights[..., channel] > 0)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import median_abs_deviation
 
 from relume.capture.lens.glare import BOUND, MOST, Glare, scatter, without_glare
 from relume.capture.scale.regions import measured_patch
@@ -167,6 +166,8 @@ class _Rings:
 
 
 def _rings(picture: RadianceMap, lamp: np.ndarray) -> _Rings:
+    from scipy.stats import median_abs_deviation  # half a second to load
+
     light = luminance(picture.radiance.astype(np.float64))
     width, height = picture.size
     y, x = np.nonzero(lamp)

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import median_abs_deviation
 
 from relume.errors import NotABracket
 from relume.image import files
@@ -304,4 +303,6 @@ def _squares(places: np.ndarray, size: tuple[int, int], centre: np.ndarray) -> n
 
 def _spread(values: np.ndarray) -> float:
     """A standard deviation that a few outliers do not move."""
+    from scipy.stats import median_abs_deviation  # half a second to load
+
     return max(float(median_abs_deviation(values, scale="normal")), 1e-6)
