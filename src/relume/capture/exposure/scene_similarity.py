@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import uniform_filter
-from scipy.stats import rankdata
 
 from relume.capture.exposure.relative_brightness import Reduced
 
@@ -37,10 +36,16 @@ def structure(picture: Reduced) -> Structure:
     share = np.maximum(uniform_filter(inside.astype(np.float64), _SURROUND, mode="constant"), 1e-6)
     ranks = np.zeros((len(_VALUES), height, width))
     for plane, values in zip(ranks, _VALUES if inside.any() else (), strict=False):
-        plane[inside] = rankdata(np.rint(values * grey.mean(axis=(1, 3)))[inside])
+        plane[inside] = _ranks(np.rint(values * grey.mean(axis=(1, 3)))[inside])
         plane[inside] -= plane[inside].mean()
         plane -= np.where(inside, uniform_filter(plane, _SURROUND, mode="constant") / share, 0.0)
     return Structure(ranks)
+
+
+def _ranks(values: np.ndarray) -> np.ndarray:
+    """Ranks from 1, ties at their mean: `scipy.stats.rankdata`, whose module takes half a second to load."""
+    _, place, count = np.unique(values, return_inverse=True, return_counts=True)
+    return (np.cumsum(count) - (count - 1) / 2)[place]
 
 
 def similarity(first: Structure, second: Structure) -> float | None:
