@@ -1,1 +1,1 @@
-"""ghosts."""
+"""Deghosting: what moved while a bracket was taken is merged from one instant only."""

@@ -1,1 +1,1 @@
-"""raw."""
+"""Camera raws: merged photosite by photosite with their noise, then demosaiced."""

@@ -1,1 +1,1 @@
-"""stage."""
+"""`relume stage`: the commands of a light stage."""

@@ -1,1 +1,1 @@
-"""blender."""
+"""Lamps and shots as Blender scripts."""

@@ -1,1 +1,1 @@
-"""mitsuba."""
+"""Lamps and shots as Mitsuba 3 scenes."""

@@ -1,1 +1,1 @@
-"""usd."""
+"""Lamps and shots as USD layers."""

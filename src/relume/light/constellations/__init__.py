@@ -1,1 +1,1 @@
-"""constellations."""
+"""Light constellations: a set of lamps that stands for an environment map."""

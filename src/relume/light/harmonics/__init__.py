@@ -1,1 +1,1 @@
-"""harmonics."""
+"""Spherical harmonics of environment maps."""

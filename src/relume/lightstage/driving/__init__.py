@@ -1,1 +1,1 @@
-"""driving."""
+"""Driving the lamps of a real stage so that it lights like an environment map."""

@@ -1,1 +1,1 @@
-"""matting."""
+"""Environment mattes: how a subject refracts and reflects what is behind it."""

@@ -1,1 +1,1 @@
-"""novel_view."""
+"""A relit subject from new viewpoints (Debevec et al. 2000, §4)."""

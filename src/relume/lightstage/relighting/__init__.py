@@ -1,1 +1,1 @@
-"""relighting."""
+"""Relighting: a subject under any light as a weighted sum of its pictures."""

@@ -1,1 +1,1 @@
-"""rti."""
+"""Reflectance transformation imaging (museums' PTM and HSH files)."""

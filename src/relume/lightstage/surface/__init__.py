@@ -1,1 +1,1 @@
-"""surface."""
+"""Normals, albedo, gloss and shadow maps of a subject."""

@@ -1,1 +1,1 @@
-"""panorama."""
+"""Panoramas: perspective views matched, adjusted and stitched into one environment map."""

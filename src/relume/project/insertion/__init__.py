@@ -1,1 +1,1 @@
-"""insertion."""
+"""The chain of `relume insert`, as frozen results."""

@@ -1,1 +1,1 @@
-"""presets."""
+"""Presets of the virtual camera, as TOML."""

@@ -1,1 +1,1 @@
-"""scene_file."""
+"""The scene file of `relume render`."""

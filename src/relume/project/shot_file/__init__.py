@@ -1,1 +1,1 @@
-"""shot_file."""
+"""The shot file of `relume insert`, a module a table."""

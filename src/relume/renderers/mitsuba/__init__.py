@@ -1,1 +1,1 @@
-"""mitsuba."""
+"""Path tracing by Mitsuba 3: scenes, materials, differential rendering, denoising."""

@@ -1,1 +1,1 @@
-"""prefiltered."""
+"""Shading by reflection maps: prefiltered environment lighting (Miller & Hoffman 1984)."""

@@ -1,1 +1,1 @@
-"""progressive."""
+"""Renders as sums of passes: noise target, checkpoints, Ctrl-C and resuming."""

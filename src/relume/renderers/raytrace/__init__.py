@@ -1,1 +1,1 @@
-"""raytrace."""
+"""Rays against shapes: the bounding volume hierarchy, and the surface where a ray meets it."""

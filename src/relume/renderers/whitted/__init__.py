@@ -1,1 +1,1 @@
-"""whitted."""
+"""The recursive ray tracer of Whitted (1980)."""

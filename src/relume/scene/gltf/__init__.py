@@ -1,1 +1,1 @@
-"""gltf."""
+"""glTF files: document, materials, textures, cameras, animation, writing."""

@@ -1,1 +1,1 @@
-"""materials."""
+"""What surfaces are made of."""

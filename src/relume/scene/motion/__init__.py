@@ -1,1 +1,1 @@
-"""motion."""
+"""What moves: keyframes, animated files, moving objects."""

@@ -1,1 +1,1 @@
-"""shapes."""
+"""Shapes, meshes and patches."""

@@ -1,1 +1,1 @@
-"""resampling."""
+"""Resampling environment maps between mappings and sizes; blur on the sphere."""

@@ -1,1 +1,1 @@
-"""plate_matching."""
+"""How a plate's camera draws: sharpness, grain, vignetting, measured and given to what is rendered."""

@@ -1,1 +1,1 @@
-"""gain_map."""
+"""JPEGs with a gain map (Ultra HDR, ISO 21496-1)."""

@@ -1,1 +1,1 @@
-"""hdr."""
+"""Radiance pictures (.hdr, .pic): RGBE and XYZE."""

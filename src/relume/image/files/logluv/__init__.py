@@ -1,1 +1,1 @@
-"""logluv."""
+"""LogLuv TIFF (Larson 1998)."""

@@ -1,1 +1,1 @@
-"""metadata."""
+"""What files say beside their pixels: EXIF, GPS, ICC profiles, XMP."""

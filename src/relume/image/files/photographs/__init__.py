@@ -1,1 +1,1 @@
-"""photographs."""
+"""JPEG, PNG, TIFF and AVIF photographs."""

@@ -1,1 +1,1 @@
-"""transport."""
+"""Light transport of differential rendering, in Dr.Jit."""

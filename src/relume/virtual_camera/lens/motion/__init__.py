@@ -1,1 +1,1 @@
-"""motion."""
+"""Motion blur."""

@@ -1,1 +1,1 @@
-"""histogram."""
+"""Histogram adjustment (Ward Larson, Rushmeier & Piatko 1997)."""

@@ -1,1 +1,1 @@
-"""pattanaik."""
+"""The multiscale tone operator of Pattanaik, Ferwerda, Fairchild & Greenberg (1998)."""
