@@ -1,4 +1,4 @@
-"""Depth of field: a lens of a given aperture, focused at a distance, over a picture whose depths are known."""
+"""Defocus blur: a lens of a given aperture, focused at a distance, over a picture whose depths are known."""
 
 from __future__ import annotations
 

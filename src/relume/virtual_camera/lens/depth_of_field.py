@@ -1,4 +1,4 @@
-"""Defocus: the aperture of a lens, how large it draws a point that is out of focus, and how deep its focus is.
+"""Depth of field: the aperture of a lens, how large it draws a point that is out of focus, and how deep its focus is.
 
 Thin lens with the image plane at distance v behind it, focused on s in front: a point at d is drawn as a disc of
 diameter c = A v |1/d − 1/s|, by similar triangles behind the lens and 1/v = 1/f − 1/s (Potmesil & Chakravarty 1981).
