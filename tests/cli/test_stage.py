@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from command_line import refused
 from relume.cli import main
 from relume.image.files import read_layers, read_photograph, read_radiance, write
+from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.sphere.environment_files import as_radiance_map
@@ -27,6 +29,15 @@ def stage(tmp_path_factory) -> Path:
 def even(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("light") / "even.exr"
     write(path, as_radiance_map(EnvironmentMap(np.ones((32, 64, 3), np.float32))))
+    return path
+
+
+@pytest.fixture(scope="module")
+def lamp(tmp_path_factory) -> Path:
+    radiance = np.full((32, 64, 3), 0.2, np.float32)
+    radiance[4:8, 10:20] = 20
+    path = tmp_path_factory.mktemp("lamp") / "lamp.exr"
+    write(path, as_radiance_map(EnvironmentMap(radiance)))
     return path
 
 
@@ -146,6 +157,66 @@ def test_clothe_tints_what_white_adds_to_black(tmp_path):
     np.testing.assert_allclose(read_radiance(tmp_path / "a.exr").radiance[4, 4], [0.5, 0.3, 0.7], rtol=1e-6)
 
 
+def test_clothe_makes_a_store_of_two_stages_that_is_relit(stage, tmp_path):
+    pytest.importorskip("zarr", reason="stores need the extra lightstage")
+    black = tmp_path / "black"
+    black.mkdir()
+    (black / "stage.json").write_bytes((stage / "stage.json").read_bytes())
+    for path in stage.glob("*.exr"):
+        write(black / path.name, RadianceMap(read_radiance(path).radiance * np.float32(0.5)))
+    command = ["stage", "clothe", str(black), str(stage), "--albedo", "0.4,0.2,0.8", "--white-albedo", "0.8"]
+    assert main([*command, "--black-albedo", "0", "-o", str(tmp_path / "a.zarr")]) == 0
+    towards = ",".join(str(v) for v in even_directions(LIGHTS)[4])
+    command = ["stage", "relight", str(tmp_path / "a.zarr"), "--direction", towards, "-o", str(tmp_path / "a.exr")]
+    assert main(command) == 0
+    # Tints of 1/2, 1/4 and 1 between half the light and all of it.
+    expected = lit(even_directions(LIGHTS)[4]) * [0.75, 0.625, 1.0]
+    np.testing.assert_allclose(read_radiance(tmp_path / "a.exr").radiance, expected, rtol=2e-3, atol=1e-5)
+
+
+def test_clothe_refuses_a_stage_beside_a_picture(stage, even, tmp_path, capsys):
+    command = [
+        "stage",
+        "clothe",
+        str(stage / "stage.json"),
+        str(even),
+        "--albedo",
+        "0.4",
+        "-o",
+        str(tmp_path / "a.exr"),
+    ]
+    assert "two stages, or two radiance maps" in refused(command, capsys)
+
+
+def test_labels_choose_the_light_of_each_pixel(stage, even, lamp, tmp_path):
+    grey = np.full((SIZE[1], SIZE[0], 3), 60, np.uint8)
+    grey[:, SIZE[0] // 2 :] = 200
+    write(tmp_path / "leaves.png", Photograph(grey))
+    both = ["--light", str(even), "--light", str(lamp), "--labels", str(tmp_path / "leaves.png")]
+    pictures = []
+    for options in (["--light", str(even)], ["--light", str(lamp)], both):
+        assert main(["stage", "relight", str(stage), *options, "-o", str(tmp_path / "a.exr")]) == 0
+        pictures.append(read_radiance(tmp_path / "a.exr").radiance)
+    first, second, seen = pictures
+    assert np.abs(first - second).max() > 0.1
+    np.testing.assert_allclose(seen, np.where(grey < 100, first, second), rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("way", ["cosine", "low-rank"])
+def test_compressed_frames_differ_by_no_more_than_is_said(way, stage, lamp, tmp_path, capsys):
+    turn = ["stage", "relight", str(stage), "--light", str(lamp), "--frames", "3"]
+    assert main([*turn, "-o", str(tmp_path / "exact")]) == 0
+    assert main([*turn, "--compressed", way, "-o", str(tmp_path / "small")]) == 0
+    line = capsys.readouterr().err
+    everywhere, one = (float(share) / 100 for share in re.findall(r"([\d.]+)% under", line))
+    assert everywhere < 0.02
+    for index in range(1, 4):
+        name = f"frame_{index:04d}.exr"
+        exact, small = (read_radiance(tmp_path / place / name).radiance for place in ("exact", "small"))
+        error = np.linalg.norm(small - exact) / np.linalg.norm(exact)
+        assert 0 < error < min(one, 0.05)
+
+
 def test_a_dry_run_tells_memory_and_time_and_writes_nothing(stage, even, tmp_path, capsys):
     command = ["stage", "relight", str(stage), "--light", str(even), "-o", str(tmp_path / "a.exr")]
     assert main([*command, "--dry-run", "--json"]) == 0
@@ -163,6 +234,8 @@ def test_a_dry_run_tells_memory_and_time_and_writes_nothing(stage, even, tmp_pat
         (["--lamp", "0,0,1=a"], "--lamp"),
         (["--light", "nothing.exr"], "no such file"),
         (["--direction", "0,1,0", "--frames", "8"], "--light alone"),
+        (["--direction", "0,1,0", "--labels", "leaves.png"], "--labels chooses"),
+        (["--direction", "0,1,0", "--compressed", "cosine"], "for sequences"),
         (["--direction", "0,1,0", "--max-memory", "much"], "--max-memory"),
         (["--direction", "0,1,0", "--size", "200"], "--size"),
         (["--direction", "0,1,0", "--camera", "left"], 'camera "left"'),

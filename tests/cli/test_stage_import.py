@@ -13,12 +13,14 @@ from relume.cli import main
 from relume.image.files import write
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
+from relume.lightstage.acquire.rotating_arm import RotatingArm, SteadyRotation
 from relume.lightstage.acquire.store import StoredField, read_store
 from relume.lightstage.field.field import whole
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
-from small_stages import LIGHTS, write_stage
+from small_stages import CAMERA as SMALL_CAMERA
+from small_stages import LIGHTS, camera, write_stage
 
 pytest.importorskip("zarr", reason="stores need the extra lightstage")
 
@@ -131,6 +133,16 @@ def test_a_ball_in_pictures_of_its_own_tells_the_lights_of_the_subject_s(ball_sh
     np.testing.assert_allclose(whole(field)[3], 0.13, rtol=1e-6)
 
 
+def test_a_ball_is_where_a_picture_is_white(tmp_path):
+    folder = pictures(tmp_path / "shots", [far_ball(light) for light in FAR])
+    rows, columns = np.indices((90, 120)) + 0.5
+    inside = np.hypot(columns - CIRCLE[0], rows - CIRCLE[1]) < CIRCLE[2]
+    # Beside the pictures, it is none of a light.
+    write(folder / "white.png", Photograph(np.repeat(inside[..., None] * np.uint8(255), 3, axis=2)))
+    field = imported(folder, tmp_path / "a.zarr", "--ball", str(folder / "white.png"))
+    assert len(field.lights) == len(FAR) and degrees_apart(field.lights.directions, FAR).max() < 2
+
+
 def test_the_ambient_picture_beside_the_ball_s_is_no_light_s(tmp_path, capsys):
     folder = pictures(tmp_path / "shots", [far_ball(light) for light in FAR[:4]])
     write(folder / "off.exr", RadianceMap(np.full((90, 120, 3), 0.01, np.float32)))
@@ -200,6 +212,22 @@ def test_a_folder_of_frames_is_a_spinning_stage(tmp_path, capsys):
     np.testing.assert_allclose(whole(field)[:, 0, 0, 0], linear, atol=1e-6)
     # Frames between those of the grid are no surprise.
     assert "named by none" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("start", "more"), [(0.7, 0), (-0.3, 0), (5.0, 14)])
+def test_a_ball_in_a_film_shows_how_the_lamp_went(start, more, tmp_path):
+    # The lamp goes on with the first ring: in the film, just before it, or in a film that is a turn too long.
+    course = RotatingArm(SteadyRotation(1 / 12.3, start), rings=2, first_inclination=0.9, step=1.1)
+    (tmp_path / "film").mkdir()
+    count = int(np.ceil(start + 2 * 12.3))
+    for index, towards in enumerate(course.directions(np.arange(count + more))):
+        dark = np.isnan(towards).any()
+        value = np.full((90, 120, 3), 0.02) if dark else far_ball(towards)
+        write(tmp_path / "film" / f"f{index}.exr", RadianceMap(value.astype(np.float32)))
+    field = imported(tmp_path / "film", tmp_path / "a.zarr", "--film", "2,4", "--ball", ",".join(map(str, CIRCLE)))
+    assert field.lights.grid == (2, 4)
+    frames = np.array([int(name[-6:]) for name in field.lights.names])
+    assert degrees_apart(field.lights.directions, course.directions(frames)).max() < 2
 
 
 @pytest.fixture(scope="module")
@@ -316,6 +344,58 @@ def test_the_stage_file_s_own_target_is_used_and_told(tmp_path, capsys):
     np.testing.assert_allclose(other, 2 * own, rtol=1e-5)
 
 
+def board_and_subject(folder: Path, kind: str) -> tuple[Path, Path]:
+    """A grey wall and a white board of twice its albedo under lights that are uneven, each its own way."""
+    x, y = np.meshgrid(np.linspace(-1, 1, 48), np.linspace(-1, 1, 36))
+    lights = []
+    for place, albedo in (("wall", 0.25), ("board", 0.5)):
+        (folder / place).mkdir()
+        for index, direction in enumerate(even_directions(4)):
+            value = albedo * np.exp(0.4 * direction[0] * x + 0.3 * direction[1] * y * y)
+            value = np.repeat(value[..., None], 3, axis=2)
+            name = f"{index}.{kind}"
+            if kind == "exr":
+                write(folder / place / name, RadianceMap(value.astype(np.float32)))
+            else:
+                write(folder / place / name, Photograph(np.round(65535 * value).astype(np.uint16)))
+            lights.append({"file": name, "direction": direction.tolist()})
+    (folder / "wall" / "stage.json").write_text(json.dumps({"lights": lights[:4]}))
+    return folder / "wall", folder / "board"
+
+
+@pytest.mark.parametrize(("kind", "options"), [("exr", []), ("png", ["--encoding", "linear"])])
+def test_a_white_board_takes_out_how_unevenly_each_light_shines(kind, options, tmp_path):
+    wall, board = board_and_subject(tmp_path, kind)
+    assert np.ptp(whole(imported(wall, tmp_path / "a.zarr", *options))[0]) > 0.1
+    even = whole(imported(wall, tmp_path / "b.zarr", *options, "--board", str(board)))
+    means = even.mean(axis=(1, 2), keepdims=True)
+    np.testing.assert_allclose(even, np.broadcast_to(means, even.shape), rtol=2e-3)
+    np.testing.assert_allclose(means, 0.25, rtol=0.1)
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.7])
+def test_the_fall_off_of_near_lamps_is_divided_out(slope, tmp_path):
+    # A card through the middle: upright, as is assumed, or leaning back to the right, which a mesh says.
+    view = camera()
+    rays = view.rays()
+    points = view.position + (view.position[2] / (slope * rays[..., 0] - rays[..., 2]))[..., None] * rays
+    folder, lights = tmp_path / "card", []
+    folder.mkdir()
+    for index, direction in enumerate(normalised(np.array([[1, 0, 1.0], [-1, 1, 1], [0, -1, 2]]))):
+        square = ((1.5 * direction - points) ** 2).sum(axis=-1, keepdims=True)
+        value = np.repeat(0.2 * 1.5**2 / square, 3, axis=2)
+        assert np.ptp(value) > 0.1
+        write(folder / f"{index}.exr", RadianceMap(value.astype(np.float32)))
+        lights.append({"file": f"{index}.exr", "position": (1.5 * direction).tolist()})
+    table: dict[str, object] = {"lights": lights, "cameras": {"front": SMALL_CAMERA}}
+    if slope:
+        corners = [f"v {x} {y} {slope * x}" for x, y in ((-3, -3), (3, -3), (3, 3), (-3, 3))]
+        (folder / "card.obj").write_text("\n".join([*corners, "f 1 2 3", "f 1 3 4"]) + "\n")
+        table["mesh"] = "card.obj"
+    (folder / "stage.json").write_text(json.dumps(table))
+    np.testing.assert_allclose(whole(imported(folder, tmp_path / "a.zarr", "--near-fall-off")), 0.2, rtol=1e-4)
+
+
 # Noise
 
 
@@ -355,7 +435,7 @@ def test_noise_is_left_unknown_where_that_is_asked_for_or_nothing_shows_it(tmp_p
     assert imported(folder, tmp_path / "a.zarr", "--no-noise").noise is None
     assert "noise" not in capsys.readouterr().err
     assert imported(plain(tmp_path / "clean", noise=1e-4), tmp_path / "b.zarr").noise is None
-    assert "the pictures show none; --noise gives it" in capsys.readouterr().err
+    assert "the pictures show none; give it" in capsys.readouterr().err
     assert imported(plain(tmp_path / "small", (20, 20), 0.02), tmp_path / "c.zarr").noise is None
     assert "20×20 are too small" in capsys.readouterr().err
 
@@ -394,13 +474,14 @@ def test_a_dry_run_tells_what_would_be_done_and_writes_nothing(stage, tmp_path, 
         (["--ball", "3,3,-1"], "radii above 0"),
         (["--ball", "3,3,2=0"], "radii above 0"),
         (["--ball", "500,500,9"], "the ball at 500,500 is not in a picture of 32×24"),
-        (["--ball-pictures", "."], "--ball-pictures are for --ball"),
-        (["--film", "2,4"], "--film"),
+        (["--ball-pictures", "."], "pictures of balls without balls"),
+        (["--film", "2"], "--film"),
+        (["--film", "2,4"], "one ball in the film"),
         (["--film", "8,4,8"], "not the 8 rings of the stage"),
         (["--lights", "none.txt"], "none.txt"),
-        (["--field-of-view", "40"], "give --camera-distance too"),
-        (["--camera-distance", "2"], "give --field-of-view too"),
-        (["--camera-distance", "0", "--field-of-view", "40"], "--camera-distance is 0"),
+        (["--field-of-view", "40"], "give the distance too"),
+        (["--camera-distance", "2"], "without its field of view"),
+        (["--camera-distance", "0", "--field-of-view", "40"], "distance is 0"),
         (["--camera-distance", "2", "--field-of-view", "40"], "has a camera of its own"),
         (["--ball", "9,9,5=0.1", "--camera-distance", "2", "--field-of-view", "40"], "balls in metres"),
         (["--noise", "a"], "CONSTANT,SLOPE"),
@@ -426,7 +507,7 @@ def test_a_ball_that_is_not_there_is_not_found(tmp_path, capsys):
 
 def test_flare_without_a_camera_tells_how_to_give_one(ball_shots, tmp_path, capsys):
     command = ["stage", "import", str(ball_shots), "-o", str(tmp_path / "a.zarr"), "--ball", "60,45,32", "--flare"]
-    assert "--camera-distance" in refused(command, capsys)
+    assert "the camera's distance" in refused(command, capsys)
 
 
 def test_a_target_of_one_of_several_cameras_is_not_guessed(stage, tmp_path, capsys):
@@ -439,7 +520,7 @@ def test_a_target_of_one_of_several_cameras_is_not_guessed(stage, tmp_path, caps
     card = {"rectangle": [0, 0, 4, 4], "reflectance": 1}
     (tmp_path / "stage.json").write_text(json.dumps({"lights": lights, "target": card}))
     line = refused(["stage", "import", str(tmp_path), "-o", str(tmp_path / "a.zarr")], capsys)
-    assert "left, right" in line and "--target" in line
+    assert "left, right" in line and "give the target" in line
 
 
 def test_one_mask_leaves_its_pixels_black_under_every_light(tmp_path):

@@ -159,9 +159,13 @@ def relight_per_pixel(
 
     labels : (H, W) integers, which of the lights shines on each pixel; or a picture with a grey level for each light,
         the darkest for the first
-    Raises ValueError for labels of another shape or number.
+    Warns of light from where the stage has no lights. Raises ValueError for labels of another shape or number, and for
+    lights in two units.
     """
     field, several = _field(stage), [as_lighting(light) for light in lights]
+    if len({each.unit for each in several}) != 1:
+        raise ValueError(f"{len(several)} lights in several units; give one light or more, in one unit")
+    warn_unreached(field.lights, several)
     by = (NearestLight(),) if settings.nearest else ()
     given = np.stack([each.irradiances(field.lights, *by) for each in several])
     if isinstance(labels, str | os.PathLike):

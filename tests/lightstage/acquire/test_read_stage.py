@@ -82,7 +82,7 @@ def test_the_steps_of_codes_are_told_in_the_field_s_values(tmp_path: Path) -> No
 
 def test_a_target_is_for_an_import_and_that_is_told(tmp_path: Path) -> None:
     folder = stage_of(tmp_path, pictures(), target={"rectangle": [0, 0, 2, 2], "reflectance": 0.5})
-    with pytest.warns(UserWarning, match='"target" is passed over here: relume stage import'):
+    with pytest.warns(UserWarning, match='"target" is passed over here; an import'):
         field = read_stage(folder)
     np.testing.assert_array_equal(whole(field), pictures())
     stage, source = find_stage_file(folder)
@@ -247,7 +247,7 @@ def test_an_lp_of_another_computer_finds_its_pictures(tmp_path: Path) -> None:
 def test_a_folder_that_tells_nothing_is_told_what_to_add(tmp_path: Path) -> None:
     files.write(tmp_path / "a.exr", RadianceMap(pictures(1)[0]))
     told = refusal(tmp_path)
-    assert "stage.json" in told and ".lp" in told and "relume stage import --ball" in told
+    assert "stage.json" in told and ".lp" in told and "mirrored ball" in told
     assert "no such folder" in refusal(tmp_path / "nowhere")
     assert "neither a stage file" in refusal(tmp_path / "a.exr")
 

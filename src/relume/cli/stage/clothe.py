@@ -37,12 +37,14 @@ def clothe(
     stages, every picture is recoloured, and the result can be relit.
     """
     with warnings_as_notes(output):
-        stages = black.is_dir() and white.is_dir()
+        stages = _is_stage(black)
+        if stages != _is_stage(white):
+            raise ValueError(f"{black}, {white}: a stage and a picture; give two stages, or two radiance maps")
         if stages:
             require_suffix(out, ".zarr")
         else:
-            require_picture(out)
             require_files([black, white])
+            require_picture(out)
         refuse_input(out, [black, white])
         tint = rl.lightstage.ClothAlbedos(white_albedo, black_albedo).tint(albedo)
         if dry_run:
@@ -55,3 +57,7 @@ def clothe(
             made = rl.lightstage.recolour_clothing(rl.read_radiance(black), rl.read_radiance(white), tint)
             rl.lightstage.write_picture(out, made, exposure)
         print_facts(output, {"written": str(out), "tint": rounded(tint)})
+
+
+def _is_stage(path: Path) -> bool:
+    return path.is_dir() or path.suffix.lower() in (".json", ".lp")

@@ -75,6 +75,8 @@ def relight(
     """
     with warnings_as_notes(output):
         # Everything that can be refused before the work.
+        if labels is not None and (light.direction or light.lamp):
+            raise ValueError("--labels chooses between the --light of each pixel; leave --direction and --lamp out")
         light.check(maps_only=frames is not None or labels is not None)
         moving = frames is not None or light.is_sequence
         _check(mesh, no_mesh, moving, light, compressed, labels)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from relume.lightstage.acquire.calibration import Calibration, Target, calibrate
+from relume.lightstage.acquire.encoding import PhotographEncoding
 from relume.lightstage.acquire.import_lights import pictures_in
 from relume.lightstage.acquire.near_lights import points_on_plane
 from relume.lightstage.acquire.picture_folder import PictureFolder
@@ -36,7 +37,8 @@ class Corrections:
     ambient : a picture with all lights off, which is subtracted from every other
     target : a white or grey card in the pictures, on which each light's colour and intensity are measured
     board : a folder with a picture of a white board in the subject's place under each light, in the lights' order:
-        how unevenly each light shines over the picture is measured on it and divided out
+        how unevenly each light shines over the picture is measured on it and divided out; photographs of it are
+        encoded as the subject's
     near_fall_off : the fall-off of near lamps over the subject, 1/d², is divided out; lamps have to have places in
         metres, and the stage a camera. The subject's mesh is taken, else a plane through its middle that faces the
         camera
@@ -133,13 +135,14 @@ def correct(
     measured = None
     if corrections.target is not None:
         measured = calibrate(taken, _target(corrections.target, taken.shape))
-    even = _fall_off(taken, corrections, mesh, np.array(subject, np.float64))
+    encoding = field.encoding if isinstance(field, PictureFolder) else PhotographEncoding()
+    even = _fall_off(taken, corrections, mesh, np.array(subject, np.float64), encoding)
     # Invalid samples.
     if corrections.flare:
         if taken.camera is None:
             raise ValueError(
-                "lens flare is found with the camera; give it in stage.json, or with --field-of-view and "
-                "--camera-distance"
+                "lens flare is found with the camera; give it in stage.json, or by the field of view and the camera's "
+                "distance"
             )
         radius = corrections.lamp_diameter / 2
         masks.append(invalid_samples.lens_flare_and_direct_light(taken, taken.camera, angular_radius=radius))
@@ -161,11 +164,15 @@ def correct(
 
 
 def _fall_off(
-    field: ReflectanceField, corrections: Corrections, mesh: Path | None, subject: np.ndarray
+    field: ReflectanceField,
+    corrections: Corrections,
+    mesh: Path | None,
+    subject: np.ndarray,
+    encoding: PhotographEncoding,
 ) -> FallOff | None:
     """The patterns by which the lights are made even."""
     if corrections.board is not None:
-        return flat_field_of_board(_board(corrections.board, field))
+        return flat_field_of_board(_board(corrections.board, field, encoding))
     if not corrections.near_fall_off:
         return None
     camera, positions = field.camera, field.lights.positions
@@ -180,14 +187,14 @@ def _fall_off(
     return NearLights(positions, points, subject)
 
 
-def _board(folder: Path, field: ReflectanceField) -> ReflectanceField:
+def _board(folder: Path, field: ReflectanceField, encoding: PhotographEncoding) -> ReflectanceField:
     """The pictures of a white board under the field's lights, in their order."""
     paths = pictures_in(folder)
     if len(paths) != len(field.lights):
         raise ValueError(f"{folder}: {len(paths)} pictures of the board for {len(field.lights)} lights; give one each")
     pairs = zip(paths, field.lights.directions.tolist(), strict=True)
     stage = Stage(tuple(LightEntry({"": (path.name,)}, tuple(direction)) for path, direction in pairs))
-    board = open_pictures(stage, folder)
+    board = replace(open_pictures(stage, folder), encoding=encoding)
     if board.shape != field.shape:
         raise ValueError(
             f"{folder}: pictures of {board.shape[1]}×{board.shape[0]}, the subject's are "
@@ -210,7 +217,7 @@ def _estimated_noise(field: ReflectanceField, step: float) -> Noise | None:
             if found.constant + found.slope * level > (NO_NOISE * level) ** 2:
                 return found
             why = "the pictures show none"
-    warnings.warn(f"the noise stays unknown: {why}; --noise gives it", stacklevel=3)
+    warnings.warn(f"the noise stays unknown: {why}; give it, if it is known", stacklevel=3)
     return None
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -96,6 +96,13 @@ class FilmCourse:
             raise ValueError("the film's frames a turn are not given; give them, or the circle of a ball in the film")
         directions = lamp_directions(pictures, ball)
         rotation = fit_rotation(directions, start_azimuth=self.azimuth, clockwise=self.clockwise)
+        # A lamp, or a film, that begins with the first ring passes the start just before it is seen, not a turn later.
+        turn = 1 / rotation.revolutions_per_frame
+        earlier, column = rotation.start - turn, turn / self.columns
+        seen_at_once = np.flatnonzero(np.isfinite(directions).all(axis=1))[0] - earlier <= column
+        too_short = rotation.start + self.rings * turn - column > len(directions) - 1
+        if seen_at_once or (too_short and earlier >= -column):
+            rotation = replace(rotation, start=earlier)
         first, step, _ = fit_rings(directions, rotation)
         # What the ball shows is off by a little: a ring at the pole stays at the pole.
         first = float(np.clip(first, 0, np.pi))
@@ -154,9 +161,12 @@ def stage_of_balls(
     names = [path.name for path in paths]
     # Each ball reads its own pictures.
     shown = _pictures_of_balls(len(balls), elsewhere, paths)
-    mirrors = [mirror_ball(ball, pictures, field_of_view) for ball, pictures in zip(balls, shown, strict=True)]
+    mirrors = [
+        mirror_ball(ball, lambda pictures=pictures: map(_pixels, pictures), field_of_view)
+        for ball, pictures in zip(balls, shown, strict=True)
+    ]
     readings = [
-        read_ball((_pixels(path) for path in pictures), mirror, [path.name for path in pictures])
+        read_ball(map(_pixels, pictures), mirror, [path.name for path in pictures])
         for mirror, pictures in zip(mirrors, shown, strict=True)
     ]
     found = BallFindings(
@@ -197,21 +207,28 @@ def camera_ahead(stage: Stage, source: Path, field_of_view: float, distance: flo
 
 @contextmanager
 def filmed_stage(
-    source: Path, out: Path, course: FilmCourse, ball: Ball | None = None, leave_out: Sequence[Path] = ()
+    source: Path,
+    out: Path,
+    course: FilmCourse,
+    ball: Ball | None = None,
+    field_of_view: float | None = None,
+    leave_out: Sequence[Path] = (),
 ) -> Iterator[tuple[Stage, Path]]:
     """The stage of a filmed rotating arm, and where its frames are: those of a video lie beside `out` meanwhile.
 
     source : a video, or the folder of its frames
     ball : in the film, where the course's `frames` are to be found from it
+    field_of_view : of the camera, across, radians, for the ball; None for one far away
     Raises InvalidStage where the film does not go round the stage, UnreadableFile, OutputNotWritten.
     """
     if source.is_dir():
         passed = {path.resolve() for path in leave_out}
         paths = [path for path in frame_paths(source) if path.resolve() not in passed]
-        mirror = None if ball is None else mirror_ball(ball, paths, None)
-        yield stage_of_frames(paths, course.arm((_pixels(path) for path in paths), mirror), course.columns), source
+        frames = lambda: map(_pixels, paths)  # noqa: E731
+        mirror = None if ball is None else mirror_ball(ball, frames, field_of_view)
+        yield stage_of_frames(paths, course.arm(frames(), mirror), course.columns), source
         return
-    arm = course.arm(video_frames(source), _ball_in_film(source, ball))
+    arm = _arm_of_video(source, course, ball, field_of_view)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         place = tempfile.TemporaryDirectory(prefix=f".{out.name}.frames_", dir=out.parent)
@@ -222,23 +239,25 @@ def filmed_stage(
         yield read_stage_file(file), file
 
 
-def measure_film(video: Path, course: FilmCourse, ball: Ball | None = None) -> tuple[int, int, tuple[int, int]]:
+def measure_film(
+    video: Path, course: FilmCourse, ball: Ball | None = None, field_of_view: float | None = None
+) -> tuple[int, int, tuple[int, int]]:
     """Frames, lights and (rows, columns) of a video, from looking at all its frames and keeping none."""
-    arm = course.arm(video_frames(video), _ball_in_film(video, ball))
+    arm = _arm_of_video(video, course, ball, field_of_view)
     count, shape = 0, (0, 0)
     for frame in video_frames(video):
         count, shape = count + 1, (frame.shape[0], frame.shape[1])
     return count, len(arm.grid_lights(course.columns, count)[1]), shape
 
 
-def mirror_ball(ball: Ball, paths: Sequence[Path], field_of_view: float | None) -> MirrorBall:
+def mirror_ball(ball: Ball, pictures: Callable[[], Iterable[np.ndarray]], field_of_view: float | None) -> MirrorBall:
     """A ball as the camera sees it, given or sought in the pictures; raises ValueError and BallNotFound."""
-    camera = None if field_of_view is None else _camera(_pixels(paths[0]).shape, field_of_view)
+    camera = None if field_of_view is None else _camera(next(iter(pictures())).shape, field_of_view)
     if isinstance(ball, Path):
         return MirrorBall(outline_of_mask(files.read_photograph(ball).pixels, ball.name), camera)
     if isinstance(ball, BallCircle):
         return MirrorBall(outline_of_circle(ball.x, ball.y, ball.radius), camera, ball.metres or 1.0)
-    outline = find_ball((_pixels(path) for path in paths), focal_length=camera and camera.focal_length)
+    outline = find_ball(pictures(), focal_length=camera and camera.focal_length)
     return MirrorBall(outline, camera)
 
 
@@ -286,10 +305,9 @@ def _disagreement(readings: Sequence[BallReadings]) -> tuple[float, ...]:
     return tuple(float(np.arccos(np.clip((each.directions * mean).sum(-1), -1, 1)).max()) for each in readings)
 
 
-def _ball_in_film(video: Path, ball: Ball | None) -> MirrorBall | None:
-    if ball == "find":
-        return MirrorBall(find_ball(video_frames(video), video.name))
-    return None if ball is None else mirror_ball(ball, (), None)
+def _arm_of_video(video: Path, course: FilmCourse, ball: Ball | None, field_of_view: float | None) -> RotatingArm:
+    mirror = None if ball is None else mirror_ball(ball, lambda: video_frames(video), field_of_view)
+    return course.arm(video_frames(video), mirror)
 
 
 def _camera(shape: tuple[int, ...], field_of_view: float) -> Camera:

@@ -47,7 +47,7 @@ class ImportSettings:
     lights : an .lp, or a list of directions in the order of the pictures' names
     film : the course of a filmed rotating light arm
     camera : whose pictures, where the stage has several
-    field_of_view : of the camera, across, radians, for `balls` and `camera_distance`
+    field_of_view : of the camera, across, radians, for `balls` and `camera_distance`; far away unless given
     camera_distance : from the subject, metres, of a camera on +Z that looks along −Z
     encoding : of photographs: srgb, linear or a response file; as stage.json says, else srgb
     corrections : of the pictures; its `target` is that of stage.json unless given
@@ -72,26 +72,29 @@ class ImportSettings:
     def __post_init__(self) -> None:
         film_ball = self.film is not None and self.film.frames is None
         if bool(self.balls and not film_ball) + (self.lights is not None) + (self.film is not None) > 1:
-            raise ValueError("--ball, --lights and --film: give one of them")
+            raise ValueError("balls, lights and a film each say where the lights are; give one of them")
         if film_ball and len(self.balls) != 1:
-            raise ValueError("--film without FRAMES needs one --ball that shows the lamp in the film")
-        if self.ball_pictures and not self.balls:
-            raise ValueError("--ball-pictures are for --ball; give --ball find, or its circle")
-        metric = bool(self.balls) and all(
+            raise ValueError(
+                f"a film without its frames a turn, and {len(self.balls)} balls; give the frames, or one ball in the "
+                "film that shows the lamp"
+            )
+        if self.ball_pictures and (film_ball or not self.balls):
+            raise ValueError('pictures of balls without balls; give each ball\'s circle, or "find", and no film')
+        metric = bool(self.balls and not film_ball) and all(
             isinstance(ball, BallCircle) and ball.metres is not None for ball in self.balls
         )
         if self.field_of_view is not None and not 0 < self.field_of_view < np.pi:
             degrees = np.degrees(self.field_of_view)
-            raise ValueError(f"--field-of-view is {degrees:g}; give degrees above 0 and below 180")
+            raise ValueError(f"the field of view is {degrees:g} degrees; give more than 0 and less than 180")
         if self.camera_distance is not None:
             if not 0 < self.camera_distance < np.inf:
-                raise ValueError(f"--camera-distance is {self.camera_distance}; give metres above 0")
+                raise ValueError(f"the camera's distance is {self.camera_distance}; give metres above 0")
             if self.field_of_view is None:
-                raise ValueError("--camera-distance: give --field-of-view too")
+                raise ValueError("the camera's distance without its field of view; give both")
             if metric:
-                raise ValueError("--camera-distance: balls in metres place the camera already; leave one of both out")
+                raise ValueError("balls in metres place the camera; leave the camera's distance or the metres out")
         elif self.field_of_view is not None and not self.balls:
-            raise ValueError("--field-of-view: give --camera-distance too")
+            raise ValueError("the field of view without balls or the camera's distance; give the distance too")
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +140,7 @@ def import_stage(
     # A video is only counted, so that a dry run writes no frames.
     if dry_run and settings.film is not None and not source.is_dir():
         ball = settings.balls[0] if settings.balls else None
-        frames, lights, shape = measure_film(source, settings.film, ball)
+        frames, lights, shape = measure_film(source, settings.film, ball, settings.field_of_view)
         return Imported(lights, shape, film_frames=frames, work=Work(lights, shape, settings.memory, None))
     with _described(source, store, settings) as (described, balls, known):
         # The field as it was taken, then corrected.
@@ -150,7 +153,8 @@ def import_stage(
             return replace(found, work=estimate_work(field, settings.memory))
         # The store, keyed by the settings and the files that they name.
         options = asdict(replace(settings, memory=0, dtype="half"))
-        named = (corrections.ambient, corrections.mask, corrections.board, settings.lights)
+        masks = [ball for ball in settings.balls if isinstance(ball, Path)]
+        named = (corrections.ambient, corrections.mask, corrections.board, settings.lights, *masks)
         seen = [source, *(each for each in named if each), *settings.ball_pictures]
         build_store(
             field,
@@ -170,11 +174,11 @@ def _check_paths(source: Path, out: Path, settings: ImportSettings) -> None:
     if not source.exists():
         raise UnreadableFile(f"{source}: no such folder or file; check the path")
     if (settings.lights or (settings.balls and not settings.film)) and not source.is_dir():
-        raise UnreadableFile(f"{source}: a file; with --ball or --lights give the folder of the pictures")
+        raise UnreadableFile(f"{source}: a file; with balls or a list of lights give the folder of the pictures")
     if source.suffix.lower() in VIDEOS and settings.film is None:
-        raise ValueError(f"{source}: a film; give its lamp's course with --film RINGS,COLUMNS,FRAMES")
+        raise ValueError(f"{source}: a film; give the course of its lamp too: rings, columns and frames a turn")
     if out.exists() and not out.is_dir():
-        raise OutputNotWritten(f"-o {out}: a file, not a store; choose another name")
+        raise OutputNotWritten(f"{out}: a file, not a store; choose another name")
     for folder in (*settings.ball_pictures, *([settings.corrections.board] if settings.corrections.board else [])):
         if not folder.is_dir():
             raise UnreadableFile(f"{folder}: no such folder; name the folder of the pictures")
@@ -189,11 +193,13 @@ def _described(
 ) -> Iterator[tuple[tuple[Stage, Path] | None, BallFindings | None, Collection[Path]]]:
     """The stage and the place of its pictures where settings give them, what balls showed, and pictures of no light."""
     corrections = settings.corrections
-    left = [path for path in (corrections.ambient, corrections.mask) if path is not None and path.is_file()]
+    beside = (corrections.ambient, corrections.mask, *settings.balls)
+    left = [path for path in beside if isinstance(path, Path) and path.is_file()]
     if settings.film is not None:
         # Most frames of a film are between those of the grid.
         known = [*left, *(source.iterdir() if source.is_dir() else [])]
-        with filmed_stage(source, out, settings.film, settings.balls[0] if settings.balls else None, left) as described:
+        ball = settings.balls[0] if settings.balls else None
+        with filmed_stage(source, out, settings.film, ball, settings.field_of_view, left) as described:
             yield described, None, known
     elif settings.balls:
         stage, found = stage_of_balls(source, settings.balls, settings.ball_pictures, settings.field_of_view, left)
@@ -215,9 +221,9 @@ def _field(
     encoding, angle, distance = settings.encoding, settings.field_of_view, settings.camera_distance
     if described is None and is_store(source):
         if encoding is not None:
-            raise ValueError(f"--encoding: {source} is a store, whose values are linear; leave --encoding out")
+            raise ValueError(f"{source} is a store, whose values are linear; leave the encoding out")
         if angle is not None:
-            raise ValueError(f"--field-of-view: {source} is a store, which keeps its camera; leave --field-of-view out")
+            raise ValueError(f"{source} is a store, which keeps its camera; leave the field of view out")
         return read_stage(source, settings.camera), None, (0.0, 0.0, 0.0)
     stage, place = find_stage_file(source) if described is None else described
     if encoding is not None:
@@ -226,7 +232,7 @@ def _field(
     if stage.target is not None and len(stage.lights[0].files) > 1:
         raise ValueError(
             f'{place}: its "target" is of one camera\'s pictures, and it has {", ".join(stage.lights[0].files)}; take '
-            "it out, and give --target with each import"
+            "it out, and give the target with each import"
         )
     if angle is not None and distance is not None:
         stage = camera_ahead(stage, place, angle, distance)

@@ -45,7 +45,7 @@ def read_stage(path: str | os.PathLike[str], camera: str | None = None, *, kept:
     stage, source = find_stage_file(path)
     if stage.target is not None:
         warnings.warn(
-            f'{source}: its "target" is passed over here: relume stage import measures the lights on it',
+            f'{source}: its "target" is passed over here; an import of the stage measures the lights on it',
             stacklevel=2,
         )
     return open_pictures(stage, source, camera, kept=kept)
@@ -141,7 +141,7 @@ def _source(path: Path) -> Path:
     if not lists:
         raise InvalidStage(
             f"{path}: the places of the lights are not known; add stage.json or an .lp, or find them from a mirrored "
-            "ball in the pictures: relume stage import --ball"
+            "ball in the pictures by an import of the stage"
         )
     return lists[0]
 
