@@ -34,6 +34,25 @@ def test_every_command_has_help(name: str, capsys: pytest.CaptureFixture[str]) -
     assert f"Usage: relume {name}" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("command", "options"),
+    {
+        "probe": ("--camera X,Y,Z", "--turn", "--reflectance", "--pick", "--times"),
+        "render": ("--size", "--region", "--tree", "--environment"),
+        "lights": ("--at", "--box", "--second-at"),
+        "merge": ("--times", "--ignore", "--spot"),
+        "info": ("--float-size",),
+        "edit": ("--crop", "--add"),
+    }.items(),
+)
+def test_help_shows_options_that_are_tuples(
+    command: str, options: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([command, "--help"]) == 0
+    text = capsys.readouterr().out
+    assert [option for option in options if option not in text] == []
+
+
 def test_probe_finds_the_ball_and_writes_a_map_that_remembers_its_mapping(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -16,6 +16,66 @@ from relume.cli.option_types import Point, numbers
 
 PLACES = Group("Lights that have a place")
 Corners = tuple[float, float, float, float, float, float]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Places:
+    """Where lights stand, in metres, +Y up."""
+
+    at: Annotated[Point | None, Parameter(group=PLACES, help="Where the map was taken, in metres, +Y up.")] = None
+    box: Annotated[
+        Corners | None,
+        numbers("X,Y,Z,X,Y,Z", like="-2,0,-3,2,2.7,3"),
+        Parameter(
+            group=PLACES,
+            help="The room that --at is in, from its lowest corner to its highest: the lights stand where their rays "
+            "meet its walls.",
+        ),
+    ] = None
+    distant: Annotated[
+        list[int] | None,
+        Parameter(
+            group=PLACES,
+            negative="",
+            help="With --box: the number of a light that stays distant, like the sun through a window; the strongest, "
+            "and with --sun the strongest sun, is 0. May repeat.",
+        ),
+    ] = None
+    second: Annotated[
+        Path | None,
+        Parameter(
+            group=PLACES,
+            help="A map taken at another place: --sun lamps that both maps show stand where their rays meet; lamps far "
+            "away, or in one map only, stay distant.",
+        ),
+    ] = None
+    second_at: Annotated[Point | None, Parameter(group=PLACES, help="Where the second map was taken.")] = None
+
+    def room(self) -> rl.light.Room | None:
+        """The room of --box; refuses options about places that do not belong together."""
+        if self.at is None:
+            given = {"--box": self.box, "--second": self.second, "--second-at": self.second_at}
+            for option, value in {**given, "--distant": self.distant}.items():
+                if value is not None:
+                    raise ValueError(f"{option} is for lights that have a place; say where the map was taken with --at")
+            return None
+        if (self.box is None) == (self.second is None):
+            raise ValueError("--at places lights by a room's --box or by a --second map; give one of them")
+        if (self.second is None) != (self.second_at is None):
+            raise ValueError("--second and --second-at belong together: a map, and where it was taken")
+        if self.box is not None:
+            return rl.light.Room(self.at, self.box[:3], self.box[3:], tuple(self.distant or ()))
+        if self.distant is not None:
+            raise ValueError("--distant is for --box; with --second what is far stays distant by itself")
+        return None
+
+    def second_probe(self, mapping: rl.mappings.Mapping | None, *, clamp: bool) -> rl.light.SecondProbe | None:
+        """The map of --second, read."""
+        if self.second is None or self.at is None or self.second_at is None:
+            return None
+        light = rl.read_environment(self.second, mapping, clamp=clamp)
+        return rl.light.SecondProbe(light, self.at, self.second_at, str(self.second))
 
 
 def lights(
@@ -69,34 +129,7 @@ def lights(
         bool, Parameter(negative="", help="Give each light the apparent diameter of the light it stands for.")
     ] = False,
     picture: Annotated[Path | None, Parameter(help="Draw the map with its regions and lights, .png.")] = None,
-    at: Annotated[Point | None, Parameter(group=PLACES, help="Where the map was taken, in metres, +Y up.")] = None,
-    box: Annotated[
-        Corners | None,
-        numbers("X,Y,Z,X,Y,Z", like="-2,0,-3,2,2.7,3"),
-        Parameter(
-            group=PLACES,
-            help="The room that --at is in, from its lowest corner to its highest: the lights stand where their rays "
-            "meet its walls.",
-        ),
-    ] = None,
-    distant: Annotated[
-        list[int] | None,
-        Parameter(
-            group=PLACES,
-            negative="",
-            help="With --box: the number of a light that stays distant, like the sun through a window; the strongest, "
-            "and with --sun the strongest sun, is 0. May repeat.",
-        ),
-    ] = None,
-    second: Annotated[
-        Path | None,
-        Parameter(
-            group=PLACES,
-            help="A map taken at another place: --sun lamps that both maps show stand where their rays meet; lamps far "
-            "away, or in one map only, stay distant.",
-        ),
-    ] = None,
-    second_at: Annotated[Point | None, Parameter(group=PLACES, help="Where the second map was taken.")] = None,
+    places: Places = Places(),
     from_: From = None,
     clamp: Clamp = False,
     accept: Annotated[bool, Parameter(negative="", help="Exit with 0 although light of the map is clipped.")] = False,
@@ -106,7 +139,7 @@ def lights(
     """Turn an environment map into lights that carry all of its light, for renderers that cannot use such maps."""
     with warnings_as_notes(output):
         # Everything that can be refused is refused before any work.
-        require_files([light_map, *([second] if second else [])])
+        require_files([light_map, *([places.second] if places.second else [])])
         to = rl.export.LightFiles(tuple(out), residual, format)
         for path in out:
             require_suffix(path, path.suffix.lower())
@@ -114,30 +147,25 @@ def lights(
             require_suffix(residual, ".exr", ".hdr", option="--residual")
         if picture is not None:
             require_suffix(picture, ".png", option="--picture")
+        # What is asked for.
         mapping = mapping_of(from_)
-        methods = {
-            "median-cut": rl.light.MedianCut(),
-            "variance": rl.light.VarianceMinimisation(),
-            "k-means": rl.light.KMeans(),
-        }
         settings = rl.light.LightSettings(
             count=count,
-            method=methods[method],
+            method=_method(method),
             suns=None if sun is None else (sun[0] if sun else 1),
             residual=residual is not None,
             contrast=contrast,
             soft=soft,
-            room=_room(at, box, distant, second, second_at),
+            room=places.room(),
         )
         light = rl.read_environment(light_map, mapping, clamp=clamp)
-        if second is not None and at is not None and second_at is not None:
-            other = rl.read_environment(second, mapping, clamp=clamp)
-            settings = replace(settings, second=rl.light.SecondProbe(other, at, second_at, str(second)))
+        settings = replace(settings, second=places.second_probe(mapping, clamp=clamp))
         written = [*out, *([residual] if residual else []), *([picture] if picture else [])]
         if dry_run:
             print_facts(output, {"would write": [str(path) for path in written], "from": light.mapping.name})
             return
 
+        # The lights, their files and a picture of them.
         made = rl.light.make_lights(light, settings, str(light_map))
         for line in (*made.notes, *rl.export.write_lights(made, to)):
             note(output, line)
@@ -149,22 +177,6 @@ def lights(
         finish(output, made.doubts, accept=accept)
 
 
-def _room(
-    at: Point | None, box: Corners | None, distant: list[int] | None, second: Path | None, second_at: Point | None
-) -> rl.light.Room | None:
-    """The room of --box; refuses options about places that do not belong together."""
-    if at is None:
-        given = {"--box": box, "--second": second, "--second-at": second_at, "--distant": distant}
-        for option, value in given.items():
-            if value is not None:
-                raise ValueError(f"{option} is for lights that have a place; say where the map was taken with --at")
-        return None
-    if (box is None) == (second is None):
-        raise ValueError("--at places lights by a room's --box or by a --second map; give one of them")
-    if (second is None) != (second_at is None):
-        raise ValueError("--second and --second-at belong together: a map, and where it was taken")
-    if box is not None:
-        return rl.light.Room(at, box[:3], box[3:], tuple(distant or ()))
-    if distant is not None:
-        raise ValueError("--distant is for --box; with --second what is far stays distant by itself")
-    return None
+def _method(name: str) -> rl.light.MedianCut | rl.light.VarianceMinimisation | rl.light.KMeans:
+    methods = {"variance": rl.light.VarianceMinimisation, "k-means": rl.light.KMeans}
+    return methods.get(name, rl.light.MedianCut)()

@@ -55,9 +55,10 @@ def numbers(
             return [one(_bare(member), token.value) for token in tokens]
         return one(kind, tokens[-1].value)
 
+    # A group of None that is given, and not left out, would hide the option in --help.
     return Parameter(
         converter=convert, n_tokens=1, accepts_keys=False, allow_leading_hyphen=True, negative="", metavar=form,
-        help=help, group=group,
+        help=help, **({} if group is None else {"group": group}),
     )  # fmt: skip
 
 

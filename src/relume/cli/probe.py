@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,6 +20,128 @@ if TYPE_CHECKING:
 Rim = tuple[float, float, float] | tuple[float, ...]
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class ViewOptions:
+    """The views of the ball, and where their cameras stood."""
+
+    second: Annotated[
+        list[Path] | None,
+        Parameter(
+            help="A bracket of the same ball from another side, best a quarter turn away.",
+            negative="",
+            consume_multiple=True,
+        ),
+    ] = None
+    view: Annotated[
+        list[str] | None,
+        Parameter(
+            negative="", help='One more view, again for each: a folder, a file, or a pattern like "left/*.jpg", quoted.'
+        ),
+    ] = None
+    camera: Annotated[
+        Point, Parameter(help="Where the camera stood, as X,Y,Z in metres from the ball's centre, Y up.")
+    ] = (0.0, 0.0, 1.0)
+    second_camera: Annotated[Point, Parameter(help="Where the camera of --second stood.")] = (1.0, 0.0, 0.0)
+    turn: Annotated[
+        tuple[float, ...] | None,
+        numbers(
+            "DEGREES,…",
+            like="0,90,180",
+            help="Degrees by which the camera was carried round the ball for each view, counter-clockwise from above, "
+            "like 0,90,180; folders and --view are registered without unless given.",
+        ),
+    ] = None
+
+    def all(self, photographs: Sequence[Path]) -> list[rl.probe.BallPhotographs]:
+        """Every view with its photographs, and its camera where that is given."""
+        import relume as rl
+
+        views = rl.probe.find_ball_photographs([*photographs, *(self.view or [])])
+        if not views:
+            raise ValueError("no photographs were given; name a bracket of the ball, or a folder for each view")
+        if self.turn is not None:
+            views = rl.probe.placed_views(views, self.camera, [math.radians(angle) for angle in self.turn])
+        else:
+            views[:1] = rl.probe.placed_views(views[:1], self.camera, [0.0])
+        if self.second:
+            if len(views) > 1 and self.turn is None:
+                raise ValueError("--second is the other of two views; give more than two with --view or as folders")
+            views.append(rl.probe.BallPhotographs(tuple(self.second), self.second_camera))
+        return views
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class BallOptions:
+    """The ball: its size, its reflectance, and its rim in the photographs."""
+
+    distance: Annotated[
+        float | None, Parameter(help="Metres from the camera to the ball's centre, instead of --camera's own length.")
+    ] = None
+    radius: Annotated[
+        float | None, Parameter(help="The ball's radius in metres, where the EXIF has no focal length.")
+    ] = None
+    reflectance: Annotated[
+        tuple[float, float, float] | str | None,
+        numbers(
+            "R,G,B",
+            like="0.6 or 0.6,0.5,0.4 or chrome",
+            repeated=True,
+            words=("chrome",),
+            help='The ball\'s reflectance seen straight on: one number, R,G,B, or "chrome"; 1 unless given.',
+        ),
+    ] = None
+    fresnel: Annotated[
+        bool, Parameter(help="Whether --reflectance rises to 1 at grazing, as metals' and coatings' does.")
+    ] = True
+    pick: Annotated[
+        list[Rim | str] | None,
+        numbers(
+            "X,Y,RADIUS",
+            like="726,487,283, three points X,Y,X,Y,X,Y or auto",
+            words=("auto",),
+            help="The ball's rim in pixels, once for each view: X,Y,RADIUS, or three points or more as X,Y,X,Y,X,Y; "
+            '"auto" to have it found.',
+        ),
+    ] = None
+    pick_exactly: Annotated[
+        bool, Parameter(negative="", help="Take what is picked as it is, without following the rim near it.")
+    ] = False
+
+    def measured(self) -> rl.probe.BallReflectance:
+        """The reflectance of --reflectance and --fresnel."""
+        import relume as rl
+
+        if self.reflectance is None:
+            return rl.probe.BallReflectance()
+        normal = self.reflectance
+        if isinstance(normal, str):
+            normal = rl.probe.CHROME_STEEL.normal
+        return rl.probe.BallReflectance(normal, self.fresnel)
+
+    def picked(self, views: Sequence[rl.probe.BallPhotographs]) -> list[rl.probe.BallPhotographs]:
+        """The views with the outlines that were picked; "auto" has one found."""
+        import relume as rl
+
+        picks = self.pick or []
+        if len(picks) > len(views):
+            number = f"{len(views)} view{'s' * (len(views) > 1)}"
+            raise ValueError(f"--pick: {len(picks)} are given for {number}; give one each")
+        result = list(views)
+        for index, pick in enumerate(picks):
+            if isinstance(pick, str):
+                continue
+            if len(pick) == 3:
+                outline = rl.probe.outline_of_circle(*pick)
+            elif len(pick) >= 6 and len(pick) % 2 == 0:
+                outline = rl.probe.outline_through(list(zip(pick[::2], pick[1::2], strict=True)))
+            else:
+                raise ValueError(f"--pick: {pick} is not a rim; write X,Y,RADIUS, or three points or more, in pixels")
+            result[index] = replace(result[index], outline=outline)
+        return result
+
+
 def probe(
     photographs: Annotated[
         list[Path] | None,
@@ -29,59 +152,8 @@ def probe(
     out: Annotated[
         Path, Parameter(alias="-o", help="The equirectangular (lat-long) environment map to write, .exr or .hdr.")
     ],
-    second: Annotated[
-        list[Path] | None,
-        Parameter(
-            help="A bracket of the same ball from another side, best a quarter turn away.",
-            negative="",
-            consume_multiple=True,
-        ),
-    ] = None,
-    view: Annotated[
-        list[str] | None,
-        Parameter(
-            negative="", help='One more view, again for each: a folder, a file, or a pattern like "left/*.jpg", quoted.'
-        ),
-    ] = None,
-    camera: Annotated[
-        Point, Parameter(help="Where the camera stood, as X,Y,Z in metres from the ball's centre, Y up.")
-    ] = (0.0, 0.0, 1.0),
-    second_camera: Annotated[Point, Parameter(help="Where the camera of --second stood.")] = (1.0, 0.0, 0.0),
-    turn: Annotated[
-        tuple[float, ...] | None,
-        numbers(
-            "DEGREES,…", like="0,90,180",
-            help="Degrees by which the camera was carried round the ball for each view, counter-clockwise from above, "
-            "like 0,90,180; folders and --view are registered without unless given.",
-        ),
-    ] = None,
-    distance: Annotated[
-        float | None, Parameter(help="Metres from the camera to the ball's centre, instead of --camera's own length.")
-    ] = None,
-    radius: Annotated[
-        float | None, Parameter(help="The ball's radius in metres, where the EXIF has no focal length.")
-    ] = None,
-    reflectance: Annotated[
-        tuple[float, float, float] | str | None,
-        numbers(
-            "R,G,B", like="0.6 or 0.6,0.5,0.4 or chrome", repeated=True, words=("chrome",),
-            help='The ball\'s reflectance seen straight on: one number, R,G,B, or "chrome"; 1 unless given.',
-        ),
-    ] = None,
-    fresnel: Annotated[
-        bool, Parameter(help="Whether --reflectance rises to 1 at grazing, as metals' and coatings' does.")
-    ] = True,
-    pick: Annotated[
-        list[Rim | str] | None,
-        numbers(
-            "X,Y,RADIUS", like="726,487,283, three points X,Y,X,Y,X,Y or auto", words=("auto",),
-            help="The ball's rim in pixels, once for each view: X,Y,RADIUS, or three points or more as X,Y,X,Y,X,Y; "
-            '"auto" to have it found.',
-        ),
-    ] = None,
-    pick_exactly: Annotated[
-        bool, Parameter(negative="", help="Take what is picked as it is, without following the rim near it.")
-    ] = False,
+    views: ViewOptions = ViewOptions(),
+    ball: BallOptions = BallOptions(),
     picture: Annotated[
         Path | None, Parameter(help="Draw every view's ball with the rim that was taken, as this .png.")
     ] = None,
@@ -112,33 +184,22 @@ def probe(
         require_suffix(out, ".exr", ".hdr")
         if picture is not None:
             require_suffix(picture, ".png", option="--picture")
-        require_files([*(second or []), *([profile] if profile else [])])
+        require_files([*(views.second or []), *([profile] if profile else [])])
         settings = rl.probe.ProbeSettings(
-            size=size, radius=radius, distance=distance, reflectance=_reflectance(reflectance, fresnel),
-            follow_picked=not pick_exactly, balance=balance,
+            size=size, radius=ball.radius, distance=ball.distance, reflectance=ball.measured(),
+            follow_picked=not ball.pick_exactly, balance=balance,
         )  # fmt: skip
-        views = rl.probe.find_ball_photographs([*(photographs or []), *(view or [])])
-        if not views:
-            raise ValueError("no photographs were given; name a bracket of the ball, or a folder for each view")
-        if turn is not None:
-            views = rl.probe.placed_views(views, camera, [math.radians(angle) for angle in turn])
-        else:
-            views[:1] = rl.probe.placed_views(views[:1], camera, [0.0])
-        if second:
-            if len(views) > 1 and turn is None:
-                raise ValueError("--second is the other of two views; give more than two with --view or as folders")
-            views.append(rl.probe.BallPhotographs(tuple(second), second_camera))
-        views = _picked(views, pick or [])
+        placed = ball.picked(views.all(photographs or []))
         known = rl.capture.read_profile(profile) if profile else None
         if dry_run:
-            where = "given" if all(each.camera for each in views) else "to be found by registration"
+            where = "given" if all(each.camera for each in placed) else "to be found by registration"
             print_facts(
-                output, {"would write": str(out), "views": [each.name for each in views], "their cameras": where}
+                output, {"would write": str(out), "views": [each.name for each in placed], "their cameras": where}
             )
             return
 
         # The work.
-        result = rl.probe.probe_ball(views, times=times, profile=known, settings=settings)
+        result = rl.probe.probe_ball(placed, times=times, profile=known, settings=settings)
         rl.probe.write_probe(out, result.probe)
         if picture is not None:
             with rl.files.replacing(picture) as temporary:
@@ -150,34 +211,3 @@ def probe(
         written = {"written": str(out)} | ({} if picture is None else {"picture": str(picture)})
         print_facts(output, written | result.facts(listed=output.json))
         finish(output, result.warnings, accept=accept)
-
-
-def _picked(views: Sequence[rl.probe.BallPhotographs], picks: Sequence[Rim | str]) -> list[rl.probe.BallPhotographs]:
-    """The views with the outlines that were picked; "auto" has one found."""
-    from dataclasses import replace
-
-    import relume as rl
-
-    if len(picks) > len(views):
-        raise ValueError(f"--pick: {len(picks)} are given for {len(views)} view{'s' * (len(views) > 1)}; give one each")
-    result = list(views)
-    for index, pick in enumerate(picks):
-        if isinstance(pick, str):
-            continue
-        if len(pick) == 3:
-            outline = rl.probe.outline_of_circle(*pick)
-        elif len(pick) >= 6 and len(pick) % 2 == 0:
-            outline = rl.probe.outline_through(list(zip(pick[::2], pick[1::2], strict=True)))
-        else:
-            raise ValueError(f"--pick: {pick} is not a rim; write X,Y,RADIUS, or three points or more, in pixels")
-        result[index] = replace(result[index], outline=outline)
-    return result
-
-
-def _reflectance(value: tuple[float, float, float] | str | None, rising: bool) -> rl.probe.BallReflectance:
-    import relume as rl
-
-    if value is None:
-        return rl.probe.BallReflectance()
-    normal = rl.probe.CHROME_STEEL.normal if isinstance(value, str) else value
-    return rl.probe.BallReflectance(normal, rising)

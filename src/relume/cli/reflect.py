@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,6 +14,30 @@ from relume.cli.arguments import DryRun, made_folder, require_files
 from relume.cli.console import OutputOptions, note, print_facts, progress, warnings_as_notes
 
 PICTURES = (".png", ".jpg", ".jpeg")
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class CubeOptions:
+    """Cubes for game engines."""
+
+    cube: Annotated[
+        int | None,
+        Parameter(
+            help="Also write cubes with mips for game engines, this many texels an edge, a power of two: light; "
+            "diffuse; specular, GGX of roughness i/(levels − 1) at level i. With --lobe, light and those lobes."
+        ),
+    ] = None
+    cube_format: Annotated[
+        Literal["ktx2", "hdr"], Parameter(help="ktx2: one file a cube; hdr: a strip of six faces for each mip level.")
+    ] = "ktx2"
+    mirror: Annotated[
+        Literal["x", "z"] | None,
+        Parameter(
+            help="Mirror the cubes for an engine that negates an axis before it looks up: x for three.js and "
+            "PlayCanvas, z for Bevy and Stride; not for Filament and glTF Sample Viewer."
+        ),
+    ] = None
 
 
 def reflect(
@@ -51,23 +76,7 @@ def reflect(
             "Hoffman print it; sum: nothing, Lambert's table is irradiance."
         ),
     ] = "radiometric",
-    cube: Annotated[
-        int | None,
-        Parameter(
-            help="Also write cubes with mips for game engines, this many texels an edge, a power of two: light; "
-            "diffuse; specular, GGX of roughness i/(levels − 1) at level i. With --lobe, light and those lobes."
-        ),
-    ] = None,
-    cube_format: Annotated[
-        Literal["ktx2", "hdr"], Parameter(help="ktx2: one file a cube; hdr: a strip of six faces for each mip level.")
-    ] = "ktx2",
-    mirror: Annotated[
-        Literal["x", "z"] | None,
-        Parameter(
-            help="Mirror the cubes for an engine that negates an axis before it looks up: x for three.js and "
-            "PlayCanvas, z for Bevy and Stride; not for Filament and glTF Sample Viewer."
-        ),
-    ] = None,
+    cubes: CubeOptions = CubeOptions(),
     sheet: Annotated[
         list[Path] | None,
         Parameter(
@@ -94,16 +103,17 @@ def reflect(
         if exposure is not None and sheet is None:
             raise ValueError("--exposure is for the sheet; give --sheet too")
         _require_places(out, sheet or ())
+        # What is asked for.
         chosen = {"tables": rl.light.tables_named(lobe or ())} if lobe or brdf else {}
         wanted = rl.light.ReflectionFiles(
             **chosen,
             glossy=rl.light.glossy_named(brdf or ()),
             rows=rows,
             normalisation=rl.light.Normalisation(normalisation),
-            cube=cube,
+            cube=cubes.cube,
             roughness_cubes=not lobe,
-            cube_format=cube_format,
-            mirror=mirror,
+            cube_format=cubes.cube_format,
+            mirror=cubes.mirror,
         )
         picture = None if sheet is None else (sheet[0] if sheet else out / "sheet.png")
         light = rl.read_environment(light_map)
@@ -112,6 +122,7 @@ def reflect(
             print_facts(output, {"would write": [str(path) for path in paths], "normalisation": normalisation})
             return
 
+        # The maps, their balls and what came of them.
         made_folder(out)
         with progress(output) as report:
             made = rl.light.write_reflection_maps(light, out, wanted, report)

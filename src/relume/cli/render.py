@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, get_args
 
@@ -26,6 +27,86 @@ def _renderer(kind: object, tokens: Sequence[Token]) -> str:
     if word not in get_args(RENDERERS):
         raise ValueError(f'"{word}" is not a renderer; choose from {", ".join(get_args(RENDERERS))}')
     return word
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class TracingOptions:
+    """How the recursive ray tracer works."""
+
+    depth: Annotated[
+        int | None, Parameter(help="whitted: nodes from a tree's root to its farthest leaf; 8 unless the file says.")
+    ] = None
+    rays: Annotated[
+        int | None, Parameter(help="whitted: rays at a glossy or frosted surface; 16 unless the file says.")
+    ] = None
+    contribution: Annotated[
+        float | None,
+        Parameter(help="whitted: branches that carry less of the pixel are cut off; 1/1024 unless the file says."),
+    ] = None
+    constellation: Annotated[
+        int | None,
+        Parameter(
+            help="whitted: lights that stand for the environment map on diffuse surfaces; 64 unless the file says. "
+            "More make shadows of an even sky smoother."
+        ),
+    ] = None
+    subdivisions: Annotated[
+        int | None, Parameter(help="whitted: how often a pixel's square is halved; 3 unless the file says.")
+    ] = None
+    tolerance: Annotated[
+        float | None,
+        Parameter(help="whitted: corners that differ by this share are halved; 0.1 unless the file says."),
+    ] = None
+    region: Annotated[
+        tuple[int, int, int, int] | None,
+        numbers(
+            "LEFT,TOP,RIGHT,BOTTOM",
+            like="0,0,320,240",
+            help="whitted: only this part of the picture, in pixels, as a smaller picture.",
+        ),
+    ] = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class MotionOptions:
+    """Frames of a motion."""
+
+    frames: Annotated[
+        int | None, Parameter(validator=Number(gte=1), help="prefiltered, whitted: this many pictures of a motion.")
+    ] = None
+    motion: Annotated[
+        Literal["turntable", "orbit"] | None,
+        Parameter(
+            help="With --frames. turntable: the objects turn; orbit: the camera goes round; both counter-clockwise "
+            "from above. turntable unless given, or unless orbits of the scene file move its objects (whitted)."
+        ),
+    ] = None
+    degrees: Annotated[
+        float | None, Parameter(help="With --frames: how far; 360 unless given.", allow_leading_hyphen=True)
+    ] = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class InsteadOptions:
+    """What is made instead of the picture."""
+
+    tree: Annotated[
+        Pixel | None,
+        Parameter(
+            help="whitted: instead of the picture draw the tree of rays behind this pixel (.png or .svg), and print "
+            "where the picture's time goes."
+        ),
+    ] = None
+    environment: Annotated[
+        Point | None,
+        Parameter(
+            help="mitsuba, whitted: instead of the picture the equirectangular (lat-long) environment map of the scene "
+            "seen from this point in metres, .exr or .hdr (Miller & Hoffman 1984, §5.2); --size 1024x512 unless given."
+        ),
+    ] = None
 
 
 def render(
@@ -67,65 +148,9 @@ def render(
     ] = None,
     samples: Annotated[int | None, Parameter(help="mitsuba: rays a pixel; 256 unless given.")] = None,
     seed: Annotated[int | None, Parameter(help="mitsuba, whitted: another seed for what is random.")] = None,
-    depth: Annotated[
-        int | None, Parameter(help="whitted: nodes from a tree's root to its farthest leaf; 8 unless the file says.")
-    ] = None,
-    rays: Annotated[
-        int | None, Parameter(help="whitted: rays at a glossy or frosted surface; 16 unless the file says.")
-    ] = None,
-    contribution: Annotated[
-        float | None,
-        Parameter(help="whitted: branches that carry less of the pixel are cut off; 1/1024 unless the file says."),
-    ] = None,
-    constellation: Annotated[
-        int | None,
-        Parameter(
-            help="whitted: lights that stand for the environment map on diffuse surfaces; 64 unless the file says. "
-            "More make shadows of an even sky smoother."
-        ),
-    ] = None,
-    subdivisions: Annotated[
-        int | None, Parameter(help="whitted: how often a pixel's square is halved; 3 unless the file says.")
-    ] = None,
-    tolerance: Annotated[
-        float | None,
-        Parameter(help="whitted: corners that differ by this share are halved; 0.1 unless the file says."),
-    ] = None,
-    region: Annotated[
-        tuple[int, int, int, int] | None,
-        numbers(
-            "LEFT,TOP,RIGHT,BOTTOM",
-            like="0,0,320,240",
-            help="whitted: only this part of the picture, in pixels, as a smaller picture.",
-        ),
-    ] = None,
-    tree: Annotated[
-        Pixel | None,
-        Parameter(
-            help="whitted: instead of the picture draw the tree of rays behind this pixel (.png or .svg), and print "
-            "where the picture's time goes."
-        ),
-    ] = None,
-    frames: Annotated[
-        int | None, Parameter(validator=Number(gte=1), help="prefiltered, whitted: this many pictures of a motion.")
-    ] = None,
-    motion: Annotated[
-        Literal["turntable", "orbit"] | None,
-        Parameter(
-            help="With --frames. turntable: the objects turn; orbit: the camera goes round; both counter-clockwise "
-            "from above. turntable unless given, or unless orbits of the scene file move its objects (whitted)."
-        ),
-    ] = None,
-    degrees: Annotated[
-        float | None, Parameter(help="With --frames: how far; 360 unless given.", allow_leading_hyphen=True)
-    ] = None,
-    environment: Annotated[
-        Point | None,
-        Parameter(
-            help="mitsuba, whitted: instead of the picture the equirectangular (lat-long) environment map of the scene "
-            "seen from this point in metres, .exr or .hdr (Miller & Hoffman 1984, §5.2); --size 1024x512 unless given."
-        ),
-    ] = None,
+    tracing: TracingOptions = TracingOptions(),
+    moving: MotionOptions = MotionOptions(),
+    instead: InsteadOptions = InsteadOptions(),
     exposure: Annotated[
         float,
         Parameter(
@@ -139,9 +164,10 @@ def render(
     output: OutputOptions = OutputOptions(),
 ) -> None:
     """Render a scene under an environment map and lights, as one picture or as frames of a motion."""
+    environment, tree = instead.environment, instead.tree
     with warnings_as_notes(output):
         # Refuse what cannot be written, before any work.
-        pictures = {"--frames": frames, "--region": region, "--plate": plate}
+        pictures = {"--frames": moving.frames, "--region": tracing.region, "--plate": plate}
         if environment is not None:
             _check_alone("--environment shows all directions", {"--tree": tree, **pictures})
             require_suffix(out, ".exr", ".hdr")
@@ -149,7 +175,7 @@ def render(
             _check_alone("--tree draws one pixel's rays", pictures)
             require_suffix(out, ".png", ".svg")
         else:
-            _check_output(out, frames, {"--motion": motion, "--degrees": degrees})
+            _check_output(out, moving)
         require_files([each for each in (scene, light, plate) if each is not None])
         # Read what the options name.
         read = rl.read_scene(scene, light, size if environment is None else None)
@@ -159,16 +185,8 @@ def render(
             plate=None if plate is None else rl.read_radiance(plate),
             samples=samples,
             seed=seed,
-            depth=depth,
-            rays=rays,
-            contribution=contribution,
-            constellation=constellation,
-            subdivisions=subdivisions,
-            tolerance=tolerance,
-            region=region,
-            frames=frames,
-            motion=motion,
-            degrees=degrees,
+            **vars(tracing),
+            **vars(moving),
             exposure=exposure,
             threads=threads,
         )
@@ -224,11 +242,14 @@ def _check_alone(what: str, others: dict[str, object]) -> None:
         raise ValueError(f"{what}, and {given[0]} is for pictures; leave one of them out")
 
 
-def _check_output(out: Path, frames: int | None, for_frames: dict[str, object]) -> None:
+def _check_output(out: Path, moving: MotionOptions) -> None:
     """Refuse an output that does not fit the number of frames."""
-    moving = [name for name, value in for_frames.items() if value is not None]
-    if moving and frames is None:
-        raise ValueError(f"{moving[0]} is about a motion; give --frames N too")
+    frames = moving.frames
+    given = [
+        name for name, value in {"--motion": moving.motion, "--degrees": moving.degrees}.items() if value is not None
+    ]
+    if given and frames is None:
+        raise ValueError(f"{given[0]} is about a motion; give --frames N too")
     if frames is None and out.suffix.lower() == ".mp4":
         raise ValueError(f"-o {out}: a movie needs --frames N")
     if frames is None:
