@@ -66,7 +66,9 @@ def _module(name: str, path: str, tree: ast.Module) -> _Module:
     waiting = list(tree.body)
     while waiting:
         node = waiting.pop(0)
-        if isinstance(node, _Definition) and not node.name.startswith("__"):  # `__getattr__` is called by the import
+        if isinstance(node, _Definition) and any("overload" in ast.unparse(each) for each in node.decorator_list):
+            found.runs.append(node)  # Numba calls it in place of what it overloads
+        elif isinstance(node, _Definition) and not node.name.startswith("__"):  # `__getattr__` is called by the import
             found.definitions.setdefault(node.name, []).append(node)
         elif isinstance(node, ast.Assign | ast.AnnAssign):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 from architecture.lengths import functions_too_long, functions_without_steps
 from architecture.reached import unreached
 from architecture.tree import LISTS, PACKAGE, REPOSITORY
 from architecture.words import lines_too_long, private_words
 
 
+@cache
 def faults() -> dict[str, set[str]]:
     """The places that each rule finds today, as its list names them."""
     return {

@@ -6,11 +6,22 @@ import numpy as np
 import pytest
 from scipy.ndimage import convolve
 
-from relume.capture.raw.demosaic import demosaic, developed_mosaic
+from relume.capture.raw.demosaic import developed_mosaic
 from relume.image.radiance import BLACK, SATURATED
 
 PATTERNS = [((0, 1), (1, 2)), ((2, 1), (1, 0)), ((1, 0), (2, 1)), ((1, 2), (0, 1))]
 INNER = (slice(3, -3), slice(3, -3))
+
+
+def demosaic(mosaic: np.ndarray, pattern: np.ndarray) -> np.ndarray:
+    """The colours (H, W, 3) float32 of a mosaic (H, W) whose channels are balanced; the borders are mirrored.
+
+    pattern : (2, 2) int, the channel of the photosites at even and odd rows and columns
+    """
+    height, width = mosaic.shape
+    exact, measured = np.zeros((1, 1), np.float32), np.zeros((height, width), np.uint8)
+    colours, _, _ = developed_mosaic(mosaic, exact, measured, pattern, np.ones(3), np.eye(3))
+    return colours
 
 
 def channels_of(pattern: object, shape: tuple[int, int]) -> np.ndarray:

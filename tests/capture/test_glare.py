@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from relume.capture.lens.glare import Glare, diminish_glare, scatter, veiled, without_glare
+from relume.capture.lens.glare import Glare, diminish_glare, scatter, without_glare
 from relume.capture.lens.glare_recovery import largest_glare, recover_glare_from_dark, recover_glare_from_lamp
 from relume.capture.scale.regions import disc, rectangle
 from relume.errors import NotABracket
@@ -14,6 +14,12 @@ from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 LENS = Glare(veil=0.02, halo=0.03, core=0.01, power=1.1)
 SIZE = (150, 100)
 TRAP = rectangle(SIZE, 100, 60, 20, 15)
+
+
+def veiled(picture: RadianceMap, glare: Glare) -> RadianceMap:
+    """The map as a lens with that glare shows it; all the light is kept. Its variance is not known."""
+    radiance = (1 - glare.share) * picture.radiance + scatter(picture.radiance, glare)
+    return replace(picture, radiance=radiance.astype(np.float32), variance=None)
 
 
 def backlit() -> np.ndarray:

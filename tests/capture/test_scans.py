@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from relume.capture.exposure.bracket import Bracket
+from relume.capture.merging import merge
 from relume.capture.response.calibration import recover_response
-from relume.capture.scans import merge_scans, single
+from relume.capture.scans import merge_scans
 from relume.capture.weighting import Hat
 from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph
@@ -16,6 +17,11 @@ from relume.image.response import Response
 from synthetic import NOISELESS, wide_scene
 
 TAKEN = Exposure(1.0)
+
+
+def single(photograph, response):
+    """The radiance map of one photograph: a bracket of one."""
+    return merge(Bracket((photograph,)), response)
 
 
 @dataclass(frozen=True)

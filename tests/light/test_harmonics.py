@@ -9,9 +9,9 @@ from relume.light.harmonics.spherical_harmonics import (
     Hann,
     Lanczos,
     SphericalHarmonics,
-    basis,
     cosine_factors,
     project_sh,
+    sh_basis,
 )
 from relume.light.harmonics.transform import wigner
 from relume.sphere.directions import normalised, rotation_about
@@ -62,7 +62,7 @@ def gauss(degree):
 
 def test_harmonics_of_degrees_three_and_four_are_the_printed_polynomials():
     x, y, z = normalised([0.3, -0.5, 0.7])
-    values = basis(np.array([x, y, z]), 4)
+    values = sh_basis(np.array([x, y, z]), 4)
     assert values.shape == (25,)
     expected = {
         9: 0.590043589926644 * y * (3 * x * x - y * y),
@@ -83,7 +83,7 @@ def test_harmonics_of_degrees_three_and_four_are_the_printed_polynomials():
 def test_harmonics_are_scipys_without_their_sign():
     directions = spread(40)
     polar, azimuth = np.arccos(directions[:, 2]), np.arctan2(directions[:, 1], directions[:, 0])
-    values = basis(directions, 40)
+    values = sh_basis(directions, 40)
     for l in (1, 7, 40):  # noqa: E741
         assert values[:, l * l + l] == pytest.approx(sph_harm_y(l, 0, polar, azimuth).real, abs=1e-12)
         for m in range(1, l + 1):
@@ -94,14 +94,14 @@ def test_harmonics_are_scipys_without_their_sign():
 
 def test_harmonics_are_orthonormal():
     directions, weights = gauss(60)
-    values = basis(directions, 30)
+    values = sh_basis(directions, 30)
     assert np.abs(values.T @ (values * weights[:, None]) - np.eye(31**2)).max() < 1e-12
 
 
 @pytest.mark.parametrize("degree", [100, 400])
 def test_squares_of_one_degree_sum_to_the_same_everywhere_also_near_the_poles(degree):
     near = normalised(Z + 1e-5 * spread(3))
-    values = basis(np.concatenate([spread(20), near, [Z, -Z, X]]), degree)
+    values = sh_basis(np.concatenate([spread(20), near, [Z, -Z, X]]), degree)
     sums = np.add.reduceat(values**2, np.arange(degree + 1) ** 2, axis=1)
     assert sums == pytest.approx(np.tile((2 * np.arange(degree + 1) + 1) / (4 * np.pi), (len(values), 1)), rel=1e-10)
 
@@ -165,7 +165,7 @@ def test_a_mirror_is_no_rotation():
 def test_lat_long_light_is_summed_by_transforms_as_one_by_one(size):
     light = spiky(LatLong(), size)
     flux = light.radiance * LatLong().solid_angles(size)[..., None]
-    slow = np.einsum("hwk,hwc->kc", basis(pixel_directions(LatLong(), size), 20), flux)
+    slow = np.einsum("hwk,hwc->kc", sh_basis(pixel_directions(LatLong(), size), 20), flux)
     assert np.abs(project_sh(light, 20).coefficients - slow).max() < 1e-12 * flux.sum()
 
 
@@ -174,7 +174,7 @@ def test_light_in_other_mappings_is_the_sum_over_its_pixels(name):
     mapping = mapping_named(name)
     light = spiky(mapping, 48)
     flux = light.radiance * mapping.solid_angles(48)[..., None]
-    slow = np.einsum("hwk,hwc->kc", basis(pixel_directions(mapping, 48), 9), flux)
+    slow = np.einsum("hwk,hwc->kc", sh_basis(pixel_directions(mapping, 48), 9), flux)
     assert np.abs(project_sh(light, 9).coefficients - slow).max() < 1e-12 * flux.sum()
 
 
@@ -276,7 +276,7 @@ def test_a_wrong_call_is_told():
         with pytest.raises(ValueError, match="expected 0 to 1000"):
             project_sh(light, degree)
         with pytest.raises(ValueError, match="expected 0 to 1000"):
-            basis(Z, degree)
+            sh_basis(Z, degree)
     for shape in ((8, 3), (9,), (9, 4), (0, 3)):
         with pytest.raises(ValueError, match=r"expected \(\(L \+ 1\)², 3\)"):
             SphericalHarmonics(np.zeros(shape))

@@ -54,6 +54,7 @@ from .scale.readings import ExposureScale as ExposureScale
 from .scale.readings import LuminaireReading as LuminaireReading
 from .scale.readings import LuxReading as LuxReading
 from .scale.readings import Rectangle as Rectangle
+from .scale.readings import ScaleReading as ScaleReading
 from .scale.readings import SpotReading as SpotReading
 from .scale.readings import WhiteCard as WhiteCard
 from .scans import merge_scans as merge_scans

@@ -1,4 +1,4 @@
-"""Radiance from a single exposure: one photograph, or two scans of one negative (Debevec & Malik 1997, §2.4)."""
+"""Radiance from scans of one negative at different density settings (Debevec & Malik 1997, §2.4)."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.capture.exposure.bracket import Bracket
-from relume.capture.merging import clipping_bounds, merge
+from relume.capture.merging import clipping_bounds
 from relume.capture.weighting import InverseVariance, Weighting
 from relume.errors import NotABracket
 from relume.image.photograph import Photograph
@@ -20,14 +19,6 @@ FEWEST = 50
 """Pixels that two scans must both hold well, in each channel, for their scales to be compared."""
 APART = 0.1
 """Disagreement of ln exposure between scans, beyond a constant, above which their registration is doubtful."""
-
-
-def single(photograph: Photograph, response: Response, *, weighting: Weighting = InverseVariance()) -> RadianceMap:
-    """The radiance map of one photograph through a known response: a bracket of one.
-
-    Darker and brighter than its range nothing is known, and marked so. Raises NotABracket as `merge` does.
-    """
-    return merge(Bracket((photograph,)), response, weighting=weighting)
 
 
 def merge_scans(

@@ -119,9 +119,7 @@ def settings_of(steps: Steps, lens: Lens, readings: Readings) -> rl.capture.Merg
     )
 
 
-def _scale(
-    readings: Readings,
-) -> rl.capture.ExposureScale | rl.capture.SpotReading | rl.capture.LuxReading | rl.capture.LuminaireReading | None:
+def _scale(readings: Readings) -> rl.capture.ScaleReading | None:
     """The reading that was given; raises ValueError for two."""
     from relume import capture
 

@@ -35,8 +35,11 @@ from .editing.slices import PaintedSlice as PaintedSlice
 from .editing.slices import paint_over as paint_over
 from .editing.slices import slice_sidecar as slice_sidecar
 from .editing.slices import write_slice as write_slice
+from .harmonics.spherical_harmonics import Hann as Hann
+from .harmonics.spherical_harmonics import Lanczos as Lanczos
 from .harmonics.spherical_harmonics import SphericalHarmonics as SphericalHarmonics
 from .harmonics.spherical_harmonics import project_sh as project_sh
+from .harmonics.spherical_harmonics import sh_basis as sh_basis
 from .light_set import LightSet as LightSet
 from .light_set import LightSettings as LightSettings
 from .light_set import Room as Room
@@ -53,6 +56,7 @@ from .reflection.reflection_map import Normalisation as Normalisation
 from .reflection.reflection_map import ReflectionMap as ReflectionMap
 from .reflection.reflection_map import reflection_map as reflection_map
 from .reflection.reflection_map import reflection_maps as reflection_maps
+from .reflection.storage import glossy_from_layers as glossy_from_layers
 from .sampling import EnvironmentSampler as EnvironmentSampler
 from .suns.clipped_regions import ClippedPixels as ClippedPixels
 from .suns.clipped_regions import SunDisc as SunDisc

@@ -25,9 +25,7 @@ import numpy as np
 
 from relume.image.bilinear import bilinear
 from relume.sphere.environment_map import EnvironmentMap
-from relume.sphere.mappings.cubes import FACES, OPENGL, Strip, face_solid_angles
-
-__all__ = ["FACES", "Cube", "cube_of", "directions", "mips", "mirrored_strip", "solid_angles"]
+from relume.sphere.mappings.cubes import OPENGL, Strip, face_solid_angles
 
 
 @dataclass(frozen=True, eq=False)

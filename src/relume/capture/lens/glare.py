@@ -91,12 +91,6 @@ def scatter(radiance: np.ndarray, glare: Glare) -> np.ndarray:
     return np.stack([spread(radiance[..., c].astype(np.float64)) for c in range(radiance.shape[2])], axis=-1)
 
 
-def veiled(picture: RadianceMap, glare: Glare) -> RadianceMap:
-    """The map as a lens with that glare shows it; all the light is kept. Its variance is not known."""
-    radiance = (1 - glare.share) * picture.radiance + scatter(picture.radiance, glare)
-    return replace(picture, radiance=radiance.astype(np.float32), variance=None)
-
-
 def without_glare(radiance: np.ndarray, glare: Glare, *, outside: np.ndarray | None = None) -> np.ndarray:
     """Solve O = (1 − share) L + scatter(L) for the light L (H, W, C) float64, of observed O (H, W, C).
 

@@ -27,17 +27,6 @@ _ALONG_COLUMN = (5.0, 0, 0, 4, 4, -1, -1, -1, -1, 0.5, 0.5, -1, -1)
 _DIAGONAL = (6.0, 0, 0, 0, 0, 2, 2, 2, 2, -1.5, -1.5, -1.5, -1.5)
 
 
-def demosaic(mosaic: np.ndarray, pattern: np.ndarray) -> np.ndarray:
-    """The colours (H, W, 3) float32 of a mosaic (H, W) whose channels are balanced; the borders are mirrored.
-
-    pattern : (2, 2) int, the channel of the photosites at even and odd rows and columns
-    """
-    height, width = mosaic.shape
-    exact, measured = np.zeros((1, 1), np.float32), np.zeros((height, width), np.uint8)
-    colours, _, _ = developed_mosaic(mosaic, exact, measured, pattern, np.ones(3), np.eye(3))
-    return colours
-
-
 def developed_mosaic(
     mosaic: np.ndarray,
     variance: np.ndarray,

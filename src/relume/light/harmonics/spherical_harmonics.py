@@ -160,7 +160,7 @@ def project_sh(light: EnvironmentMap, degree: int = 2) -> SphericalHarmonics:
     return SphericalHarmonics(coefficients, light.unit)
 
 
-def basis(directions: np.ndarray, degree: int) -> np.ndarray:
+def sh_basis(directions: np.ndarray, degree: int) -> np.ndarray:
     """Y_lm at unit directions (…, 3): (…, (degree + 1)²) float64, (l, m) at l² + l + m.
 
     Raises ValueError for a degree below 0 or above 1000.

@@ -12,7 +12,7 @@ import json
 
 import numpy as np
 
-from relume.light.harmonics.spherical_harmonics import SphericalHarmonics, cosine_factors, project_sh
+from relume.light.harmonics.spherical_harmonics import cosine_factors, project_sh
 from relume.sphere.environment_map import EnvironmentMap
 
 ORDER = ((0, 0), (1, -1), (1, 0), (1, 1), (2, -2), (2, -1), (2, 0), (2, 1), (2, 2))
@@ -30,15 +30,6 @@ def irradiance_harmonics(light: EnvironmentMap) -> np.ndarray:
     Summed over the directions of the pixels' middles by their solid angles, as `EnvironmentMap.irradiance` does.
     """
     return project_sh(light, 2).coefficients
-
-
-def irradiance_from_harmonics(coefficients: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """E on surfaces of unit normals (…, 3): (…, 3), Σ Â_l L_lm Y_lm; π·L under constant light.
-
-    A light from one direction, E = 1 on a surface that faces it, gives 1.0625 there and 0.09375 at 90°: nine harmonics
-    blur it. Raises ValueError for coefficients that are not (9, 3).
-    """
-    return SphericalHarmonics(_checked(coefficients)).irradiance(normals)
 
 
 def as_json(coefficients: np.ndarray, unit: str) -> str:

@@ -114,7 +114,7 @@ def fit_corners(
     if estimate_k1:
         found, minimum = _with_k1(seen, found, minimum, free)
     if free:
-        _tell_focal_length(seen, found, minimum)
+        _warn_of_focal_length(seen, found, minimum)
     return CameraFit(found, seen.pixels, seen.errors(found).reshape(-1, 2))
 
 
@@ -195,7 +195,7 @@ def _with_k1(seen: _Seen, start: Camera, without: Minimum, focal_length: bool) -
     return found, minimum
 
 
-def _tell_focal_length(seen: _Seen, found: Camera, minimum: Minimum) -> None:
+def _warn_of_focal_length(seen: _Seen, found: Camera, minimum: Minimum) -> None:
     share = float(minimum.deviations[6])
     if not share <= LARGEST_DEVIATION:
         spread = f"± {100 * share:.0f} %" if np.isfinite(share) else "or any other"

@@ -62,10 +62,10 @@ class UprightLength:
         level = ray[[0, 2]]
         away = (foot - camera.position)[[0, 2]]
         if not level @ away > 0:
-            raise ValueError(f"upright top {_told(self.top)} lies behind its foot; is it the point straight above?")
+            raise ValueError(f"upright top {_written(self.top)} lies behind its foot; is it the point straight above?")
         height = camera.position[1] + ray[1] * (level @ away) / (level @ level)
         if not height > 0:
-            raise ValueError(f"upright top {_told(self.top)} lies below its foot {_told(self.foot)}; swap them")
+            raise ValueError(f"upright top {_written(self.top)} lies below its foot {_written(self.foot)}; swap them")
         return self.metres / float(height)
 
 
@@ -87,11 +87,11 @@ def on_ground(camera: Camera, point: Point) -> np.ndarray:
     """The point (3,) of the ground y = 0 that the photograph shows at `point`; raises ValueError where it is none."""
     ray = camera.rays_through(np.asarray(point, np.float64))
     if not ray[1] < 0:
-        raise ValueError(f"point {_told(point)} lies above the horizon; expected a point of the ground")
+        raise ValueError(f"point {_written(point)} lies above the horizon; expected a point of the ground")
     return camera.position - camera.position[1] / ray[1] * ray
 
 
-def _told(point: Point) -> str:
+def _written(point: Point) -> str:
     return f"{point[0]:g}, {point[1]:g}"
 
 
@@ -99,4 +99,4 @@ def _check(metres: float, first: Point, second: Point) -> None:
     if not 0 < metres < np.inf:
         raise ValueError(f"a length of {metres}; expected metres above 0")
     if np.hypot(second[0] - first[0], second[1] - first[1]) < 2:
-        raise ValueError(f"points {_told(first)} and {_told(second)} of a length are less than 2 pixels apart")
+        raise ValueError(f"points {_written(first)} and {_written(second)} of a length are less than 2 pixels apart")

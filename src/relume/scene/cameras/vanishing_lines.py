@@ -99,7 +99,7 @@ def fit_vanishing_lines(
     focal = focal_length or _focal_length(points, middle, estimate_centre)
     start = _View(focal, middle, _rotation(points, segments, focal, middle, lines.level))
     view, minimum = _refined(start, segments, lines.level, focal_length is None, estimate_centre)
-    _check_told(minimum, view, size, focal_length is None, estimate_centre)
+    _check_determined(minimum, view, size, focal_length is None, estimate_centre)
 
     found_centre = centre if not estimate_centre else (float(view.centre[0]), float(view.centre[1]))
     lens = Camera(*size, view.focal_length, np.zeros(3), view.world_from_camera(), found_centre, distortion)
@@ -280,7 +280,7 @@ def _offsets(view: _View, segments: Sequence[np.ndarray]) -> list[np.ndarray]:
     return offsets
 
 
-def _check_told(minimum: Minimum, view: _View, size: tuple[int, int], focal_length: bool, centre: bool) -> None:
+def _check_determined(minimum: Minimum, view: _View, size: tuple[int, int], focal_length: bool, centre: bool) -> None:
     if focal_length and DOUBTFUL < minimum.deviations[3] <= LARGEST_DEVIATION:
         warnings.warn(
             f"the lines determine the focal length to ± {100 * minimum.deviations[3]:.0f} % only "

@@ -12,7 +12,6 @@ import numpy as np
 
 from relume.sphere.mappings.mapping import refuse_size
 
-FACES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
 _X, _Y, _Z = np.eye(3)
 OUTWARD = np.array([_X, -_X, _Y, -_Y, _Z, -_Z])
 
