@@ -39,6 +39,7 @@ def merge_stretch(
     for i in range(count):
         flag = 0
         for c in range(3):
+            # Sums of eq. 6 over the photographs.
             weighted, total, spread = 0.0, 0.0, 0.0
             for p in range(photographs):
                 if masked and outside[p, i]:
@@ -48,6 +49,7 @@ def merge_stretch(
                 weighted += tables[c, z, 0] - weight * log_times[p]
                 total += weight
                 spread += tables[c, z, 2]
+            # Measured: the weighted mean and its variance.
             if total > 0:
                 logarithm[i, c] = weighted / total
                 variance[i, c] = spread / (total * total)

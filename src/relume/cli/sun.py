@@ -64,11 +64,13 @@ def sun(
 ) -> None:
     """Give a clipped sun back its light, so that a matte thing in the same light is as bright as it was."""
     with warnings_as_notes(output):
+        # Everything that can be refused before the work.
         require_suffix(out, ".exr", ".hdr")
         require_files([light_map, *(path for path in (grey_ball, chart) if path)])
         if (grey_ball is None) == (chart is None):
             raise ValueError("give --grey-ball with --albedo, or --chart with --patch")
         light = rl.read_environment(light_map, mapping_of(from_), clamp=clamp)
+        # What the chart or the ball measured.
         if chart is not None:
             if not patch:
                 raise ValueError("--chart needs a --patch, like 640,360,20=0.9@0,1,0")
@@ -86,6 +88,7 @@ def sun(
         if dry_run:
             print_facts(output, {"would write": str(out), "readings": len(readings.normals), "from": readings.source})
             return
+        # The sun, the map with it, and the light before and after.
         shape = rl.light.SunDisc() if disc else rl.light.ClippedPixels()
         found = rl.light.recover_sun(light, readings, level=level, shape=shape)
         written = rl.as_radiance_map(found.light)

@@ -33,6 +33,7 @@ def text(
     """
     shining: list[dict[str, Any]] = []
     nodes: list[dict[str, Any]] = []
+    # Distant lights: nodes that are turned.
     for index, lamp in enumerate(lamps(lights, angles)):
         light: dict[str, Any] = {
             "name": lamp.name,
@@ -50,6 +51,7 @@ def text(
                 "extensions": {EXTENSION: {"light": index}},
             }
         )
+    # Lights that have a place: nodes that are moved.
     for bulb in bulbs(points):
         light = {
             "name": bulb.name,
@@ -67,6 +69,7 @@ def text(
             }
         )
         shining.append(light)
+    # What the numbers mean, and the background that belongs to them.
     takes = "glTF takes intensity for lux" + ("." if points is None else ", and that of point lights for candela.")
     notes: dict[str, Any] = {"meaning": f"{meaning(unit, points)} {takes}", "unit": unit}
     name = beside(background)

@@ -81,6 +81,7 @@ def deghost(bracket: Bracket, response: Response, *, method: Consistency = Consi
             f"{bracket.name}: photographs of {depth} values and a response of {response.levels}; "
             "give the response of these photographs"
         )
+    # Squares that the frames are compared in, and the noise of their means.
     side = max(2, int(np.ceil(np.sqrt(width * height / SQUARES))))
     shape = (-(-height // side), -(-width // side))
     bounds = np.empty((len(photographs), 2, *shape, 3), np.float32)
@@ -91,6 +92,7 @@ def deghost(bracket: Bracket, response: Response, *, method: Consistency = Consi
     exposures = np.exp(response.log_exposure).astype(np.float32)
     # Neighbours share the noise that JPEG and demosaicking leave: side pixels of a square count, not their square.
     noise = (method.deviations * deviation / np.sqrt(side)).astype(np.float32)
+    # What each frame says of each square: bounds of its radiance, its middle, whether it measures.
     for index, photograph in enumerate(photographs):
         square_bounds(
             photograph,
@@ -105,6 +107,7 @@ def deghost(bracket: Bracket, response: Response, *, method: Consistency = Consi
             middle=middle[index],
             measured=measured[index],
         )
+    # The frame that moving things are taken from, and corrections of the frames' scales to it.
     reference = int(np.argmax(measured.sum((1, 2))))
     step = max(1, int(np.sqrt(shape[0] * shape[1] / SAMPLED)))
     sampled = np.s_[::step, ::step]
@@ -116,6 +119,7 @@ def deghost(bracket: Bracket, response: Response, *, method: Consistency = Consi
         reference,
         slack=method.slack,
     )
+    # Where frames disagree, the regions of that, and the frame each region comes from.
     apart = disagreement(bounds, middle, tables)
     regions = moving_regions(apart, contrast=method.contrast, reach=max(4, max(shape) // 50))
     if regions.count == 0:

@@ -151,6 +151,7 @@ def calibrate_raw(
         raise NotABracket("no raw photographs were given; name at least one file")
     if times is not None and len(times) != len(photographs):
         raise NotABracket(f"{len(times)} times were given for {len(photographs)} photographs; give one a photograph")
+    # What each file says, and a sample of its rows.
     facts: list[RawPhotograph] = []
     samples, sensitivities = [], []
     for position, raw in enumerate(opened(photographs)):
@@ -160,6 +161,7 @@ def calibrate_raw(
         # Times that are given replace the whole exposure, but the noise stays that of the gain.
         sensitivities.append((raw.exposure.iso if raw.exposure else None) or 100.0)
         del raw, given
+    # Exposures: as the files say, then as the pixels do.
     exposures = _exposures(facts)
     nominal = np.array([exposure.factor for exposure in exposures])
     order = np.argsort(nominal, kind="stable")
@@ -167,6 +169,7 @@ def calibrate_raw(
     factors, errors = nominal, np.zeros(len(nominal))
     if refine_exposures:
         factors, errors = _refined(names, nominal, samples, order)
+    # Saturation and noise: as measured before, or from these photographs.
     first, iso = facts[0], max(sorted(set(sensitivities)), key=sensitivities.count)
     known = None if sensor is None else sensor.noise
     full = sensor.saturation if sensor and known and set(sensitivities) == {known.iso} else 1.0
@@ -176,6 +179,7 @@ def calibrate_raw(
     else:
         alike = [index for index in order.tolist() if sensitivities[index] == iso]
         noise = _noise([(samples[index], float(factors[index])) for index in alike], iso, saturation)
+    # The sensor so found, against the one that was given.
     found = Sensor(_levels(first), float(first.white), saturation, noise)
     if sensor is not None and sensor.differs(found):
         warnings.warn(

@@ -70,6 +70,7 @@ def drive(
         else:
             surface = rl.lightstage.SurfaceSubject
             chosen = surface() if subject == "diffuse" else surface.glossy(roughness)
+        # The intensities, their file and how well they do.
         found = rl.lightstage.drive(field.lights, wanted, primaries, chosen)
         rl.lightstage.write_drive(out, found)
         print_facts(

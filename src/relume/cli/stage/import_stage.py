@@ -186,6 +186,7 @@ def import_stage(
     neighbouring lights.
     """
     with warnings_as_notes(output):
+        # What is asked for.
         settings = rl.lightstage.ImportSettings(
             balls=tuple(_ball(each) for each in ball or ()),
             ball_pictures=tuple(ball_pictures or ()),

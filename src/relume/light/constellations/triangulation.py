@@ -64,6 +64,7 @@ def triangulated(
     more than a third of its distance, and irradiances agree, the lamp is far and stays distant.
     Raises LampsNotMatched where no lamp has a partner; ValueError for probes at one place and numbers that cannot be.
     """
+    # Two places, apart from each other.
     starts = np.stack([point(at, "at"), point(second_at, "second_at")])
     if not (0 < uncertainty < 0.5 and ratio > 1 and tint > 0):
         raise ValueError(
@@ -72,6 +73,7 @@ def triangulated(
     apart = float(np.linalg.norm(starts[1] - starts[0]))
     if apart < 1e-6:
         raise ValueError(f"both probes stood at {starts[0].tolist()}; lamps have a place only where the probes differ")
+    # Which lamp of one map is which of the other; of these, far ones and near ones.
     meeting = _Meeting.of(first, second, starts, uncertainty)
     pairs = _matched(meeting.cost(ratio, tint))
     if not len(pairs):
@@ -81,6 +83,7 @@ def triangulated(
     far, near = pairs[is_far], pairs[~is_far]
     i, j = near.T
     only = [np.setdiff1d(np.arange(number), taken) for number, taken in zip(meeting.far.shape, pairs.T, strict=True)]
+    # Intensities and sizes of the near ones: geometric means of what both maps show.
     lamps = (chosen(first, i), chosen(second, j))
     distances = meeting.distances[:, i, j]
     intensities = [lamp.irradiance * reach[:, None] ** 2 for lamp, reach in zip(lamps, distances, strict=True)]

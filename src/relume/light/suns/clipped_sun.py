@@ -162,6 +162,7 @@ def recover_sun(
         raise ValueError(f'readings are "{readings.unit}" and the map "{light.unit}"; bring both to one unit first')
     if not readings.irradiance.any():
         raise SunNotRecovered(f"{readings.source}: black all over, so nothing is known of the light; photograph it lit")
+    # The clipped sources, and how each lights the readings' normals.
     directions = pixel_directions(light.mapping, light.size)
     mask = clipped_pixels(light, level)
     gathered = sources(light, directions, mask, apart)
@@ -176,6 +177,7 @@ def recover_sun(
     )
     chosen = _distinguishable(lit, [middle_of(light, directions, pixels) for pixels in gathered], readings)
     lit, gathered, placed = lit[:, chosen], [gathered[k] for k in chosen], [placed[k] for k in chosen]
+    # The light that the readings have and the map does not, given to the sources.
     before = _irradiance(light, directions, mask, readings.normals)
     missing, spread, residual = _fitted(readings, before, lit)
 
@@ -186,6 +188,7 @@ def recover_sun(
     clipped = None if light.clipped is None else light.clipped.copy()
     if clipped is not None:
         clipped.reshape(-1)[np.concatenate(gathered)] = 0
+    # What was found of each source, and how sure it is.
     recovered = [
         RecoveredSource(middle_of(light, directions, pixels), float(areas[pixels].sum()), was, was + more, error)
         for pixels, was, more, error in zip(gathered, held, missing, spread, strict=True)

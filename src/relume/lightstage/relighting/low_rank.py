@@ -97,6 +97,7 @@ def compress_low_rank(
     memory : bytes for blocks of the field; the basis is not counted
     Raises ValueError for an error or rank out of range and for a field that is black or not finite.
     """
+    # The value above which a pixel is kept apart as a spike, by the field's mean.
     count = len(field.lights)
     if not 0 < error < 1 or (rank is not None and not 1 <= rank <= count):
         raise ValueError(f"error is {error} and rank {rank}; expected an error within 0…1, a rank within 1…{count}")

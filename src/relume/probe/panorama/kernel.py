@@ -36,6 +36,7 @@ def view_in_rows(picture, codes, lens, rotation, latitudes, longitudes, begin, e
             x, z = ring * longitudes[place, 0], -ring * longitudes[place, 1]
             if -(x * rotation[0, 2] + up * rotation[1, 2] + z * rotation[2, 2]) < far:
                 continue
+            # The mean over the cells of the map's pixel, each weighed by its solid angle.
             red = green = blue = saturated = covered = whole = rim = 0.0
             for down in range(cells):
                 ring, up = latitudes[row * cells + down, 0], latitudes[row * cells + down, 1]
@@ -46,6 +47,7 @@ def view_in_rows(picture, codes, lens, rotation, latitudes, longitudes, begin, e
                     depth = -(x * rotation[0, 2] + up * rotation[1, 2] + z * rotation[2, 2])
                     if depth <= 1e-6:
                         continue
+                    # Where the lens shows this direction.
                     right = (x * rotation[0, 0] + up * rotation[1, 0] + z * rotation[2, 0]) / depth
                     above = (x * rotation[0, 1] + up * rotation[1, 1] + z * rotation[2, 1]) / depth
                     square = right * right + above * above
@@ -56,6 +58,7 @@ def view_in_rows(picture, codes, lens, rotation, latitudes, longitudes, begin, e
                     inner = min(min(px, width - px), min(py, height - py))
                     if inner < -margin:
                         continue
+                    # Bilinear look-up; a cell that touches what is outside counts as not covered.
                     px, py = min(max(px - 0.5, 0.0), width - 1.0), min(max(py - 0.5, 0.0), height - 1.0)
                     left, top = min(int(px), max(width - 2, 0)), min(int(py), max(height - 2, 0))
                     beside, below = min(left + 1, width - 1), min(top + 1, height - 1)
@@ -81,6 +84,7 @@ def view_in_rows(picture, codes, lens, rotation, latitudes, longitudes, begin, e
                         a * picture[top, left, 2] + b * picture[top, beside, 2]
                         + c * picture[below, left, 2] + d * picture[below, beside, 2]
                     )  # fmt: skip
+            # Colour, share saturated, share covered, and the distance from the picture's rim.
             out = row - begin
             share = 1 / covered if covered > 0 else 0.0
             shown[out, column, 0], shown[out, column, 1], shown[out, column, 2] = (

@@ -96,6 +96,7 @@ class Differential(Renderer):
                 return subtracted(replace(self._plain(), noise=None), scene, camera, seed=seed, progress=progress)
             from relume.renderers.mitsuba.transport.estimator import Estimator
 
+            # How many passes, of how many samples, at which times of the shutter.
             samples = _samples_a_pass(self.samples, camera)
             passes = max(self.samples // samples, 2)
             backdrop = np.zeros((camera.height, camera.width, 3)) if plate is None else plate
@@ -107,6 +108,7 @@ class Differential(Renderer):
                 estimator = still if moments is None else Estimator(*moments(at[own]), self.depth)
                 return estimator.traced(samples, own)
 
+            # The passes.
             sums = accumulate(
                 trace,
                 passes=passes,
@@ -124,7 +126,9 @@ class Differential(Renderer):
                     f"{goal.error(sums):.2g}; give more samples",
                     stacklevel=2,
                 )
+            # Depth, normals and albedo, which need few samples.
             guides = still.guides(min(MATTE_SAMPLES, max(1, PASS_RAYS // (camera.width * camera.height))), seed)
+        # The means and their variances as one result.
         seen = np.maximum(guides["seen"], 1e-12)
         planes = {name: sums.mean(name) for name in ("objects", "difference", "matte")}
         planes |= {f"{name}_variance": sums.variance(name) for name in ("objects", "difference")}

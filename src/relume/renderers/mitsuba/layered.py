@@ -153,6 +153,7 @@ def _layered_class(variant: str) -> type:
 
         def evaluated(self, si: Any, wo: Any, active: Any, shares_of_samples: Any = None) -> tuple[Any, Any]:
             """f·cos θo and the density of the directions; `shares_of_samples` where they are known already."""
+            # The geometry, and what the layers share.
             wi = si.wi
             cos_i, cos_o = wi.z, wo.z
             active = active & (cos_i > 0) & (cos_o > 0)
@@ -183,6 +184,7 @@ def _layered_class(variant: str) -> type:
             density += p_base * cosine_lobe
 
             value = diffuse + glossy
+            # The coat, and what it leaves to the layers below.
             if self.coated:
                 amount = self.number("clearcoat", si, active)
                 film, film_roughness = self.coat(si, active)
@@ -195,6 +197,7 @@ def _layered_class(variant: str) -> type:
                 film_shape = film.eval(half) * film.G(wi, wo, half) / (4 * cos_i)
                 value = glossy * through + diffuse * through / (1 - mean) + amount * reflected * film_shape
                 density += p_coat * film.pdf(wi, half) / (4 * dr.maximum(facing, 1e-8))
+            # The sheen's fibres, on top of the others.
             if self.fibrous:
                 fibre, fibre_roughness = self.colour("sheen_color", si, active), self.sheen_roughness(si, active)
                 at_i = self.sheen_table.eval(place(cos_i, fibre_roughness))

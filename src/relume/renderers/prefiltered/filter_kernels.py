@@ -205,6 +205,7 @@ def spanned(seen, quads, table):
     entries, rows, columns = table.reshape(-1), table.shape[0] - 2, table.shape[1] - 2
     u, v = np.empty(4), np.empty(4)
     for place in range(len(quads)):
+        # The corners in the table, and the rows between them.
         for corner in range(4):
             x, y = polar_point(quads[place, corner, 0], quads[place, corner, 1], quads[place, corner, 2])
             u[corner] = x if corner == 0 else u[corner - 1] + _short_way(x - u[corner - 1])
@@ -216,9 +217,11 @@ def spanned(seen, quads, table):
         if abs(around) > 0.5:
             # The quadrilateral goes round a pole: all rows from there to its edge are in it.
             low, high = (0, high) if v.mean() < rows / 2 else (low, rows - 1)
+        # The sum over the entries whose middles are inside, row by row, by solid angle.
         total = red = green = blue = 0.0
         count = 0
         for row in range(low, high + 1):
+            # From where to where the row is inside.
             left, right = (0.0, columns - 1.0) if abs(around) > 0.5 else (np.inf, -np.inf)
             if abs(around) <= 0.5:
                 for corner in range(4):

@@ -86,6 +86,7 @@ def accumulate(
     if passes < 1:
         raise ValueError(f"{passes} passes; expected 1 or more")
     loop = _Loop(key or {}, watch)
+    # Passes that were kept before, if any.
     sums, met = loop.begun()
     report = progress or (lambda share: None)
     due = 1 << sums.passes.bit_length()
@@ -93,11 +94,13 @@ def accumulate(
         try:
             while sums.passes < passes and not (target is not None and met >= target.confirmations):
                 _leave_if(asked, loop, sums, passes)
+                # One pass more, and whether the noise is low enough by now.
                 sums = sums.plus(trace(pass_seed(seed, sums.passes)), scattered)
                 if target is not None and target.due(sums.passes):
                     met = met + 1 if target.reached(sums) else 0
                 loop.done(sums, met)
                 report(sums.passes / passes)
+                # A preview at each doubling.
                 if watch.preview is not None and sums.passes >= due:
                     due = 2 * sums.passes
                     watch.preview(sums)

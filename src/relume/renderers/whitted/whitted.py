@@ -149,11 +149,13 @@ class PreparedWhitted:
                 f"region {left},{top},{right},{bottom} of a picture of {camera.width}×{camera.height} pixels; "
                 "expected left < right and top < bottom within it"
             )
+        # The view, and what decides where pixels are halved: typical radiance, and small objects.
         self._look_from(camera, seed)
         reference, small = self._typical(camera, seed), self._small(camera)
         done: list[int] = []
         longest: list[int] = []
 
+        # Bands of rows, in threads.
         def work(begin: int, end: int) -> tuple[np.ndarray, np.ndarray]:
             def noting(points: np.ndarray) -> Traced:
                 results = self.traced(camera, points, seed)
@@ -176,6 +178,7 @@ class PreparedWhitted:
         hit = np.maximum(means[..., 4:5], 1e-30)
         # Perturbed normals leave noise, and nobody has measured it.
         variance = np.full((*rays.shape, 3), np.nan if np.any(self.tables[2].roughness) else 0.0, np.float32)
+        # The layers.
         return Render(
             radiance=means[..., :3].copy(),
             variance=variance,

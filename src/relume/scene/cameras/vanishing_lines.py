@@ -83,6 +83,7 @@ def fit_vanishing_lines(
     through a distorting lens the offsets are those of the straightened picture.
     Raises ValueError, in one line, where the lines do not determine the camera.
     """
+    # The lines, straightened where the lens bends them.
     segments = lines.segments()
     if distortion is not None:
         if focal_length is None:
@@ -94,6 +95,7 @@ def fit_vanishing_lines(
             raise ValueError("a line ends where the distortion has folded over; draw it within the photograph")
     if estimate_centre and not all(len(s) > 1 for s in segments):
         raise ValueError("estimate_centre needs two lines or more along each of x, y and z; draw them, or leave it out")
+    # Vanishing points give a first view; all lines at once refine it.
     middle = np.array(centre or (size[0] / 2, size[1] / 2))
     points = {axis: _vanishing_point(AXES[axis], s, size) for axis, s in enumerate(segments) if len(s) > 1}
     focal = focal_length or _focal_length(points, middle, estimate_centre)
@@ -101,6 +103,7 @@ def fit_vanishing_lines(
     view, minimum = _refined(start, segments, lines.level, focal_length is None, estimate_centre)
     _check_determined(minimum, view, size, focal_length is None, estimate_centre)
 
+    # The camera's place: along the ray of the origin, as far as the known length says.
     found_centre = centre if not estimate_centre else (float(view.centre[0]), float(view.centre[1]))
     lens = Camera(*size, view.focal_length, np.zeros(3), view.world_from_camera(), found_centre, distortion)
     ray = lens.rays_through(np.asarray(origin, np.float64))

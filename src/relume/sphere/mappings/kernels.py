@@ -90,9 +90,11 @@ def toward(kind, across, down, xs, ys, x, y, z, density):
             depth = _ONE / np.sqrt(right * right + below * below + _ONE)
             x[i], y[i], z[i] = right * depth, below * depth, depth
             density[i] = across * down * depth * depth * depth
+    # The octahedron, unfolded onto a square.
     elif kind == OCTAHEDRAL:
         for i in range(len(xs)):
             across_x, down_y = _inner(xs[i], ys[i])
+            # Where the point lies on the octahedron.
             height = _ONE - abs(across_x) - abs(down_y)
             below = max(-height, np.float32(0))
             right = across_x - (below if across_x >= 0 else -below)
@@ -157,6 +159,7 @@ def found(kind, across, down, frames, whole, x, y, z, plane, xs, ys):
             xs[i], ys[i] = x[i], y[i]
     elif kind == FLAT:
         for i in range(len(x)):
+            # The plane that the direction points at most.
             best, depth = -1, np.float32(0)
             for p in range(len(frames)):
                 outward = frames[p, 2, 0] * x[i] + frames[p, 2, 1] * y[i] + frames[p, 2, 2] * z[i]
@@ -185,6 +188,7 @@ def found(kind, across, down, frames, whole, x, y, z, plane, xs, ys):
             xs[i] = right if x[i] >= 0 else -right
             ys[i] = near if y[i] >= 0 else -near
     if not whole:
+        # Beyond the planes' edges nothing is shown.
         disc = kind != FLAT
         for i in range(len(x)):
             if disc and xs[i] * xs[i] + ys[i] * ys[i] > _ONE:

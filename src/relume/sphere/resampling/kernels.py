@@ -210,6 +210,7 @@ def settle(source, plane, place, xs, ys, owner, weight, light, caps, values, ins
     first_one, first_two, first_three = np.float32(0), np.float32(0), np.float32(0)
     more_one, more_two, more_three = np.float32(0), np.float32(0), np.float32(0)
     for i in range(len(xs) + 1):
+        # The pixel before is done: its mean, which is never below 0, is written.
         if i == len(xs) or owner[i] != own:
             if own >= 0:
                 scale = _ONE / max(shown, np.float32(1e-30))
@@ -228,6 +229,7 @@ def settle(source, plane, place, xs, ys, owner, weight, light, caps, values, ins
         if where == -1:
             continue
         right, below = xs[i], ys[i]
+        # The cell's colour: from the source's pixels, from the round caps at its poles, or across an edge.
         if 0 <= where < channels:
             begin = np.uint64(where)
             one = _mixed(light, begin, begin + step, right, below)
@@ -265,6 +267,7 @@ def settle(source, plane, place, xs, ys, owner, weight, light, caps, values, ins
             one = _mixed(corners, np.uint64(0), np.uint64(6), right, below)
             two = _mixed(corners, np.uint64(1), np.uint64(7), right, below)
             three = _mixed(corners, np.uint64(2), np.uint64(8), right, below)
+        # Weighted sums of the differences from the pixel's first cell, which keep more digits.
         if shown == 0:
             first_one, first_two, first_three = one, two, three
         shown += share

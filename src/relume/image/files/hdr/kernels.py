@@ -109,6 +109,7 @@ def decode_lines(data, begins, first, last, length, scale, middle, out, start, l
                         planes[filled + i] = data[place + 1 + i]
                     filled += code
                     place += 1 + code
+            # The four planes as pixels.
             for i in range(length):
                 exponent = planes[3 * length + i]
                 out[to] = (planes[i] + middle) * scale[0, exponent]

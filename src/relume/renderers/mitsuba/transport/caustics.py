@@ -31,6 +31,7 @@ def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) 
     lens : the camera
     The flux is 0 where nothing is seen.
     """
+    # Rays from the light that meet an object first.
     context = mi.BSDFContext(mi.TransportMode.Importance)
     ray, flux, active = world.light.emitted(spheres, rng, active)
     first = world.objects.ray_intersect_preliminary(ray, active=active)
@@ -59,6 +60,7 @@ def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) 
             colours[index] = dr.select(here, flux * value * factor, colours[index])
             added[index] = dr.select(here, on_object, added[index])
         seen_so_far += dr.select(smooth, 1, 0)
+        # The next direction.
         sample, weight = bsdf.sample(context, si, rng.next_float32(), two(rng), active)
         onward = si.to_world(sample.wo)
         delta = mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta)
@@ -67,6 +69,7 @@ def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) 
         active &= (delta & (on_object | sent_on)) | scattered
         sent_on |= active & delta & on_object
         flux = dr.select(active, flux * weight, flux)
+        # Russian roulette, once something has scattered the light.
         brightness = dr.max(weight)
         active &= (dr.max(flux) > 0) & (bounces < world.depth) & (seen_so_far < SEEN)
         survives = rng.next_float32() < dr.minimum(brightness, 0.95)
@@ -77,6 +80,7 @@ def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) 
         if world.media is not None:
             through = active & (dr.dot(si.n, onward) * dr.dot(si.n, -ray.d) < 0)
             inside = dr.select(through, dr.select(dr.dot(si.n, onward) < 0, world.media.number(si.shape), 0), inside)
+        # On to what the ray meets next.
         ray = dr.select(active, si.spawn_ray(onward), ray)
         met = dr.select(active, world.nearest(ray, active), met)
         active &= met.is_valid()
