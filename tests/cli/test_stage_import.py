@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import re
+import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import relume as rl
 from command_line import refused
 from relume.cli import main
-from relume.image.files import write
+from relume.image.files import read_photograph, write
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.lightstage.acquire.rotating_arm import RotatingArm, SteadyRotation
@@ -19,11 +22,14 @@ from relume.lightstage.field.field import whole
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
+from relume.sphere.environment_files import as_radiance_map
+from relume.sphere.environment_map import EnvironmentMap
 from small_stages import CAMERA as SMALL_CAMERA
 from small_stages import LIGHTS, camera, write_stage
 
 pytest.importorskip("zarr", reason="stores need the extra lightstage")
 
+GUIDE = Path(__file__).parents[2] / "docs" / "light-stage.md"
 FAR = even_directions(24)[even_directions(24)[:, 2] > -0.4]
 CIRCLE = (60.0, 45.0, 32.0)
 FIELD_OF_VIEW = 40.0
@@ -131,6 +137,28 @@ def test_a_ball_in_pictures_of_its_own_tells_the_lights_of_the_subject_s(ball_sh
     field = imported(subject, tmp_path / "a.zarr", *options)
     assert field.shape == (20, 30) and degrees_apart(field.lights.directions, FAR).max() < 2
     np.testing.assert_allclose(whole(field)[3], 0.13, rtol=1e-6)
+
+
+def test_the_guide_s_python_relights_a_stage_with_a_ball(ball_shots, tmp_path, monkeypatch):
+    code = re.search(r"```python\n(.*?)```", GUIDE.read_text("utf-8"), re.S)
+    assert code is not None and code.group(1).count("1510, 980, 64") == 1
+    (tmp_path / "shots").symlink_to(ball_shots)
+    write(tmp_path / "map.exr", as_radiance_map(EnvironmentMap(np.ones((8, 16, 3), np.float32))))
+    monkeypatch.chdir(tmp_path)
+    with warnings.catch_warnings():
+        # The ball's lights stand on one side, and its pictures have no noise.
+        warnings.simplefilter("ignore", UserWarning)
+        exec(code.group(1).replace("1510, 980, 64", "60, 45, 32"), names := {})
+    # The wall is 0.3 under every light of irradiance 1, and the light around gives 4π of it in all.
+    np.testing.assert_allclose(names["picture"].radiance[2, 2], 0.3 * 4 * np.pi, rtol=0.02)
+    assert read_photograph(tmp_path / "cat.png").pixels.shape == (90, 120, 3)
+
+
+def test_the_guide_s_names_are_public():
+    section = GUIDE.read_text("utf-8").partition("## In Python")[2].partition("\n## ")[0]
+    prose = section.rpartition("```")[2].replace("\n", " ")
+    named = [name for name in re.findall(r"`([A-Za-z_]+)`", prose) if name != "relight"]
+    assert len(named) > 12 and [name for name in named if not hasattr(rl.lightstage, name)] == []
 
 
 def test_a_ball_is_where_a_picture_is_white(tmp_path):
