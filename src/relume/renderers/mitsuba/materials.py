@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from relume.errors import UnsupportedScene
-from relume.renderers.mitsuba.layered import layered
 from relume.renderers.mitsuba.textures import rgb, texture_words
 from relume.renderers.mitsuba.ward import ward
 from relume.scene.materials.materials import Diffuse, Material, Ward
@@ -143,7 +142,9 @@ def _opaque_side(mi: Any, material: Material) -> Any:
             "specular_reflectance": texture_words(mi, material.base_color),
         }
     if _is_jit(mi):
-        return layered(mi, material)
+        from relume.renderers.mitsuba.layered import layered
+
+        return layered(material)
     return {
         "type": "principled",
         "base_color": texture_words(mi, material.base_color),
