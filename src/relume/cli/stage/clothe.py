@@ -51,8 +51,8 @@ def clothe(
             print_facts(output, {"would write": str(out), "tint": tint.tolist()})
             return
         if stages:
-            takes = [rl.lightstage.read_stage(path) for path in (black, white)]
-            rl.lightstage.build_store(rl.lightstage.recolour_field(*takes, tint), out)
+            dark, bright = (rl.lightstage.read_stage(path) for path in (black, white))
+            rl.lightstage.build_store(rl.lightstage.recolour_field(dark, bright, tint), out)
         else:
             made = rl.lightstage.recolour_clothing(rl.read_radiance(black), rl.read_radiance(white), tint)
             rl.lightstage.write_picture(out, made, exposure)

@@ -44,7 +44,9 @@ class FilmOptions:
         if self.film is None:
             return None
         azimuth = radians(self.film_azimuth)
-        return rl.lightstage.FilmCourse(*self.film, start=self.film_start, azimuth=azimuth, clockwise=self.clockwise)
+        rings, columns = self.film[:2]
+        frames = self.film[2] if len(self.film) == 3 else None
+        return rl.lightstage.FilmCourse(rings, columns, frames, self.film_start, azimuth, self.clockwise)
 
 
 @Parameter(name="*")
@@ -215,8 +217,8 @@ def _ball(given: Any) -> rl.lightstage.BallCircle | Path | Literal["find"]:
     """A ball of --ball."""
     if given == "find" or isinstance(given, Path):
         return given
-    circle, metres = given if len(given) == 2 else (given, None)
-    return rl.lightstage.BallCircle(*circle, metres)
+    (x, y, radius), metres = given if len(given) == 2 else (given, None)
+    return rl.lightstage.BallCircle(x, y, radius, metres)
 
 
 def _facts(done: rl.lightstage.Imported) -> dict[str, object]:

@@ -117,4 +117,4 @@ def _strength(placed: Placed) -> tuple[Three, Three]:
     if len(placed) == 3:
         return placed, (1.0, 1.0, 1.0)
     place, strength = placed
-    return place, strength if len(strength) == 3 else (strength[0],) * 3
+    return place, (strength[0], strength[0], strength[0]) if len(strength) == 1 else strength
