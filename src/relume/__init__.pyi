@@ -37,7 +37,7 @@ from .project.developing.develop_files import undevelop_file as undevelop_file
 from .project.insertion.insert import insert as insert
 from .project.insertion.insert import prepare_shot as prepare_shot
 from .project.insertion.sequence import insert_frames as insert_frames
-from .project.presets.preset import Preset as Preset
+from .project.presets.preset import CameraPreset as CameraPreset
 from .project.scene_file.rendering import RenderSettings as RenderSettings
 from .project.scene_file.rendering import render_environment as render_environment
 from .project.scene_file.rendering import render_scene as render_scene
@@ -58,7 +58,6 @@ from .scene.cameras.files import read_camera as read_camera
 from .scene.cameras.grid import camera_from_grid as camera_from_grid
 from .scene.materials.materials import Diffuse as Diffuse
 from .scene.materials.materials import Material as Material
-from .scene.materials.presets import preset as preset
 from .scene.scene import Scene as Scene
 from .scene.shapes.meshes import read_meshes as read_meshes
 from .scene.shapes.shapes import Mesh as Mesh

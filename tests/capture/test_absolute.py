@@ -8,8 +8,8 @@ import pytest
 from relume.capture.scale.absolute import (
     SATURATION,
     Scale,
-    calibrated,
-    combined,
+    apply_scale,
+    combine_scales,
     scale_from_exposure,
     scale_from_illuminance,
     scale_from_lux,
@@ -203,7 +203,7 @@ def test_discs_and_rectangles_lie_where_they_say():
 
 def test_a_calibrated_map_is_in_candelas_with_its_variance():
     scene = picture(noise=0.1)
-    result = calibrated(scene, Scale((2.0, 3.0, 5.0), 0.1, "a test"))
+    result = apply_scale(scene, Scale((2.0, 3.0, 5.0), 0.1, "a test"))
     assert result.unit == "cd/m²" and scene.unit == "relative"
     np.testing.assert_allclose(result.radiance, scene.radiance * np.array([2, 3, 5]), rtol=1e-6)
     assert result.variance is not None and scene.variance is not None
@@ -215,37 +215,37 @@ def test_a_calibrated_map_is_in_candelas_with_its_variance():
 
 def test_a_spot_reads_what_it_was_calibrated_with():
     scene = picture()
-    result = calibrated(scene, scale_from_spot(scene, 12, 20, 123.0))
+    result = apply_scale(scene, scale_from_spot(scene, 12, 20, 123.0))
     assert measured_patch(result, disc(scene.size, 12, 20, 4.0)).luminance == pytest.approx(123.0, rel=1e-6)
 
 
 def test_a_calibrated_map_is_not_calibrated_again():
     scale = Scale.grey(2.0, 0.1, "a test")
-    result = calibrated(picture(), scale)
+    result = apply_scale(picture(), scale)
     with pytest.raises(ValueError, match="in cd/m² already"):
-        calibrated(result, scale)
-    again = calibrated(replace(result, unit="relative"), scale)
+        apply_scale(result, scale)
+    again = apply_scale(replace(result, unit="relative"), scale)
     assert again.radiance[0, 0, 0] == pytest.approx(4 * picture().radiance[0, 0, 0])
 
 
 def test_two_sources_are_combined_by_their_certainty():
     rough, fine = Scale.grey(100.0, 0.2, "the exposure"), Scale.grey(121.0, 0.05, "a spot")
-    both = combined([rough, fine])
+    both = combine_scales([rough, fine])
     # ln factors weighted 25 : 400.
     assert np.log(both.luminance) == pytest.approx((25 * np.log(100) + 400 * np.log(121)) / 425)
     assert both.deviation == pytest.approx(425**-0.5) and both.source == "the exposure and a spot"
-    assert combined([rough]) == rough
+    assert combine_scales([rough]) == rough
 
 
 def test_sources_that_disagree_are_told_and_make_the_scale_less_sure():
     one, other = Scale.grey(100.0, 0.05, "a spot"), Scale.grey(200.0, 0.05, "a lux reading")
     with pytest.warns(UserWarning, match="a spot and a lux reading disagree by 1.00 stops, more than the 0.20"):
-        both = combined([one, other])
+        both = combine_scales([one, other])
     assert both.luminance == pytest.approx(np.sqrt(2e4))
     # Two values a ln 2 apart: their mean is known to half of that, not to 0.05/√2.
     assert both.deviation == pytest.approx(np.log(2) / 2)
     with pytest.raises(ValueError, match="no scales"):
-        combined([])
+        combine_scales([])
 
 
 def test_a_scale_that_cannot_be_is_refused():

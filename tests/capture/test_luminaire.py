@@ -7,8 +7,8 @@ import pytest
 
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.merging import merge
-from relume.capture.scale.absolute import calibrated
-from relume.capture.scale.luminaire import Balance, balance_from_luminaire, balanced, scale_from_luminaire
+from relume.capture.scale.absolute import apply_scale
+from relume.capture.scale.luminaire import ChannelGains, apply_balance, balance_from_luminaire, scale_from_luminaire
 from relume.capture.scale.regions import measured_patch, rectangle
 from relume.image.photograph import Exposure
 from relume.image.radiance import SATURATED, RadianceMap
@@ -33,18 +33,18 @@ def test_a_luminaire_of_known_luminance_sets_one_factor():
     assert scale.factor == pytest.approx((1000 / light,) * 3, rel=1e-6)
     noise = 0.1 * np.linalg.norm([0.2126, 0.7152, 0.0722]) / np.sqrt(80) / light
     assert scale.deviation == pytest.approx(noise, rel=1e-3)
-    assert measured_patch(calibrated(scene(), scale), LAMP).luminance == pytest.approx(1000.0, rel=1e-6)
+    assert measured_patch(apply_scale(scene(), scale), LAMP).luminance == pytest.approx(1000.0, rel=1e-6)
 
 
 def test_a_luminaire_of_known_colour_sets_a_factor_a_channel():
     scale = scale_from_luminaire(scene(), LAMP, (900.0, 1000.0, 1200.0))
     assert scale.factor == pytest.approx((225.0, 200.0, 150.0), rel=1e-6) and scale.deviation >= 0.02
-    np.testing.assert_allclose(calibrated(scene(), scale).radiance[10, 8], (900, 1000, 1200), rtol=1e-6)
+    np.testing.assert_allclose(apply_scale(scene(), scale).radiance[10, 8], (900, 1000, 1200), rtol=1e-6)
 
 
 def test_a_white_luminaire_balances_the_picture_and_keeps_its_luminance():
     balance = balance_from_luminaire(scene(), LAMP)
-    result = balanced(scene(), balance)
+    result = apply_balance(scene(), balance)
     light = 0.2126 * 4 + 0.7152 * 5 + 0.0722 * 8
     np.testing.assert_allclose(result.radiance[10, 8], (light,) * 3, rtol=1e-6)
     np.testing.assert_allclose(result.radiance[20, 30], 0.3 * light / np.array([4, 5, 8]), rtol=1e-6)
@@ -54,7 +54,7 @@ def test_a_white_luminaire_balances_the_picture_and_keeps_its_luminance():
 
 
 def test_a_coloured_luminaire_comes_out_in_its_colour():
-    result = balanced(scene(), balance_from_luminaire(scene(), LAMP, (1.0, 0.6, 0.3)))
+    result = apply_balance(scene(), balance_from_luminaire(scene(), LAMP, (1.0, 0.6, 0.3)))
     seen = result.radiance[10, 8]
     np.testing.assert_allclose(seen / seen[0], (1.0, 0.6, 0.3), rtol=1e-6)
 
@@ -75,7 +75,7 @@ def test_a_balanced_response_merges_balanced_maps(calibration):
 def test_gains_move_a_curve_by_their_logarithm():
     response = Response(np.tile(np.arange(256) * 0.01, (3, 1)), np.ones(3))
     frame = Bracket((replace(NOISELESS.photograph(np.full((4, 4, 3), 0.2), Exposure(1.0)), exposure=Exposure(0.5)),))
-    plain, moved = merge(frame, response), merge(frame, Balance((2.0, 1.0, 0.5)).response(response))
+    plain, moved = merge(frame, response), merge(frame, ChannelGains((2.0, 1.0, 0.5)).response(response))
     np.testing.assert_allclose(moved.radiance / plain.radiance, np.broadcast_to([2, 1, 0.5], (4, 4, 3)), rtol=1e-5)
 
 
@@ -94,4 +94,4 @@ def test_a_luminaire_that_cannot_be_used_is_refused():
     with pytest.raises(ValueError, match="must be lit in all three channels"):
         balance_from_luminaire(dull, LAMP)
     with pytest.raises(ValueError, match="a balance is three positive numbers"):
-        Balance((1.0, -1.0, 1.0))
+        ChannelGains((1.0, -1.0, 1.0))

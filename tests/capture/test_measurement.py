@@ -23,8 +23,8 @@ from relume.capture.lens.glare import Glare, diminish_glare
 from relume.capture.lens.vignetting import Vignetting, corrected
 from relume.capture.merging import merge
 from relume.capture.response.calibration import DOUBTFUL_MISFIT
-from relume.capture.scale.absolute import Scale, calibrated, scale_from_spot
-from relume.capture.scale.luminaire import Balance, balanced
+from relume.capture.scale.absolute import Scale, apply_scale, scale_from_spot
+from relume.capture.scale.luminaire import ChannelGains, apply_balance
 from relume.capture.weighting import Hat
 from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph
@@ -225,7 +225,7 @@ def test_what_the_lens_did_is_undone_once_and_in_order(sound):
     """The veil lies over the vignetted light, the white card is read in what is left, the meter last of all."""
     response, seen = known_response(), {}
     glare, vignetting = Glare(veil=0.01), Vignetting((-0.4,))
-    gains, scale = Balance((1.5, 1.0, 0.5)), Scale((7.0, 8.0, 9.0), 0.1, "a test")
+    gains, scale = ChannelGains((1.5, 1.0, 0.5)), Scale((7.0, 8.0, 9.0), 0.1, "a test")
 
     def given(name: str, answer):
         def maker(picture: RadianceMap, *others: object):
@@ -246,12 +246,12 @@ def test_what_the_lens_did_is_undone_once_and_in_order(sound):
     merged = merge(sound, response)
     clear = diminish_glare(merged, glare).picture
     even = corrected(clear, vignetting)
-    white = balanced(even, gains)
+    white = apply_balance(even, gains)
     for name, wanted in (("glare", merged), ("balance", even), ("scale", white)):
         assert np.array_equal(seen[name][0].radiance, wanted.radiance), name
-    assert np.array_equal(one.picture.radiance, calibrated(white, scale).radiance)
+    assert np.array_equal(one.picture.radiance, apply_scale(white, scale).radiance)
     assert one.picture.variance is not None and white.variance is not None
-    wanted = calibrated(white, scale).variance
+    wanted = apply_scale(white, scale).variance
     assert wanted is not None and np.array_equal(one.picture.variance, wanted)
     assert one.picture.unit == "cd/m²" and one.scale is scale and one.balance is gains
     bracket, known = seen["scale"][1]
@@ -354,7 +354,7 @@ def test_noise_is_carried_through(scene):
     """Normalised by their own variance, errors of a known camera have variance 1, whatever was done to the map."""
     bracket = Bracket(exposed(scene, [Exposure(t) for t in SECONDS], camera=CAMERA, seed=9))
     settings = MergeSettings(
-        balance=lambda _: Balance((2.0, 1.0, 0.5)), scale=lambda *_: Scale.grey(100.0, 0.0, "a test")
+        balance=lambda _: ChannelGains((2.0, 1.0, 0.5)), scale=lambda *_: Scale.grey(100.0, 0.0, "a test")
     )
     picture = merge_brackets(bracket, profile=known_response(), settings=settings).brackets[0].picture
     assert picture.variance is not None

@@ -19,8 +19,8 @@ from relume.capture.raw.merging import calibrate_raw, merge_raw
 from relume.capture.raw.noise import SensorNoise
 from relume.capture.raw.sensor import Sensor
 from relume.capture.response.camera_profile import CameraProfile
-from relume.capture.scale.absolute import Scale, calibrated, scale_from_saturation
-from relume.capture.scale.luminaire import Balance, balanced
+from relume.capture.scale.absolute import Scale, apply_scale, scale_from_saturation
+from relume.capture.scale.luminaire import ChannelGains, apply_balance
 from relume.capture.scale.readings import SpotReading
 from relume.errors import NotABracket
 from relume.image.files import read_raw
@@ -105,16 +105,16 @@ def test_what_the_lens_did_and_the_scale_count(sound):
         warnings.warn("the meter is old", stacklevel=2)
         return scale_from_saturation(known.saturation, known.exposures)
 
-    vignetting, gains = Vignetting((-0.3,)), Balance((2.0, 1.0, 0.5))
+    vignetting, gains = Vignetting((-0.3,)), ChannelGains((2.0, 1.0, 0.5))
     settings = MergeSettings(vignetting=[vignetting], balance=lambda _: gains, focal_length=500.0)
     found = merge_brackets(sound, settings=replace(settings, scale=scale))
     one = found.brackets[0]
-    plain = balanced(corrected(merge_raw(sound), vignetting), gains)
+    plain = apply_balance(corrected(merge_raw(sound), vignetting), gains)
     ((picture, known),) = seen
     assert np.array_equal(picture.radiance, plain.radiance)
     wanted = scale_from_saturation(known.saturation, calibrate_raw(sound).exposures)
     assert one.scale == wanted and one.balance is gains
-    assert np.array_equal(one.picture.radiance, calibrated(plain, wanted).radiance) and one.picture.unit == "cd/m²"
+    assert np.array_equal(one.picture.radiance, apply_scale(plain, wanted).radiance) and one.picture.unit == "cd/m²"
     assert one.picture.attributes["f_number"] == "4"
     assert found.messages == ("the meter is old",) and found.notes == found.messages
 
@@ -175,7 +175,7 @@ def test_several_brackets_share_what_is_read_in_the_first(light, tmp_path):
 
     def balance(picture):
         mean = picture.radiance.mean((0, 1))
-        return Balance((2 * float(mean[1] / mean[0]), 1.0, float(mean[1] / mean[2])))
+        return ChannelGains((2 * float(mean[1] / mean[0]), 1.0, float(mean[1] / mean[2])))
 
     found = merge_brackets([first, second], settings=MergeSettings(scale=scale, balance=balance))
     one, other = found.brackets

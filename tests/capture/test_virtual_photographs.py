@@ -8,7 +8,7 @@ from scipy.ndimage import uniform_filter1d
 
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.merging import merge
-from relume.capture.scale.absolute import Scale, calibrated
+from relume.capture.scale.absolute import Scale, apply_scale
 from relume.image.photograph import Exposure
 from relume.image.radiance import OUTSIDE, RadianceMap
 from relume.image.response import Response
@@ -72,10 +72,10 @@ def test_calibrated_light_needs_the_scale_of_the_camera():
     scene, response = RadianceMap(wide_scene(48, 32)), power_response()
     scale = Scale((200.0, 210.0, 190.0), 0.1, "a test")
     plain = virtual_photograph(scene, response, Exposure(0.02))
-    again = virtual_photograph(calibrated(scene, scale), response, Exposure(0.02), scale=scale)
+    again = virtual_photograph(apply_scale(scene, scale), response, Exposure(0.02), scale=scale)
     np.testing.assert_array_equal(again.pixels, plain.pixels)
     with pytest.raises(ValueError, match="give the response's scale with a map in cd/m²"):
-        virtual_photograph(calibrated(scene, scale), response, Exposure(0.02))
+        virtual_photograph(apply_scale(scene, scale), response, Exposure(0.02))
     with pytest.raises(ValueError, match="and none with a relative one"):
         virtual_photograph(scene, response, Exposure(0.02), scale=scale)
 

@@ -18,7 +18,7 @@ READ_FACTS = "relume.image.files:read_facts"
 READ_RAW = "relume.image.files:read_raw"
 READ_CUBE = "relume.image.files.ktx2:read_cube"
 READ_LAYERS = "relume.image.files:read_layers"
-DESCRIBE = "relume.image.files:describe"
+DESCRIBE = "relume.image.files.description:describe"
 SALVAGE = "corpus.doors:salvaged"
 """The ways into the package, as module and function."""
 

@@ -11,7 +11,8 @@ import OpenEXR
 import pytest
 
 from relume.errors import OutputNotWritten, UnreadableFile
-from relume.image.files import describe, read_layers, read_radiance, write, write_layers
+from relume.image.files import read_layers, read_radiance, write, write_layers
+from relume.image.files.description import describe
 from relume.image.primaries import REC709, Primaries
 from relume.image.radiance import OUTSIDE, RadianceMap
 

@@ -11,7 +11,8 @@ import pytest
 
 from relume.errors import UnreadableFile
 from relume.image import files
-from relume.image.files import describe, read, read_layers, read_photograph, read_radiance, write, write_layers
+from relume.image.files import read, read_layers, read_photograph, read_radiance, write, write_layers
+from relume.image.files.description import describe
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 

@@ -18,7 +18,8 @@ from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
 from relume.errors import OutputNotWritten, UnreadableFile
-from relume.image.files import describe, read, read_facts, read_photograph, write
+from relume.image.files import read, read_facts, read_photograph, write
+from relume.image.files.description import describe
 from relume.image.files.metadata import exif
 from relume.image.photograph import Exposure, Photograph, Settings
 

@@ -25,7 +25,7 @@ from relume.capture.lens.vignetting import Vignetting
 from relume.capture.noise import Noise
 from relume.capture.response.calibration import Calibration
 from relume.capture.scale.absolute import Scale
-from relume.capture.scale.luminaire import Balance
+from relume.capture.scale.luminaire import ChannelGains
 from relume.errors import OutputNotWritten
 from relume.image.colour import luminance
 from relume.image.photograph import Exposure
@@ -231,7 +231,7 @@ def test_each_camera_has_its_own_part(plain, eventful, tmp_path):
 def test_a_photograph_alone_is_reported(tmp_path):
     alone = Bracket(exposed(textured(), [Exposure(0.01)]))
     found = merge_brackets(
-        alone, profile=known_response(), settings=MergeSettings(balance=lambda _: Balance((1.0, 1.0, 2.0)))
+        alone, profile=known_response(), settings=MergeSettings(balance=lambda _: ChannelGains((1.0, 1.0, 2.0)))
     )
     assert "Alignment" not in headings(report(found, tmp_path)) and "Ghosts" not in headings(report(found, tmp_path))
 
@@ -359,7 +359,7 @@ def test_what_a_bracket_is_is_told_at_its_top(eventful, plain, tmp_path):
     assert "relative units is white" in report(eventful, tmp_path)
 
     scale = Scale.grey(7.0, 0.05, "a lux reading")
-    one = replace(plain.brackets[0], scale=scale, balance=Balance((1.0, 1.0, 2.0)))
+    one = replace(plain.brackets[0], scale=scale, balance=ChannelGains((1.0, 1.0, 2.0)))
     off = MergeSettings(align=False, deghost=False, vignetting=(Vignetting((-0.3,)),))
     path = tmp_path / "off.html"
     unnamed = replace(plain, brackets=(replace(one, camera=""),), cameras={"": replace(plain.camera, name="")})

@@ -8,7 +8,7 @@ import pytest
 
 from relume.errors import InvalidShot
 from relume.image.photograph import Exposure
-from relume.project.presets.preset import Preset, preset_of
+from relume.project.presets.preset import CameraPreset, preset_of
 from relume.virtual_camera.film.darkroom import Darkroom
 from relume.virtual_camera.lens.defocus_blur import Defocus
 from relume.virtual_camera.lens.depth_of_field import aperture_of
@@ -65,7 +65,7 @@ peak = 600.0
 
 def test_every_key_reaches_its_value(tmp_path):
     (tmp_path / "all.toml").write_text(WHOLE, encoding="utf-8")
-    preset = Preset.read(tmp_path / "all.toml")
+    preset = CameraPreset.read(tmp_path / "all.toml")
     camera = preset.camera
     assert (preset.view.field_of_view, preset.view.luminance, preset.view.seed) == (40, 12, 7)
     assert camera.stops == -1.5 and camera.tone == Reinhard(key=0.36) and camera.display == PQ(peak=600)
@@ -143,18 +143,18 @@ def test_a_display_has_the_keys_of_its_kind():
 
 
 def test_the_presets_that_come_along_are_whole():
-    names = Preset.builtin()
+    names = CameraPreset.builtin()
     assert {"day", "night", "black-and-white", "slide"} <= set(names)
     for name, title in names.items():
-        assert title == Preset.read(name).title and Preset.read(name).camera is not None
+        assert title == CameraPreset.read(name).title and CameraPreset.read(name).camera is not None
     with pytest.raises(InvalidShot, match=r"no such preset; give a \.toml, or one of .*night"):
-        Preset.read("nigth")
+        CameraPreset.read("nigth")
 
 
 def test_the_documents_preset_can_be_read(tmp_path):
     text = (Path(__file__).parents[2] / "docs" / "develop.md").read_text(encoding="utf-8")
     (tmp_path / "doc.toml").write_text(text.split("```toml\n")[1].split("```")[0], encoding="utf-8")
-    preset = Preset.read(tmp_path / "doc.toml")
+    preset = CameraPreset.read(tmp_path / "doc.toml")
     assert preset.camera.stops == 0.5 and preset.title == "An old fast lens"
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from relume.scene.materials.materials import Material, Ward, dispersed
 from relume.scene.materials.media import Medium
-from relume.scene.materials.presets import PRESETS, preset
+from relume.scene.materials.presets import PRESETS, material_preset
 
 GLASS = Material(roughness=0.0, transmission=1.0)
 
@@ -115,16 +115,16 @@ def test_what_goes_through_is_the_dielectric_share_at_the_larger_picture():
 
 def test_presets_are_known_by_their_names():
     assert all(each.name == name for name, each in PRESETS.items())
-    gold, steel = preset("gold"), preset("brushed_steel")
+    gold, steel = material_preset("gold"), material_preset("brushed_steel")
     assert isinstance(gold, Material) and isinstance(steel, Ward)
     # (255, 220, 157) by the sRGB curve.
     np.testing.assert_allclose(gold.base_color, (1, 0.7156935, 0.3371636), atol=1e-6)
     with pytest.raises(ValueError, match=r"no preset 'glod'; the presets are aluminium, .*gold"):
-        preset("glod")
+        material_preset("glod")
 
 
 def test_marble_is_as_jensen_measured_it():
-    marble = preset("marble")
+    marble = material_preset("marble")
     assert isinstance(marble, Material) and marble.medium is not None
     np.testing.assert_allclose(marble.medium.scattering, (2190, 2620, 3000))
     np.testing.assert_allclose(marble.medium.absorption, (2.1, 4.1, 7.1), rtol=1e-9)

@@ -282,7 +282,7 @@ def _read(
     else:
         rl.light.require_radiance(paths[0])
         light = rl.read_environment(paths[0], mapping, clamp=clamp, options=options)
-    return rl.light.brightened(light, painting.exposure)
+    return rl.light.change_exposure(light, painting.exposure)
 
 
 def _refuse_mixtures(maps: MapOptions, views: ViewOptions, painting: PaintingOptions) -> None:

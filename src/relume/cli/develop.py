@@ -14,7 +14,7 @@ from relume.cli.console import OutputOptions, print_facts, progress, version, wa
 from relume.cli.option_types import numbers
 
 if TYPE_CHECKING:
-    from relume import DevelopedFile, Preset
+    from relume import CameraPreset, DevelopedFile
 
 
 ToneName = Literal[
@@ -83,7 +83,7 @@ class CameraOptions:
         Parameter(name="--set", negative="", help="KEY=VALUE of a preset, like tone.key=0.36; may be repeated."),
     ] = None
 
-    def read(self, *, vectors: bool = False) -> Preset:
+    def read(self, *, vectors: bool = False) -> CameraPreset:
         """The preset with these options above it; raises InvalidShot naming a key, ValueError naming an option.
 
         vectors : whether --vectors is given, by which the picture moves then
@@ -95,7 +95,7 @@ class CameraOptions:
         if self.chooses_tone and any(word.replace(" ", "").startswith("tone.kind=") for word in self.set or ()):
             raise ValueError("--tone, --film and --shutter and a tone.kind of --set all choose the tone; leave one out")
         motion = {"motion": {"kind": "vectors"}} if vectors else {}
-        return rl.Preset.read(self.preset, self._tables() | motion, *(self.set or ()))
+        return rl.CameraPreset.read(self.preset, self._tables() | motion, *(self.set or ()))
 
     @property
     def chooses_tone(self) -> bool:
@@ -333,10 +333,10 @@ def develop(
     with warnings_as_notes(output), progress(output) as advance:
         # Presets are shown without a picture.
         if list_presets:
-            print_facts(output, rl.Preset.builtin())
+            print_facts(output, rl.CameraPreset.builtin())
             return
         if show_preset is not None:
-            print(rl.Preset.text(show_preset), end="")
+            print(rl.CameraPreset.text(show_preset), end="")
             return
         # Refuse what contradicts, before any work is done.
         if not pictures or out is None:

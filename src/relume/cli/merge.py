@@ -14,6 +14,8 @@ from relume.cli.console import OutputOptions, finish, note, print_facts, progres
 from relume.cli.option_types import numbers
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import relume as rl
 
 
@@ -119,7 +121,7 @@ def settings_of(steps: Steps, lens: Lens, readings: Readings) -> rl.capture.Merg
     )
 
 
-def _scale(readings: Readings) -> rl.capture.ScaleReading | None:
+def _scale(readings: Readings) -> Callable[..., rl.capture.Scale] | None:
     """The reading that was given; raises ValueError for two."""
     from relume import capture
 

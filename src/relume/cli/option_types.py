@@ -50,7 +50,7 @@ def numbers(
 
     def convert(kind: Any, tokens: Sequence[Token]) -> Any:
         kind = _bare(kind)
-        if get_origin(kind) in (list, tuple) and get_origin(kind) is list:
+        if get_origin(kind) is list:
             (member,) = get_args(kind)
             return [one(_bare(member), token.value) for token in tokens]
         return one(kind, tokens[-1].value)

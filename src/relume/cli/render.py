@@ -23,7 +23,8 @@ ROWS = 512
 
 def _renderer(kind: object, tokens: Sequence[Token]) -> str:
     """A renderer's name; "mapped" is what prefiltered was called before."""
-    word = tokens[-1].value.lower().replace("mapped", "prefiltered")
+    word = tokens[-1].value.lower()
+    word = "prefiltered" if word == "mapped" else word
     if word not in get_args(RENDERERS):
         raise ValueError(f'"{word}" is not a renderer; choose from {", ".join(get_args(RENDERERS))}')
     return word

@@ -9,7 +9,7 @@ from .conversion.file_formats import require_radiance as require_radiance
 from .conversion.maps import CameraView as CameraView
 from .conversion.maps import ConvertedMap as ConvertedMap
 from .conversion.maps import MapConversion as MapConversion
-from .conversion.maps import brightened as brightened
+from .conversion.maps import change_exposure as change_exposure
 from .conversion.maps import convert_map as convert_map
 from .conversion.maps import crop_view as crop_view
 from .conversion.maps import put_view as put_view
@@ -28,7 +28,6 @@ from .editing.edits import SoftBlur as SoftBlur
 from .editing.edits import SphericalBlur as SphericalBlur
 from .editing.edits import Spin as Spin
 from .editing.edits import edit as edit
-from .editing.edits import energy as energy
 from .editing.map_arithmetic import Arithmetic as Arithmetic
 from .editing.map_arithmetic import Operation as Operation
 from .editing.slices import PaintedSlice as PaintedSlice

@@ -18,6 +18,7 @@ from relume.light.constellations.placement import PlacedLights, chosen, placed_i
 from relume.light.constellations.residual import key_lights
 from relume.light.constellations.triangulation import triangulated
 from relume.light.suns.extraction import Sun, extract_sun
+from relume.sphere.audit import six_digits
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong
 
@@ -146,11 +147,11 @@ class LightSet:
         lights = self.at_probe()
         mean, worst = irradiance_error(self.light, lights, self.residual)
         facts: dict[str, object] = {
-            "total of the map": _six(self.light.total()),
-            "total of the lights": _six(lights.total()),
+            "total of the map": six_digits(self.light.total()),
+            "total of the lights": six_digits(lights.total()),
         }
         if self.residual is not None:
-            facts["total of the residual"] = _six(self.residual.total())
+            facts["total of the residual"] = six_digits(self.residual.total())
         facts["irradiance error, of the mean"] = {"mean": float(f"{mean:.3g}"), "largest": float(f"{worst:.3g}")}
         facts |= self.details or {}
         if self.suns:
@@ -306,7 +307,7 @@ def _triangulate(made: LightSet, second: SecondProbe, suns: int) -> tuple[LightS
             "lamps": [
                 {
                     "position": [float(f"{part:.4g}") for part in place],
-                    "intensity": _six(intensity),
+                    "intensity": six_digits(intensity),
                     "uncertain by": float(f"{uncertain:.2g}"),
                     "rays miss by": float(f"{miss:.2g}"),
                 }
@@ -325,15 +326,11 @@ def _pixel(light: EnvironmentMap) -> float:
 def _sun_facts(sun: Sun) -> dict[str, object]:
     x, y, z = sun.direction
     return {
-        "direction": _six(sun.direction),
+        "direction": six_digits(sun.direction),
         "height": float(f"{np.degrees(np.arcsin(np.clip(y, -1, 1))):.4g}"),
         "to the right": float(f"{np.degrees(np.arctan2(x, -z)):.4g}"),
-        "irradiance": _six(sun.irradiance),
+        "irradiance": six_digits(sun.irradiance),
         "diameter": float(f"{np.degrees(2 * sun.angular_radius):.3g}"),
         "share": float(f"{sun.share:.3g}"),
         "clipped": sun.clipped,
     }
-
-
-def _six(values: np.ndarray) -> list[float]:
-    return [float(f"{value:.6g}") for value in values]

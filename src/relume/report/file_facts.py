@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from relume.image import files
-from relume.image.files.description import describe as described
+from relume.image.files.description import describe as facts_of
 from relume.image.files.read_options import ReadOptions
 from relume.sphere.environment_map import EnvironmentMap
 
@@ -21,7 +21,7 @@ def describe(path: str | os.PathLike[str], options: ReadOptions = ReadOptions())
     assumed, because only the shape says that the map is equirectangular (lat-long).
     Raises UnreadableFile.
     """
-    facts: dict[str, Any] = described(path, options)
+    facts: dict[str, Any] = facts_of(path, options)
     places = {name: facts[name] for name in ("brightest", "lone") if facts.get(name)}
     return facts | {name: {**place, "direction": _direction(facts, place)} for name, place in places.items()}
 

@@ -11,6 +11,7 @@ from .lights import PointLight as PointLight
 from .lights import SphereLight as SphereLight
 from .materials.materials import Ward as Ward
 from .materials.materials import dispersed as dispersed
+from .materials.presets import material_preset as material_preset
 from .materials.reflective import Reflective as Reflective
 from .materials.whitted import Checks as Checks
 from .materials.whitted import WhittedMaterial as WhittedMaterial

@@ -54,10 +54,10 @@ class Audit:
     def facts(self) -> dict[str, object]:
         """The audit for a person or a machine, six digits."""
         facts: dict[str, object] = {
-            "total": _short(self.total),
-            "irradiance": {axis: _short(self.irradiance[index]) for index, axis in enumerate(AXES)},
-            "peak": _short(self.peak),
-            "peak direction": _short(self.peak_direction),
+            "total": six_digits(self.total),
+            "irradiance": {axis: six_digits(self.irradiance[index]) for index, axis in enumerate(AXES)},
+            "peak": six_digits(self.peak),
+            "peak direction": six_digits(self.peak_direction),
         }
         if self.clipped:
             facts["clipped sr"] = float(f"{self.clipped:.4g}")
@@ -154,7 +154,8 @@ def _relative(after: np.ndarray, before: np.ndarray) -> np.ndarray:
     return (after - before) / np.maximum(before, 1e-30 + 1e-6 * before.max(initial=0))
 
 
-def _short(values: np.ndarray) -> list[float]:
+def six_digits(values: np.ndarray) -> list[float]:
+    """Values with six significant digits, as files of facts show them."""
     return [float(f"{value:.6g}") for value in values]
 
 

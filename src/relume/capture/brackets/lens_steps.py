@@ -13,8 +13,8 @@ from relume.capture.lens.glare import Glare, diminish_glare
 from relume.capture.lens.vignetting import corrected as without_vignetting
 from relume.capture.provenance import provenance
 from relume.capture.raw.merging import RawCalibration
-from relume.capture.scale.absolute import Scale, calibrated
-from relume.capture.scale.luminaire import Balance, balanced
+from relume.capture.scale.absolute import Scale, apply_scale
+from relume.capture.scale.luminaire import ChannelGains, apply_balance
 from relume.image.photograph import Exposure
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
@@ -41,7 +41,7 @@ class LensSteps:
     def __init__(self, settings: MergeSettings, steps: Steps) -> None:
         self._settings, self._steps = settings, steps
         self._glare: Glare | None = None
-        self._balance: Balance | None = None
+        self._balance: ChannelGains | None = None
         self._scale: Scale | None = None
 
     def applied(
@@ -50,7 +50,7 @@ class LensSteps:
         bracket: Bracket,
         exposures: Sequence[Exposure],
         camera: Response | RawCalibration,
-    ) -> tuple[RadianceMap, Balance | None, Scale | None]:
+    ) -> tuple[RadianceMap, ChannelGains | None, Scale | None]:
         """The map without glare and vignetting, balanced and scaled, with its origin in its attributes.
 
         The attributes hold its aperture, so that a map of an even wall knows at which one its vignetting was measured.
@@ -70,10 +70,10 @@ class LensSteps:
         if settings.balance is not None:
             if self._balance is None:
                 self._balance = settings.balance(picture) if callable(settings.balance) else settings.balance
-            picture = balanced(picture, self._balance)
+            picture = apply_balance(picture, self._balance)
         picture = replace(picture, attributes={**picture.attributes, **provenance(bracket.photographs)})
         if settings.scale is not None:
             if self._scale is None:
                 self._scale = settings.scale(picture, bracket, camera) if callable(settings.scale) else settings.scale
-            picture = calibrated(picture, self._scale)
+            picture = apply_scale(picture, self._scale)
         return picture, self._balance, self._scale

@@ -21,7 +21,7 @@ from relume.capture.lens.vignetting import Vignetting
 from relume.capture.raw.merging import RawCalibration, RawSource
 from relume.capture.response.camera_profile import CameraProfile, profile_of
 from relume.capture.scale.absolute import METER, Scale
-from relume.capture.scale.luminaire import Balance
+from relume.capture.scale.luminaire import ChannelGains
 from relume.errors import NotABracket
 from relume.image import files
 from relume.image.files.signatures import kind_of
@@ -180,7 +180,7 @@ def _with_profile(settings: MergeSettings, profile: CameraProfile | None) -> Mer
     if not settings.vignetting and profile.vignetting is not None:
         settings = replace(settings, vignetting=(Vignetting.from_dict(profile.vignetting),))
     if settings.balance is None and profile.balance != (1.0, 1.0, 1.0):
-        settings = replace(settings, balance=Balance(profile.balance))
+        settings = replace(settings, balance=ChannelGains(profile.balance))
     if settings.scale is None and profile.scale is not None:
         settings = replace(settings, scale=_ProfileScale(profile))
     return settings

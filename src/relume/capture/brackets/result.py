@@ -13,7 +13,7 @@ from relume.capture.ghosts.deghosting import Deghosted
 from relume.capture.raw.sensor import Sensor
 from relume.capture.response.calibration import DOUBTFUL_MISFIT, Calibration
 from relume.capture.scale.absolute import Scale
-from relume.capture.scale.luminaire import Balance
+from relume.capture.scale.luminaire import ChannelGains
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 
@@ -45,7 +45,7 @@ class MergedBracket:
     clipping: ClippingReport
     focal_length: float | None = None
     scale: Scale | None = None
-    balance: Balance | None = None
+    balance: ChannelGains | None = None
     corrections: dict[str, tuple[float, float]] = field(default_factory=dict)
 
 

@@ -14,7 +14,7 @@ from relume.capture.response.debevec_malik import DebevecMalik
 from relume.capture.response.mitsunaga_nayar import MitsunagaNayar
 from relume.capture.response.robertson import Robertson
 from relume.capture.scale.absolute import Scale
-from relume.capture.scale.luminaire import Balance
+from relume.capture.scale.luminaire import ChannelGains
 from relume.capture.scale.readings import placed_readings
 from relume.capture.weighting import InverseVariance, Weighting
 from relume.image.radiance import RadianceMap
@@ -59,7 +59,7 @@ class MergeSettings:
     neutral: int | None = None
     glare: Glare | Callable[[RadianceMap], Glare] | None = None
     vignetting: Sequence[Vignetting] = ()
-    balance: Balance | Callable[[RadianceMap], Balance] | None = None
+    balance: ChannelGains | Callable[[RadianceMap], ChannelGains] | None = None
     scale: Scale | Callable[[RadianceMap, Bracket, Response | RawCalibration], Scale] | None = None
     focal_length: float | None = None
 

@@ -187,7 +187,7 @@ def scale_from_illuminance(
     return Scale.grey(_positive("illuminance", illuminance) / light_sum, deviation, "a lux reading")
 
 
-def combined(scales: Sequence[Scale]) -> Scale:
+def combine_scales(scales: Sequence[Scale]) -> Scale:
     """The one scale of several sources, each counted by its certainty; warns where two disagree.
 
     Where they scatter more than their deviations allow, the result's deviation grows by as much (Birge 1932).
@@ -215,7 +215,7 @@ def combined(scales: Sequence[Scale]) -> Scale:
     return Scale(triple(np.exp(mean)), deviation, " and ".join(s.source for s in scales))
 
 
-def calibrated(picture: RadianceMap, scale: Scale) -> RadianceMap:
+def apply_scale(picture: RadianceMap, scale: Scale) -> RadianceMap:
     """The map in cd/m², its variance multiplied by the square; the scale's own uncertainty stands in its attributes.
 
     It is common to all pixels, so the variance plane, which is each pixel's own, does not hold it.

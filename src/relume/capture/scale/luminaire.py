@@ -17,7 +17,7 @@ CERTIFIED = 0.02
 
 
 @dataclass(frozen=True)
-class Balance:
+class ChannelGains:
     """One gain a channel: the scaling factors that the three separately recovered curves leave open (§2.6).
 
     gains : of red, green and blue; they keep the luminance of the luminaire they were measured at
@@ -59,7 +59,7 @@ def scale_from_luminaire(
 
 def balance_from_luminaire(
     picture: RadianceMap, region: np.ndarray, colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
-) -> Balance:
+) -> ChannelGains:
     """The gains that show a luminaire in its known colour and as bright as before (Debevec & Malik 1997, §2.6).
 
     region : (H, W) bool, the luminaire's pixels, or those of a white card under it
@@ -70,10 +70,10 @@ def balance_from_luminaire(
     gains = known / seen
     # A change of balance is no change of exposure: the luminaire keeps its luminance.
     gains *= patch.luminance / float(luminance(gains * seen))
-    return Balance(triple(gains), triple(patch.deviation / seen))
+    return ChannelGains(triple(gains), triple(patch.deviation / seen))
 
 
-def balanced(picture: RadianceMap, balance: Balance) -> RadianceMap:
+def apply_balance(picture: RadianceMap, balance: ChannelGains) -> RadianceMap:
     """The map with every channel multiplied by its gain, its variance by the square."""
     gains = np.array(balance.gains, np.float32)
     return replace(

@@ -25,7 +25,7 @@ from relume.capture.scale.absolute import (
     scale_from_saturation,
     scale_from_spot,
 )
-from relume.capture.scale.luminaire import Balance, balance_from_luminaire, scale_from_luminaire
+from relume.capture.scale.luminaire import ChannelGains, balance_from_luminaire, scale_from_luminaire
 from relume.capture.scale.regions import rectangle, spot_radius
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
@@ -138,7 +138,7 @@ class WhiteCard:
     card: Rectangle
     name: ClassVar[str] = "white"
 
-    def __call__(self, picture: RadianceMap) -> Balance:
+    def __call__(self, picture: RadianceMap) -> ChannelGains:
         with _named(self.name):
             return balance_from_luminaire(picture, self.card.mask(picture))
 
@@ -155,7 +155,6 @@ class DarkPlace:
             return recover_glare_from_dark(picture, self.place.mask(picture))
 
 
-ScaleReading = ExposureScale | SpotReading | LuxReading | LuminaireReading
 PLACED = (SpotReading, LuxReading, LuminaireReading, WhiteCard, DarkPlace)
 """The readings at a place of one picture: they hold for the brackets of one camera only."""
 

@@ -8,7 +8,6 @@ from .encodings import LogLuv as LogLuv
 from .encodings import OpenEXR as OpenEXR
 from .encodings import RadianceHDR as RadianceHDR
 from .encodings import RawFloat as RawFloat
-from .formats import describe as describe
 from .formats import has_radiance as has_radiance
 from .formats import read as read
 from .formats import read_facts as read_facts

@@ -225,10 +225,3 @@ def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) 
     kind = kind_of(path)
     module = "gain_map.gain_map" if _has_gain_map(path, kind) else _READERS.get(kind)
     return "" if module is None else import_module(f"relume.image.files.{module}").subtype(path, reading)
-
-
-def describe(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> dict[str, object]:
-    """What a file holds, in plain values that JSON can hold: see `relume.image.files.description.describe`."""
-    from relume.image.files import description
-
-    return description.describe(path, reading)

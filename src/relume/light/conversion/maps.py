@@ -213,7 +213,7 @@ def read_painting(
     return environment_from_painting(painting, decoding, 2.0**stops, spots, mapping=mapping or LatLong())
 
 
-def brightened(light: EnvironmentMap, stops: float) -> EnvironmentMap:
+def change_exposure(light: EnvironmentMap, stops: float) -> EnvironmentMap:
     """The map brightened; what was calibrated no longer is, and a warning says so."""
     if not stops:
         return light

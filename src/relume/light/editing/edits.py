@@ -13,8 +13,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from relume.capture.scale.luminaire import Balance as ChannelGains
-from relume.capture.scale.luminaire import balance_from_luminaire, balanced
+from relume.capture.scale.luminaire import ChannelGains, apply_balance, balance_from_luminaire
 from relume.capture.scale.regions import disc
 from relume.image import arithmetic
 from relume.image.blurring import motion_blurred, soft_blurred
@@ -150,7 +149,7 @@ class NeutralAt:
         return f"grey at {self.x},{self.y}"
 
     def __call__(self, picture: RadianceMap) -> RadianceMap:
-        return balanced(picture, balance_from_luminaire(picture, disc(picture.size, self.x, self.y, self.radius)))
+        return apply_balance(picture, balance_from_luminaire(picture, disc(picture.size, self.x, self.y, self.radius)))
 
 
 @dataclass(frozen=True)
@@ -164,7 +163,7 @@ class Balance:
         return f"balance × {','.join(f'{gain:g}' for gain in self.gains)}"
 
     def __call__(self, picture: RadianceMap) -> RadianceMap:
-        return balanced(picture, ChannelGains(self.gains))
+        return apply_balance(picture, ChannelGains(self.gains))
 
 
 @dataclass(frozen=True)
@@ -178,7 +177,7 @@ class NeutralUnder:
         return f"light of {self.kelvin:g} K neutral"
 
     def __call__(self, picture: RadianceMap) -> RadianceMap:
-        return balanced(picture, ChannelGains(gains_from_temperature(self.kelvin)))
+        return apply_balance(picture, ChannelGains(gains_from_temperature(self.kelvin)))
 
 
 @dataclass(frozen=True)

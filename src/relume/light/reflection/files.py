@@ -20,6 +20,7 @@ from relume.light.reflection.irradiance_harmonics import as_json, irradiance_har
 from relume.light.reflection.lobes import GGXLobe, Lambert, Lobe, Phong
 from relume.light.reflection.reflection_map import Normalisation, reflection_map, rows_for
 from relume.light.reflection.storage import as_layers, as_picture
+from relume.sphere.audit import six_digits
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mip_cube import Cube, cube_of, mips
 
@@ -192,10 +193,6 @@ def reflection_facts(light: EnvironmentMap) -> dict[str, object]:
     """Two numbers to compare with other programs: the mean of the diffuse table, and the irradiance from above."""
     diffuse = reflection_map(light, Lambert())
     return {
-        "mean of D, radiometric": _six(diffuse.light.total() / (4 * np.pi)),
-        "irradiance from above": _six(light.irradiance(np.array([0.0, 1.0, 0.0]))),
+        "mean of D, radiometric": six_digits(diffuse.light.total() / (4 * np.pi)),
+        "irradiance from above": six_digits(light.irradiance(np.array([0.0, 1.0, 0.0]))),
     }
-
-
-def _six(values: np.ndarray) -> list[float]:
-    return [float(f"{value:.6g}") for value in values]

@@ -17,7 +17,7 @@ from relume.image.files.read_options import ReadOptions
 from relume.image.photograph import Photograph
 from relume.image.radiance import BLACK, SATURATED, RadianceMap
 from relume.project.developing.depth_and_motion import Along, read_depth, read_motion
-from relume.project.presets.preset import Preset
+from relume.project.presets.preset import CameraPreset
 from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.film.undeveloping import undevelop
 from relume.virtual_camera.lens.undoing import undo_optics
@@ -62,7 +62,7 @@ class DevelopSettings:
     frames_per_second, settling : of sequences; see `VirtualCamera.tone_map_frames`
     """
 
-    preset: Preset = field(default_factory=Preset)
+    preset: CameraPreset = field(default_factory=CameraPreset)
     field_of_view: float | None = None
     luminance: float | None = None
     depth: Path | None = None

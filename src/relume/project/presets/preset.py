@@ -46,7 +46,7 @@ class ScreenTable(Table):
 
 
 @dataclass(frozen=True, eq=False)
-class Preset:
+class CameraPreset:
     """A camera from a preset's tables.
 
     title : a line on it
@@ -61,7 +61,7 @@ class Preset:
     has_tone: bool = False
 
     @staticmethod
-    def read(path: str | os.PathLike[str] | None, *changes: Mapping[str, Any] | str) -> Preset:
+    def read(path: str | os.PathLike[str] | None, *changes: Mapping[str, Any] | str) -> CameraPreset:
         """A preset from its TOML file, or a built-in one by its name, like "night"; None starts from plain exposure.
 
         changes : put above the file one after another: tables of a preset, whose paths start at the working folder when
@@ -90,13 +90,13 @@ def preset_file(path: str | os.PathLike[str]) -> Path:
     place = Path(path)
     if place.is_file() or place.suffix:
         return place
-    names = Preset.builtin()
+    names = CameraPreset.builtin()
     if str(path) not in names:
         raise InvalidShot(f"{path}: no such preset; give a .toml, or one of {', '.join(names)}")
     return BUILTIN / f"{path}.toml"
 
 
-def preset_of(table: Mapping[str, Any], place: Path = Path()) -> Preset:
+def preset_of(table: Mapping[str, Any], place: Path = Path()) -> CameraPreset:
     """The preset that tables make; raises InvalidShot naming the key.
 
     place : the file they are from, for messages and relative paths; none for those of the command line
@@ -118,7 +118,7 @@ def preset_of(table: Mapping[str, Any], place: Path = Path()) -> Preset:
             raise
         except ValueError as error:
             raise InvalidShot(f"{origin}: {name}: {error}") from None
-    return Preset(read.title, VirtualCamera(**parts, stops=read.exposure), read.view, "tone" in parts)
+    return CameraPreset(read.title, VirtualCamera(**parts, stops=read.exposure), read.view, "tone" in parts)
 
 
 def _put_above(table: dict[str, Any], given: Mapping[str, Any]) -> None:

@@ -9,7 +9,7 @@ from pydantic import Field, field_validator
 
 from relume.project.schema import Positive, Share, Table
 from relume.scene.materials.materials import Material, Ward
-from relume.scene.materials.presets import preset
+from relume.scene.materials.presets import material_preset
 
 NotNegative = Annotated[float, Field(ge=0)]
 Light = tuple[NotNegative, NotNegative, NotNegative]
@@ -51,7 +51,7 @@ class MaterialTable(Table):
     @classmethod
     def _known(cls, value: str | None) -> str | None:
         if value is not None:
-            preset(value)
+            material_preset(value)
         return value
 
     def apply(self, material: Any) -> Any:
@@ -61,7 +61,7 @@ class MaterialTable(Table):
         Raises ValueError for changes that the material has no field for, or that contradict one another.
         """
         changes: dict[str, Any] = self.model_dump(exclude_none=True, exclude={"preset"})
-        own = preset(self.preset) if self.preset is not None else material
+        own = material_preset(self.preset) if self.preset is not None else material
         if not isinstance(own, Material | Ward):
             return own
         known = {field.name for field in fields(own)}

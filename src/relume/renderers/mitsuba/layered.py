@@ -14,10 +14,8 @@ from functools import lru_cache
 from importlib import import_module
 from typing import Any
 
-import numpy as np
-
 from relume.renderers.directional_albedo import COSINES, NARROWEST, NARROWEST_SHEEN, ggx_shares, sheen_shares
-from relume.renderers.mitsuba.textures import texture
+from relume.renderers.mitsuba.textures import any_above_zero, texture
 from relume.scene.materials.materials import Material
 
 # The stubs of Mitsuba are of no variant in particular.
@@ -76,8 +74,8 @@ class _Layers:
         self.gloss_table = _shares(ggx_shares(float(material.ior)))
         self.steps = material.ior >= 1.0001
         self.turned = material.anisotropy > 0
-        self.coated = _some(material.clearcoat)
-        self.fibrous = _some(material.sheen_color)
+        self.coated = any_above_zero(material.clearcoat)
+        self.fibrous = any_above_zero(material.sheen_color)
         self.coat_table: Any = _shares(ggx_shares(COAT_IOR)) if self.coated else None
         self.sheen_table: Any = _shares(sheen_shares()) if self.fibrous else None
         front = mi.BSDFFlags.FrontSide
@@ -267,7 +265,3 @@ class _Layers:
 
     def to_string(self) -> str:
         return "Layered[]"
-
-
-def _some(value: Any) -> bool:
-    return bool(np.any(np.asarray(value) > 0))

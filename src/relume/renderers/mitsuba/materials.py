@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from relume.errors import UnsupportedScene
-from relume.renderers.mitsuba.textures import rgb, texture_words
+from relume.renderers.mitsuba.textures import any_above_zero, rgb, texture_words
 from relume.renderers.mitsuba.ward import ward
 from relume.scene.materials.materials import Diffuse, Material, Ward
 
@@ -50,8 +50,8 @@ def not_rendered(material: Material, *, media: bool, scalar: bool) -> tuple[str,
         lost.append("dispersion (render the three of rl.scene.dispersed for it)")
     if np.any(material.through):
         upper = {
-            "clearcoat": _some(material.clearcoat),
-            "sheen": _some(material.sheen_color),
+            "clearcoat": any_above_zero(material.clearcoat),
+            "sheen": any_above_zero(material.sheen_color),
             "specular": np.any(np.asarray(material.specular) != 1) or np.any(np.asarray(material.specular_color) != 1),
         }
         lost += [f"{name} over what light goes through" for name, there in upper.items() if there]
@@ -59,8 +59,8 @@ def not_rendered(material: Material, *, media: bool, scalar: bool) -> tuple[str,
         lost.append("subsurface scattering (drawn diffuse)" if material.scattering_distance else "volume attenuation")
     if scalar:
         layers = {
-            "clearcoat": _some(material.clearcoat),
-            "sheen": _some(material.sheen_color),
+            "clearcoat": any_above_zero(material.clearcoat),
+            "sheen": any_above_zero(material.sheen_color),
             "specular": np.any(np.asarray(material.specular) != 1) or np.any(np.asarray(material.specular_color) != 1),
             "anisotropy": material.anisotropy > 0,
         }
@@ -93,10 +93,6 @@ def interior(material: Any) -> dict[str, Any] | None:
 
 def _is_jit(mi: Any) -> bool:
     return "_ad_" in mi.variant()
-
-
-def _some(value: Any) -> bool:
-    return bool(np.any(np.asarray(value) > 0))
 
 
 def _surface(mi: Any, material: Material) -> Any:
@@ -134,7 +130,7 @@ def _opaque(mi: Any, material: Material) -> dict[str, Any]:
 
 def _opaque_side(mi: Any, material: Material) -> Any:
     plain = np.ndim(material.metallic) == 0 and np.ndim(material.roughness) == 0
-    bare = not (_some(material.clearcoat) or _some(material.sheen_color) or material.anisotropy > 0)
+    bare = not (any_above_zero(material.clearcoat) or any_above_zero(material.sheen_color) or material.anisotropy > 0)
     if plain and bare and material.metallic == 1 and material.roughness == 0:
         return {
             "type": "conductor",

@@ -14,10 +14,11 @@ from relume.errors import UnsupportedScene
 from relume.light.reflection.convolution import as_latlong
 from relume.renderers.mitsuba.distant import distant_shape, require_inside
 from relume.renderers.mitsuba.materials import bsdf, emission, interior
+from relume.renderers.mitsuba.textures import rgb
 from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Infinite
 from relume.scene.lights import AmbientLight, Light, PointLight, SphereLight, SquareLaw
-from relume.scene.materials.materials import Colour, Diffuse, Material, Ward
+from relume.scene.materials.materials import Diffuse, Material, Ward
 from relume.scene.materials.media import Medium
 from relume.scene.materials.reflective import Reflective
 from relume.scene.materials.whitted import WhittedMaterial
@@ -170,19 +171,15 @@ def _light(light: Light) -> dict[str, Any]:
     """A light that `why_not` has nothing against."""
     assert not isinstance(light, AmbientLight)
     if isinstance(light, PointLight):
-        return {"type": "point", "position": list(light.position), "intensity": _rgb(light.intensity)}
+        return {"type": "point", "position": list(light.position), "intensity": rgb(light.intensity)}
     if isinstance(light, SphereLight):
         # A shape, but of the light: the planes of surfaces do not show it, and other light passes it.
-        glow = {"type": "area", "radiance": _rgb(light.radiance)}
+        glow = {"type": "area", "radiance": rgb(light.radiance)}
         parts = {"emitter": glow, "bsdf": {"type": "null"}}
         return {"type": "sphere", "center": list(light.position), "radius": light.radius} | parts
     # Mitsuba's direction is the light's way; ours points towards where it comes from.
     way = [-float(part) for part in light.towards]
-    return {"type": "directional", "direction": way, "irradiance": _rgb(light.irradiance)}
-
-
-def _rgb(colour: Colour | np.ndarray) -> dict[str, Any]:
-    return {"type": "rgb", "value": [float(channel) for channel in colour]}
+    return {"type": "directional", "direction": way, "irradiance": rgb(light.irradiance)}
 
 
 def _shape(

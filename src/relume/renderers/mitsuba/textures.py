@@ -14,6 +14,11 @@ def rgb(colour: Colour | np.ndarray) -> dict[str, Any]:
     return {"type": "rgb", "value": [float(channel) for channel in colour]}
 
 
+def any_above_zero(value: Any) -> bool:
+    """Whether a number, a colour or an image is above 0 anywhere."""
+    return bool(np.any(np.asarray(value) > 0))
+
+
 def texture_words(mi: Any, value: Any) -> Any:
     """What a plugin's parameter is set to: a number, a colour, or a bitmap of linear values that repeats.
 

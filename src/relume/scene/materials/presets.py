@@ -21,7 +21,7 @@ from relume.scene.materials.checks import triple
 from relume.scene.materials.materials import Colour, Material, Ward
 
 
-def preset(name: str) -> Material | Ward:
+def material_preset(name: str) -> Material | Ward:
     """The material of that name; raises ValueError that lists the names where there is none."""
     if name not in PRESETS:
         raise ValueError(f"no preset {name!r}; the presets are {', '.join(sorted(PRESETS))}")

@@ -1,7 +1,5 @@
 from .blades import Blades as Blades
 from .defocus_blur import Defocus as Defocus
-from .depth_of_field import aperture_from as aperture_from
-from .depth_of_field import aperture_of as aperture_of
 from .depth_of_field import depth_of_field as depth_of_field
 from .geometry import LensGeometry as LensGeometry
 from .glare.camera import CameraGlare as CameraGlare

@@ -21,7 +21,7 @@ BAND = 64
 class Defocus:
     """A thin lens's discs of confusion, by depth (Potmesil & Chakravarty 1981).
 
-    aperture : diameter of the entrance pupil, metres; `aperture_of(f_number, mm)` and `aperture_from(photograph)`
+    aperture : diameter of the entrance pupil, metres: the focal length over the f-number
     focus : distance that is sharp, metres; infinity too
     blades : of the iris; a round opening if not given
 
