@@ -19,6 +19,7 @@ from .field.corrected import noise_of_repeats as noise_of_repeats
 from .field.field import Noise as Noise
 from .field.field import Pictures as Pictures
 from .field.field import ReflectanceField as ReflectanceField
+from .field.field import whole as whole
 from .field.lights import StageLights as StageLights
 from .field.work import Work as Work
 from .field.work import estimate_work as estimate_work
