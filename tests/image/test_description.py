@@ -20,9 +20,9 @@ from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
 
 
-def told(path: Path, reading: ReadOptions = ReadOptions()) -> dict:
+def told(path: Path, options: ReadOptions = ReadOptions()) -> dict:
     """The description, after it went through JSON without NaN."""
-    return json.loads(json.dumps(describe(path, reading), allow_nan=False))
+    return json.loads(json.dumps(describe(path, options), allow_nan=False))
 
 
 def window() -> RadianceMap:

@@ -84,7 +84,7 @@ def test_radiance_where_a_photograph_is_needed_is_refused(tmp_path, suffix):
 @pytest.mark.parametrize(
     ("name", "image", "complaint"),
     [
-        ("a.png", RADIANCE, r'ends in "\.png"; a radiance map goes to \.exr, \.hdr, .*: develop'),
+        ("a.png", RADIANCE, r'ends in "\.png"; a radiance map goes to \.exr, \.hdr, .*develop'),
         ("a", RADIANCE, 'ends in ""'),
         ("a.exr", PHOTOGRAPH, r'ends in "\.exr"; a photograph goes to \.png, \.tif or \.jpg: merge'),
         ("a.jpg", SIXTEEN_BITS, r"pixels are uint16; a JPEG holds uint8: write \.png"),

@@ -36,11 +36,11 @@ def map_at(data: bytes) -> int:
     return data.index(b"\xff\xd8\xff", 2)
 
 
-def refused(path: Path, data: bytes, reading: ReadOptions = ReadOptions()) -> str:
+def refused(path: Path, data: bytes, options: ReadOptions = ReadOptions()) -> str:
     """The one line that refuses it."""
     path.write_bytes(data)
     with pytest.raises(UnreadableFile) as caught:
-        gain_map.read(path, reading)
+        gain_map.read(path, options)
     line = str(caught.value)
     assert line.startswith(f"{path}: ")
     assert "\n" not in line

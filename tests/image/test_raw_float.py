@@ -61,8 +61,8 @@ def test_written_bytes_are_literally_these(tmp_path):
 @pytest.mark.parametrize("big_endian", [False, True])
 def test_every_bit_comes_back(tmp_path, name, big_endian):
     files.write(tmp_path / name, RadianceMap(ODD), RawFloat(big_endian))
-    reading = ReadOptions(float_order="big" if big_endian else "little")
-    assert bits(files.read_radiance(tmp_path / name, reading).radiance) == bits(ODD)
+    options = ReadOptions(float_order="big" if big_endian else "little")
+    assert bits(files.read_radiance(tmp_path / name, options).radiance) == bits(ODD)
 
 
 def test_other_programs_unpack_what_is_written(tmp_path, square):
@@ -160,9 +160,9 @@ def test_a_gzip_file_without_its_ending_is_told(tmp_path, square):
     data = gzip.compress(square.astype("<f4").tobytes())
     data += bytes.fromhex("ff") * (-len(data) % 4)
     path = saved(tmp_path, data[: len(data) // 4 * 4])
-    reading = ReadOptions(float_size=(1, len(path.read_bytes()) // 4))
+    options = ReadOptions(float_size=(1, len(path.read_bytes()) // 4))
     with pytest.raises(UnreadableFile, match=r"neither byte order .*\(\.gz is for gzipped ones\)"):
-        files.read_radiance(path, reading)
+        files.read_radiance(path, options)
 
 
 def test_the_order_is_told_by_one_lit_pixel_in_a_black_picture(tmp_path):

@@ -29,8 +29,8 @@ def folder(order, big, entries, following=0):
     return struct.pack(order + letters[0], len(entries)) + body + struct.pack(order + letters[4], following)
 
 
-def read(data, reading=ReadOptions()):
-    return folders_in("a.tif", io.BytesIO(data), reading)
+def read(data, options=ReadOptions()):
+    return folders_in("a.tif", io.BytesIO(data), options)
 
 
 @pytest.mark.parametrize(("order", "big"), KINDS)

@@ -355,7 +355,7 @@ def develop(
             response=real.response,
             exposure=real.seconds,
             match=real.match,
-            reading=reading.reading(),
+            options=reading.reading(),
             repair=repair,
             frames_per_second=24.0 if frames.fps is None else frames.fps,
             settling=0.4 if frames.settling is None else frames.settling,

@@ -23,12 +23,12 @@ from relume.image.primaries import REC709
 from relume.image.raw import RawPhotograph, is_bayer
 
 
-def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RawPhotograph:
+def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> RawPhotograph:
     """The sensor's values in a camera raw file with a Bayer pattern; raises UnreadableFile for any other."""
     tags = tags_of(path)
     try:
         with gathered_messages() as messages, rawpy.imread(os.fspath(path)) as raw:
-            photograph = _photograph(path, raw, tags, reading)
+            photograph = _photograph(path, raw, tags, options)
     # Where damage is only met on the way, LibRaw's errors are followed by AttributeError and ValueError of the wrapper.
     except (rawpy.LibRawError, OSError, ValueError, AttributeError, TypeError) as error:
         raise refusal(path, error) from error
@@ -38,11 +38,11 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
 
 
 def _photograph(
-    path: str | os.PathLike[str], raw: rawpy.RawPy, tags: dict[int, object] | None, reading: ReadOptions
+    path: str | os.PathLike[str], raw: rawpy.RawPy, tags: dict[int, object] | None, options: ReadOptions
 ) -> RawPhotograph:
     sizes = raw.sizes
-    refuse_absurd_size(path, sizes.raw_width, sizes.raw_height, reading)
-    refuse_absurd_amount(path, 2 * sizes.raw_width * sizes.raw_height, os.path.getsize(path), reading)
+    refuse_absurd_size(path, sizes.raw_width, sizes.raw_height, options)
+    refuse_absurd_amount(path, 2 * sizes.raw_width * sizes.raw_height, os.path.getsize(path), options)
     if raw.raw_type != rawpy.RawType.Flat or raw.num_colors != 3:
         raise UnreadableFile(
             f"{path}: three values a pixel, no sensor's mosaic (linear raw); develop it to 16-bit TIFF"

@@ -23,7 +23,7 @@ _NUMBERS_OF_KTX2 = {97: "half", 109: "float"}  # Vulkan's names for R16G16B16A16
 _ROWS = 64
 
 
-def describe(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> dict[str, object]:
+def describe(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> dict[str, object]:
     """What a file holds, in plain values that JSON can hold; None where there is nothing.
 
     Of every file: file, format, subtype (from its header), size [width, height], megapixels and kind.
@@ -39,28 +39,28 @@ def describe(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions())
     kind "camera raw" : the same, with pattern, black, white, as_shot and daylight balance
     kind "cube" : levels, their sides in pixels; values, luminance and range of the largest
 
-    reading : limits, and how what a file leaves open is understood
+    options : limits, and how what a file leaves open is understood
     Raises UnreadableFile.
     """
     kind = kind_of(path)
     if kind == "RAW":
-        return _of_raw(path, files.read_raw(path, reading))
+        return _of_raw(path, files.read_raw(path, options))
     if kind == "KTX2":
-        return _of_cube(path, reading)
+        return _of_cube(path, options)
     if kind in MAPS:
-        return _of_map(path, kind, files.read_radiance(path, reading), reading)
-    return _of_photograph(path, kind, files.read_photograph(path, reading), reading)
+        return _of_map(path, kind, files.read_radiance(path, options), options)
+    return _of_photograph(path, kind, files.read_photograph(path, options), options)
 
 
-def _of_map(path: str | os.PathLike[str], kind: str, image: RadianceMap, reading: ReadOptions) -> dict[str, object]:
-    parts = _parts(path, reading) if kind == "EXR" else []
+def _of_map(path: str | os.PathLike[str], kind: str, image: RadianceMap, options: ReadOptions) -> dict[str, object]:
+    parts = _parts(path, options) if kind == "EXR" else []
     found = statistics(image)
     marks = None
     if image.clipped is not None:
         codes = {"saturated": SATURATED, "black": BLACK, "outside": OUTSIDE}
         marks = {name: int(np.count_nonzero(image.clipped == code)) for name, code in codes.items()}
     return {
-        **_file(path, kind, files.subtype(path, reading), image.size),
+        **_file(path, kind, files.subtype(path, options), image.size),
         "kind": "radiance map",
         "unit": image.unit,
         "primaries": "Rec. 709",
@@ -78,15 +78,15 @@ def _of_map(path: str | os.PathLike[str], kind: str, image: RadianceMap, reading
 
 
 def _of_photograph(
-    path: str | os.PathLike[str], kind: str, image: Photograph, reading: ReadOptions
+    path: str | os.PathLike[str], kind: str, image: Photograph, options: ReadOptions
 ) -> dict[str, object]:
     from relume.image.files.photographs import photographs
 
     found = code_values(image)
     # Of such a JPEG the library's own word on its variety is that of the gain map.
-    gain_map = files.subtype(path, reading) if kind == "JPEG" and files.has_radiance(path) else None
+    gain_map = files.subtype(path, options) if kind == "JPEG" and files.has_radiance(path) else None
     return {
-        **_file(path, kind, photographs.subtype(path, reading), image.size),
+        **_file(path, kind, photographs.subtype(path, options), image.size),
         "kind": "photograph",
         "unit": "encoded",
         **_capture(image.exposure, image.camera, image.focal_length, image.settings),
@@ -103,7 +103,7 @@ def _of_photograph(
         "nan": 0,
         "infinite": 0,
         "gain_map": gain_map,
-        "light": None if gain_map is None else _of_map(path, kind, files.read_radiance(path, reading), reading),
+        "light": None if gain_map is None else _of_map(path, kind, files.read_radiance(path, options), options),
         "parts": [],
     }
 
@@ -140,10 +140,10 @@ def _of_raw(path: str | os.PathLike[str], image: RawPhotograph) -> dict[str, obj
     }
 
 
-def _of_cube(path: str | os.PathLike[str], reading: ReadOptions) -> dict[str, object]:
+def _of_cube(path: str | os.PathLike[str], options: ReadOptions) -> dict[str, object]:
     from relume.image.files import ktx2
 
-    levels = ktx2.read_cube(path, reading)
+    levels = ktx2.read_cube(path, options)
     with open(path, "rb") as file:
         number = _NUMBERS_OF_KTX2[int.from_bytes(file.read(16)[12:], "little")]
     side = levels[0].shape[1]
@@ -212,7 +212,7 @@ def _letters(image: RawPhotograph) -> str:
     return "".join("RGB"[channel] for channel in image.pattern.ravel())
 
 
-def _parts(path: str | os.PathLike[str], reading: ReadOptions) -> list[dict[str, object]]:
+def _parts(path: str | os.PathLike[str], options: ReadOptions) -> list[dict[str, object]]:
     """The parts of an EXR by its headers: their names, channels, the numbers these are stored in, their windows."""
     from relume.image.files.exr.header import read_headers
 
@@ -223,5 +223,5 @@ def _parts(path: str | os.PathLike[str], reading: ReadOptions) -> list[dict[str,
             "dtype": "/".join(sorted({_NUMBERS_OF_EXR[channel.kind] for channel in part.channels})),
             "size": list(part.size),
         }
-        for part in read_headers(path, reading).parts
+        for part in read_headers(path, options).parts
     ]

@@ -49,14 +49,14 @@ _WRITERS = {
 }
 
 
-def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> Photograph | RadianceMap:
+def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> Photograph | RadianceMap:
     """The photograph or radiance map in a file; of a JPEG with a gain map the photograph, and a warning that says so.
 
-    reading : limits, and how what a file leaves open is understood
+    options : limits, and how what a file leaves open is understood
     Raises UnreadableFile, in one line, for anything missing, damaged or beyond the limits.
     """
     kind = kind_of(path)
-    image = _read(path, kind, reading)
+    image = _read(path, kind, options)
     if _has_gain_map(path, kind):
         warnings.warn(
             f"{path}: only its base picture is read, though it has a gain map too; read_radiance gives its light",
@@ -65,26 +65,26 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
     return image
 
 
-def read_photograph(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> Photograph:
+def read_photograph(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> Photograph:
     """The photograph in a file; raises UnreadableFile where the file holds a radiance map."""
     kind = kind_of(path)
     if kind in MAPS:
         raise UnreadableFile(f"{path}: a radiance map where a photograph is needed; give a JPEG, PNG or TIFF")
-    image = _read(path, kind, reading)
+    image = _read(path, kind, options)
     assert isinstance(image, Photograph)
     return image
 
 
-def read_radiance(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RadianceMap:
+def read_radiance(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> RadianceMap:
     """The radiance map in a file, also that of a JPEG with a gain map; raises UnreadableFile for a photograph."""
     kind = kind_of(path)
     if _has_gain_map(path, kind):
-        return _decoded(path, "gain_map.gain_map", reading)
+        return _decoded(path, "gain_map.gain_map", options)
     if kind in ("JPEG", "PNG", "TIFF"):
         raise UnreadableFile(
             f"{path}: a photograph where a radiance map is needed; give an EXR or .hdr, or merge a bracket"
         )
-    image = _read(path, kind, reading)
+    image = _read(path, kind, options)
     assert isinstance(image, RadianceMap)
     return image
 
@@ -103,29 +103,29 @@ def _has_gain_map(path: str | os.PathLike[str], kind: str) -> bool:
     return gain_map.is_present(path)
 
 
-def _read(path: str | os.PathLike[str], kind: str, reading: ReadOptions) -> Photograph | RadianceMap:
+def _read(path: str | os.PathLike[str], kind: str, options: ReadOptions) -> Photograph | RadianceMap:
     if kind == "RAW":
         raise UnreadableFile(f"{path}: a camera raw file, not a photograph yet; give raw files to `relume merge`")
     if kind == "KTX2":
         raise UnreadableFile(f"{path}: a cube of an engine's texture levels, not one picture; give what it was made of")
-    return _decoded(path, _READERS[kind], reading)
+    return _decoded(path, _READERS[kind], options)
 
 
-def _decoded(path: str | os.PathLike[str], module: str, reading: ReadOptions) -> Any:
+def _decoded(path: str | os.PathLike[str], module: str, options: ReadOptions) -> Any:
     try:
-        return import_module(f"relume.image.files.{module}").read(path, reading)
+        return import_module(f"relume.image.files.{module}").read(path, options)
     except MemoryError:
         raise UnreadableFile(f"{path}: larger than the memory there is; scale it down first") from None
 
 
-def read_facts(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> Facts:
+def read_facts(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> Facts:
     """The facts in the header of a photograph, without its pixels; raises UnreadableFile for what is no photograph."""
     from relume.image.files.photographs import facts
 
-    return facts.read(path, reading)
+    return facts.read(path, options)
 
 
-def read_raw(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RawPhotograph:
+def read_raw(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> RawPhotograph:
     """What the sensor read, from a camera raw file (DNG, NEF, CR2, CR3, ARW, …); see `RawPhotograph`.
 
     Raises UnreadableFile for another kind of file, a damaged one, and a sensor without a Bayer pattern.
@@ -135,7 +135,7 @@ def read_raw(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions())
     from relume.image.files import camera_raw
 
     try:
-        return camera_raw.read(path, reading)
+        return camera_raw.read(path, options)
     except MemoryError:
         raise UnreadableFile(f"{path}: larger than the memory there is") from None
 
@@ -211,17 +211,17 @@ def write_layers(
     exr.write_layers(path, layers, unit=unit, attributes=attributes)
 
 
-def read_layers(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> dict[str, np.ndarray]:
+def read_layers(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> dict[str, np.ndarray]:
     """The parts of an EXR by name, (H, W, 3) or (H, W) float32; raises UnreadableFile."""
     if (kind := kind_of(path)) != "EXR":
         raise UnreadableFile(f"{path}: a {kind} file where layers are needed; give an EXR")
     from relume.image.files.exr import maps as exr
 
-    return exr.read_layers(path, reading)
+    return exr.read_layers(path, options)
 
 
-def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
+def subtype(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> str:
     """The variety of a file's format in a few words, from its header: "half, PIZ, tiled"; raises UnreadableFile."""
     kind = kind_of(path)
     module = "gain_map.gain_map" if _has_gain_map(path, kind) else _READERS.get(kind)
-    return "" if module is None else import_module(f"relume.image.files.{module}").subtype(path, reading)
+    return "" if module is None else import_module(f"relume.image.files.{module}").subtype(path, options)

@@ -68,7 +68,7 @@ def write_cube(path: str | os.PathLike[str], levels: Sequence[np.ndarray]) -> st
     return _FORMATS[vk_format]
 
 
-def read_cube(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> list[np.ndarray]:
+def read_cube(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> list[np.ndarray]:
     """The levels of a KTX 2.0 cube of half or float R, G, B, A, largest first: (6, S, S, 3) float32 each.
 
     Warns when alpha is left out that is not 1. Raises UnreadableFile, in one line, for anything else and for damage.
@@ -93,7 +93,7 @@ def read_cube(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()
     if faces != 6 or layers or depth or width != height:
         shown = f"{width} x {height} x {depth} pixels, {faces} face(s), {layers} layer(s)"
         raise UnreadableFile(f"{path}: no cube map: {shown}; give one of 6 square faces")
-    refuse_absurd_size(path, width, height, reading)
+    refuse_absurd_size(path, width, height, options)
     if count > width.bit_length():
         raise FormatError(path, "KTX2", "levelCount", f"at most {width.bit_length()} for {width} pixels", str(count))
     number, levels, seen_through = _NUMBERS[vk_format], [], 0

@@ -53,7 +53,7 @@ class _Header:
         return 4 * self.channels * self.width
 
 
-def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RadianceMap:
+def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> RadianceMap:
     """The radiance map in a portable float map, bit for bit where its scale is 1 or −1; grey in three equal channels.
 
     Comments between the words of the header are kept as "comments". Warns of another scale, which the samples are
@@ -62,11 +62,11 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
     with open(path, "rb") as file:
         header, size = _header(path, file), os.fstat(file.fileno()).st_size
         width, height = header.width, header.height
-        refuse_absurd_size(path, width, height, reading)
-        refuse_absurd_amount(path, 12 * width * height, size, reading)
+        refuse_absurd_size(path, width, height, options)
+        refuse_absurd_amount(path, 12 * width * height, size, options)
         start = _start(path, file, header, size)
         missing = max(0, height - (size - start) // header.row)
-        if missing == height or (missing and not reading.salvage):
+        if missing == height or (missing and not options.salvage):
             _refuse_short(path, header, size, start)
         file.seek(start)
         radiance = np.empty((height, width, 3), np.float32)
@@ -101,7 +101,7 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
     return RadianceMap(radiance, clipped=clipped, attributes=attributes)
 
 
-def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
+def subtype(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> str:
     """Byte order, channels and the scale where it is not 1, as in "little-endian, colour"."""
     with open(path, "rb") as file:
         header = _header(path, file)

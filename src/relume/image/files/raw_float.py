@@ -39,10 +39,10 @@ _MOST = 0.9  # of the values that are not 0
 _CLEAR, _UNCLEAR, _MANY = 0.99, 0.5, 16
 
 
-def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RadianceMap:
+def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> RadianceMap:
     """The radiance map in a raw float file, bit for bit; grey in three equal channels.
 
-    reading : `float_size` and `float_order` where they are known. Without a size the picture must be square: of three
+    options : `float_size` and `float_order` where they are known. Without a size the picture must be square: of three
         channels, or of one where no picture of three has that length. Without an order it is guessed, with a warning
         where it rests on few different values, or values that light seldom has
     Raises FormatError, UnreadableFile, which names the number of pixels or asks for the byte order; ValueError for a
@@ -50,19 +50,19 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
     """
     with open(path, "rb") as file:
         stored, there = _lengths(path, file)
-        width, height, channels = _shape(path, there, reading)
-        refuse_absurd_size(path, width, height, reading, where="float_size" if reading.float_size else "its length")
-        refuse_absurd_amount(path, 12 * width * height, stored, reading)
+        width, height, channels = _shape(path, there, options)
+        refuse_absurd_size(path, width, height, options, where="float_size" if options.float_size else "its length")
+        refuse_absurd_amount(path, 12 * width * height, stored, options)
         values = np.empty((height, width, channels), "<f4")
         data = values.reshape(-1).data.cast("B")
         found = _unpack(path, file, data) if _is_packed(path) else file.readinto(data)
     rows = found // (4 * channels * width)
-    if rows == 0 or (rows < height and not reading.salvage):
+    if rows == 0 or (rows < height and not options.salvage):
         what = "raw float in gzip" if _is_packed(path) else "raw float"
         raise FormatError(
             path, what, f"byte {found} of the pixels", f"{len(data)} bytes", "the end of the file", OR_SALVAGE
         )
-    order = reading.float_order or _order(path, values[:rows].reshape(-1))
+    order = options.float_order or _order(path, values[:rows].reshape(-1))
     if (order == "little") != (np.dtype("<f4") == np.float32):
         values[:rows].byteswap(inplace=True)
     radiance = values.view(np.float32)
@@ -77,20 +77,20 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
     return RadianceMap(radiance, clipped=clipped)
 
 
-def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
+def subtype(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> str:
     """Byte order, channels, packing and how the size is known, as in "big-endian, colour, gzip, taken for square"."""
     with open(path, "rb") as file:
         _, there = _lengths(path, file)
-        *_, channels = _shape(path, there, reading)
+        *_, channels = _shape(path, there, options)
         data = file.read(_CHUNK)
     if _is_packed(path):
         with suppress(zlib.error):  # reading will say what is wrong
             data = zlib.decompressobj(_WINDOW).decompress(data, _CHUNK)
-    orders = [reading.float_order] if reading.float_order else _sensible(np.frombuffer(data, "<f4", len(data) // 4))
+    orders = [options.float_order] if options.float_order else _sensible(np.frombuffer(data, "<f4", len(data) // 4))
     words = [f"{orders[0]}-endian"] if len(orders) == 1 else []
     words.append("colour" if channels == 3 else "grey")
     words += ["gzip"] if _is_packed(path) else []
-    return ", ".join(words + (["taken for square"] if reading.float_size is None else []))
+    return ", ".join(words + (["taken for square"] if options.float_size is None else []))
 
 
 def write(path: str | os.PathLike[str], image: RadianceMap, encoding: RawFloat = RawFloat()) -> None:
@@ -139,16 +139,16 @@ def _lengths(path: str | os.PathLike[str], file: BinaryIO) -> tuple[int, int]:
     return stored, there
 
 
-def _shape(path: str | os.PathLike[str], there: int, reading: ReadOptions) -> tuple[int, int, int]:
+def _shape(path: str | os.PathLike[str], there: int, options: ReadOptions) -> tuple[int, int, int]:
     """Width, height and channels of `there` bytes.
 
     No length is that of a square of three channels and also of one, as 3 is no square. But a square of one channel
     whose side is a multiple of 3 is also as long as an oblong of three: only the others are taken for grey.
     """
-    if reading.float_size is not None:
-        width, height = reading.float_size
+    if options.float_size is not None:
+        width, height = options.float_size
         colour, grey = 12 * width * height, 4 * width * height
-        if there in (colour, grey) or (reading.salvage and (there < colour or _is_packed(path))):
+        if there in (colour, grey) or (options.salvage and (there < colour or _is_packed(path))):
             return width, height, 1 if there == grey else 3
         expected = f"{colour} bytes of three channels, or {grey} of one, for {width} x {height} pixels"
         raise FormatError(path, "raw float", "its length", expected, f"{there}", "give its true float_size")

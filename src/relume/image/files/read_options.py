@@ -60,34 +60,34 @@ def refuse_absurd_size(
     path: str | os.PathLike[str],
     width: int,
     height: int,
-    reading: ReadOptions = ReadOptions(),
+    options: ReadOptions = ReadOptions(),
     *,
     where: str = "its header",
 ) -> None:
-    """Raise UnreadableFile when `where` claims no pixels, or more than `reading` allows."""
+    """Raise UnreadableFile when `where` claims no pixels, or more than `options` allows."""
     if width < 1 or height < 1:
         raise UnreadableFile(f"{path}: {where} claims {width} x {height} pixels; the file is damaged")
-    if max(width, height) > reading.side or width * height > reading.pixels:
+    if max(width, height) > options.side or width * height > options.pixels:
         raise UnreadableFile(
-            f"{path}: {where} claims {width} x {height} pixels; relume reads sides up to {reading.side}"
-            f" and {reading.pixels} pixels in all: copy it again, or raise that (--largest MEGAPIXELS) if that is so"
+            f"{path}: {where} claims {width} x {height} pixels; relume reads sides up to {options.side}"
+            f" and {options.pixels} pixels in all: copy it again, or raise that (--largest MEGAPIXELS) if that is so"
         )
 
 
 def refuse_absurd_amount(
-    path: str | os.PathLike[str], decoded: int, stored: int, reading: ReadOptions = ReadOptions(), *, flat: bool = False
+    path: str | os.PathLike[str], decoded: int, stored: int, options: ReadOptions = ReadOptions(), *, flat: bool = False
 ) -> None:
-    """Raise UnreadableFile when decoding takes more memory than `reading` and the machine allow, or too little file.
+    """Raise UnreadableFile when decoding takes more memory than `options` and the machine allow, or too little file.
 
     decoded, stored : bytes in memory and in the file
     flat : the format stores an even picture in next to nothing (ZIP, PIZ), so that no ratio is absurd
     """
-    allowed = min(reading.decoded, _half_of_free_memory())
+    allowed = min(options.decoded, _half_of_free_memory())
     if decoded > allowed:
         raise UnreadableFile(
             f"{path}: its header claims {decoded} bytes of pixels; relume decodes {allowed} here: scale it down"
         )
-    if not flat and decoded > max(_SMALL, reading.ratio * stored):
+    if not flat and decoded > max(_SMALL, options.ratio * stored):
         raise UnreadableFile(
             f"{path}: its header claims {decoded} bytes of pixels, which {stored} bytes of file cannot hold; copy it "
             "again from where it came"

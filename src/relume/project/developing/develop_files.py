@@ -57,7 +57,7 @@ class DevelopSettings:
     response : a camera's profile or response, in place of a tone operator
     exposure : per unit of radiance on that response, seconds × ISO/100 / N²; metered unless given
     match : a photograph whose camera it shall be: exposure, vignetting, sharpness, grain
-    reading : how files are read
+    options : how files are read
     repair : replace NaN and infinite radiance by the pixels around it, with a warning
     frames_per_second, settling : of sequences; see `VirtualCamera.tone_map_frames`
     """
@@ -72,7 +72,7 @@ class DevelopSettings:
     response: Path | None = None
     exposure: float | None = None
     match: Path | None = None
-    reading: ReadOptions = ReadOptions()
+    options: ReadOptions = ReadOptions()
     repair: bool = False
     frames_per_second: float = 24.0
     settling: float = 0.4
@@ -253,7 +253,7 @@ def undevelop_file(
     """
     if settings.match is not None:
         raise ValueError("a photograph is undeveloped by its own camera; leave match out")
-    photograph = files.read_photograph(path, settings.reading)
+    photograph = files.read_photograph(path, settings.options)
     film, unit, falloff, facts = _film_of(photograph, settings)
     camera = replace(settings.preset.camera, tone=FixedExposure())
     if falloff is not None and camera.vignetting is None:
@@ -274,7 +274,7 @@ def undevelop_file(
 
 def _read(path: Path, settings: DevelopSettings, *, lit: bool = True) -> RadianceMap:
     return validate_radiance(
-        files.read_radiance(path, settings.reading), repair=settings.repair, name=path.name, lit=lit
+        files.read_radiance(path, settings.options), repair=settings.repair, name=path.name, lit=lit
     )
 
 

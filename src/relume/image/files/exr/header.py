@@ -137,19 +137,19 @@ class Headers:
     many: bool
 
 
-def read_headers(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> Headers:
-    """The headers of an EXR file; raises FormatError where they are damaged, UnreadableFile beyond `reading`."""
+def read_headers(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> Headers:
+    """The headers of an EXR file; raises FormatError where they are damaged, UnreadableFile beyond `options`."""
     try:
         with open(path, "rb") as file:
-            return _Cursor(path, file, reading).headers()
+            return _Cursor(path, file, options).headers()
     except OSError as error:
         raise UnreadableFile(
             f"{path}: cannot be opened: {error.strerror}; check the path and its permissions"
         ) from None
 
 
-def refuse_beyond(path: str | os.PathLike[str], headers: Headers, reading: ReadOptions) -> None:
-    """Raise UnreadableFile where the parts are deep, or their pixels are more than `reading` allows.
+def refuse_beyond(path: str | os.PathLike[str], headers: Headers, options: ReadOptions) -> None:
+    """Raise UnreadableFile where the parts are deep, or their pixels are more than `options` allows.
 
     The picture is the display window: what of it has no pixels takes memory like the rest, but is no flat picture.
     """
@@ -158,7 +158,7 @@ def refuse_beyond(path: str | os.PathLike[str], headers: Headers, reading: ReadO
         if header.deep:
             raise UnreadableFile(f"{path}: a deep EXR, several samples a pixel; flatten it first")
         for window, name in ((header.data, "its data window"), (header.display, "its display window")):
-            refuse_absurd_size(path, *_extent(window), reading, where=name)
+            refuse_absurd_size(path, *_extent(window), options, where=name)
         width, height = header.size
         decoded += sum(
             channel.bytes * (width // channel.x_sampling) * (height // channel.y_sampling)
@@ -167,7 +167,7 @@ def refuse_beyond(path: str | os.PathLike[str], headers: Headers, reading: ReadO
         flat = flat and header.compression.flat
     padding = _FLOAT_PIXEL * sum(header.padding for header in headers.parts)
     try:
-        refuse_absurd_amount(path, padding, stored, reading)
+        refuse_absurd_amount(path, padding, stored, options)
     except UnreadableFile:
         emptiest = max(headers.parts, key=lambda header: header.padding)
         (width, height), (data_width, data_height) = _extent(emptiest.display), emptiest.size
@@ -175,7 +175,7 @@ def refuse_beyond(path: str | os.PathLike[str], headers: Headers, reading: ReadO
             f"{path}: its display window claims {width} x {height} pixels around a data window of {data_width} x "
             f"{data_height}, {padding} bytes of nothing for {stored} bytes of file; crop it to its data window"
         ) from None
-    refuse_absurd_amount(path, decoded + padding, stored, reading, flat=flat)
+    refuse_absurd_amount(path, decoded + padding, stored, options, flat=flat)
 
 
 def _extent(window: tuple[int, int, int, int]) -> tuple[int, int]:
@@ -185,12 +185,12 @@ def _extent(window: tuple[int, int, int, int]) -> tuple[int, int]:
 
 
 class _Cursor:
-    """A place in the bytes of a header; only as many are read as `reading.metadata` allows."""
+    """A place in the bytes of a header; only as many are read as `options.metadata` allows."""
 
-    def __init__(self, path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions) -> None:
-        self.path, self.reading = path, reading
+    def __init__(self, path: str | os.PathLike[str], file: BinaryIO, options: ReadOptions) -> None:
+        self.path, self.options = path, options
         self.file_size = os.fstat(file.fileno()).st_size
-        self.bytes = file.read(reading.metadata + 1)
+        self.bytes = file.read(options.metadata + 1)
         self.place = 0
 
     def headers(self) -> Headers:
@@ -202,9 +202,9 @@ class _Cursor:
         while not many or self.bytes[self.place : self.place + 1] != b"\0":
             starts.append(self.place)
             parts.append(self.part(bool(version & _TILED), bool(version & _NOT_PICTURES), many, len(parts)))
-            if len(parts) > self.reading.parts:
+            if len(parts) > self.options.parts:
                 raise UnreadableFile(
-                    f"{self.path}: more than {self.reading.parts} parts; relume reads {self.reading.parts}: split it"
+                    f"{self.path}: more than {self.options.parts} parts; relume reads {self.options.parts}: split it"
                 )
             if not many:
                 break
@@ -277,8 +277,8 @@ class _Cursor:
                 raise self.broken(place + end + 1, f'channel "{name}"', "type 0, 1 or 2 and samplings above 0", found)
             channels.append(Channel(name, _SAMPLES[kind], x_sampling, y_sampling))
             at = end + 17
-            if len(channels) > self.reading.channels:
-                limit = self.reading.channels
+            if len(channels) > self.options.channels:
+                limit = self.options.channels
                 raise UnreadableFile(
                     f"{self.path}: more than {limit} channels in a part; relume reads {limit}: split it"
                 )
@@ -298,7 +298,7 @@ class _Cursor:
         if "tiles" not in values:
             raise self.broken(self.place, f"header of part {index}", 'the attribute "tiles" of a tiled part', "none")
         place, (width, height, mode) = self.numbers(values, "tiles", "IIB")
-        side = self.reading.side
+        side = self.options.side
         if not (0 < width <= side and 0 < height <= side) or mode & 15 > 2 or mode >> 4 > 1:
             found = f"{width} x {height}, mode {mode}"
             raise self.broken(place, '"tiles"', f"sides of 1 to {side} and a known mode", found)
@@ -328,8 +328,8 @@ class _Cursor:
 
     def take(self, count: int, what: str) -> bytes:
         taken = self.bytes[self.place : self.place + count]
-        if len(taken) < count and len(self.bytes) > self.reading.metadata:
-            limit = self.reading.metadata
+        if len(taken) < count and len(self.bytes) > self.options.metadata:
+            limit = self.options.metadata
             raise UnreadableFile(f"{self.path}: a header beyond {limit} bytes at its {what}; relume reads {limit}")
         if len(taken) < count:
             raise self.broken(self.place, what, f"{count} bytes", f"the end of the file after {len(taken)}")

@@ -31,21 +31,21 @@ __all__ = ["attributes_of", "read", "read_layers", "subtype", "write", "write_la
 _XYZ = Primaries((1.0, 0.0), (0.0, 1.0), (0.0, 0.0), EQUAL_ENERGY)
 
 
-def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RadianceMap:
+def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> RadianceMap:
     """The radiance map in an EXR file: its first part with R, G, B, else with Y.
 
     Half and float files are read alike, to float32; luminance and chroma (Y, RY, BY) become colours, a lone Y grey; of
     several views the first is read. Other primaries than Rec. 709 are converted. The picture is the display window;
     what of it the data window does not cover is 0 and marked OUTSIDE. Warns of both, of parts and channels that are
     left out, of alpha that is left out and not 1 (the pixels, premultiplied, are as over black), and of rows missing in
-    a file read with `reading.salvage`. Raises FormatError, UnreadableFile.
+    a file read with `options.salvage`. Raises FormatError, UnreadableFile.
     """
-    return _radiance_map(path, read_parts(path, reading))
+    return _radiance_map(path, read_parts(path, options))
 
 
-def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
+def subtype(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> str:
     """How pixels are stored, from the header alone, such as "half, PIZ, tiled 64 × 64, 2 parts"."""
-    headers = read_headers(path, reading).parts
+    headers = read_headers(path, options).parts
     first = headers[0]
     kinds = sorted({channel.kind for header in headers for channel in header.channels})
     words = [" and ".join(kinds), " and ".join(dict.fromkeys(header.compression.name for header in headers))]
@@ -115,14 +115,14 @@ def _write_layers(
     write_parts(path, parts)
 
 
-def read_layers(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> dict[str, np.ndarray]:
+def read_layers(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> dict[str, np.ndarray]:
     """Every part of an EXR file by its name, as stored: (H, W, 3) float32 for R, G, B, (H, W) for one channel.
 
     A part without a name, as in a single-part file of another program, is called "part 0". What the data window does
     not cover is 0. Warns of that, and of channels left out. Raises UnreadableFile.
     """
     layers = {}
-    for index, part in enumerate(read_parts(path, reading)):
+    for index, part in enumerate(read_parts(path, options)):
         lone = next(iter(part.channels)) if len(part.channels) == 1 else ""
         if lone:
             pixels = exr_picture.plane(path, part, lone).astype(np.float32)

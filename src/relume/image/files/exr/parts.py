@@ -51,17 +51,17 @@ class Part:
     missing: np.ndarray | None = None
 
 
-def read_parts(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> list[Part]:
+def read_parts(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> list[Part]:
     """Every part of an EXR file, level 0 where it has several.
 
-    Raises FormatError when any is damaged or, unless `reading.salvage`, cut short; UnreadableFile for deep pixels and
-    beyond the limits of `reading`. Warns where a file contradicts itself about how its pixels are stored.
+    Raises FormatError when any is damaged or, unless `options.salvage`, cut short; UnreadableFile for deep pixels and
+    beyond the limits of `options`. Warns where a file contradicts itself about how its pixels are stored.
     """
-    headers = read_headers(path, reading)
-    refuse_beyond(path, headers, reading)
+    headers = read_headers(path, options)
+    refuse_beyond(path, headers, options)
     chunks, end = exr_chunks.find(path, headers)
     lost = exr_chunks.first_missing(headers, chunks)
-    if lost and (not reading.salvage or lost[1] == lost[2]):
+    if lost and (not options.salvage or lost[1] == lost[2]):
         where, missing, number = lost
         problem = (path, "EXR", where, f"{number} chunks of pixels", f"{number - missing}")
         raise FormatError(*problem, *([OR_SALVAGE] if missing < number else []))

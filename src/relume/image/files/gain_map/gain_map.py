@@ -41,16 +41,16 @@ def is_present(path: str | os.PathLike[str]) -> bool:
         return False
 
 
-def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
+def subtype(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> str:
     """A few words: "gain map of 2.2 stops, XMP, grey, 1020 x 768"; raises UnreadableFile."""
     with _opened(path) as file:
-        layout = _layout(path, file, reading)
+        layout = _layout(path, file, options)
     stops = max(layout.metadata.high)
     colours = "grey" if layout.map.channels == 1 else "colour"
     return f"gain map of {stops:.1f} stops, {layout.form}, {colours}, {layout.map.width} x {layout.map.height}"
 
 
-def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RadianceMap:
+def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> RadianceMap:
     """The bright picture of a JPEG with a gain map, upright, in Rec. 709 primaries, 1 = the base's white.
 
     Of a file in which relume wrote radiance it is that, in its unit. Warns of a file made for displays, of other
@@ -59,13 +59,13 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
     has a curve which 8 bits of sRGB are not.
     """
     with _opened(path) as file:
-        layout = _layout(path, file, reading)
+        layout = _layout(path, file, options)
         headers = (layout.base, layout.map)
         ends = (layout.base_end, layout.map_end)
         for header, end, what in zip(headers, ends, _PICTURES, strict=True):
-            _refuse_unusable(path, header, end - header.begin, f"its {what}", reading)
+            _refuse_unusable(path, header, end - header.begin, f"its {what}", options)
         jpegs = [_bytes(file, header, end) for header, end in zip(headers, ends, strict=True)]
-    own = _own(layout.packet, reading)
+    own = _own(layout.packet, options)
     if any(header.stray for header in headers):
         warnings.warn(f"{path}: has stray bytes among its headers; look whether the picture is whole", stacklevel=4)
     # Only now: these load libraries, and a header that claims too much is refused before.
@@ -125,8 +125,8 @@ def _opened(path: str | os.PathLike[str]) -> BinaryIO:
         raise UnreadableFile(f"{path}: cannot be opened: {one_line(error)}; check its permissions") from None
 
 
-def _layout(path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions) -> Layout:
-    layout = gain_map_layout.located(path, file, reading)
+def _layout(path: str | os.PathLike[str], file: BinaryIO, options: ReadOptions) -> Layout:
+    layout = gain_map_layout.located(path, file, options)
     if layout is None:
         raise UnreadableFile(f"{path}: a JPEG without a gain map, so a photograph; merge a bracket for radiance")
     if layout.metadata.base_is_bright:
@@ -138,11 +138,11 @@ def _layout(path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions) 
 
 
 def _refuse_unusable(
-    path: str | os.PathLike[str], header: jpeg_segments.Header, stored: int, what: str, reading: ReadOptions
+    path: str | os.PathLike[str], header: jpeg_segments.Header, stored: int, what: str, options: ReadOptions
 ) -> None:
     """Raise UnreadableFile where one of the JPEGs is too large, or neither grey nor of three channels."""
-    refuse_absurd_size(path, header.width, header.height, reading, where=what)
-    refuse_absurd_amount(path, header.width * header.height * 12, stored, reading)  # as three floats
+    refuse_absurd_size(path, header.width, header.height, options, where=what)
+    refuse_absurd_amount(path, header.width * header.height * 12, stored, options)  # as three floats
     if header.channels not in (1, 3):
         raise UnreadableFile(f"{path}: {what} has {header.channels} channels, not 1 or 3; convert it to RGB")
 
@@ -153,10 +153,10 @@ def _bytes(file: BinaryIO, header: jpeg_segments.Header, end: int) -> bytes:
     return file.read(min(end - header.begin, jpeg_segments.most_bytes(header)))
 
 
-def _own(packet: bytes | None, reading: ReadOptions) -> dict[str, str]:
+def _own(packet: bytes | None, options: ReadOptions) -> dict[str, str]:
     """The attributes of a file of ours; none where the packet is damaged or its scale makes no sense."""
     try:
-        own = xmp.attributes(packet, reading) if packet is not None else {}
+        own = xmp.attributes(packet, options) if packet is not None else {}
         known = own.get(UNIT) in ("relative", "cd/m²")
         if SCALE in own and not (known and 1 / LARGEST_SCALE <= float(own[SCALE]) <= LARGEST_SCALE):
             return {}

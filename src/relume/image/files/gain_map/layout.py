@@ -51,14 +51,14 @@ class Layout:
     packet: bytes | None
 
 
-def located(path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions) -> Layout | None:
+def located(path: str | os.PathLike[str], file: BinaryIO, options: ReadOptions) -> Layout | None:
     """Where the gain map of an open JPEG is; None where it has none, and claims none.
 
     Raises FormatError where the primary picture claims one that is not there, or the parameters make no sense.
     """
-    base = jpeg_segments.header_at(path, file, 0, reading)
+    base = jpeg_segments.header_at(path, file, 0, options)
     packet = base.first(APP1, jpeg_segments.XMP)
-    claims, lengths = _claims_and_lengths(packet, reading)
+    claims, lengths = _claims_and_lengths(packet, options)
     claims = claims or base.first(APP2, jpeg_segments.ISO_GAIN_MAP) is not None
     size = file.seek(0, os.SEEK_END)
     tried: set[int] = set()
@@ -70,13 +70,13 @@ def located(path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions) 
             break
         tried.add(begin)
         try:
-            header = jpeg_segments.header_at(path, file, begin, reading)
+            header = jpeg_segments.header_at(path, file, begin, options)
         except FormatError:
             continue
         if end <= header.scan:  # another place may have its length right
             tried.discard(begin)
             continue
-        if (found := _metadata_in(path, header, reading)) is not None:
+        if (found := _metadata_in(path, header, options)) is not None:
             return Layout(base, begin, header, min(end, size), *found, packet)
     if claims:
         places = ", ".join(str(place) for place in sorted(tried)[:4]) or "any byte"
@@ -86,7 +86,7 @@ def located(path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions) 
     return None
 
 
-def _claims_and_lengths(packet: bytes | None, reading: ReadOptions) -> tuple[bool, list[tuple[str, int]]]:
+def _claims_and_lengths(packet: bytes | None, options: ReadOptions) -> tuple[bool, list[tuple[str, int]]]:
     """Whether the primary picture's XMP claims a gain map, and its directory; of a damaged packet, nothing.
 
     The picture index and the gain map itself are still there then.
@@ -94,7 +94,7 @@ def _claims_and_lengths(packet: bytes | None, reading: ReadOptions) -> tuple[boo
     if packet is None:
         return False, []
     try:
-        claims = any(name.startswith(gain_map_xmp.HDRGM) for name in xmp.properties(packet, reading))
+        claims = any(name.startswith(gain_map_xmp.HDRGM) for name in xmp.properties(packet, options))
     except ValueError:
         return False, []
     lengths = gain_map_xmp.lengths_in(packet)
@@ -102,7 +102,7 @@ def _claims_and_lengths(packet: bytes | None, reading: ReadOptions) -> tuple[boo
 
 
 def _metadata_in(
-    path: str | os.PathLike[str], header: Header, reading: ReadOptions
+    path: str | os.PathLike[str], header: Header, options: ReadOptions
 ) -> tuple[GainMapMetadata, str] | None:
     """The parameters a gain map carries: ISO 21496-1 before XMP, as Ultra HDR 1.1 wants; None where it has neither."""
     block = header.first(APP2, jpeg_segments.ISO_GAIN_MAP)
@@ -115,7 +115,7 @@ def _metadata_in(
         if packet is None or b"hdr-gain-map" not in packet:
             return None
         where += ", XMP"
-        return gain_map_xmp.metadata_in(xmp.properties(packet, reading)), "XMP"
+        return gain_map_xmp.metadata_in(xmp.properties(packet, options)), "XMP"
     except ValueError as error:
         raise FormatError(path, FORMAT, where, "parameters that make sense", str(error)) from None
 

@@ -77,10 +77,10 @@ class Header:
         return (self.lines, self.length) if self.axes[0][1] == "X" else (self.length, self.lines)
 
 
-def read_header(path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions = ReadOptions()) -> Header:
+def read_header(path: str | os.PathLike[str], file: BinaryIO, options: ReadOptions = ReadOptions()) -> Header:
     """The header; raises FormatError for one that is damaged, and names the line."""
-    data = file.read(min(_FIRST_READ, reading.metadata))
-    while not _is_whole(data) and len(data) < reading.metadata and (more := file.read(reading.metadata - len(data))):
+    data = file.read(min(_FIRST_READ, options.metadata))
+    while not _is_whole(data) and len(data) < options.metadata and (more := file.read(options.metadata - len(data))):
         data += more
     end = data.find(b"\n\n")
     if 0 <= data.find(b"\r\n\r\n") < (end if end >= 0 else len(data)):

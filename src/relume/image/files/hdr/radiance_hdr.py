@@ -29,10 +29,10 @@ from relume.image.radiance import OUTSIDE, RadianceMap
 _UPRIGHT = ("-Y", "+X")
 
 
-def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RadianceMap:
+def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> RadianceMap:
     """The radiance map in a Radiance picture, RGBE or XYZE, of any axis order; its colours become Rec. 709.
 
-    reading : limits; salvage; whether mantissas mean the middle of their step
+    options : limits; salvage; whether mantissas mean the middle of their step
     Header variables become attributes: pixel_aspect (a pixel's width by its height), view, camera, taken, software,
     owner, and others by their own name. Primaries that are not named are taken for Rec. 709, as everywhere but in
     Radiance itself. Warns of primaries that were converted, and of a file that was salvaged.
@@ -43,16 +43,16 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
     # The header, and its claims held against the limits.
     stored = os.path.getsize(path)
     with open(path, "rb") as file:
-        header = read_header(path, file, reading)
-        refuse_absurd_size(path, *header.size, reading)
+        header = read_header(path, file, options)
+        refuse_absurd_size(path, *header.size, options)
         pixels = header.lines * header.length
-        refuse_absurd_amount(path, 12 * pixels, stored, reading)
+        refuse_absurd_amount(path, 12 * pixels, stored, options)
         # Nothing beyond the longest form there is, a run for every byte, belongs to the picture.
         file.seek(header.start)
         data = np.fromfile(file, np.uint8, min(8 * pixels + 4 * header.lines, max(0, stored - header.start)))
     # The pixels, in Rec. 709.
     width, height = header.size
-    radiance = (np.zeros if reading.salvage else np.empty)((height, width, 3), np.float32)
+    radiance = (np.zeros if options.salvage else np.empty)((height, width, 3), np.float32)
     matrix = _to_rec709(header)
     whole = decode(
         path,
@@ -61,9 +61,9 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
         radiance,
         header.axes,
         scale=header.scale,
-        middle=0.5 if reading.mantissa_middle else 0.0,
+        middle=0.5 if options.mantissa_middle else 0.0,
         matrix=matrix,
-        salvage=reading.salvage,
+        salvage=options.salvage,
     )
     _refuse_overflow(path, radiance, header, matrix)
     # The metadata, and warnings of what was converted or is missing.
@@ -112,13 +112,13 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: RadianceHD
             file.write(piece.data)
 
 
-def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
+def subtype(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> str:
     """The form of the pixels, like "RGBE, new runs", and the order of the axes where it is not "-Y +X".
 
     Raises FormatError for a damaged header. Whether lines are flat is inferred from the size of the file.
     """
     with open(path, "rb") as file:
-        header = read_header(path, file, reading)
+        header = read_header(path, file, options)
         file.seek(header.start)
         head = file.read(4)
     if head == bytes((2, 2, header.length >> 8 & 255, header.length & 255)) and 8 <= header.length <= 32767:

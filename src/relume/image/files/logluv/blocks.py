@@ -79,21 +79,21 @@ def bits_of(path: str | os.PathLike[str], folder: Folder) -> int:
     return 24 if compression == PACKED_24 else 32
 
 
-def blocks_of(path: str | os.PathLike[str], folder: Folder, size: int, reading: ReadOptions) -> Blocks:
+def blocks_of(path: str | os.PathLike[str], folder: Folder, size: int, options: ReadOptions) -> Blocks:
     """The blocks that a folder lists, as far as they lie in a file of `size` bytes.
 
-    Raises UnreadableFile for what is beyond `reading`, FormatError for what breaks the format, such as blocks beyond
-    the end of the file; with reading.salvage these are cut short.
+    Raises UnreadableFile for what is beyond `options`, FormatError for what breaks the format, such as blocks beyond
+    the end of the file; with options.salvage these are cut short.
     """
     bits = bits_of(path, folder)
-    layout = layout_of(path, folder, size, reading)
+    layout = layout_of(path, folder, size, options)
     _refuse_strange(path, folder, layout, bits)
     begins, lengths = (np.minimum(places, 2**62).astype(np.int64) for places in (layout.places, layout.lengths))
     blocks = Blocks(
         layout.width, layout.height, bits, *layout.block, layout.across, layout.tiled, np.maximum(begins, 0), lengths
     )
     within = np.clip(size - blocks.begins, 0, np.maximum(lengths, 0))
-    if not reading.salvage:
+    if not options.salvage:
         least = blocks.rows * blocks.shortest_row
         for wrong, expected, found in (
             (within < lengths, lengths, f"the end of the file at {size}"),
@@ -107,7 +107,7 @@ def blocks_of(path: str | os.PathLike[str], folder: Folder, size: int, reading: 
         raise FormatError(path, FORMAT, "its blocks", f"{size} bytes, those of the file, or fewer", str(total))
     result = replace(blocks, lengths=within)
     begin, end = span(result)
-    refuse_absurd_amount(path, 12 * layout.width * layout.height + end - begin, size, reading)
+    refuse_absurd_amount(path, 12 * layout.width * layout.height + end - begin, size, options)
     return result
 
 

@@ -39,17 +39,17 @@ _ROUNDING = 1 + 1e-9  # so that a maximum of a power of two is not taken for jus
 _STRIP = 2**18  # bytes of words in a strip: 64 KiB or less when packed, and enough strips for every core
 
 
-def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RadianceMap:
+def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> RadianceMap:
     """The radiance map in a LogLuv or LogL TIFF, in cd/m² where it has STONITS.
 
     Colours outside Rec. 709 have negative channels, negative luminance stays. Warns of a white other than D65, which is
     adapted, and of codes that no colour has. Raises FormatError, UnreadableFile.
     """
-    folder, blocks = header(path, reading)
+    folder, blocks = header(path, options)
     scale = scale_of(path, folder)
     matrix, white = to_d65(path, folder, blocks)
     luminances, colours = tables(blocks, matrix)
-    rows = logluv_runs.find(path, blocks, reading)
+    rows = logluv_runs.find(path, blocks, options)
     from relume.image.files.logluv import kernels
 
     picture = np.empty((blocks.height, blocks.width, 3), np.float32)
@@ -61,7 +61,7 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
         raise UnreadableFile(f"{path}: times its STONITS of {scale:g}, pixels are beyond float32; correct it")
     warn_of_strange(path, strange, blocks)
     with open(path, "rb") as file:
-        attributes = attributes_of(path, file, folder, reading)
+        attributes = attributes_of(path, file, folder, options)
     return RadianceMap(
         upright(picture, folder),
         clipped=_outside(path, rows, folder),
@@ -70,23 +70,23 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
     )
 
 
-def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
+def subtype(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> str:
     """What kind of LogLuv a file is, from its tags alone; raises FormatError, UnreadableFile."""
-    _, blocks = header(path, reading)
+    _, blocks = header(path, options)
     parts = ["LogL, 16 bits" if blocks.bits == 16 else f"LogLuv, {blocks.bits} bits"]
     if blocks.tiled:
         parts.append(f"tiled {blocks.block_width} × {blocks.block_height}")
     return ", ".join(parts)
 
 
-def header(path: str | os.PathLike[str], reading: ReadOptions) -> tuple[Folder, Blocks]:
+def header(path: str | os.PathLike[str], options: ReadOptions) -> tuple[Folder, Blocks]:
     """The first picture's tags, and where its pixels are."""
-    folders = read_folders(path, reading)
+    folders = read_folders(path, options)
     if len(folders) > 1:
         warnings.warn(
             f"{path}: the first of its {len(folders)} pictures is read; split it for the others", stacklevel=6
         )
-    return folders[0], blocks_of(path, folders[0], os.path.getsize(path), reading)
+    return folders[0], blocks_of(path, folders[0], os.path.getsize(path), options)
 
 
 def tables(blocks: Blocks, matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

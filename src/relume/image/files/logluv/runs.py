@@ -82,10 +82,10 @@ class Rows:
         return pieces
 
 
-def find(path: str | os.PathLike[str], blocks: Blocks, reading: ReadOptions) -> Rows:
+def find(path: str | os.PathLike[str], blocks: Blocks, options: ReadOptions) -> Rows:
     """Find every row of the blocks; raises FormatError for a row that is cut short or longer than the picture.
 
-    With reading.salvage such a row, and those behind it in its block, are missing.
+    With options.salvage such a row, and those behind it in its block, are missing.
     """
     begin, end = span(blocks)
     with open(path, "rb") as file:
@@ -111,7 +111,7 @@ def find(path: str | os.PathLike[str], blocks: Blocks, reading: ReadOptions) -> 
         expected = f"a stream of {blocks.block_width} pixels"
         if filled > blocks.block_width:
             raise FormatError(path, FORMAT, where, expected, f"a run that makes them {filled}")
-        if not reading.salvage:
+        if not options.salvage:
             raise FormatError(path, FORMAT, where, expected, f"{filled} until the end of its block", OR_SALVAGE)
     return Rows(blocks, data, places, firsts)
 

@@ -46,24 +46,24 @@ def packet(attributes: Mapping[str, str], others: str = "") -> bytes:
     ).encode()
 
 
-def attributes(packet: bytes, reading: ReadOptions = ReadOptions()) -> dict[str, str]:
+def attributes(packet: bytes, options: ReadOptions = ReadOptions()) -> dict[str, str]:
     """The texts that a packet holds under "relume:"; raises ValueError as `properties` does."""
     ours = {
         name.removeprefix(NAMESPACE): values[0]
-        for name, values in properties(packet, reading).items()
+        for name, values in properties(packet, options).items()
         if name.startswith(NAMESPACE) and values
     }
     return {_unescaped(name): _unescaped(value) for name, value in ours.items()}
 
 
-def properties(packet: bytes, reading: ReadOptions = ReadOptions()) -> dict[str, tuple[str, ...]]:
+def properties(packet: bytes, options: ReadOptions = ReadOptions()) -> dict[str, tuple[str, ...]]:
     """All properties of a packet: namespace and name, put together → its values, one or as many as its list has.
 
     Those of structures within others (a container's items) are left out. Raises ValueError, whose text says why, for
-    damaged XML, a document type, elements nested too deep, and more than `reading.metadata` bytes.
+    damaged XML, a document type, elements nested too deep, and more than `options.metadata` bytes.
     """
-    if len(packet) > reading.metadata:
-        raise ValueError(f"its XMP packet has {len(packet)} bytes; {reading.metadata} are read")
+    if len(packet) > options.metadata:
+        raise ValueError(f"its XMP packet has {len(packet)} bytes; {options.metadata} are read")
     found = _Properties()
     parser = expat.ParserCreate(namespace_separator="}")
     parser.buffer_text = True

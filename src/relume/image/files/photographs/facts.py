@@ -31,7 +31,7 @@ class Facts:
     shutter_speed: float | None = None
 
 
-def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> Facts:
+def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> Facts:
     """The facts of a JPEG, PNG, TIFF or camera raw; raises UnreadableFile for anything else.
 
     The size of a camera raw is that of its sensor's lit part, as it lies in the camera.
@@ -47,7 +47,7 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
         return _of_raw(path)
     if kind not in ("JPEG", "PNG", "TIFF"):
         raise UnreadableFile(f"{path}: a {kind} file where a photograph is needed; give a JPEG, PNG or TIFF")
-    form = form_of(path, kind, reading)
+    form = form_of(path, kind, options)
     tags = exif.tags(path, kind)
     lying = exif.orientation_of(tags) >= 5
     return Facts(

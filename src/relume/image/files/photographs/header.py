@@ -52,28 +52,28 @@ class Form:
         return ", ".join(filter(None, [depth, self.kind, self.packing]))
 
 
-def form_of(path: str | os.PathLike[str], kind: str, reading: ReadOptions) -> Form:
-    """The form of a "JPEG", "PNG" or "TIFF"; raises UnreadableFile where it is beyond `reading`, or damaged."""
+def form_of(path: str | os.PathLike[str], kind: str, options: ReadOptions) -> Form:
+    """The form of a "JPEG", "PNG" or "TIFF"; raises UnreadableFile where it is beyond `options`, or damaged."""
     size = os.path.getsize(path)
     if kind == "TIFF":
-        return _tiff(path, size, reading)
+        return _tiff(path, size, options)
     if kind == "PNG":
         found = png.header(path)
         packing = "interlaced" if found.interlaced else ""
         form = Form(found.width, found.height, found.channels, found.bits, found.colour, packing)
     else:
         with open(path, "rb") as file:
-            form = _jpeg(path, file, size, reading)
-    refuse_absurd_size(path, form.width, form.height, reading)
-    if form.channels > reading.channels:
-        raise UnreadableFile(f"{path}: its header claims {form.channels} channels; relume reads {reading.channels}")
-    refuse_absurd_amount(path, form.width * form.height * max(form.channels, 3) * -(-form.bits // 8), size, reading)
+            form = _jpeg(path, file, size, options)
+    refuse_absurd_size(path, form.width, form.height, options)
+    if form.channels > options.channels:
+        raise UnreadableFile(f"{path}: its header claims {form.channels} channels; relume reads {options.channels}")
+    refuse_absurd_amount(path, form.width * form.height * max(form.channels, 3) * -(-form.bits // 8), size, options)
     return form
 
 
-def _tiff(path: str | os.PathLike[str], size: int, reading: ReadOptions) -> Form:
-    folders = read_folders(path, reading)
-    layout = layout_of(path, folders[0], size, reading)
+def _tiff(path: str | os.PathLike[str], size: int, options: ReadOptions) -> Form:
+    folders = read_folders(path, options)
+    layout = layout_of(path, folders[0], size, options)
     if layout.compression in _UNREAD:
         raise UnreadableFile(f"{path}: packed by {layout.packing}, which relume does not read; save it with ZIP or LZW")
     kind = _PHOTOMETRICS.get(layout.photometric, f"photometric {layout.photometric}")
@@ -96,13 +96,13 @@ def _tiff(path: str | os.PathLike[str], size: int, reading: ReadOptions) -> Form
     )
 
 
-def _jpeg(path: str | os.PathLike[str], file: BinaryIO, size: int, reading: ReadOptions) -> Form:
+def _jpeg(path: str | os.PathLike[str], file: BinaryIO, size: int, options: ReadOptions) -> Form:
     """From the first frame; bytes between the segments are passed over, as decoders do."""
     place, gain_map = 2, False
     for _ in range(_MOST_STEPS):
         file.seek(place)
         head = file.read(4)
-        if len(head) < 4 or place > reading.metadata:
+        if len(head) < 4 or place > options.metadata:
             break
         if head[0] != 0xFF or head[1] in (0x00, 0xFF):
             place += 1

@@ -80,7 +80,7 @@ class Header:
         return b"".join(piece[2:] for piece in pieces)
 
 
-def header_at(path: str | os.PathLike[str], file: BinaryIO, begin: int, reading: ReadOptions) -> Header:
+def header_at(path: str | os.PathLike[str], file: BinaryIO, begin: int, options: ReadOptions) -> Header:
     """The header of the JPEG that begins at byte `begin` of an open file; raises FormatError where it is broken.
 
     A few stray bytes between the segments are passed over, as decoders do, and counted.
@@ -111,8 +111,8 @@ def header_at(path: str | os.PathLike[str], file: BinaryIO, begin: int, reading:
         payload = file.read(length - 2) if marker in _KEPT else b""
         kept += len(payload)
         segments.append(Segment(marker, offset, payload))
-        if kept > reading.metadata or len(segments) > _MOST_SEGMENTS:
-            most = f"at most {reading.metadata} bytes in {_MOST_SEGMENTS} segments of metadata"
+        if kept > options.metadata or len(segments) > _MOST_SEGMENTS:
+            most = f"at most {options.metadata} bytes in {_MOST_SEGMENTS} segments of metadata"
             raise _damaged(path, offset, most, "more")
         if marker in _FRAMES:
             frame = _frame(path, segments[-1])

@@ -45,23 +45,23 @@ _MOST_PROFILE = 255 * (65533 - 14)  # of numbered pieces (ICC.1:2022, B.4)
 _LONG_TEXT = 1024  # letters; five of these fit
 
 
-def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> Photograph:
+def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> Photograph:
     """The photograph in a JPEG, PNG or TIFF, with the exposure, settings, camera and focal length in its EXIF.
 
     Grey becomes three equal channels. Where alpha is 0 the picture is `outside`. Of a JPEG with a gain map it is the
     base picture; of a TIFF the first page. Warns of other pages, where alpha is dropped that was neither 0 nor opaque,
     where an embedded profile is not sRGB (it is kept, and not heeded), and where a PNG says that its values are encoded
-    otherwise. With `reading.salvage` the rows that a file lacks are 0 and `outside`. Raises UnreadableFile for damaged
-    files, those beyond the limits of `reading`, and camera raw.
+    otherwise. With `options.salvage` the rows that a file lacks are 0 and `outside`. Raises UnreadableFile for damaged
+    files, those beyond the limits of `options`, and camera raw.
     """
     kind = kind_of(path)
-    form = form_of(path, kind, reading)
+    form = form_of(path, kind, options)
     if kind == "PNG":
         png.warn_of_other_encoding(path, png.header(path))
     if form.pages > 1:
         warnings.warn(f"{path}: only the first of its {form.pages} pages is read", stacklevel=4)
-    found = salvaged(path, kind, form, reading) if reading.salvage else None
-    pixels, outside, profile = _decoded(path, kind, form, reading) if found is None else _placed(path, found)
+    found = salvaged(path, kind, form, options) if options.salvage else None
+    pixels, outside, profile = _decoded(path, kind, form, options) if found is None else _placed(path, found)
     tags = exif.tags(path, kind)
     height, width = pixels.shape[:2]
     upright = UPRIGHT[exif.orientation_of(tags)]
@@ -77,15 +77,15 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
     )
 
 
-def read_png(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> np.ndarray:
+def read_png(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> np.ndarray:
     """The values of a PNG as stored, (H, W, 1 to 4) uint8 or uint16, alpha included; raises UnreadableFile."""
-    form_of(path, "PNG", reading)  # checks the header before anything it claims is allocated
+    form_of(path, "PNG", options)  # checks the header before anything it claims is allocated
     return png.decoded(path, png.chunks(path))
 
 
-def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
+def subtype(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> str:
     """What kind of JPEG, PNG or TIFF a file is, from its header alone: "8 bits, YCbCr 4:2:0"."""
-    return form_of(path, kind_of(path), reading).text
+    return form_of(path, kind_of(path), options).text
 
 
 def write_jpeg(path: str | os.PathLike[str], photograph: Photograph) -> None:
@@ -198,13 +198,13 @@ def _is_of_rgb(profile: bytes) -> bool:
 
 
 def _decoded(
-    path: str | os.PathLike[str], kind: str, form: Form, reading: ReadOptions
+    path: str | os.PathLike[str], kind: str, form: Form, options: ReadOptions
 ) -> tuple[np.ndarray, np.ndarray | None, bytes | None]:
     """(H, W, 3) uint8 or uint16 as stored, (H, W) bool where alpha is 0, None where it is nowhere, and the profile."""
     if kind == "PNG":
-        return _of_png(path, reading)
+        return _of_png(path, options)
     if form.gain_map:
-        return _base_of_gain_map(path, reading)
+        return _base_of_gain_map(path, options)
     wanted = oiio.ImageSpec()
     wanted.attribute("oiio:UnassociatedAlpha", 1)  # else colours come multiplied by alpha
     source = oiio.ImageInput.open(str(path), wanted)
@@ -214,7 +214,7 @@ def _decoded(
         spec = source.spec()
         if kind == "JPEG" and spec.format == oiio.HALF:  # its library found a gain map where we saw none
             source.close()
-            return _base_of_gain_map(path, reading)
+            return _base_of_gain_map(path, options)
         _refuse_unusable(path, kind, spec)
         if (spec.width, spec.height) != (form.width, form.height):
             expected = f"{form.width} x {form.height} pixels"
@@ -234,19 +234,19 @@ def _decoded(
     return _three(pixels), outside, embedded_profile(spec)
 
 
-def _of_png(path: str | os.PathLike[str], reading: ReadOptions) -> tuple[np.ndarray, np.ndarray | None, bytes | None]:
+def _of_png(path: str | os.PathLike[str], options: ReadOptions) -> tuple[np.ndarray, np.ndarray | None, bytes | None]:
     chunks = png.chunks(path)
-    if (profile := png.profile(chunks, reading)) is not None:
+    if (profile := png.profile(chunks, options)) is not None:
         _warn_of_profile(path, _description(profile))
     pixels = png.decoded(path, chunks)
     outside = _transparent(path, pixels[..., -1]) if pixels.shape[2] in (2, 4) else None
     return _three(pixels), outside, profile
 
 
-def _base_of_gain_map(path: str | os.PathLike[str], reading: ReadOptions) -> tuple[np.ndarray, None, bytes | None]:
+def _base_of_gain_map(path: str | os.PathLike[str], options: ReadOptions) -> tuple[np.ndarray, None, bytes | None]:
     """As `_decoded`, of the picture that every program shows; a library that knows gain maps decodes to light."""
     data = Path(path).read_bytes()
-    header = header_at(path, io.BytesIO(data), 0, reading)
+    header = header_at(path, io.BytesIO(data), 0, options)
     if profile := header.profile:
         _warn_of_profile(path, _description(profile))
     end = length_of(data, header.scan) or len(data)

@@ -196,14 +196,14 @@ def _by_libpng(path: str | os.PathLike[str], chunks: Chunks, packed: Sequence[me
     return pixels[..., None] if pixels.ndim == 2 else pixels
 
 
-def profile(chunks: Chunks, reading: ReadOptions) -> bytes | None:
-    """The ICC profile in a PNG, None where it has none; b"" for one that is damaged or beyond `reading`."""
+def profile(chunks: Chunks, options: ReadOptions) -> bytes | None:
+    """The ICC profile in a PNG, None where it has none; b"" for one that is damaged or beyond `options`."""
     if (packed := chunks.ahead.get(b"iCCP")) is None:
         return None
     # Behind its name, a zero, and the number of the compression (11.3.2.3).
     try:
         engine = zlib.decompressobj()
-        inflated = engine.decompress(packed.partition(b"\0")[2][1:], reading.metadata)
+        inflated = engine.decompress(packed.partition(b"\0")[2][1:], options.metadata)
         return inflated if engine.eof else b""
     except zlib.error:
         return b""

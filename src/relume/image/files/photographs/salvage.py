@@ -36,18 +36,18 @@ class Salvaged:
     profile: bytes | None = None
 
 
-def salvaged(path: str | os.PathLike[str], kind: str, form: Form, reading: ReadOptions) -> Salvaged | None:
+def salvaged(path: str | os.PathLike[str], kind: str, form: Form, options: ReadOptions) -> Salvaged | None:
     """The rows of a photograph that ends early; None of one that does not, which is read as any other.
 
     Raises UnreadableFile where no row is there, or unknown which are: a progressive JPEG, an interlaced PNG.
     """
-    found = {"JPEG": _jpeg, "PNG": _png, "TIFF": _tiff}[kind](path, form, reading)
+    found = {"JPEG": _jpeg, "PNG": _png, "TIFF": _tiff}[kind](path, form, options)
     if found is not None and not len(found.pixels):
         raise UnreadableFile(f"{path}: ends before its first rows are whole; copy it again from where it came")
     return found
 
 
-def _jpeg(path: str | os.PathLike[str], form: Form, reading: ReadOptions) -> Salvaged | None:
+def _jpeg(path: str | os.PathLike[str], form: Form, options: ReadOptions) -> Salvaged | None:
     """Row after row, until the decoder says that the data is at its end.
 
     It says so when it asks for data that is not there, before it makes a row of what it fills in.
@@ -75,7 +75,7 @@ def _jpeg(path: str | os.PathLike[str], form: Form, reading: ReadOptions) -> Sal
     return Salvaged(pixels, form.height, embedded_profile(spec))
 
 
-def _png(path: str | os.PathLike[str], form: Form, reading: ReadOptions) -> Salvaged | None:
+def _png(path: str | os.PathLike[str], form: Form, options: ReadOptions) -> Salvaged | None:
     """What the data inflates to, as far as it goes."""
     header, chunks = png.header(path), png.chunks(path)
     if chunks.end is None:
@@ -83,16 +83,16 @@ def _png(path: str | os.PathLike[str], form: Form, reading: ReadOptions) -> Salv
     if header.interlaced:
         raise _unknown_rows(path, "an interlaced PNG")
     rows = png.whole_rows(path, header, chunks)
-    return None if rows is None else Salvaged(rows, form.height, png.profile(chunks, reading))
+    return None if rows is None else Salvaged(rows, form.height, png.profile(chunks, options))
 
 
-def _tiff(path: str | os.PathLike[str], form: Form, reading: ReadOptions) -> Salvaged | None:
+def _tiff(path: str | os.PathLike[str], form: Form, options: ReadOptions) -> Salvaged | None:
     layout = form.layout
     assert layout is not None
     rows = layout.rows_within(os.path.getsize(path))
     if rows == form.height:
         return None
-    folder = read_folders(path, reading)[0]
+    folder = read_folders(path, options)[0]
     profile = folder.values.get(_PROFILE)
     profile = profile if isinstance(profile, bytes) else None
     plain = layout.sample_format == 1 and layout.bits in (8, 16) and layout.photometric in (1, 2)

@@ -60,11 +60,11 @@ def tags_of(image: RadianceMap) -> tuple[Tags, Tags]:
 
 
 def attributes_of(
-    path: str | os.PathLike[str], file: BinaryIO, folder: Folder, reading: ReadOptions = ReadOptions()
+    path: str | os.PathLike[str], file: BinaryIO, folder: Folder, options: ReadOptions = ReadOptions()
 ) -> dict[str, str]:
     """The attributes in a TIFF that is open; warns where its EXIF or XMP is damaged and left out."""
-    exif = _folder_of(path, file, folder, EXIF_FOLDER, "EXIF", reading)
-    position = _folder_of(path, file, folder, gps.FOLDER, "GPS position", reading)
+    exif = _folder_of(path, file, folder, EXIF_FOLDER, "EXIF", options)
+    position = _folder_of(path, file, folder, gps.FOLDER, "GPS position", options)
     found = {}
     for name, tag in names.EXIF.items():
         source = exif if is_of_exif(tag) and exif is not None else folder
@@ -73,16 +73,16 @@ def attributes_of(
             found[name] = text
     if position is not None:
         found |= position_in(position.values)
-    return found | _in_packet(path, folder, reading)
+    return found | _in_packet(path, folder, options)
 
 
 def _folder_of(
-    path: str | os.PathLike[str], file: BinaryIO, folder: Folder, tag: int, what: str, reading: ReadOptions
+    path: str | os.PathLike[str], file: BinaryIO, folder: Folder, tag: int, what: str, options: ReadOptions
 ) -> Folder | None:
     """The folder to which a tag leads; None where there is none or, with a warning, a damaged one."""
     if places := folder.integers(tag):
         try:
-            return folder_at(path, file, places[0], reading)
+            return folder_at(path, file, places[0], options)
         except FormatError as error:
             warnings.warn(f"{path}: its {what} is left out: {error.where} is damaged", stacklevel=5)
     return None
@@ -110,13 +110,13 @@ def scale_of(path: str | os.PathLike[str], folder: Folder) -> float | None:
     return scale
 
 
-def _in_packet(path: str | os.PathLike[str], folder: Folder, reading: ReadOptions) -> dict[str, str]:
+def _in_packet(path: str | os.PathLike[str], folder: Folder, options: ReadOptions) -> dict[str, str]:
     packet = folder.values.get(XMP, ())
     packet = packet if isinstance(packet, bytes) else bytes(int(byte) & 0xFF for byte in packet)
     if not packet:
         return {}
     try:
-        return xmp.attributes(packet, reading)
+        return xmp.attributes(packet, options)
     except ValueError as error:
         warnings.warn(f"{path}: {error}; its attributes are left out", stacklevel=5)
         return {}

@@ -69,24 +69,24 @@ class Folder:
         return value.split(b"\0")[0].decode("utf-8", "replace").strip() if isinstance(value, bytes) else ""
 
 
-def read_folders(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> list[Folder]:
+def read_folders(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> list[Folder]:
     """The folders of a TIFF one after the other; raises FormatError where they are damaged or go in a circle.
 
-    A private tag longer than `reading.metadata` (the layers of an editor) is left out; another is an error.
+    A private tag longer than `options.metadata` (the layers of an editor) is left out; another is an error.
     """
     with open(path, "rb") as file:
-        return folders_in(path, file, reading)
+        return folders_in(path, file, options)
 
 
-def folders_in(path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions = ReadOptions()) -> list[Folder]:
+def folders_in(path: str | os.PathLike[str], file: BinaryIO, options: ReadOptions = ReadOptions()) -> list[Folder]:
     """As `read_folders`, of a file that is open."""
-    frame = _Frame.of(path, file, reading)
+    frame = _Frame.of(path, file, options)
     folders: list[Folder] = []
     seen: set[int] = set()
     offset = frame.first
     while offset:
-        if offset in seen or len(folders) == reading.parts:
-            found = "one that was read already" if offset in seen else f"more than {reading.parts}"
+        if offset in seen or len(folders) == options.parts:
+            found = "one that was read already" if offset in seen else f"more than {options.parts}"
             raise FormatError(path, "TIFF", f"the folder at byte {offset}", "another folder or the last", found)
         seen.add(offset)
         folder, offset = frame.folder(offset)
@@ -97,25 +97,25 @@ def folders_in(path: str | os.PathLike[str], file: BinaryIO, reading: ReadOption
 
 
 def folder_at(
-    path: str | os.PathLike[str], file: BinaryIO, offset: int, reading: ReadOptions = ReadOptions()
+    path: str | os.PathLike[str], file: BinaryIO, offset: int, options: ReadOptions = ReadOptions()
 ) -> Folder:
     """The folder at byte `offset` of a TIFF that is open, such as the one of EXIF; raises FormatError."""
-    return _Frame.of(path, file, reading).folder(offset)[0]
+    return _Frame.of(path, file, options).folder(offset)[0]
 
 
 class _Frame:
     """A TIFF that is open: its byte order and width of offsets, and what may still be read of its metadata."""
 
     def __init__(
-        self, path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions, order: str, big: bool
+        self, path: str | os.PathLike[str], file: BinaryIO, options: ReadOptions, order: str, big: bool
     ) -> None:
         self.path, self.file, self.order, self.big = path, file, order, big
         self.size = file.seek(0, os.SEEK_END)
-        self.bytes, self.numbers = reading.metadata, _NUMBERS
+        self.bytes, self.numbers = options.metadata, _NUMBERS
         self.first = 0
 
     @staticmethod
-    def of(path: str | os.PathLike[str], file: BinaryIO, reading: ReadOptions) -> _Frame:
+    def of(path: str | os.PathLike[str], file: BinaryIO, options: ReadOptions) -> _Frame:
         file.seek(0)
         head = file.read(16)
         order = {b"II": "<", b"MM": ">"}.get(head[:2], "")
@@ -123,7 +123,7 @@ class _Frame:
         if version not in (42, 43):
             found = head[:4].hex(" ") or "nothing"
             raise FormatError(path, "TIFF", "its first bytes", "II or MM, and 42 or 43", found)
-        frame = _Frame(path, file, reading, order, version == 43)
+        frame = _Frame(path, file, options, order, version == 43)
         if not frame.big:
             (frame.first,) = struct.unpack_from(order + "I", head, 4)
         elif len(head) == 16 and struct.unpack_from(order + "HH", head, 4) == (8, 0):

@@ -30,17 +30,17 @@ _STRIP = 2**19  # bytes before compression: some hundred strips to share among c
 _LEVEL = 4  # of libdeflate: half the time of zlib at the same level, for smaller files
 
 
-def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> RadianceMap:
+def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> RadianceMap:
     """The radiance map in the first page of a TIFF of floats, upright; NaN and infinity are kept.
 
     Grey becomes three equal channels. STONITS makes the unit cd/m²; other primaries are converted to Rec. 709, with
-    a warning, as are pages and channels left out. Raises UnreadableFile for damage, for what `reading` does not
+    a warning, as are pages and channels left out. Raises UnreadableFile for damage, for what `options` does not
     allow, and for doubles that float32 cannot hold.
     """
-    folders, layout, size = _judged(path, reading)
+    folders, layout, size = _judged(path, options)
     folder = folders[0]
     rows = layout.rows_within(size)
-    if rows < layout.height and not reading.salvage:
+    if rows < layout.height and not options.salvage:
         found = f"the end of the file, after {rows} of {layout.height} rows"
         raise FormatError(path, "TIFF", f"byte {size}", "more pixels", found, OR_SALVAGE)
     pixels = _pixels(path, folder, layout, rows)
@@ -55,7 +55,7 @@ def read(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> 
     if (pages := pages_of(folders)) > 1:
         warnings.warn(f"{path}: only the first of its {pages} pages is read", stacklevel=4)
     with open(path, "rb") as file:
-        attributes = attributes_of(path, file, folder, reading)
+        attributes = attributes_of(path, file, folder, options)
     turn = UPRIGHT.get(int(folder.number(ORIENTATION, 1) or 1), UPRIGHT[1])
     image = RadianceMap(
         np.ascontiguousarray(turn(pixels)),
@@ -102,9 +102,9 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: FloatTIFF 
     write_tiff(path, tags, in_threads(strip, height, chunk=rows), exif)
 
 
-def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) -> str:
+def subtype(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> str:
     """What kind of float TIFF a file is, from its tags alone: "float, 32 bits, ZIP"."""
-    folders, layout, _ = _judged(path, reading)
+    folders, layout, _ = _judged(path, options)
     words = [f"float, {layout.bits} bits, {layout.packing}"]
     if layout.samples - layout.extra == 1:
         words.append("grey")
@@ -117,11 +117,11 @@ def subtype(path: str | os.PathLike[str], reading: ReadOptions = ReadOptions()) 
     return ", ".join(words)
 
 
-def _judged(path: str | os.PathLike[str], reading: ReadOptions) -> tuple[list[Folder], Layout, int]:
+def _judged(path: str | os.PathLike[str], options: ReadOptions) -> tuple[list[Folder], Layout, int]:
     """The folders, the layout of the first page and the size of a file that this module decodes."""
     size = os.path.getsize(path)
-    folders = read_folders(path, reading)
-    layout = layout_of(path, folders[0], size, reading)
+    folders = read_folders(path, options)
+    layout = layout_of(path, folders[0], size, options)
     if layout.sample_format != _FLOAT or layout.bits not in _BITS:
         what = f"{layout.bits} bits of sample format {layout.sample_format}"
         raise UnreadableFile(f"{path}: a TIFF of {what}; relume reads floats of 16, 24, 32 or 64: save it as those")

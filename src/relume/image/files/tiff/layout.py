@@ -107,17 +107,17 @@ class Layout:
         return rows
 
 
-def layout_of(path: str | os.PathLike[str], folder: Folder, size: int, reading: ReadOptions) -> Layout:
+def layout_of(path: str | os.PathLike[str], folder: Folder, size: int, options: ReadOptions) -> Layout:
     """The layout of the page whose folder that is, in a file of `size` bytes.
 
-    Raises UnreadableFile where it is larger than `reading` allows, FormatError where the tags break the format or
+    Raises UnreadableFile where it is larger than `options` allows, FormatError where the tags break the format or
     claim more pixels than their bytes can hold. A file that ends early is left to `Layout.rows_within`.
     """
     width, height = (_count(path, folder, tag, name) for tag, name in ((WIDTH, "width"), (HEIGHT, "height")))
-    refuse_absurd_size(path, width, height, reading)
+    refuse_absurd_size(path, width, height, options)
     samples = _count(path, folder, SAMPLES, "samples", 1)
-    if samples > reading.channels:
-        raise UnreadableFile(f"{path}: its header claims {samples} channels; relume reads {reading.channels}")
+    if samples > options.channels:
+        raise UnreadableFile(f"{path}: its header claims {samples} channels; relume reads {options.channels}")
     bits = _alike(path, folder, BITS, "bits", 1)
     kind = _alike(path, folder, SAMPLE_FORMAT, "sample format", _UNSIGNED)
     tiled = TILE_WIDTH in folder.values
@@ -127,7 +127,7 @@ def layout_of(path: str | os.PathLike[str], folder: Folder, size: int, reading: 
             _count(path, folder, TILE_WIDTH, "tile width"),
             _count(path, folder, TILE_HEIGHT, "tile height"),
         )
-        refuse_absurd_size(path, *block, reading, where="the tag of its tiles")
+        refuse_absurd_size(path, *block, options, where="the tag of its tiles")
     else:
         block = (width, min(_count(path, folder, STRIP_ROWS, "rows of a strip", height), height))
     layout = Layout(
@@ -146,7 +146,7 @@ def layout_of(path: str | os.PathLike[str], folder: Folder, size: int, reading: 
         places,
         lengths if lengths or tiled or len(places) != 1 else (max(size - places[0], 0),),
     )
-    _refuse_senseless(path, layout, size, reading)
+    _refuse_senseless(path, layout, size, options)
     return layout
 
 
@@ -155,16 +155,16 @@ def pages_of(folders: Sequence[Folder]) -> int:
     return 1 + sum(not int(_finite(folder, SUBFILE, 0)) & (_SMALLER | _MASK) for folder in folders[1:])
 
 
-def _refuse_senseless(path: str | os.PathLike[str], layout: Layout, size: int, reading: ReadOptions) -> None:
+def _refuse_senseless(path: str | os.PathLike[str], layout: Layout, size: int, options: ReadOptions) -> None:
     kind = "tiles" if layout.tiled else "strips"
     wanted = layout.across * layout.down * (layout.samples if layout.planar else 1)
     for name, found in (("offsets", layout.places), ("byte counts", layout.lengths)):
         if len(found) != wanted:
             expected = f"{wanted} {name} of {kind}"
             raise FormatError(path, "TIFF", _FRAME, expected, str(len(found)))
-    refuse_absurd_amount(path, layout.decoded, size, reading)
+    refuse_absurd_amount(path, layout.decoded, size, options)
     block = layout.block[0] * layout.block[1] * (1 if layout.planar else layout.samples) * layout.bits // 8
-    refuse_absurd_amount(path, block, size, reading)
+    refuse_absurd_amount(path, block, size, options)
     most = _MOST.get(layout.compression, 0)
     stored = sum(layout.lengths)
     least = layout.width * layout.height * layout.samples * layout.bits // 8
