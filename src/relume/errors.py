@@ -6,7 +6,7 @@
     ├── NotABracket         photographs that cannot be merged: no exposure, different sizes, nothing well exposed
     ├── BallNotFound        no mirrored ball is seen in the photograph
     ├── NotAPanorama        views that make no panorama: too few, or without overlap
-    ├── SunNotFound         no sun or lamp stands out of an illumination map
+    ├── SunNotFound         no sun or lamp stands out of an environment map
     ├── LampsNotMatched     two probes share no lamp that could be located
     ├── SunNotRecovered     the radiance of a clipped sun cannot be recovered from the readings
     ├── GridNotFound        no calibration grid is seen in the photograph
@@ -70,7 +70,7 @@ class NotAPanorama(RelumeError):
 
 
 class SunNotFound(RelumeError):
-    """No sun or lamp stands out of an illumination map."""
+    """No sun or lamp stands out of an environment map."""
 
 
 class LampsNotMatched(RelumeError):

@@ -51,7 +51,7 @@ def environment(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> EnvironmentMap:
-    """The illumination map of a scene seen from a point in it.
+    """The environment map of a scene seen from a point in it.
 
     point : metres, world; the object that the map is to light should not be in the scene, nor the point in a shape
     renderer : of the six faces; what it shows is what the map holds

@@ -1,4 +1,4 @@
-"""Lights that are not part of the illumination map: points, suns, and light from everywhere (Whitted 1980, eq. 1)."""
+"""Lights that are not part of the environment map: points, suns, and light from everywhere (Whitted 1980, eq. 1)."""
 
 from __future__ import annotations
 

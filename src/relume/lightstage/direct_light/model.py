@@ -1,6 +1,6 @@
-"""The direct light of a subject's mesh, fitted to each pixel of a reflectance field, for `densified` and new views.
+"""The direct light of a subject's mesh, fitted to each pixel of a reflectance field, for relighting and new views.
 
-M is irradiance and reflected gloss of each pixel (`dense_surface`), times scales that are fitted to the pixel's values
+M is irradiance and reflected gloss of each pixel (`surface.py`), times scales that are fitted to the pixel's values
 under all lights; what M leaves over of them is interpolated between the lights. Metres, the stage's frame.
 """
 
@@ -30,7 +30,7 @@ _TOGETHER = 16
 
 @dataclass(frozen=True)
 class DirectLightSettings:
-    """How a field is densified.
+    """How direct light is fitted to a field, and what it leaves over interpolated.
 
     interpolation : of all, without a mesh
     remainder : interpolation of what direct light leaves over. It changes from pixel to pixel where the model is off,

@@ -1,4 +1,4 @@
-"""Intensities of a stage's lamps that light a subject as an illumination map would (Light Stage 3).
+"""Intensities of a stage's lamps that light a subject as an environment map would (Light Stage 3).
 
 "If the required lighting is known beforehand, live-action performance can be captured … with correct photometric
 interactions" (course slides, section 10). Lamps stand at single directions, so the map cannot be had itself; what is
@@ -65,7 +65,7 @@ def drive(
     *,
     closeness: float = 0.1,
 ) -> Drive:
-    """The intensities under which a subject looks most as under an illumination map, by bounded least squares.
+    """The intensities under which a subject looks most as under an environment map, by bounded least squares.
 
     The sum over the subject of (seen under the lamps − seen under the map)² is least, plus `closeness` times how far
     each lamp is from what its cell of the map holds, as a share of that: of all settings that look alike, which on a

@@ -25,7 +25,7 @@ from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import pixel_directions, pixel_points
 
 _LARGEST = 4096
-"""Texels along a side of a backdrop made of an illumination map; finer is smoothed away by any camera."""
+"""Texels along a side of a backdrop made of an environment map; finer is smoothed away by any camera."""
 
 
 @dataclass(frozen=True, eq=False)

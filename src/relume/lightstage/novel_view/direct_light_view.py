@@ -1,6 +1,6 @@
 """A subject from a new viewpoint, with direct light computed there: shadows, foreshortening and gloss of its mesh.
 
-What `densified` fits to each pixel of a source, scales of diffuse and of glossy direct light, is looked up where the
+What `direct_model` fits to each pixel of a source, scales of diffuse and of glossy direct light, is looked up where the
 new view's rays meet the mesh, and times the direct light there; what direct light leaves over comes with the picture,
 as diffuse light does in Debevec et al. 2000, §4.3. Where the light is narrow this follows it better than reflectance
 functions carried from light to light (`viewpoint`), for it knows what is between the stage's lights.

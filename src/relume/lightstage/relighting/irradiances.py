@@ -26,7 +26,7 @@ _DISC = 256
 def irradiances(
     lights: StageLights, light: EnvironmentMap, by: Interpolation = Smooth(), rotation: np.ndarray | None = None
 ) -> np.ndarray:
-    """What each light of a stage gives of an illumination map: (N, 3) float64, in the map's unit times sr.
+    """What each light of a stage gives of an environment map: (N, 3) float64, in the map's unit times sr.
 
     rotation : (3, 3), active, by which the map is turned first; its pixels stay what they are
     by : how directions between the lights are shared out. Smooth by default, which is right for reflectance functions

@@ -145,7 +145,7 @@ def attenuation(table: Literal["square", "none"] | LinearTable, place: str) -> A
 
 
 def read_light(path: Path) -> EnvironmentMap:
-    """The illumination map in a file; raises UnreadableFile, or ValueError where its mapping is unknown."""
+    """The environment map in a file; raises UnreadableFile, or ValueError where its mapping is unknown."""
     picture = files.read_radiance(path)
     try:
         return as_environment(picture)

@@ -1,4 +1,4 @@
-"""Balls of every kind of surface under one illumination map: what a contact sheet shows (Miller & Hoffman 1984)."""
+"""Balls of every kind of surface under one environment map: what a contact sheet shows (Miller & Hoffman 1984)."""
 
 from __future__ import annotations
 

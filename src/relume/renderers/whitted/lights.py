@@ -34,7 +34,7 @@ class LightTable(NamedTuple):
 
 
 def light_table(scene: Scene, count: int) -> LightTable:
-    """The scene's own lights, then `count` lights at most that stand for its illumination map (`constellation`)."""
+    """The scene's own lights, then `count` lights at most that stand for its environment map (`constellation`)."""
     own = [_row(light) for light in scene.lights if not isinstance(light, AmbientLight)]
     shines = [1.0] * len(own)
     if count and np.any(scene.light.radiance):

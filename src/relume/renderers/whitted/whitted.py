@@ -53,7 +53,7 @@ class Whitted(Renderer):
     attenuation : between a tree's nodes; none unless given, for radiance does not fall along a ray. The paper's is
         `Linear`
     antialiasing : None for one ray through the middle of each pixel
-    constellation : distant lights that stand for the illumination map where surfaces are diffuse; 0 lets it be seen
+    constellation : distant lights that stand for the environment map where surfaces are diffuse; 0 lets it be seen
         in mirrors and behind all things, but light nothing
     rays : perturbed rays at a glossy or frosted surface that is seen directly; one at others
     clear_shadows : light goes straight through transparent shapes, dimmed by k_t; False gives them full shadows

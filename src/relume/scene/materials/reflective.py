@@ -33,7 +33,7 @@ class Towards(Enum):
 class Layer:
     """One term of line 9 (§3): (weight(E·N) · colour + grazing(E·N)) · table[direction].
 
-    lobe : what the illumination map is convolved with; a BRDF takes the three-dimensional map,
+    lobe : what the environment map is convolved with; a BRDF takes the three-dimensional map,
         which is looked up by N and E whatever `towards` says
     towards : which direction the table is looked up by
     weight : W_d or W_s
@@ -65,7 +65,7 @@ class Layer:
 
 @dataclass(frozen=True, eq=False)
 class Reflective:
-    """A surface that reflects, or refracts once, the light of an illumination map and nothing else.
+    """A surface that reflects, or refracts once, the light of an environment map and nothing else.
 
     layers : the terms that are added up, diffuse and specular in the paper
     bumps : how its normals are wrinkled, or None
@@ -96,7 +96,7 @@ def glossy(
 
 
 def mirror(colour: Colour = (1.0, 1.0, 1.0), *, bumps: Bumps | None = None, name: str = "") -> Reflective:
-    """A perfect mirror: its map is the illumination map (§6.2)."""
+    """A perfect mirror: its map is the environment map (§6.2)."""
     return Reflective((Layer(Mirror(), colour=colour),), bumps, name)
 
 
