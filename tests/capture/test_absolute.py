@@ -82,7 +82,7 @@ def test_the_scale_agrees_with_an_incident_light_meter():
     assert abs(np.log2(relative * scale_from_exposure(response, exposure).luminance / card)) < 1 / 3
 
 
-def test_unknown_aperture_or_iso_tell_no_scale():
+def test_unknown_aperture_or_iso_gives_no_scale():
     with pytest.raises(NotABracket, match=r"a photograph of 0\.5 s has no f-number"):
         scale_from_exposure(srgb_response(), [DAYLIGHT, Exposure(0.5, None, 100.0)])
     with pytest.raises(NotABracket, match="has no ISO"):
@@ -119,7 +119,7 @@ def test_the_uncertainty_of_a_reading_is_meter_noise_and_unevenness():
     assert scale.deviation == pytest.approx(np.hypot(0.03, patch.uncertainty))
 
 
-def test_noise_that_the_variance_tells_of_is_no_unevenness():
+def test_noise_that_the_variance_explains_is_no_unevenness():
     noisy = picture(400, 60, noise=0.1)
     region = np.zeros((60, 400), bool)
     region[:30, 100:110] = True
@@ -165,7 +165,7 @@ def test_a_place_that_was_not_measured_is_refused(mark):
     scale_from_spot(scene, 30, 7, 300.0, radius=4.0)
 
 
-def test_a_map_whose_variance_alone_tells_of_clipping_is_refused_too():
+def test_a_map_whose_variance_alone_shows_clipping_is_refused_too():
     scene = replace(picture(), clipped=None)
     assert scene.variance is not None
     scene.variance[7, 20, 2] = np.inf
@@ -237,7 +237,7 @@ def test_two_sources_are_combined_by_their_certainty():
     assert combine_scales([rough]) == rough
 
 
-def test_sources_that_disagree_are_told_and_make_the_scale_less_sure():
+def test_sources_that_disagree_are_named_and_make_the_scale_less_sure():
     one, other = Scale.grey(100.0, 0.05, "a spot"), Scale.grey(200.0, 0.05, "a lux reading")
     with pytest.warns(UserWarning, match="a spot and a lux reading disagree by 1.00 stops, more than the 0.20"):
         both = combine_scales([one, other])

@@ -137,7 +137,7 @@ def test_a_black_frame_keeps_its_neighbours_motion(wide: np.ndarray) -> None:
     assert aligned.errors[0] == np.inf and aligned.errors[1] < 0.2
 
 
-def test_a_frame_of_another_scene_is_told(wide: np.ndarray) -> None:
+def test_a_frame_of_another_scene_is_warned_of(wide: np.ndarray) -> None:
     other = luminance(500, 380, np.random.default_rng(4), fine=1)[..., None] * np.ones(3)
     stranger = CAMERA.photograph(seen(other / np.median(other)), Exposure(0.25), name="other.jpg", seed=9)
     bracket = Bracket((*shifted(wide, [(6, 0), (0, 0), (-6, 0)], (0.04, 0.07, 0.12)).photographs, stranger))

@@ -56,7 +56,7 @@ def test_photographs_of_different_sizes_or_depths():
 @pytest.mark.parametrize(
     "with_it, word", [(Exposure(0.1, 8.0), "f_number"), (Exposure(0.1, None, 100), "iso")], ids=["f-number", "ISO"]
 )
-def test_an_aperture_or_gain_that_only_some_frames_tell(with_it, word):
+def test_an_aperture_or_gain_that_only_some_frames_have(with_it, word):
     frames = (grey("a.jpg", with_it), grey("b.jpg", Exposure(0.2)))
     refused(lambda: Bracket(frames), "b.jpg", word, "--times")
 

@@ -118,7 +118,7 @@ def test_virtual_shoots_raise_no_doubt(shared):
 
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("frame, off", [(1, 1 / 3), (4, -1 / 3)])
-def test_a_third_of_a_stop_is_told(scene, camera, frame, off):
+def test_a_third_of_a_stop_is_found(scene, camera, frame, off):
     bracket = told(CAMERAS[camera].bracket(scene, SEVEN), **{f"frame_{frame}": off})
     direction = "less" if off > 0 else "more"
     doubt = only(bracket, "by its EXIF, it shows about a third of a stop", f"{direction} light", "with --refine")
@@ -132,26 +132,26 @@ def stops_in(doubt: Doubt) -> float:
 
 
 @pytest.mark.parametrize("frame, off", [(0, 10.0), (2, -10.0), (6, 2.0)])
-def test_many_stops_are_told_apart_from_a_third(sound, frame, off):
+def test_many_stops_are_distinguished_from_a_third(sound, frame, off):
     doubt = only(told(sound, **{f"frame_{frame}": off}), "its EXIF seems wrong by", "give the right times")
     assert stops_in(doubt) == pytest.approx(abs(off), rel=0.06)
     assert doubt.frame == f"frame_{frame}.jpg"
     assert ("that much less light" if off > 0 else "that much more light") in doubt.what
 
 
-def test_two_wrong_times_are_both_told(sound):
+def test_two_wrong_times_are_both_found(sound):
     doubts = [doubt for doubt in check(told(sound, frame_1=1 / 3, frame_4=-10.0)) if doubt.degraded]
     assert {doubt.frame: "third" in doubt.what for doubt in doubts} == {"frame_1.jpg": True, "frame_4.jpg": False}
 
 
 @pytest.mark.parametrize("frame", [0, 1, 2])
-def test_of_three_photographs_the_wrong_one_is_told_by_ten_stops(scene, frame):
+def test_of_three_photographs_the_one_wrong_by_ten_stops_is_found(scene, frame):
     bracket = told(SOFT.bracket(scene, THREE), **{f"frame_{frame}": 10.0})
     doubt = only(bracket, "its EXIF seems wrong by")
     assert doubt.frame == f"frame_{frame}.jpg" and 9 <= stops_in(doubt) <= 11
 
 
-def test_a_known_response_tells_a_third_of_a_stop_even_between_two(scene):
+def test_a_known_response_shows_a_third_of_a_stop_even_between_two(scene):
     bracket = NOISY.bracket(scene, (1 / 64, 1 / 16))
     curve = NOISY.log_exposure()
     curve[:, 0] = curve[:, 1] - 1.0
@@ -161,7 +161,7 @@ def test_a_known_response_tells_a_third_of_a_stop_even_between_two(scene):
     only(told(bracket, frame_0=1 / 3), "about a third of a stop", response=response)
 
 
-def test_the_same_time_told_of_all_is_no_time(sound):
+def test_the_same_time_for_all_is_no_time(sound):
     same = Bracket(tuple(replace(p, exposure=Exposure(1 / 20, source="EXIF")) for p in sound.photographs))
     doubt = only(same, "all have 1/20 s by its EXIF", "stops", "give the exposure times with --times")
     assert doubt.frame == same.name
@@ -188,7 +188,7 @@ def test_times_in_another_order_than_the_photographs(sound, order):
     assert "1/30, not 30" in doubts[0].remedy
 
 
-def test_a_photograph_of_another_scene_is_told_wherever_it_stands(scene, sound):
+def test_a_photograph_of_another_scene_is_found_wherever_it_stands(scene, sound):
     strange = textured(seed=8)[::-1, ::-1]
     for place in (0, 3, 6):
         photograph = sound.photographs[place]
@@ -229,7 +229,7 @@ def automatic(bracket: Bracket, value: bool | None) -> Bracket:
 @pytest.mark.parametrize(
     "automatically, gain, degraded", [(True, 1.45, False), (True, 2.0, True), (False, 1.45, None), (None, 2.0, True)]
 )
-def test_a_white_balance_that_changed_is_told_where_the_camera_was_free_to(scene, automatically, gain, degraded):
+def test_a_white_balance_that_changed_is_reported_where_the_camera_was_free_to(scene, automatically, gain, degraded):
     frames = list(SOFT.bracket(scene, SEVEN[1:6]).photographs)
     for i in (3, 4):
         exposure = frames[i].exposure
@@ -247,7 +247,7 @@ def test_a_white_balance_that_changed_is_told_where_the_camera_was_free_to(scene
     assert check(automatic(steady, automatically)) == ()
 
 
-def test_copies_are_told(sound):
+def test_copies_are_reported(sound):
     twin = replace(sound.photographs[2], name="frame_9.jpg")
     only(Bracket((*sound.photographs, twin)), "frame_9.jpg: pixel for pixel frame_4.jpg", "take one of them out")
     exposure = sound.photographs[3].exposure
@@ -262,7 +262,7 @@ def test_black_and_white_photographs_are_no_copies():
     assert not any("pixel for pixel" in doubt.what for doubt in check(Bracket(black)))
 
 
-def test_too_few_grey_levels_are_told(sound):
+def test_too_few_grey_levels_are_reported(sound):
     coarse = Bracket(tuple(replace(p, pixels=p.pixels // 16 * 16) for p in sound.photographs))
     only(coarse, "too few grey levels to recover a response: a channel holds 16 of 256 values", "recovered before")
     deep = Bracket(tuple(replace(p, pixels=p.pixels // 16 * np.uint16(4096)) for p in sound.photographs))
@@ -279,7 +279,7 @@ def test_too_few_grey_levels_are_told(sound):
         ({"settings": Settings(serial="1", focal_length=50.0)}, "different focal lengths: 35 mm, 50 mm"),
     ],
 )
-def test_mixed_equipment_is_told(sound, fields, words):
+def test_mixed_equipment_is_reported(sound, fields, words):
     settings = Settings(serial="1", lens="35 mm", focal_length=35.0)
     same = Bracket(tuple(replace(p, camera="Nikon D3", settings=settings) for p in sound.photographs))
     assert check(same) == ()
@@ -302,7 +302,7 @@ def test_a_varied_aperture_and_iso_are_said_and_merged(scene):
     assert "the ISO varies (100, 400)" in lines[1][0] and "switch automatic ISO off" in lines[1][0]
 
 
-def test_estimated_exposures_are_told(sound):
+def test_estimated_exposures_are_reported(sound):
     guessed = [replace(p, exposure=replace(p.exposure, source="estimated")) for p in sound.photographs if p.exposure]
     assert only(Bracket(tuple(guessed)), "it was estimated from the pixels", "--times").frame == sound.name
     one = Bracket((*sound.photographs[:3], guessed[3], *sound.photographs[4:]))
@@ -378,7 +378,7 @@ def test_photographs_are_made_small_alike_whatever_their_size(scene):
     np.testing.assert_allclose(tiny.encoded, photograph.pixels[:2, :3] / 255, atol=1e-6)
 
 
-def test_borders_of_one_pure_colour_are_told_before_they_are_taken_for_wrong_times(scene):
+def test_borders_of_one_pure_colour_are_reported_before_they_are_taken_for_wrong_times(scene):
     """A registered scan's blue border looks black in one channel and white in another whatever the exposure."""
     frames = []
     for index, photograph in enumerate(NOISELESS.bracket(scene, SEVEN).photographs):

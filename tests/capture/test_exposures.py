@@ -88,7 +88,7 @@ def test_a_list_given_that_does_not_fit_is_refused(tmp_path):
         read_bracket(paths, times=tmp_path / "none.txt")
 
 
-def test_a_list_that_leaves_some_out_is_told_and_exif_speaks_for_them(tmp_path):
+def test_a_list_that_leaves_some_out_is_reported_and_exif_speaks_for_them(tmp_path):
     paths = shot(tmp_path)
     (tmp_path / "times.txt").write_text("a.jpg 1/60\nb.jpg 1/15\n")
     with pytest.warns(UserWarning, match=r"times\.txt: does not name c\.png; add them"):
@@ -98,14 +98,14 @@ def test_a_list_that_leaves_some_out_is_told_and_exif_speaks_for_them(tmp_path):
     assert [(line.f_number, line.iso) for line in bracket.exposure_table] == [(8.0, 100.0)] * 3
 
 
-def test_a_list_of_other_photographs_is_told_and_passed_over(tmp_path):
+def test_a_list_of_other_photographs_is_reported_and_passed_over(tmp_path):
     paths = shot(tmp_path)
     (tmp_path / "times.txt").write_text("x.jpg 1/60\ny.jpg 1/15\n")
     with pytest.warns(UserWarning, match=r"times\.txt: lists exposures, but of none of the photographs"):
         assert sources(read_bracket(paths)) == ["EXIF"] * 3
 
 
-def test_a_list_that_was_meant_but_cannot_be_read_is_told(tmp_path):
+def test_a_list_that_was_meant_but_cannot_be_read_is_reported(tmp_path):
     paths = shot(tmp_path)
     (tmp_path / "times.txt").write_text("a.png soon\nb.png 1/15\nc.png 1/4\n")
     with pytest.warns(UserWarning, match=r'times\.txt: .*"a\.png soon".*; it is passed over'):
@@ -149,7 +149,7 @@ def test_without_any_times_the_ratios_are_estimated_and_said_to_be(tmp_path):
     assert seconds(bracket)[1] == 1.0
 
 
-def test_file_names_that_read_like_times_are_told_and_not_believed(tmp_path):
+def test_file_names_that_read_like_times_are_reported_and_not_believed(tmp_path):
     paths = shot(tmp_path, names=("1_60.png", "1_15.png", "1_4.png"), exif=False)
     with pytest.warns(UserWarning, match="if they are, give --times 1/60,1/15,1/4"):
         bracket = read_bracket(paths)
@@ -194,7 +194,7 @@ def test_a_photograph_without_time_among_others_is_estimated_on_their_scale():
         ]
 
 
-def test_what_pixels_cannot_tell_is_refused():
+def test_exposures_that_pixels_cannot_show_are_refused():
     white = [Photograph(np.full((40, 40, 3), 255, np.uint8), f"{name}.png") for name in "ab"]
     with pytest.raises(NotABracket, match=r"b\.png: its exposure is unknown.*--times"):
         estimated(white)
@@ -206,7 +206,7 @@ def test_a_photograph_alone_without_time_is_refused(tmp_path):
         read_bracket(paths[:1])
 
 
-def test_the_exposure_table_tells_each_exposure_and_its_source(tmp_path):
+def test_the_exposure_table_lists_each_exposure_and_its_source(tmp_path):
     paths = shot(tmp_path)
     table = read_bracket(paths[::-1]).exposure_table
     assert table[0] == FrameFacts(str(paths[0]), 1 / 60, 8.0, 100.0, 0.0, "EXIF")

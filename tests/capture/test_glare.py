@@ -94,7 +94,7 @@ def test_without_its_glare_the_scene_is_back():
     )
 
 
-def test_what_comes_back_is_the_scene_within_the_noise_that_it_tells():
+def test_what_comes_back_is_the_scene_within_its_stated_noise():
     scene = backlit()
     seen = through_the_lens(noise=0.05)
     result = diminish_glare(seen, LENS)
@@ -131,7 +131,7 @@ def test_no_glare_leaves_the_map_as_it_is():
     assert result.picture is seen and not result.bounded.any() and result.scattered.max() == 0
 
 
-def test_the_scattered_light_is_told():
+def test_the_scattered_light_is_reported():
     seen = through_the_lens()
     result = diminish_glare(seen, LENS)
     np.testing.assert_allclose(result.scattered, scatter(backlit(), LENS), rtol=2e-3)
@@ -188,7 +188,7 @@ def test_the_darkest_places_bound_the_share():
     assert 0.042 < largest_glare(dark).share < 0.06
 
 
-def test_a_light_trap_tells_the_share():
+def test_a_light_trap_shows_the_share():
     found = recover_glare_from_dark(through_the_lens(noise=0.02), TRAP, shape=LENS.scaled(0.2))
     assert found.share == pytest.approx(LENS.share, rel=0.003)
     assert found.veil / found.halo == pytest.approx(LENS.veil / LENS.halo)
@@ -231,7 +231,7 @@ def lamp_in_the_dark(glare: Glare, noise: float = 0.0) -> tuple[RadianceMap, np.
 
 
 @pytest.mark.parametrize("glare", [Glare(0.015, 0.03, 0.02, 1.2), Glare(0.005, 0.05, 0.03, 0.8), Glare(veil=0.03)])
-def test_a_lamp_in_the_dark_tells_veil_and_halo(glare):
+def test_a_lamp_in_the_dark_shows_veil_and_halo(glare):
     seen, lamp = lamp_in_the_dark(glare, noise=0.01)
     found = recover_glare_from_lamp(seen, lamp)
     assert found.share == pytest.approx(glare.share, rel=0.1)
@@ -244,7 +244,7 @@ def test_a_lamp_in_the_dark_tells_veil_and_halo(glare):
     assert np.abs(ours / theirs - 1).max() < 0.03
 
 
-def test_a_lamp_that_cannot_tell_is_refused():
+def test_a_lamp_that_shows_too_little_is_refused():
     seen, lamp = lamp_in_the_dark(LENS)
     saturated = np.where(lamp, SATURATED, 0).astype(np.uint8)
     with pytest.raises(ValueError, match="pixels are clipped or outside"):

@@ -140,7 +140,7 @@ def test_folders_are_read_from_headers_and_not_mixed(tmp_path):
     ]
 
 
-def test_a_list_beside_the_photographs_tells_where_exposures_start_over(tmp_path):
+def test_a_list_beside_the_photographs_shows_where_exposures_start_over(tmp_path):
     for i in range(4):
         grey(tmp_path / f"{i}.png", 1.0, i)
     assert len(group_files([tmp_path])) == 1

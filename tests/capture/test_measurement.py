@@ -135,7 +135,7 @@ def test_a_known_response_helps_to_doubt_the_exposures(scene):
     assert len(lines) == 1 and "frame_0.png" in lines[0] and "a third of a stop" in lines[0]
 
 
-def test_a_wrong_exposure_is_corrected_or_told_where_that_is_switched_off(scene, sound):
+def test_a_wrong_exposure_is_corrected_or_reported_where_that_is_switched_off(scene, sound):
     wrong = told_wrong(sound, 3, 1 / 3)
     refined = merge_brackets(wrong, settings=replace(PLAIN, refine=True))
     assert [frame.seconds for frame in refined.brackets[0].frames] == pytest.approx(SECONDS, rel=0.02)
@@ -308,7 +308,7 @@ def test_times_in_a_wrong_order_are_objected_to(sound):
     assert any("in another order" in line for line in lines) and any("fits badly" in line for line in lines)
 
 
-def test_where_there_is_no_response_the_doubt_tells_why():
+def test_where_there_is_no_response_the_doubt_says_why():
     pixels = np.full((40, 60, 3), 100, np.uint8)
     pixels[:, ::7] += 3
     flat = Bracket(tuple(Photograph(pixels + i, f"flat_{i}.png", Exposure(0.1 * 2**i)) for i in range(3)))
@@ -337,7 +337,7 @@ def test_grey_is_where_it_is_said_to_be(sound, whole):
         merge_brackets(sound, settings=replace(PLAIN, neutral=256))
 
 
-def test_solid_angles_are_those_of_the_photographs_or_of_what_is_told(scene):
+def test_solid_angles_are_those_of_the_photographs_or_of_what_is_given(scene):
     photographs = exposed(scene, [Exposure(0.1)])
     told = Bracket(tuple(replace(p, focal_length=200.0) for p in photographs))
     response = known_response()
@@ -384,7 +384,7 @@ def test_a_reading_in_the_first_bracket_scales_them_all():
     ],
     ids=["one against three", "the reference gave way too", "one agrees with it", "one against two"],
 )
-def test_one_frame_against_all_others_is_told(shares, told):
+def test_one_frame_against_all_others_is_reported(shares, told):
     """The frame that the others are measured against may be the one that does not belong to them."""
     bracket = NOISELESS.bracket(wide_scene(32, 24), [0.1 * 2.0**k for k in range(len(shares))])
     found = Deghosted(bracket, np.zeros((24, 32), bool), np.zeros((24, 32), np.int16), np.array(shares), 1)

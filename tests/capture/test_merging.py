@@ -224,7 +224,7 @@ def test_what_no_photograph_measured_is_masked_and_bounded():
 
 
 @pytest.mark.parametrize("value", [249, 251, 254, 255])
-def test_the_bound_of_a_saturated_pixel_is_what_its_own_value_tells(value):
+def test_the_bound_of_a_saturated_pixel_follows_from_its_own_value(value):
     # Values near white have no weight, because in saturated patches JPEG writes them; they are bounds all the same.
     response = logarithmic_response()
     dark, bright = (flat(value, t, side=40) for t in (1.0, 2.0))
@@ -237,7 +237,7 @@ def test_the_bound_of_a_saturated_pixel_is_what_its_own_value_tells(value):
 
 
 @pytest.mark.parametrize("value", [0, 1, 6])
-def test_the_bound_of_a_black_pixel_is_what_its_own_value_tells(value):
+def test_the_bound_of_a_black_pixel_follows_from_its_own_value(value):
     response = logarithmic_response()
     dark, bright = (flat(value, t, side=40) for t in (1.0, 2.0))
     dark.pixels[:] = 0

@@ -31,7 +31,7 @@ def test_a_polynomial_is_recovered(method, levels):
     assert np.all(np.diff(curve) > 0) and np.all(np.isnan(error)) and len(error) == levels
 
 
-def test_ratios_that_were_told_a_little_wrong_are_found():
+def test_ratios_that_were_given_a_little_wrong_are_found():
     right = seen(65536)
     wrong = Observations(right.values, right.log_exposures + np.array([0.0, 0.05, 0.0, 0.0]))
     deviations = []

@@ -32,7 +32,7 @@ def test_what_all_photographs_share_is_kept_and_what_differs_is_not() -> None:
     assert provenance([Photograph(pixels)]) == {}
 
 
-def test_a_make_that_is_known_is_told_apart_from_the_model() -> None:
+def test_a_make_that_is_known_is_separated_from_the_model() -> None:
     pixels = np.zeros((2, 2, 3), np.uint8)
     place = {"latitude": 37.896408, "longitude": -122.0, "owner": "A", "copyright": "B", "comments": "C"}
     settings = Settings(make="NIKON CORPORATION", model="NIKON D700", **place)
@@ -55,7 +55,7 @@ def test_a_merged_map_names_its_camera_as_a_file_of_radiance_does(tmp_path) -> N
     )
 
 
-def test_estimated_exposures_are_told_as_ratios() -> None:
+def test_estimated_exposures_are_reported_as_ratios() -> None:
     pixels = np.zeros((2, 2, 3), np.uint8)
     guessed = [Photograph(pixels, exposure=Exposure(seconds, source="estimated")) for seconds in (0.002, 0.04)]
     assert provenance(guessed) == {"exposure_ratios": "1 20"}

@@ -85,7 +85,7 @@ def test_right_times_stay_as_they_are(right, plain, refined):
 
 
 @pytest.mark.slow
-def test_the_errors_that_are_told_are_of_the_size_of_the_errors_made(right):
+def test_the_stated_errors_are_of_the_size_of_the_errors_made(right):
     ratios = ratios_of(told(right, {3: THIRD}))
     frame = ratios.names[0].index("frame_3.jpg")
     off = ratios.corrections[0][frame] + np.log(THIRD)
@@ -94,7 +94,7 @@ def test_the_errors_that_are_told_are_of_the_size_of_the_errors_made(right):
     assert 1e-5 < ratios.errors[0][frame] < 0.005
 
 
-def test_three_photographs_cannot_tell_which_is_wrong(camera):
+def test_three_photographs_cannot_show_which_is_wrong(camera):
     few = camera.bracket(mixed_scene(), (0.125, 0.0625, 0.03125))
     with pytest.warns(UserWarning, match="from four different ones on"):
         ratios = ratios_of(told(few, {1: 1.3}))

@@ -141,7 +141,7 @@ def test_exposures_are_refined_unless_that_is_switched_off(light, tmp_path):
     assert refined / refined[0] == pytest.approx(np.array(short) / short[0], rel=3e-3)
 
 
-def test_corrections_are_told_with_errors_that_are_true(light):
+def test_corrections_are_reported_with_errors_that_are_true(light):
     """How far the corrections lie from the truth, in their own errors, over fifteen brackets."""
     factors, deviations = np.array([1.0, 1.05, 0.97, 1.0]), []
     names = [f"{i}.dng" for i in range(4)]
@@ -211,7 +211,7 @@ def test_brackets_of_two_cameras_are_merged_apart_but_not_by_a_reading_in_one_of
         merge_brackets(both, settings=MergeSettings(scale=SpotReading(20, 20, 100.0)))
 
 
-def test_what_was_measured_of_the_sensor_is_told_and_used_again(light):
+def test_what_was_measured_of_the_sensor_is_reported_and_used_again(light):
     photographs = [
         raw(np.minimum(sensed(light, t, seed=i), 13600), name=f"{i}.dng", exposure=Exposure(t, 2.0, 200.0))
         for i, t in enumerate(SECONDS)
@@ -255,7 +255,7 @@ def test_noise_that_is_known_counts_at_the_photographs_own_sensitivity(light):
     assert np.median(noisy.variance[lit] / plain.variance[lit]) == pytest.approx(8, rel=0.06)
 
 
-def test_levels_that_are_not_the_profile_s_are_told(light):
+def test_levels_that_are_not_the_profile_s_are_reported(light):
     photographs = [raw(sensed(light, t, seed=i), name=f"{i}.dng", exposure=Exposure(t)) for i, t in enumerate(SECONDS)]
     known = Sensor((512.0, 512.0, 512.0, 512.0), 16383.0, 1.0, SensorNoise(5e-5, 1.5e-4))
     assert merge_brackets(photographs, profile=CameraProfile("", sensor=known)).notes == ()
@@ -266,7 +266,7 @@ def test_levels_that_are_not_the_profile_s_are_told(light):
     )
 
 
-def test_noise_that_could_not_be_told_is_kept_by_no_profile():
+def test_noise_that_could_not_be_measured_is_kept_by_no_profile():
     flat = [raw(np.full((60, 80), 4000, np.uint16), name="flat.dng", exposure=Exposure(1.0))]
     with pytest.warns(UserWarning, match="its noise cannot be measured"):
         known = calibrate_raw(flat)

@@ -139,7 +139,7 @@ def test_values_below_black_are_kept_so_that_the_dark_is_not_lifted():
     assert variance.mean() == pytest.approx(merged.var(), rel=0.1)
 
 
-def test_what_every_frame_saturates_is_bounded_by_the_shortest_and_what_none_tells_by_the_noise():
+def test_what_every_frame_saturates_is_bounded_by_the_shortest_and_what_none_shows_by_the_noise():
     radiance = np.full((40, 40), 0.1)
     radiance[:, 20:] = 9.0  # 0.25 s saturates at 4
     merged, variance, clipped = mosaic_merge(radiance)
@@ -246,7 +246,7 @@ def test_the_order_of_the_files_does_not_matter(bracket):
     np.testing.assert_array_equal(first.variance, second.variance)
 
 
-def test_noise_is_told_from_the_photographs_themselves(bracket):
+def test_noise_is_measured_in_the_photographs_themselves(bracket):
     found = calibrate_raw(bracket).noise
     assert 1 / found.shot == pytest.approx(ELECTRONS, rel=0.03)
     assert found.read * ELECTRONS == pytest.approx(READ, rel=0.1)
@@ -301,7 +301,7 @@ def test_times_that_are_only_nominal_are_refined_to_half_a_percent(scene):
     np.testing.assert_array_equal(calibrate_raw(photographs, refine_exposures=False).factors, told)
 
 
-def test_an_exposure_wrong_by_a_third_of_a_stop_is_told_by_name(scene):
+def test_an_exposure_wrong_by_a_third_of_a_stop_is_reported_by_name(scene):
     told = (1 / 4, 2 ** (1 / 3), 4.0)
     photographs = [replace(raw, exposure=Exposure(t)) for raw, t in zip(raws(scene), told, strict=True)]
     with pytest.warns(UserWarning, match=r"frame_\d.dng: it got .* times the light of frame_\d.dng") as told_of:
@@ -439,7 +439,7 @@ def test_nothing_but_black_or_white_is_no_bracket():
         merge_raw(bright, calibration=known(bright))
 
 
-def test_noise_that_cannot_be_told_is_said_to_be_assumed():
+def test_noise_that_cannot_be_measured_is_said_to_be_assumed():
     flat = [replace(raw, mosaic=np.full(SIZE, 4000, np.uint16)) for raw in raws(FIELDS["all frames"], (1.0,))]
     with pytest.warns(UserWarning, match="noise cannot be measured"):
         assert calibrate_raw(flat).noise.shot == pytest.approx(1 / (16383 - 512))

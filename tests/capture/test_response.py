@@ -55,7 +55,7 @@ def test_the_curve_rises_everywhere():
         assert np.all(np.diff(response.log_exposure, axis=1) > 0)
 
 
-def test_a_response_told_by_too_few_pixels_is_told_to_be_uncertain():
+def test_a_response_from_too_few_pixels_is_reported_as_uncertain():
     # The paper asks for N(P − 1) > 255; 24×16 pixels over nine stops were seen to be a quarter off.
     with pytest.warns(UserWarning, match="only .* pixels tell of the .* response"):
         recover_response(VirtualCamera().bracket(wide_scene(12, 8)))

@@ -230,7 +230,7 @@ def test_scans_that_do_not_belong_together_are_refused():
         merge_scans([])
 
 
-def test_scans_that_are_not_in_register_are_told():
+def test_scans_that_are_not_in_register_are_reported():
     texture = np.exp(np.random.default_rng(3).uniform(-7, 1, (60, 80, 1))) * np.ones(3)
     scans = [(s.scan(texture, seed=i, name=f"scan_{i}.tif"), s.response()) for i, s in enumerate((SHADOWS, LIGHTS))]
     merge_scans(scans)

@@ -86,7 +86,7 @@ def test_names_and_times(tmp_path, text):
     assert not listing.either and [e.f_number for e in listing.exposures] == [None, None]
 
 
-def test_a_column_of_stops_tells_ratios(tmp_path):
+def test_a_column_of_stops_gives_ratios(tmp_path):
     assert seconds(listed(tmp_path, "name,EV\na.jpg,-2\nb.jpg,0\nc.jpg,1\n")) == [0.25, 1.0, 2.0]
 
 

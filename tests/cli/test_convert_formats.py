@@ -1,4 +1,4 @@
-"""`relume convert` between formats: what is written, what is report of it, and what is refused."""
+"""`relume convert` between formats: what is written, what is reported of it, and what is refused."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def test_limits_are_raised_and_lowered(stored: Path, capsys: pytest.CaptureFixtu
     assert main([*words, "--largest", "500"]) == 0
 
 
-def test_a_raw_float_is_read_with_the_size_it_is_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_raw_float_is_read_with_the_size_that_is_given(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pixels = np.random.default_rng(1).random((3, 5, 3), np.float32)
     (tmp_path / "a.float").write_bytes(pixels.astype(">f4").tobytes())
     made([tmp_path / "a.float", "-o", tmp_path / "a.exr", "--float-size", "5x3"], capsys)
@@ -208,7 +208,7 @@ def test_a_damaged_tiff_is_no_painting(tmp_path: Path, capsys: pytest.CaptureFix
     assert "damaged TIFF" in report and "light" not in report
 
 
-def test_what_is_report_of_a_copy_counts_every_kind_of_change() -> None:
+def test_the_report_of_a_copy_counts_every_kind_of_change() -> None:
     before = np.array([[[0, 0, 0], [1, 1, 1], [2, 2, 2], [np.nan, 1, 1]]], np.float32)
     after = np.array([[[0, 3, 0], [1, 1.5, 1], [np.inf, 2, 2], [np.nan, 1, 1]]], np.float32)
     report = kept(RadianceMap(before), RadianceMap(after))

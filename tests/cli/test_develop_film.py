@@ -37,7 +37,7 @@ def test_a_preset_of_a_camera_exposes_by_its_settings_response_and_scale(tmp_pat
     assert np.abs(files.read_photograph(tmp_path / "a.png").pixels.astype(int) - 128).max() <= 1
 
 
-def test_what_a_response_saturates_is_table_as_white(tmp_path, capsys):
+def test_what_a_response_saturates_is_listed_as_white(tmp_path, capsys):
     write_profile(tmp_path / "camera.json", CameraProfile("Maker One", known_response()))
     scene = np.full((20, 30, 3), 0.2, np.float32)
     scene[:5] = 1e4

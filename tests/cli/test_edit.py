@@ -108,7 +108,7 @@ def test_constants_may_be_negative(flat: Path, capsys: pytest.CaptureFixture[str
     assert np.array_equal(edited(capsys, flat, "--max", "-1,-1,-1")[0].radiance, before.radiance)
 
 
-def test_negative_results_are_report_or_kept(flat: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_negative_results_are_reported_or_kept(flat: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = flat.with_name("out.exr")
     assert main(["edit", str(flat), "-o", str(out), "--subtract", "0.5"]) == 0
     assert "came out negative" in notes(capsys)
@@ -216,7 +216,7 @@ def test_a_part_of_a_map_stores_nothing_that_is_no_longer_true(
     assert "no longer says where in its map" in notes(capsys)
 
 
-def test_a_light_map_from_elsewhere_is_report_its_mapping(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_light_map_from_elsewhere_is_given_its_mapping(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source, out = tmp_path / "probe.exr", tmp_path / "out.exr"
     field = np.ones((16, 16, 3), np.float32)
     field[8, 8] = -1

@@ -158,7 +158,7 @@ def test_of_three_views_the_one_that_contradicts_loses():
 
 
 @pytest.mark.slow
-def test_views_exposed_otherwise_are_told_and_balanced_on_request(views):
+def test_views_exposed_otherwise_are_reported_and_balanced_on_request(views):
     brighter = RadianceMap(views[1].picture.radiance * np.float32(2.5))
     one = views[1]
     other = BallView(brighter, one.focal_length, one.axis, one.distance, one.world_from_pixels, one.outline)

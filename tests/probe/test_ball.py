@@ -90,7 +90,7 @@ def test_a_direction_is_looked_up_where_the_ray_tracer_saw_it(front):
     assert cosine.min() >= 0 and cosine.max() <= 1
 
 
-def test_the_cosine_tells_how_squarely_the_ball_shows_a_direction(front):
+def test_the_cosine_says_how_squarely_the_ball_shows_a_direction(front):
     towards = front.towards_camera
     assert angle_between(towards, FRONT - CENTRE) < 0.05
     assert front.lookup(towards[None])[1] == pytest.approx(1.0, abs=1e-4)
@@ -121,7 +121,7 @@ def test_the_cone_fit_gives_axis_and_distance_wherever_the_ball_lies(aim):
     assert np.median(np.abs(np.log(radiance[seen] / lobes(around[seen])))) < 0.02
 
 
-def test_an_unknown_focal_length_is_told_by_the_ball(front):
+def test_an_unknown_focal_length_is_found_from_the_ball(front):
     found = unwrap_ball(front.picture, camera=FRONT, centre=CENTRE, radius=RADIUS)
     assert found.focal_length == pytest.approx(3400.0, rel=0.005)
     assert found.distance == pytest.approx(np.linalg.norm(FRONT - CENTRE) / RADIUS, rel=0.005)
@@ -212,7 +212,7 @@ def test_light_at_infinity_is_not_taken_for_a_near_wall(both):
     assert both.nearness < 0.005  # beyond 200 ball radii: 10 m for a ball of 5 cm
 
 
-def test_saturated_light_is_told_as_a_solid_angle(front, side):
+def test_saturated_light_is_reported_as_a_solid_angle(front, side):
     # The lamp at (0.85, 0.45, 0.3) is too bright within 6°: a cap of 2π (1 − cos 6°) = 0.0344 sr.
     lamp, reach = unit(np.array([0.85, 0.45, 0.3])), np.radians(6)
 

@@ -208,14 +208,14 @@ def banded() -> np.ndarray:
     return np.repeat(light[..., None], 3, axis=2).astype(np.float32)
 
 
-def test_a_bright_band_inside_the_rim_is_not_taken_for_it_and_is_told():
+def test_a_bright_band_inside_the_rim_is_not_taken_for_it_and_is_reported():
     outline = find_outline(banded())
     assert outline.radius == pytest.approx(BANDED[1], abs=0.4)
     assert outline.centre == pytest.approx(BANDED[0], abs=0.5)
     assert any(radius == pytest.approx(97.0, abs=1.0) for _, _, radius in outline.rivals)
 
 
-def test_a_rim_without_a_rival_is_told_without_a_doubt():
+def test_a_rim_without_a_rival_is_found_without_a_doubt():
     assert find_outline(drawing(240, 200, (118.3, 101.7), 60.0)).rivals == ()
 
 

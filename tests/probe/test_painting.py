@@ -12,7 +12,7 @@ MASK = np.zeros((4, 8))
 MASK[1, 2], MASK[1, 3] = 1.0, 0.5
 
 
-def test_a_gamma_raises_values_to_its_power_and_white_is_as_bright_as_told():
+def test_a_gamma_raises_values_to_its_power_and_white_is_as_bright_as_given():
     assert environment_from_painting(GREY, 2.2).radiance[0, 0, 0] == pytest.approx((128 / 255) ** 2.2, rel=1e-6)
     assert environment_from_painting(GREY, "srgb").radiance[0, 0, 0] == pytest.approx(0.215861, rel=1e-5)
     white = Photograph(np.full((4, 8, 3), 65535, np.uint16))
@@ -20,7 +20,7 @@ def test_a_gamma_raises_values_to_its_power_and_white_is_as_bright_as_told():
     assert light.radiance[3, 7].tolist() == [1, 2, 300] and light.unit == "cd/m²"
 
 
-def test_a_hot_spot_of_told_radiance_replaces_the_paint_and_its_soft_edge_mixes_logarithms():
+def test_a_hot_spot_of_given_radiance_replaces_the_paint_and_its_soft_edge_mixes_logarithms():
     light = environment_from_painting(GREY, 1.0, hot=[HotSpot(MASK, radiance=(1000.0, 500.0, 250.0))])
     paint_value = 128 / 255
     np.testing.assert_allclose(light.radiance[1, 2], [1000, 500, 250], rtol=1e-5)
@@ -66,7 +66,7 @@ def test_black_paint_is_raised_too_and_stays_black_outside_the_mask():
         environment_from_painting(black, 2.2)
 
 
-def test_another_mapping_is_told():
+def test_another_mapping_can_be_given():
     square = Photograph(np.full((8, 8, 3), 128, np.uint8))
     assert environment_from_painting(square, 2.2, mapping=Angular()).mapping.name == "angular"
 

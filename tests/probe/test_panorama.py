@@ -69,7 +69,7 @@ def gain_error(result: Panorama) -> float:
     return float(np.abs(product / np.exp(np.log(product).mean()) - 1).max())
 
 
-def test_views_of_told_orientation_give_the_world_back_with_gains_and_vignetting():
+def test_views_of_given_orientation_give_the_world_back_with_gains_and_vignetting():
     result = stitch_panorama(views_of(True))
     assert irradiance_error(result, np.eye(3)) < 0.01
     assert gain_error(result) < 0.01
@@ -79,7 +79,7 @@ def test_views_of_told_orientation_give_the_world_back_with_gains_and_vignetting
     assert result.light.size == 400  # 128 π, to a multiple of 16
 
 
-def test_a_ring_of_views_is_matched_from_a_field_told_wrongly():
+def test_a_ring_of_views_is_matched_from_a_field_given_wrongly():
     turns = [orientation(*np.radians((30 * i, 3 * (-1) ** i, 2 * (-1) ** (i // 2)))) for i in range(12)]
     pictures = [photograph(WORLD, turn, focal_length=160, size=(224, 160), cells=2) for turn in turns]
     views = [PanoramaView(picture, 165, None, f"{i}") for i, picture in enumerate(pictures)]
@@ -167,7 +167,7 @@ def test_exact_faces_that_only_touch_are_not_balanced():
     )
 
 
-def test_rims_tell_the_gain_of_one_face_and_leave_the_others():
+def test_rims_show_the_gain_of_one_face_and_leave_the_others():
     found = balance(textured_faces({"back": 1.1}))
     gains = dict(zip(FACES, found.gains[:, 0], strict=True))
     assert gains.pop("back") == pytest.approx(1 / 1.1, rel=0.01)
@@ -191,7 +191,7 @@ def test_faces_that_agree_are_taken_as_they_are():
     np.testing.assert_allclose(result.light.irradiance(NORMALS), truth, rtol=0.01)
 
 
-def test_what_no_view_sees_is_marked_told_and_filled_smoothly():
+def test_what_no_view_sees_is_marked_reported_and_filled_smoothly():
     views = [view for view in face_views() if view.name != "down"]
     result = stitch_panorama(views, size=128, balancing=None)
     # Pixels on the edge are seen in part, so up to a pixel's width of 1.4° all round is missing.
@@ -223,7 +223,7 @@ def test_a_clipped_pixel_never_wins_over_a_measured_one():
     assert both.saturated == 0
 
 
-def test_what_is_clipped_in_every_view_is_a_bound_and_told():
+def test_what_is_clipped_in_every_view_is_a_bound_and_reported():
     turn = np.eye(3)
     white = PanoramaView(photograph(WORLD, turn, white=1.5), 160, turn, "white")
     result = stitch_panorama([white, white], size=128, balancing=None)
@@ -300,7 +300,7 @@ def test_colours_are_balanced_on_request():
     assert np.all(grey[:, 0] == grey[:, 2])
 
 
-def test_views_whose_told_orientation_is_wrong_are_doubted():
+def test_views_whose_given_orientation_is_wrong_are_doubted():
     turns = [orientation(*np.radians((yaw, 0, 0))) for yaw in (0, 40)]
     views = [PanoramaView(photograph(WORLD, turn), 160, turn, str(i)) for i, turn in enumerate(turns)]
     wrong = stitch_panorama([views[0], replace(views[1], rotation=orientation(np.radians(25), 0))], size=64)
@@ -328,7 +328,7 @@ def ring_and_sky(told: bool) -> tuple[list[PanoramaView], list[np.ndarray]]:
     return views, turns
 
 
-def test_a_sky_without_features_is_left_out_and_told():
+def test_a_sky_without_features_is_left_out_and_reported():
     views, turns = ring_and_sky(False)
     result = stitch_panorama([views[5], *views[:5]], size=64, balancing=None)
     assert [view.name for view in result.views] == ["0", "1", "2", "3", "4"]

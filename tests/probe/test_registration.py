@@ -148,7 +148,7 @@ def test_a_lone_view_stays_as_it_is(front):
     assert degrees_between(found.turns[0], np.eye(3)) == 0
 
 
-def test_a_told_place_wrong_by_more_than_a_tape_measure_is_doubted(front):
+def test_a_given_place_wrong_by_more_than_a_tape_measure_is_doubted(front):
     wrong = CENTRE + turned(OTHERS["a quarter turn"] - CENTRE, np.array([0.0, 1.0, 0.0]), 40.0)
     picture = photograph_ball(lobes, OTHERS["a quarter turn"], width=240, height=240, focal_length=2200.0)
     other = unwrap_ball(picture, camera=wrong, centre=CENTRE, focal_length=2200.0)

@@ -49,14 +49,14 @@ def test_blocks_of_a_large_map_tell_the_same_as_its_pixels(monkeypatch):
     assert np.any(blocks.irradiance != whole.irradiance)
 
 
-def test_nothing_is_lines_of_a_step_that_keeps_the_light():
+def test_a_step_that_keeps_the_light_loses_nothing():
     light = sunny(64)
     rounded = EnvironmentMap((light.radiance * (1 + 0.004 * np.sin(np.arange(128))[:, None])).astype(np.float32))
     assert light.audit().losses(light.audit()) == ()
     assert light.audit().losses(rounded.audit()) == ()
 
 
-def test_a_lost_sun_is_lines_with_its_direction():
+def test_a_lost_sun_is_named_with_its_direction():
     light = sunny(64, sun=4000)
     lines = light.audit().losses(EnvironmentMap(np.minimum(light.radiance, 3)).audit())
     assert len(lines) == 3
@@ -64,7 +64,7 @@ def test_a_lost_sun_is_lines_with_its_direction():
     assert "the brightest light, towards (0.69, 0.31, -0.65), is gone" in lines[2]
 
 
-def test_a_light_that_only_moved_is_lines_by_irradiance():
+def test_a_light_that_only_moved_shows_in_the_irradiance():
     light = sunny(64, sun=4000)
     turned = EnvironmentMap(np.roll(light.radiance, 32, axis=1))
     lines = light.audit().losses(turned.audit())
@@ -86,7 +86,7 @@ def test_black_maps_are_no_fault():
     assert black.audit().losses(black.audit()) == ()
 
 
-def test_a_fisheye_that_leaves_the_sun_out_is_lines():
+def test_a_fisheye_that_leaves_the_sun_out_loses_light():
     light = sunny(64, sun=4000)
     lens = Fisheye(np.radians(90))
     shown = EnvironmentMap(
