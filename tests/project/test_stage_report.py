@@ -137,7 +137,7 @@ def test_the_page_holds_all_it_shows_and_asks_nothing_of_the_net(tmp_path: Path)
     with pytest.warns(UserWarning, match="brighter or darker") as warned:
         write_stage_report(field, tmp_path / "report.html", {"sky <1>.hdr": sky}, title="stage <b>&")
     text = (tmp_path / "report.html").read_text("utf-8")
-    assert str(warned[0].message) in text
+    assert len(warned) == 1 and str(warned[0].message) in text
     assert "<h1>stage &lt;b&gt;&amp;</h1>" in text and "<b>" not in text and "sky &lt;1&gt;.hdr" in text
     for words in ("Turn the light", "Reflectance functions", "Where the lights stand", "Under even light", "12×10"):
         assert words in text

@@ -62,6 +62,19 @@ def test_a_value_comes_back_to_the_bit(value: Any) -> None:
     assert same(value, unpacked(packed(value)))
 
 
+def test_a_recovered_scene_is_kept_in_its_file_to_the_bit(tmp_path: Path) -> None:
+    def again() -> RecoveredLocal:
+        pytest.fail("made again")
+
+    assert same(LOCAL, Steps(Stages(tmp_path)).keep("local", {"a": 1}, lambda: LOCAL))
+    steps = Steps(Stages(tmp_path))
+    back = steps.keep("local", {"a": 1}, again)
+    assert steps.kept == ["local"] and back is not LOCAL and same(LOCAL, back)
+    mesh = back.surfaces[1].shapes[0]
+    assert isinstance(mesh, Mesh) and np.array_equal(mesh.vertices, MESH.vertices)
+    assert same(mesh.material, glossy(ALBEDO, GLOSS))
+
+
 def test_an_array_that_stands_twice_is_packed_once() -> None:
     arrays = packed(LOCAL)
     assert sum(array.shape == ALBEDO.shape for array in arrays.values()) == 3

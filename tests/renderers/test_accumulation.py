@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from relume.renderers.progressive.accumulation import RenderSession, accumulate,
 from relume.renderers.progressive.accumulators import Sums
 from relume.renderers.progressive.checkpoint import Checkpoint, previous, read_checkpoint, write_checkpoint
 from relume.renderers.progressive.convergence import ChangeError, StandardError, Target
+from relume.renderers.progressive.fingerprint import program
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Scene
@@ -512,3 +514,8 @@ def test_an_estimate_from_few_passes_is_not_too_small():
 def test_a_target_that_cannot_be_is_refused(noise, confirmations):
     with pytest.raises(ValueError, match="expected above 0, and 1 or more"):
         Target(noise, StandardError(), confirmations)
+
+
+@pytest.mark.parametrize("decoder", ["imagecodecs", "rawpy"])
+def test_a_result_depends_on_the_libraries_that_decode_photographs(decoder):
+    assert program()[decoder] == version(decoder)

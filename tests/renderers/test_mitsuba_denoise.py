@@ -2,40 +2,71 @@
 
 import numpy as np
 
+from relume.composite.differential import composed
 from relume.renderers.mitsuba.denoise import denoised
 from relume.renderers.results import Change
 
 HEIGHT, WIDTH = 32, 40
+OBJECT = np.s_[10:20, 10:20]
+PLATE = np.ones((HEIGHT, WIDTH, 3), np.float32)
 
 
-def flat_change(level=0.5, noise=0.1):
-    """A darker square on a noisy floor, with its matte and a noisy shadow beside it."""
+def flat_change(*, level=0.1, object_noise=0.02, shadow=-0.25, noise=0.1, covered=OBJECT):
+    """An object on a noisy shadow that lies on most of the picture.
+
+    The plate has no noise to take out: a photograph is never denoised by the renderer. What was noisy here when the
+    floor was rendered is now the difference, so the shadow is as broad and as noisy as that floor was.
+    """
     generator = np.random.default_rng(9)
-    floor = (level + noise * generator.standard_normal((HEIGHT, WIDTH, 3))).clip(0).astype(np.float32)
     matte = np.zeros((HEIGHT, WIDTH), np.float32)
-    matte[10:20, 10:20] = 1
-    objects, difference = np.zeros_like(floor), np.zeros_like(floor)
-    objects[10:20, 10:20] = (0.1 + 0.02 * generator.standard_normal((10, 10, 3))).clip(0)
-    difference[10:20, 20:30] = -0.5 * floor[10:20, 20:30]
-    normal = np.broadcast_to(np.array([0, 1, 0], np.float32), floor.shape).copy()
-    variance = np.full_like(floor, noise**2)
-    return Change(objects, difference, matte, matte, normal, np.full_like(floor, 0.5), variance, variance)
+    matte[covered] = 1
+    objects, difference = np.zeros_like(PLATE), np.zeros_like(PLATE)
+    objects[covered] = (level + object_noise * generator.standard_normal(objects[covered].shape)).clip(0)
+    difference[:, :32] = shadow + noise * generator.standard_normal((HEIGHT, 32, 3))
+    difference[matte > 0] = 0
+    normal = np.broadcast_to(np.array([0, 1, 0], np.float32), PLATE.shape).copy()
+    variance = np.full_like(PLATE, noise**2)
+    return Change(objects, difference, matte, matte, normal, np.full_like(PLATE, 0.5), variance, variance)
 
 
-def test_what_nothing_changes_stays_zero_to_the_bit():
-    change = flat_change()
-    same = np.all(change.difference == 0, axis=-1)
-    assert same.any() and not same.all()
-    assert not denoised(change).difference[same].any()
-
-
-def test_a_noisy_shadow_and_a_noisy_object_get_smoother_and_keep_their_light():
+def test_what_nothing_changes_stays_the_plate_to_the_bit():
     change = flat_change()
     smooth = denoised(change)
-    for name, part, level in (("difference", np.s_[12:18, 22:28], -0.25), ("objects", np.s_[12:18, 12:18], 0.1)):
-        before, after = (getattr(each, name)[part] for each in (change, smooth))
-        assert np.abs(after - after.mean()).mean() < 0.9 * np.abs(before - before.mean()).mean()
-        assert abs(after.mean() - level) < 0.02
+    same = np.all(change.difference == 0, axis=-1)
+    assert same.any() and not same.all()
+    assert not smooth.difference[same].any()
+    untouched = same & (change.matte == 0)
+    assert untouched.any() and np.array_equal(composed(PLATE, smooth)[untouched], PLATE[untouched])
+
+
+def test_a_composite_in_a_noisy_shadow_gets_closer_to_flat():
+    change = flat_change()
+    shaded = np.any(change.difference != 0, axis=-1)
+    before, after = (composed(PLATE, each)[shaded] for each in (change, denoised(change)))
+    assert np.abs(after - 0.75).mean() < 0.3 * np.abs(before - 0.75).mean()
+    # Nor is its light lost: the mean of 2772 values with noise 0.1 is known to 0.0019.
+    assert abs(after.mean() - before.mean()) < 0.005
+
+
+def test_light_that_is_added_gets_closer_to_flat_too():
+    change = flat_change(shadow=0.25)
+    lit = np.any(change.difference != 0, axis=-1)
+    before, after = (composed(PLATE, each)[lit] for each in (change, denoised(change)))
+    assert np.abs(after - 1.25).mean() < 0.3 * np.abs(before - 1.25).mean()
+    assert abs(after.mean() - before.mean()) < 0.005
+
+
+def test_a_broad_noisy_object_gets_closer_to_flat():
+    broad = np.s_[2:30, 2:38]
+    change = flat_change(level=0.5, object_noise=0.1, covered=broad)
+    before, after = (composed(PLATE, each)[broad] for each in (change, denoised(change)))
+    assert np.abs(after - 0.5).mean() < 0.3 * np.abs(before - 0.5).mean()
+    assert abs(after.mean() - before.mean()) < 0.005
+
+
+def test_the_object_keeps_its_own_brightness():
+    picture = composed(PLATE, denoised(flat_change()))
+    assert abs(picture[12:18, 12:18].mean() - 0.1) < 0.01
 
 
 def test_everything_but_the_two_planes_is_handed_on():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
+from relume.errors import OutputNotWritten
 from relume.lightstage.driving.drive_file import drive_as_csv, drive_as_json, write_drive
 from relume.lightstage.driving.driving import Drive, bounded_least_squares, drive
 from relume.lightstage.driving.primaries import LampPrimaries
@@ -216,7 +217,11 @@ def test_an_unlimited_drive_is_json_without_infinities():
     assert document["maximum"] is None and document["lights"][0]["intensities"] == {"red": 1, "green": 1, "blue": 1}
 
 
-def test_a_missing_file_and_another_suffix_are_refused(tmp_path):
+def test_a_folder_that_is_a_file_and_another_suffix_are_refused(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputNotWritten) as caught:
+        write_drive(tmp_path / "file" / "a.json", some_drive())
+    assert "\n" not in str(caught.value) and "a.json" in str(caught.value)
     with pytest.raises(ValueError, match=r"written to \.json or \.csv"):
         write_drive(tmp_path / "a.txt", some_drive())
 

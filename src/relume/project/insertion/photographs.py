@@ -19,6 +19,7 @@ from relume.capture.response.camera_profile import CameraProfile, read_profile
 from relume.errors import InvalidShot, NotABracket
 from relume.image import files
 from relume.image.files.signatures import kind_of
+from relume.image.photograph import Exposure
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 from relume.probe.ball.blending import Probe, blend_views
@@ -102,9 +103,9 @@ def read_photographs(shot: Shot) -> Photographs:
     else:
         plate = _source(paths, shot.plate.times)
     balls = tuple(_source(shot.files(ball.photographs), ball.times) for ball in shot.light.balls or ())
-    taken = [each for each in (plate, *balls) if isinstance(each, Bracket)]
-    require_known_exposures(taken)
-    _require_one_scale(taken)
+    taken = [each for each in (plate, *balls) if not isinstance(each, RadianceMap)]
+    require_known_exposures(each for each in taken if isinstance(each, Bracket))
+    _require_one_scale([_first_facts(each) for each in taken])
     return Photographs(plate, balls)
 
 
@@ -184,12 +185,46 @@ def _source(paths: Sequence[Path], times: Sequence[float] | None) -> BracketSour
     return tuple(paths)
 
 
-def _require_one_scale(brackets: Sequence[Bracket]) -> None:
-    """Refuse brackets of which only some hold aperture or ISO: their scales would differ by what the others hold."""
+@dataclass(frozen=True)
+class _FirstFacts:
+    """What one bracket's first photograph says of all of them; `raw` where they are camera raws."""
+
+    name: str
+    camera: str
+    exposure: Exposure | None
+    raw: bool
+
+
+def _first_facts(source: BracketSource) -> _FirstFacts:
+    if isinstance(source, Bracket):
+        return _FirstFacts(source.name, source.photographs[0].camera, source.photographs[0].exposure, False)
+    facts = files.read_facts(Path(str(source[0])))
+    return _FirstFacts(facts.name, facts.camera, facts.exposure, True)
+
+
+def _require_one_scale(brackets: Sequence[_FirstFacts]) -> None:
+    """Refuse brackets whose scales differ: camera raws beside encoded photographs, aperture or ISO in some only."""
+    raw = [each.raw for each in brackets]
+    if any(raw) and not all(raw):
+        raise NotABracket(
+            f"{brackets[raw.index(True)].name} is a camera raw and {brackets[raw.index(False)].name} is none, so their "
+            "scales differ; give camera raws for plate and balls, or for neither"
+        )
+    for each in brackets:
+        if each.raw and each.exposure is None:
+            raise NotABracket(
+                f"{each.name}: no exposure time in its EXIF, so its scale is not that of the others; develop plate and "
+                "balls to encoded photographs and give times"
+            )
     for attribute in ("f_number", "iso"):
-        known = [getattr(b.photographs[0].exposure, attribute) is not None for b in brackets]
+        known = [getattr(each.exposure, attribute, None) is not None for each in brackets]
         if any(known) and not all(known):
             having, lacking = brackets[known.index(True)].name, brackets[known.index(False)].name
+            if raw[0]:
+                raise NotABracket(
+                    f"{lacking} has no {attribute} in its EXIF and {having} has one, so their scales differ; take all "
+                    "with a lens and a camera that store it, or develop all to encoded photographs and give times"
+                )
             raise NotABracket(
                 f"{lacking} has no {attribute} and {having} has one, so their scales differ; give times for all or none"
             )
@@ -198,21 +233,40 @@ def _require_one_scale(brackets: Sequence[Bracket]) -> None:
 def _merged(shot: Shot, photographs: Photographs) -> tuple[list[MergedBracket], dict[str, MergedCamera]]:
     """Every bracket merged, in the order plate, balls; and what is known of the cameras.
 
-    Brackets with the same settings are merged together, so that those of one camera recover one response. Those with
-    other settings take the response that was recovered of their camera before.
+    Brackets of one camera with the same settings are merged together, so that they recover one response. Those with
+    other settings take the camera's profile, where another of its brackets has one, else the response that was
+    recovered of it before: plate and light of one camera have one white.
     """
     pairs: list[tuple[BracketSource, MergeTable]] = []
     if not isinstance(photographs.plate, RadianceMap):
         pairs.append((photographs.plate, shot.plate))
     pairs += zip(photographs.balls, shot.light.balls or (), strict=True)
-    kinds = [(table.profile, table.merge_settings()) for _, table in pairs]
+    facts = [_first_facts(source) for source, _ in pairs]
+    own = [table.profile for _, table in pairs]
+    read = {name: _profile(shot.folder / name) for name in dict.fromkeys(own) if name is not None}
+    of_camera: dict[str, str] = {}
+    for one, name in zip(facts, own, strict=True):
+        if name is not None and read[of_camera.setdefault(one.camera, name)].balance != read[name].balance:
+            raise InvalidShot(
+                f"profile: {of_camera[one.camera]} and {name} are both for {one.camera or 'one camera'} and balance "
+                "white differently; give plate and balls the same one"
+            )
+    profiles = [name or of_camera.get(one.camera) for one, name in zip(facts, own, strict=True)]
+    _require_one_recovery(facts, profiles, [table for _, table in pairs])
+
+    # The brackets of one camera, profile and settings together.
+    kinds = [
+        (one.camera, profile, table.merge_settings())
+        for one, profile, (_, table) in zip(facts, profiles, pairs, strict=True)
+    ]
     found: dict[int, MergedBracket] = {}
     cameras: dict[str, MergedCamera] = {}
-    for profile, settings in dict.fromkeys(kinds):
-        chosen = [index for index, each in enumerate(kinds) if each == (profile, settings)]
-        sources = [pairs[index][0] for index in chosen]
-        known = _known_response(sources, cameras) if profile is None else _profile(shot.folder / profile)
-        result = merge_brackets(sources, profile=known, settings=settings)
+    for kind in dict.fromkeys(kinds):
+        camera, profile, settings = kind
+        chosen = [index for index, each in enumerate(kinds) if each == kind]
+        before = cameras[camera].response if camera in cameras else None
+        known = before if profile is None else read[profile]
+        result = merge_brackets([pairs[index][0] for index in chosen], profile=known, settings=settings)
         for line in (*result.warnings, *result.notes):
             warnings.warn(line, stacklevel=2)
         found |= zip(chosen, result.brackets, strict=True)
@@ -227,11 +281,21 @@ def _profile(path: Path) -> CameraProfile:
         raise InvalidShot(f"profile: {error}") from None
 
 
-def _known_response(sources: Sequence[BracketSource], cameras: dict[str, MergedCamera]) -> Response | None:
-    """The response that was recovered before of the one camera that took these brackets; None for any other."""
-    names = {each.photographs[0].camera if isinstance(each, Bracket) else None for each in sources}
-    name = names.pop() if len(names) == 1 else None
-    return cameras[name].response if name in cameras else None
+def _require_one_recovery(
+    facts: Sequence[_FirstFacts], profiles: Sequence[str | None], tables: Sequence[MergeTable]
+) -> None:
+    """Refuse two ways to recover one camera's response, which is recovered once; raises InvalidShot."""
+    ways: dict[str, tuple[str, dict[str, object]]] = {}
+    for one, profile, table in zip(facts, profiles, tables, strict=True):
+        if one.raw or profile is not None:
+            continue
+        way = table.model_dump(include={"method", "neutral", "refine"})
+        first, before = ways.setdefault(one.camera, (one.name, way))
+        if differing := [key for key in way if way[key] != before[key]]:
+            raise InvalidShot(
+                f"{differing[0]}: differs between {first} and {one.name}, of one camera, whose response is recovered "
+                "once; give plate and balls the same"
+            )
 
 
 def _merged_plate(merged: MergedBracket) -> MergedPlate:

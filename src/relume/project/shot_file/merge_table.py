@@ -17,7 +17,7 @@ class MergeTable(Table):
     deghost : whether what moved between them is left out
     refine : whether exposures that the photographs contradict are corrected
     method : recovers the response
-    neutral : the pixel value at which equal channels are grey; white unless given
+    neutral : the pixel value at which equal channels are grey; unless given as in `MergeSettings`
     profile : a camera profile, as `relume merge --save-profile` writes it, in place of a response recovered here
     """
 

@@ -16,7 +16,9 @@ from relume.renderers.mitsuba.variant import choose_variant
 from relume.scene.cameras.camera import Camera
 from relume.scene.scene import Scene
 
-LIBRARIES = ("numpy", "scipy", "mitsuba", "drjit", "mitsuba-oidn", "opencv-python-headless", "trimesh")
+LIBRARIES = (
+    "numpy", "scipy", "mitsuba", "drjit", "mitsuba-oidn", "opencv-python-headless", "trimesh", "imagecodecs", "rawpy",
+)  # fmt: skip
 """Those whose numbers relume passes on."""
 
 

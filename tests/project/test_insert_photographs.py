@@ -1,0 +1,96 @@
+"""The photographs of a shot: on one scale, by one response and one white for each camera, or refused."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dng_files import sensed, write_dng
+from relume.capture.brackets.merging import merge_brackets
+from relume.capture.lens.vignetting import Vignetting
+from relume.capture.response.camera_profile import CameraProfile, write_profile
+from relume.errors import InvalidShot, NotABracket
+from relume.project.insertion.photographs import Calibrated, calibrate, read_photographs
+from relume.project.shot_file.shot import Shot, read_shot
+from relume.project.stages import Stages, Steps
+from shoots import textured
+
+ROOM = Path(__file__).parents[2] / "examples" / "room"
+
+
+@pytest.fixture
+def shot(tmp_path: Path) -> Shot:
+    """The room with one ball, merged as it lies: what is asked here needs no more."""
+    shutil.copytree(ROOM, tmp_path / "room")
+    whole = read_shot(tmp_path / "room" / "shot.toml")
+    return changed(whole, {"align": False, "deghost": False, "denoise": False}, {"align": False, "deghost": False})
+
+
+def changed(shot: Shot, plate: Mapping[str, object], ball: Mapping[str, object]) -> Shot:
+    assert shot.light.balls is not None
+    first = shot.light.balls[0].model_copy(update=ball)
+    light = shot.light.model_copy(update={"balls": [first], "size": 32})
+    return shot.model_copy(update={"plate": shot.plate.model_copy(update=plate), "light": light})
+
+
+def calibrated(shot: Shot, out: Path) -> Calibrated:
+    return calibrate(shot, read_photographs(shot), Steps(Stages(out)))
+
+
+def raws(shot: Shot, name: str, f_number: float | None, seconds: float | None = 1.0) -> list[str]:
+    mosaic = sensed(textured(96, 64).mean(2) / 30, 1.0)
+    return [write_dng(shot.folder / name, mosaic, f_number=f_number, seconds=seconds).name]
+
+
+def test_camera_raws_beside_encoded_photographs_are_refused(shot: Shot) -> None:
+    """Times have no aperture: at f/4 the two differed by 16, unseen."""
+    plate = {"photographs": raws(shot, "plate.dng", 4.0)}
+    with pytest.raises(NotABracket, match=r"plate\.dng is a camera raw .*scales differ") as refusal:
+        read_photographs(changed(shot, plate, {"times": [2.0**stop for stop in range(9)]}))
+    assert "\n" not in str(refusal.value)
+
+
+def test_camera_raws_without_the_facts_of_the_others_are_refused(shot: Shot) -> None:
+    plate = {"photographs": raws(shot, "plate.dng", 4.0)}
+    known = changed(shot, plate, {"photographs": raws(shot, "known.dng", 5.6)})
+    assert len(read_photographs(known).balls) == 1
+    lens = changed(shot, plate, {"photographs": raws(shot, "ball.dng", None)})
+    with pytest.raises(NotABracket, match=r"ball\.dng has no f_number .*plate\.dng has one"):
+        read_photographs(lens)
+    timeless = changed(shot, plate, {"photographs": raws(shot, "timeless.dng", 4.0, None)})
+    with pytest.raises(NotABracket, match=r"timeless\.dng: no exposure time"):
+        read_photographs(timeless)
+
+
+@pytest.fixture
+def profiled(shot: Shot) -> Shot:
+    """With two profiles of the room's camera beside it that balance white differently."""
+    found = merge_brackets(shot.files(shot.plate.photographs)).camera
+    fall_off = Vignetting((-0.2,)).to_dict()
+    for name, balance in (("one.json", (1.5, 1.0, 0.7)), ("other.json", (1.0, 1.0, 2.0))):
+        profile = CameraProfile(found.name, found.response, vignetting=fall_off, balance=balance)
+        write_profile(shot.folder / name, profile)
+    return shot
+
+
+def test_the_profile_of_a_camera_counts_for_its_plate_and_its_light(profiled: Shot, tmp_path: Path) -> None:
+    both = calibrated(changed(profiled, {"profile": "one.json"}, {"profile": "one.json"}), tmp_path / "both")
+    for name, plate, ball in (("plate", "one.json", None), ("ball", None, "one.json")):
+        found = calibrated(changed(profiled, {"profile": plate}, {"profile": ball}), tmp_path / name)
+        assert np.array_equal(found.plate.radiance, both.plate.radiance)
+        assert np.array_equal(found.probe.light.radiance, both.probe.light.radiance)
+
+
+def test_two_whites_of_one_camera_are_refused(profiled: Shot, tmp_path: Path) -> None:
+    with pytest.raises(InvalidShot, match=r"one\.json and other\.json .*the same one"):
+        calibrated(changed(profiled, {"profile": "one.json"}, {"profile": "other.json"}), tmp_path)
+
+
+@pytest.mark.parametrize("own", [{"method": "robertson"}, {"neutral": 128}, {"refine": True}])
+def test_two_ways_to_one_response_are_refused(shot: Shot, tmp_path: Path, own: dict[str, object]) -> None:
+    with pytest.raises(InvalidShot, match=f"^{next(iter(own))}: differs between .*recovered once"):
+        calibrated(changed(shot, {}, own), tmp_path)
