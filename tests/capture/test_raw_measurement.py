@@ -127,9 +127,9 @@ def test_times_and_white_that_are_given_count(light, sound, whole):
     assert {frame.f_number for frame in doubled.brackets[0].frames} == {None}
     assert {frame.source for frame in doubled.brackets[0].frames} == {"given"}
     # A balance of the merged map, to the bit; the camera's own white, in camera colours, is that for daylight.
-    gains = Balance((1.0, 1.0, 2.0))
+    gains = ChannelGains((1.0, 1.0, 2.0))
     warm = merge_brackets(sound, settings=MergeSettings(balance=gains)).brackets[0].picture
-    assert np.array_equal(warm.radiance, balanced(merge_raw(sound), gains).radiance)
+    assert np.array_equal(warm.radiance, apply_balance(merge_raw(sound), gains).radiance)
     own = whole.brackets[0].picture.radiance
     assert np.array_equal(merge_raw(sound, balance=read_raw(sound[0]).daylight).radiance, own)
     assert not np.array_equal(merge_raw(sound, balance=gains.gains).radiance, own)
