@@ -288,4 +288,4 @@ def test_an_environment_of_a_scene_file_is_written(tmp_path, capsys):
     line = refused([*words[:4], "--environment", "0,1,0", "--size", "64x48"], capsys)
     assert "twice as wide as high" in line
     line = refused([*words[:4], "--environment", "0,1,0", "--frames", "3"], capsys)
-    assert "--frames asks for pictures" in line
+    assert "--environment shows all directions" in line and "--frames is for pictures" in line

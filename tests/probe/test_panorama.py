@@ -172,7 +172,7 @@ def test_rims_show_the_gain_of_one_face_and_leave_the_others():
     gains = dict(zip(FACES, found.gains[:, 0], strict=True))
     assert gains.pop("back") == pytest.approx(1 / 1.1, rel=0.01)
     np.testing.assert_allclose(list(gains.values()), 1, atol=0.005)
-    assert len(found.notes) == 1 and "views only touch" in found.notes[0] and "back" in found.notes[0]
+    assert len(found.remarks) == 1 and "views only touch" in found.remarks[0] and "back" in found.remarks[0]
 
 
 def test_unbalanced_views_are_still_compared():
@@ -311,7 +311,7 @@ def test_views_whose_given_orientation_is_wrong_are_doubted():
 def test_views_that_do_not_overlap_are_named():
     turns = [orientation(*np.radians((yaw, 0, 0))) for yaw in (0, 35, 180)]
     views = [PanoramaView(photograph(WORLD, turn), 160, None, name) for turn, name in zip(turns, "abc", strict=True)]
-    with pytest.raises(NotAPanorama, match=r"^c: too little in common with a, b to tell") as caught:
+    with pytest.raises(NotAPanorama, match=r"^c: too little in common with a, b to find the orientation") as caught:
         stitch_panorama(views)
     assert "\n" not in str(caught.value)
 

@@ -72,7 +72,9 @@ def test_lines_that_tell_no_focal_length_take_it_from_the_plate(tmp_path: Path) 
     lines = f"lines = {{ {text}, origin = {points['o'].tolist()}, camera_height = 0.5 }}".replace("(", "").replace(
         ")", ""
     )
-    with pytest.warns(UserWarning, match="do not tell the focal length; the plate's EXIF does: 1400 pixels"):
+    with pytest.warns(
+        UserWarning, match=r"^camera\.lines do not determine the focal length; .*plate's EXIF .*: 1400 pixels"
+    ):
         fit = camera_fit(table(tmp_path, lines), SIZE, tmp_path, 1400.0)
     assert np.linalg.norm(fit.camera.position - ahead.position) < 1e-6
     with pytest.raises(InvalidShot, match=r"^camera\.lines: .*give focal_length"):
@@ -140,7 +142,7 @@ GRID = 'grid = { photograph = "g.jpg", squares = [9, 6], square = 0.03, %s }\n'
     [
         ("", "give one of grid, pose, lines and file"),
         (POSE + 'file = "a.glb"', "give one of grid, pose, lines and file"),
-        ('file = "a.glb"\nfocal_length = 3.0', "file tells the focal length and the centre; leave focal_length and"),
+        ('file = "a.glb"\nfocal_length = 3.0', "file holds the focal length and the centre; leave focal_length and"),
         ("gird = 3", "gird: unknown key; did you mean grid?"),
         (f"lines = {{ {LINES} }}", "lines: give one of length, upright and camera_height"),
         ("lines = { x = [[1, 2, 3]], origin = [1, 2], camera_height = 1.0 }", "lines.x.0"),

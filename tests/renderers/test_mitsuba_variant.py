@@ -109,9 +109,9 @@ def test_a_link_without_a_number_has_the_version_of_what_it_leads_to(tmp_path):
 RENDERING = """
 import sys
 import numpy as np
-from relume.renderers import mitsuba_variant
-mitsuba_variant.FOLDERS = (sys.argv[1],)
-mitsuba_variant._cuda_answers = lambda: False
+from relume.renderers.mitsuba import variant
+variant.FOLDERS = (sys.argv[1],)
+variant._cuda_answers = lambda: False
 import relume as rl
 ball = rl.Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32), rl.Diffuse((0.5, 0.5, 0.5)))
 scene = rl.Scene(rl.EnvironmentMap(np.ones((4, 8, 3), np.float32)), (rl.Plane(rl.Diffuse((0.5, 0.5, 0.5))),), (ball,))

@@ -62,7 +62,7 @@ def test_the_reference_distance_tells_the_unit(tmp_path, unit, metres):
 @pytest.mark.parametrize("settings", [{"unit": "No unit"}, {"axis": None}])
 def test_a_project_without_a_reference_distance_warns(tmp_path, settings):
     path = written(tmp_path, saved(**settings))
-    with pytest.warns(UserWarning, match="its units are taken for metres"):
+    with pytest.warns(UserWarning, match="its units are taken as metres"):
         read_fspy(path, 1200, 800)
     assert read_fspy(path, 1200, 800, unit=0.5).position[0] == pytest.approx(0.5)
 

@@ -273,7 +273,7 @@ def test_a_fisheye_shows_its_field_and_nothing_else():
     assert np.isnan(lens.image_points(X)).all()
     with pytest.raises(ValueError, match="a fisheye of 400°; expected more than 0 and up to 360"):
         Fisheye(np.radians(400))
-    with pytest.raises(ValueError, match="no fisheye; write fisheye:equidistant:DEGREES"):
+    with pytest.raises(ValueError, match="not a fisheye; write fisheye:equidistant:DEGREES"):
         mapping_named("fisheye:stereographic:180")
     assert mapping_named("fisheye") == Fisheye() == mapping_named("fisheye:equidistant:180")
     assert mapping_named(Fisheye(1.7).name) == Fisheye(1.7)
