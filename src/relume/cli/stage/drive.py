@@ -38,7 +38,9 @@ def drive(
         ),
     ] = None,
     white: Annotated[bool, Parameter(negative="", help="Lamps that have no colour and can only be dimmed.")] = False,
-    maximum: Annotated[float, Parameter(help="Highest intensity of a primary; none unless given.")] = float("inf"),
+    maximum: Annotated[
+        float, Parameter(show_default=False, help="Highest intensity of a primary; none unless given.")
+    ] = float("inf"),
     rotate: Annotated[
         Angles | None, Parameter(help="Turn the map by YAW[,PITCH[,ROLL]] degrees, right-handed.")
     ] = None,

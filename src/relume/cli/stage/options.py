@@ -32,7 +32,14 @@ Stage = Annotated[
 ]
 Camera = Annotated[str | None, Parameter(help="Whose pictures, where the stage has several cameras; the first.")]
 MaxMemory = Annotated[
-    int, Parameter(converter=_bytes, n_tokens=1, metavar="SIZE", help="Memory for pictures at most, like 500M or 4G.")
+    int,
+    Parameter(
+        converter=_bytes,
+        n_tokens=1,
+        metavar="SIZE",
+        show_default=lambda size: f"{size >> 30}G",
+        help="Memory for pictures at most, like 500M or 4G.",
+    ),
 ]
 MEMORY = 2 << 30
 Exposure = Annotated[float, Parameter(allow_leading_hyphen=True, help="Stops to brighten .png, .jpg and .mp4 by.")]
