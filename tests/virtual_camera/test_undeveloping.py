@@ -1,7 +1,6 @@
 """The camera backwards: what was developed comes back within its pixel values' steps, and what was cut off is told."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -106,7 +105,9 @@ def test_a_response_of_another_depth_and_a_white_photograph_are_refused():
 class Gain:
     factor: float
 
-    absolute: ClassVar[bool] = False
+    @property
+    def absolute(self) -> bool:
+        return False
 
     def apply(self, radiance, view):
         return radiance * np.float32(self.factor)
@@ -121,7 +122,9 @@ class Shift:
 
     columns: int
 
-    absolute: ClassVar[bool] = False
+    @property
+    def absolute(self) -> bool:
+        return False
 
     def apply(self, radiance, view):
         return np.roll(radiance, self.columns, axis=1)
@@ -134,7 +137,9 @@ class Shift:
 
 @dataclass(frozen=True)
 class Blur:
-    absolute: ClassVar[bool] = False
+    @property
+    def absolute(self) -> bool:
+        return False
 
     def apply(self, radiance, view):
         return radiance

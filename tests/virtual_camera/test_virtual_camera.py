@@ -1,7 +1,7 @@
 """The virtual camera: light in physical order, adaptation that is steady, and one call from radiance to a picture."""
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,7 +43,9 @@ class Noted:
     name: str
     passed: list
 
-    absolute: ClassVar[bool] = False
+    @property
+    def absolute(self) -> bool:
+        return False
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         self.passed.append(self.name)
@@ -245,7 +247,9 @@ def test_an_eyes_own_adaptation_settles_over_a_sequence():
     class Eye:
         seen: list
 
-        absolute: ClassVar[bool] = False
+        @property
+        def absolute(self) -> bool:
+            return False
 
         def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
             self.seen.append(view.settled)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -33,7 +32,9 @@ class LensGeometry:
     lateral: LateralColour | None = None
     centre: tuple[float, float] = (0.5, 0.5)
 
-    absolute: ClassVar[bool] = False
+    @property
+    def absolute(self) -> bool:
+        return False
 
     def __post_init__(self) -> None:
         if not (len(self.centre) == 2 and np.all(np.isfinite(self.centre))):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -22,7 +21,9 @@ class CosineFourth:
     The angle follows from the view's focal length; the axis meets the picture's middle.
     """
 
-    absolute: ClassVar[bool] = False
+    @property
+    def absolute(self) -> bool:
+        return False
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 times cos⁴α."""
@@ -45,7 +46,9 @@ class PolynomialVignetting:
     coefficients: tuple[float, ...]
     centre: tuple[float, float] = (0.5, 0.5)
 
-    absolute: ClassVar[bool] = False
+    @property
+    def absolute(self) -> bool:
+        return False
 
     def __post_init__(self) -> None:
         self._measured()
@@ -71,7 +74,9 @@ class MeasuredVignetting:
 
     vignetting: Vignetting
 
-    absolute: ClassVar[bool] = False
+    @property
+    def absolute(self) -> bool:
+        return False
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 times the falloff; raises ValueError where that is not above 0."""

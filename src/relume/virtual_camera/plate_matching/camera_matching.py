@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -42,7 +41,9 @@ class Softness:
 
     sharpness: Sharpness
 
-    absolute: ClassVar[bool] = False
+    @property
+    def absolute(self) -> bool:
+        return False
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 as that lens spreads it; light stays the same, mirrored at the border."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -35,7 +34,9 @@ class BlackWhitePoint:
     black: float = 1.0
     white: float = 1.0
 
-    absolute: ClassVar[bool] = False
+    @property
+    def absolute(self) -> bool:
+        return False
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.white) and 0 < self.black * LEAST < self.white):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -54,7 +53,9 @@ class Ferwerda:
     acuity: bool = True
     colour: bool = True
 
-    absolute: ClassVar[bool] = True
+    @property
+    def absolute(self) -> bool:
+        return True
 
     def __post_init__(self) -> None:
         if not 0 < self.percentile <= 100:

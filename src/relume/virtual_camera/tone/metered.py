@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -50,7 +50,9 @@ class MeteredExposure:
     percentile: float | None = 99.0
     grey: float | None = 0.18
 
-    absolute: ClassVar[bool] = False
+    @property
+    def absolute(self) -> bool:
+        return False
 
     def __post_init__(self) -> None:
         if self.percentile is None and self.grey is None:
@@ -93,7 +95,9 @@ class FixedExposure:
 
     display_per_radiance: float = 1.0
 
-    absolute: ClassVar[bool] = False
+    @property
+    def absolute(self) -> bool:
+        return False
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.display_per_radiance) and self.display_per_radiance > 0):
@@ -129,7 +133,9 @@ class CameraExposure:
     exposure: Exposure
     saturating: bool = False
 
-    absolute: ClassVar[bool] = True
+    @property
+    def absolute(self) -> bool:
+        return True
 
     def __post_init__(self) -> None:
         saturation_luminance(self.exposure)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -60,7 +60,9 @@ class Ocio:
     looks: tuple[str, ...] = ()
     grey: float | None = None
 
-    absolute: ClassVar[bool] = False
+    @property
+    def absolute(self) -> bool:
+        return False
 
     def __post_init__(self) -> None:
         if self.grey is not None and not (np.isfinite(self.grey) and self.grey > 0):

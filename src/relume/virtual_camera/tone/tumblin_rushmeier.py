@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -31,7 +30,9 @@ class TumblinRushmeier:
 
     screen: DisplayRange = DisplayRange()
 
-    absolute: ClassVar[bool] = True
+    @property
+    def absolute(self) -> bool:
+        return True
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
         """What an eye before radiance (H, W, 3) is adapted to: exp of the mean of ln(L + 2.3e-5), cd/m²."""

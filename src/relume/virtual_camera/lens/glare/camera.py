@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar
 
 import numpy as np
 
@@ -46,7 +45,9 @@ class CameraGlare:
     halo_power: float = 1.25
     mirrored: bool = False
 
-    absolute: ClassVar[bool] = False
+    @property
+    def absolute(self) -> bool:
+        return False
 
     def __post_init__(self) -> None:
         for name in ("f_number", "sensor_width", "halo_core"):

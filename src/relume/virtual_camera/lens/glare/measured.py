@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -29,7 +28,9 @@ class MeasuredGlare:
     kernel: np.ndarray
     mirrored: bool = False
 
-    absolute: ClassVar[bool] = False
+    @property
+    def absolute(self) -> bool:
+        return False
 
     def __post_init__(self) -> None:
         shape = self.kernel.shape

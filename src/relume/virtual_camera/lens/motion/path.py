@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 
@@ -49,7 +48,9 @@ class HomographyPath:
     times: np.ndarray | None = None
     shutter: Shutter = field(default_factory=Shutter)
 
-    absolute: ClassVar[bool] = False
+    @property
+    def absolute(self) -> bool:
+        return False
 
     def __post_init__(self) -> None:
         matrices = np.asarray(self.matrices)
@@ -102,7 +103,9 @@ class TurningCamera:
     roll: float = 0.0
     shutter: Shutter = field(default_factory=Shutter)
 
-    absolute: ClassVar[bool] = False
+    @property
+    def absolute(self) -> bool:
+        return False
 
     def __post_init__(self) -> None:
         angle = np.linalg.norm([self.pitch, self.yaw, self.roll])

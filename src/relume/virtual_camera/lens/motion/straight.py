@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 
@@ -36,7 +35,9 @@ class StraightMotion:
     dy: float = 0.0
     shutter: Shutter = field(default_factory=Shutter)
 
-    absolute: ClassVar[bool] = False
+    @property
+    def absolute(self) -> bool:
+        return False
 
     def __post_init__(self) -> None:
         if not np.hypot(self.dx, self.dy) <= 65536:

@@ -8,7 +8,7 @@ without a logarithm.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -46,7 +46,8 @@ class Contrast(Protocol):
     absolute : whether the world's luminances have to be in cd/m²; else they are in any unit
     """
 
-    absolute: ClassVar[bool]
+    @property
+    def absolute(self) -> bool: ...
 
     def slope(self, world: np.ndarray, shown: np.ndarray) -> np.ndarray:
         """The greatest d ln(shown)/d ln(world) where luminances `world` are `shown`, cd/m²."""
@@ -61,7 +62,9 @@ class Contrast(Protocol):
 class LinearContrast:
     """No contrast beyond that of the scene (Ward Larson et al. 1997, eq. 5)."""
 
-    absolute: ClassVar[bool] = False
+    @property
+    def absolute(self) -> bool:
+        return False
 
     def slope(self, world: np.ndarray, shown: np.ndarray) -> np.ndarray:
         return np.ones_like(world)
@@ -74,7 +77,9 @@ class LinearContrast:
 class HumanContrast:
     """Nothing seen on the screen that could not be seen in the scene (Ward Larson et al. 1997, eqs. 7a–c)."""
 
-    absolute: ClassVar[bool] = True
+    @property
+    def absolute(self) -> bool:
+        return True
 
     def slope(self, world: np.ndarray, shown: np.ndarray) -> np.ndarray:
         return threshold(shown) / threshold(world) * world / shown

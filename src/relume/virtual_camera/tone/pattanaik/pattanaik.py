@@ -7,7 +7,6 @@ what each scale is adapted to, opponent colours, transducers of contrast.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -45,7 +44,9 @@ class Pattanaik:
     screen: DisplayRange = DisplayRange()
     screen_adaptation: float | None = None
 
-    absolute: ClassVar[bool] = True
+    @property
+    def absolute(self) -> bool:
+        return True
 
     def __post_init__(self) -> None:
         adapted = self.screen_adaptation
