@@ -46,8 +46,6 @@ BELOW_ALL = ["errors", "_kernel"]  # single modules any folder may import; they 
 ABOVE_ALL = ["", "__main__"]  # the package's own __init__ and `python -m relume` see everything
 USERS_OF_THE_PUBLIC_API = ["cli", "studio"]  # they alone may say `import relume`
 
-NOT_YET_ON_THE_PUBLIC_NAMES: set[str] = {}
-
 IMAGE_READERS = {"OpenEXR", "OpenImageIO", "PIL", "rawpy", "imageio", "imagecodecs", "tifffile"}
 IMAGE_FILE_CALLS = {"imread", "imwrite", "imdecode", "imencode", "imsave"}  # cv2, matplotlib and imageio spell it so
 MAY_OPEN_IMAGES: dict[str, str] = {}  # path in the package → the reason why it may, beside image/files/
@@ -123,7 +121,7 @@ def inner_modules_behind_the_public_names(package: Path) -> list[str]:
     return [
         f"{path}:{line}: {name}"
         for path, tree in modules(package)
-        if folder_of(path) in USERS_OF_THE_PUBLIC_API and path not in NOT_YET_ON_THE_PUBLIC_NAMES
+        if folder_of(path) in USERS_OF_THE_PUBLIC_API
         for line, name in imports(path, tree)
         if re.match(r"relume\.\w+\.", name)
         and not is_within(name, *(f"relume.{user}." for user in USERS_OF_THE_PUBLIC_API))

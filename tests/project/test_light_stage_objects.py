@@ -11,7 +11,7 @@ import trimesh
 
 from relume.errors import InvalidShot
 from relume.image.radiance import RadianceMap
-from relume.lightstage.novel_view.measured_view import NewView
+from relume.lightstage.novel_view.source_views import NewView
 from relume.project.insertion.light_stage_objects import laid_over, with_stages
 from relume.project.shot_file.shot import read_shot
 from relume.renderers.results import Change

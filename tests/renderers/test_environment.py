@@ -11,7 +11,7 @@ import lights
 from relume.errors import UnsupportedScene
 from relume.renderers.environment_probe import environment, face_camera
 from relume.renderers.mitsuba.path_tracer import Mitsuba
-from relume.renderers.renderer import Constant, render
+from relume.renderers.renderer import Constant, Renderer, render
 from relume.renderers.whitted.whitted import Whitted
 from relume.scene.cameras.camera import Camera
 from relume.scene.lights import AmbientLight, DistantLight, Linear, PointLight
@@ -45,7 +45,7 @@ def test_the_faces_look_where_the_cross_has_them():
 
 
 @dataclass(frozen=True)
-class Recorder:
+class Recorder(Renderer):
     """Renders black, and remembers how wide the pictures are."""
 
     sides: list[int] = field(default_factory=list)

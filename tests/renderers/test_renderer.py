@@ -55,6 +55,6 @@ def test_a_renderer_that_cannot_blur_what_moves_warns():
 
 
 def test_the_differential_renderer_renders_plainly_too():
-    settings = {"samples": 4, "depth": 2}
-    plain, same = render(FULL, CAMERA, Differential(**settings)), render(FULL, CAMERA, Mitsuba(**settings))
+    plain = render(FULL, CAMERA, Differential(samples=4, depth=2))
+    same = render(FULL, CAMERA, Mitsuba(samples=4, depth=2))
     assert np.array_equal(plain.radiance, same.radiance)

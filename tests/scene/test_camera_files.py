@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -221,12 +222,14 @@ def test_the_numbers_of_usds_own_camera_stand_in_for_what_is_left_out(tmp_path):
     assert camera.focal_length == pytest.approx(50_000, rel=1e-6) and camera.aperture == 0 and camera.focus == np.inf
 
 
+def openusd(*names) -> list[Any]:
+    """Modules of OpenUSD, of any type: they get their names only as they are loaded."""
+    return [pytest.importorskip(f"pxr.{name}", reason="needs the extra usd") for name in names]
+
+
 def stage_with_a_camera(path):
     """A stage written by OpenUSD: the camera lies in a group that a variant places."""
-    pxr = pytest.importorskip("pxr", reason="needs the extra usd")
-    from pxr import Gf, Usd, UsdGeom
-
-    assert pxr
+    Gf, Usd, UsdGeom = openusd("Gf", "Usd", "UsdGeom")
     stage = Usd.Stage.CreateNew(str(path))
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
@@ -255,8 +258,7 @@ def test_cameras_that_openusd_wrote_are_read_in_every_form(tmp_path, suffix):
 
 def test_a_usd_package_references_and_variants_are_followed(tmp_path):
     rig = stage_with_a_camera(tmp_path / "rig.usdc")
-    from pxr import Sdf, Usd, UsdGeom, UsdUtils
-
+    Sdf, Usd, UsdGeom, UsdUtils = openusd("Sdf", "Usd", "UsdGeom", "UsdUtils")
     room = Usd.Stage.CreateNew(str(tmp_path / "room.usda"))
     UsdGeom.SetStageMetersPerUnit(room, 1.0)
     there = room.DefinePrim("/Room")

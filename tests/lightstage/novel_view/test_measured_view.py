@@ -15,8 +15,9 @@ from relume.image.radiance import OUTSIDE
 from relume.lightstage.field.field import Pictures
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.novel_view.blending import Blending
-from relume.lightstage.novel_view.measured_view import SourceView, measured_view, without_debt
+from relume.lightstage.novel_view.measured_view import measured_view, without_debt
 from relume.lightstage.novel_view.projection import Subject, outline, sampled, without_background
+from relume.lightstage.novel_view.source_views import SourceView
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.lightstage.surface.separation import separate
 from relume.lightstage.surface.torrance_sparrow import GroovedSurface, half_vector
