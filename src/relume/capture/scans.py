@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
 
@@ -119,7 +120,8 @@ def _aligned(first: _Scan, other: _Scan) -> _Scan:
             )
         apart = (first.logarithm - other.logarithm)[..., channel][both]
         noise = np.sqrt((first.relative_variance + other.relative_variance)[..., channel][both])
-        middle, scatter = float(np.median(apart)), float(median_abs_deviation(apart, scale="normal"))
+        # Pyright takes scale for a float, as its default is.
+        middle, scatter = float(np.median(apart)), float(median_abs_deviation(apart, scale=cast(Any, "normal")))
         if scatter > max(APART, 3 * float(np.median(noise))):
             warnings.warn(
                 f"{first.name} and {other.name} disagree by {scatter:.2f} of ln exposure in {name}; register the scans "

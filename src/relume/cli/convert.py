@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -145,8 +146,7 @@ class ViewOptions:
         """The camera of --view."""
         if self.view is None:
             return None
-        (field,) = radians((self.field or 90.0,))
-        return rl.light.CameraView(radians(self.view), field)
+        return rl.light.CameraView(radians(self.view), math.radians(self.field or 90.0))
 
 
 @Parameter(name="*")
@@ -170,11 +170,10 @@ class PaintingOptions:
     ] = None
 
 
-def radians(degrees: tuple[float, ...]) -> tuple[float, ...]:
-    """Angles in radians."""
-    import math
-
-    return tuple(math.radians(each) for each in degrees)
+def radians(degrees: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Three angles in radians."""
+    yaw, pitch, roll = (math.radians(each) for each in degrees)
+    return yaw, pitch, roll
 
 
 PHOTOGRAPHS = (".png", ".tif", ".tiff", ".jpg", ".jpeg")

@@ -15,7 +15,7 @@ from relume.cli.console import OutputOptions, finish, print_facts, warnings_as_n
 from relume.cli.option_types import Box, Colour, numbers
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
 
 FRAME = Group("First the frame", sort_key=1)
@@ -124,7 +124,8 @@ class ColourOptions:
         if self.gain is not None:
             yield rl.light.Gain(self.gain)
         if self.grey is not None:
-            yield rl.light.NeutralAt(*self.grey)
+            column, row, *radius = self.grey
+            yield rl.light.NeutralAt(int(column), int(row), *radius)
         if self.balance is not None:
             yield rl.light.Balance(self.balance)
         if self.temperature is not None:
@@ -232,7 +233,7 @@ def _resize(text: str) -> rl.light.Resize:
         raise ValueError(f'--resize: "{text}" is not a size; write it like 512, 512,256 or 50%') from None
 
 
-def _joined(options: dict[str, object]) -> str:
+def _joined(options: Iterable[str]) -> str:
     return " and ".join(f"--{option}" for option in options)
 
 

@@ -208,6 +208,8 @@ def _environment(
     read: rl.SceneFile, out: Path, point: Point, settings: rl.RenderSettings, size: Size | None, dry_run: bool,
     output: OutputOptions,
 ) -> dict[str, object]:  # fmt: skip
+    import numpy as np
+
     width, rows = size or (2 * ROWS, ROWS)
     if width != 2 * rows:
         raise ValueError(f"--size {width}x{rows}: with --environment the map is twice as wide as high")
@@ -216,7 +218,8 @@ def _environment(
         light = rl.render_environment(read, out, point, settings, rows=rows, dry_run=dry_run, report=report)
     if light is not None:
         facts["total"] = [float(f"{value:.6g}") for value in light.total()]
-        facts["irradiance from above"] = [float(f"{value:.6g}") for value in light.irradiance((0.0, 1.0, 0.0))]
+        above = light.irradiance(np.array([0.0, 1.0, 0.0]))
+        facts["irradiance from above"] = [float(f"{value:.6g}") for value in above]
     return facts
 
 

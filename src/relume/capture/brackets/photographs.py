@@ -109,7 +109,7 @@ def _merged(
     lens: LensSteps,
     steps: Steps,
 ) -> MergedBracket:
-    deghosted = None
+    first, deghosted = bracket.photographs[0], None
     if settings.deghost and len(bracket.photographs) > 1:
         with steps.step("deghost"):
             deghosted = deghost(bracket, response)
@@ -120,7 +120,7 @@ def _merged(
     picture, balance, scale = lens.applied(picture, bracket, exposures, response)
     focal_length = settings.focal_length or bracket.focal_length
     return MergedBracket(
-        picture, bracket.name, bracket.photographs[0].camera, bracket.exposure_table, doubts, aligned, deghosted,
+        picture, bracket.name, first.camera, bracket.exposure_table, doubts, aligned, deghosted,
         clipping_report(picture, focal_length=focal_length), focal_length, scale, balance,
     )  # fmt: skip
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -185,7 +186,8 @@ def _rings(picture: RadianceMap, lamp: np.ndarray) -> _Rings:
         inside = values[ring == index]
         if len(inside) >= 8:
             # The error of a median is 1.25 times that of a mean.
-            error = 1.25 * median_abs_deviation(inside, scale="normal") / np.sqrt(len(inside))
+            # Pyright takes scale for a float, as its default is.
+            error = 1.25 * median_abs_deviation(inside, scale=cast(Any, "normal")) / np.sqrt(len(inside))
             rows.append((radii[ring == index].mean(), np.median(inside), error))
     if len(rows) < RINGS / 4 or distance.max() < 4 * nearest:
         raise NotABracket(

@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -305,4 +306,5 @@ def _spread(values: np.ndarray) -> float:
     """A standard deviation that a few outliers do not move."""
     from scipy.stats import median_abs_deviation  # half a second to load
 
-    return max(float(median_abs_deviation(values, scale="normal")), 1e-6)
+    # Pyright takes scale for a float, as its default is.
+    return max(float(median_abs_deviation(values, scale=cast(Any, "normal"))), 1e-6)

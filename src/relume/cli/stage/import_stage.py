@@ -44,9 +44,9 @@ class FilmOptions:
         if self.film is None:
             return None
         azimuth = radians(self.film_azimuth)
-        rings, columns = self.film[:2]
-        frames = self.film[2] if len(self.film) == 3 else None
-        return rl.lightstage.FilmCourse(rings, columns, frames, self.film_start, azimuth, self.clockwise)
+        rings, columns, *frames = self.film
+        turn = frames[0] if frames else None
+        return rl.lightstage.FilmCourse(int(rings), int(columns), turn, self.film_start, azimuth, self.clockwise)
 
 
 @Parameter(name="*")

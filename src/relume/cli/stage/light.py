@@ -117,4 +117,5 @@ def _strength(placed: Placed) -> tuple[Three, Three]:
     if len(placed) == 3:
         return placed, (1.0, 1.0, 1.0)
     place, strength = placed
-    return place, (strength[0], strength[0], strength[0]) if len(strength) == 1 else strength
+    red, green, blue = strength * 3 if len(strength) == 1 else strength
+    return place, (red, green, blue)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -34,7 +34,10 @@ Colour = tuple[float, float, float]
 class Edit(Protocol):
     """One edit of a radiance map; `str` says what it does."""
 
-    name: ClassVar[str]
+    @property
+    def name(self) -> str:
+        """The option of `relume edit`, for messages."""
+        ...
 
     def __call__(self, picture: RadianceMap) -> RadianceMap:
         """The edited map; raises ValueError where it cannot be."""

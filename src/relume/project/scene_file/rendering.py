@@ -235,12 +235,12 @@ def write_picture(out: Path, picture: Render, film: Film, unit: str) -> None:
 
 def _allowed(settings: RenderSettings, shown: Shown) -> list[RendererName]:
     """The renderers that every given setting is for, the preferred one first."""
-    left = list(ALL) if settings.renderer is None else [settings.renderer]
+    left: list[RendererName] = list(ALL) if settings.renderer is None else [settings.renderer]
     against = f"the renderer {settings.renderer} is given"
     for name, allowed in FOR.items():
         if name != shown and getattr(settings, name, None) is None:
             continue
-        both = [each for each in left if each in allowed]
+        both: list[RendererName] = [each for each in left if each in allowed]
         whose = f"{name} is for the renderer {' or '.join(allowed)}"
         if not both:
             see = " (a plate under light transport: relume insert)" if name == "plate" else ""

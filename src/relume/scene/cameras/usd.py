@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 import warnings
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -38,20 +39,21 @@ def read_usd_camera(
     except OSError as error:
         raise UnreadableFile(f"{path}: cannot be read ({error.strerror or error}); check the path") from None
     try:
-        from pxr import Tf, Usd, UsdGeom, UsdUtils
+        # Its stubs lack most names.
+        tf, usd, geometry, utilities = (import_module(f"pxr.{name}") for name in ("Tf", "Usd", "UsdGeom", "UsdUtils"))
     except ImportError:
         raise UnreadableFile(f"{path}: USD files need OpenUSD; install it with: pip install 'relume[usd]'") from None
     # While it lives, OpenUSD hands it what it would print on standard error.
-    diagnostics = UsdUtils.CoalescingDiagnosticDelegate()
+    diagnostics = utilities.CoalescingDiagnosticDelegate()
     try:
-        stage = Usd.Stage.Open(str(path))
-        prim = _chosen(path, stage, name, Usd, UsdGeom)
-        lens = UsdGeom.Camera(prim).GetCamera(Usd.TimeCode.EarliestTime())
+        stage = usd.Stage.Open(str(path))
+        prim = _chosen(path, stage, name, usd, geometry)
+        lens = geometry.Camera(prim).GetCamera(usd.TimeCode.EarliestTime())
         faults = [textwrap.shorten(str(each.commentary), 160) for each in diagnostics.TakeUncoalescedDiagnostics()]
-        moves = _moves(prim, UsdGeom)
-        metres = unit or float(UsdGeom.GetStageMetersPerUnit(stage))
-        axis = up or ("z" if UsdGeom.GetStageUpAxis(stage) == "Z" else "y")
-    except Tf.ErrorException as error:
+        moves = _moves(prim, geometry)
+        metres = unit or float(geometry.GetStageMetersPerUnit(stage))
+        axis = up or ("z" if geometry.GetStageUpAxis(stage) == "Z" else "y")
+    except tf.ErrorException as error:
         reason = textwrap.shorten(str(error.args[0].commentary), 160)
         raise UnreadableFile(f"{path}: not a readable USD file ({reason}); export it again") from None
     if faults:
