@@ -36,7 +36,7 @@ class Edit(Protocol):
 
     @property
     def name(self) -> str:
-        """The option of `relume edit`, for messages."""
+        """What messages call it."""
         ...
 
     def __call__(self, picture: RadianceMap) -> RadianceMap:
