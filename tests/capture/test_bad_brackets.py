@@ -82,13 +82,17 @@ def test_photographs_of_one_exposure_only():
     scene = wide_scene(48, 32)
     one = NOISELESS.bracket(scene, [0.1])
     same = NOISELESS.bracket(scene, [0.1, 0.1, 0.1])
-    refused(lambda: recover_response(one), "frame_0.jpg", "no two photographs differ in exposure", "add differently")
+    refused(lambda: recover_response(one), "frame_0.jpg", "one photograph", "add differently", "profile")
     refused(lambda: recover_response([one, same]), "frame_0.jpg", "no two photographs differ in exposure")
 
 
 def test_exposures_so_far_apart_that_nothing_is_seen_twice():
     frames = NOISELESS.bracket(wide_scene(48, 32, stops=3.0, brightest=1.0), [0.5, 5000.0])
     refused(lambda: recover_response(frames), "frame_0.jpg … frame_1.jpg", "smaller exposure steps")
+
+
+def test_one_path_where_a_list_is_wanted(tmp_path):
+    refused(lambda: read_bracket(str(tmp_path)), str(tmp_path), "one path", "give a list")
 
 
 def test_a_wrong_number_of_times(tmp_path):

@@ -187,6 +187,23 @@ def test_as_many_pictures_of_the_ball_as_of_the_subject_are_asked_for(ball_shots
     assert f"{len(FAR)} pictures of the ball, 3 of the subject" in line and "stage.json" not in line
 
 
+def test_the_picture_that_only_one_folder_has_is_named(ball_shots, tmp_path, capsys):
+    names = sorted(path.name for path in ball_shots.iterdir())
+    subject = tmp_path / "subject"
+    subject.mkdir()
+    for name in names[1:]:
+        write(subject / name, RadianceMap(np.full((20, 30, 3), 0.1, np.float32)))
+    command = ["stage", "import", str(subject), "-o", str(tmp_path / "a.zarr"), "--ball", "60,45,32"]
+    line = refused([*command, "--ball-pictures", str(ball_shots)], capsys)
+    assert f"(only one of the folders has {names[0]})" in line
+
+
+def test_pictures_without_a_ball_are_named_by_their_folder(tmp_path, capsys):
+    folder = pictures(tmp_path / "shots", [np.full((90, 120, 3), 0.1, np.float32)] * 3)
+    line = refused(["stage", "import", str(folder), "-o", str(tmp_path / "a.zarr"), "--ball", "find"], capsys)
+    assert str(folder) in line and "give the ball's circle" in line
+
+
 def test_two_balls_in_metres_tell_where_lamps_and_camera_stand(near_shots, tmp_path):
     options = [word for centre in BALLS for word in ("--ball", near_word(centre))]
     field = imported(near_shots, tmp_path / "a.zarr", *options, "--field-of-view", str(FIELD_OF_VIEW))

@@ -15,6 +15,7 @@ from relume.image.files import read, read_layers, read_photograph, read_radiance
 from relume.image.files.description import describe
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
+from relume.sphere.environment_map import EnvironmentMap
 
 PHOTOGRAPH = Photograph(np.zeros((2, 3, 3), np.uint8))
 SIXTEEN_BITS = Photograph(np.zeros((2, 3, 3), np.uint16))
@@ -87,6 +88,7 @@ def test_radiance_where_a_photograph_is_needed_is_refused(tmp_path, suffix):
         ("a.png", RADIANCE, r'ends in "\.png"; a radiance map goes to \.exr, \.hdr, .*develop'),
         ("a", RADIANCE, 'ends in ""'),
         ("a.exr", PHOTOGRAPH, r'ends in "\.exr"; a photograph goes to \.png, \.tif or \.jpg: merge'),
+        ("a.exr", EnvironmentMap(np.ones((2, 4, 3), np.float32)), "is of type EnvironmentMap.*as_radiance_map"),
         ("a.jpg", SIXTEEN_BITS, r"pixels are uint16; a JPEG holds uint8: write \.png"),
     ],
 )

@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return console.refuse(
             str(error).strip() or "wrong arguments",
             2,
-            hint=f"see relume {words[0]} --help" if words[:1] and words[0] in COMMANDS else "see relume --help",
+            hint=f"see {' '.join(('relume', *_command(words)))} --help",
         )
     except BrokenPipeError:  # of a reader that has seen enough, like head
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -58,3 +58,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:
         return console.refuse_error(error, verbose="-v" in words or "--verbose" in words)
     return 0
+
+
+def _command(words: Sequence[str]) -> list[str]:
+    """The words that name a command, like stage relight."""
+    if words[:1] == ["stage"]:
+        from relume.cli.stage.stage import COMMANDS as STAGE
+
+        return [*words[:1], *(word for word in words[1:2] if word in STAGE)]
+    return [word for word in words[:1] if word in COMMANDS]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -181,7 +182,10 @@ class SceneOptions:
         """The same by name, for `DevelopSettings`; raises ValueError."""
         if self.depth_along is not None and self.depth is None:
             raise ValueError("--depth-along is of --depth; give that too, or leave it out")
-        return vars(self)
+        given = dict(vars(self))
+        if self.field_of_view is not None:
+            given["field_of_view"] = radians(self.field_of_view)
+        return given
 
 
 @Parameter(name="*")

@@ -9,6 +9,7 @@ from relume.light.constellations.constellation import Constellation
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.interpolation import NearestLight, Smooth
 from relume.lightstage.relighting.irradiances import constellation_irradiances, irradiances, lamp_irradiances
+from relume.lightstage.relighting.stage_lighting import as_lighting
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.scene.lights import DistantLight, PointLight, SphereLight
 from relume.sphere.directions import rotation_about
@@ -118,3 +119,8 @@ def test_a_constellation_is_the_sum_of_its_lights(by):
 def test_a_lamp_inside_the_subject_is_refused():
     with pytest.raises(ValueError, match="holds the subject"):
         lamp_irradiances(LIGHTS, SphereLight((0, 0, 0.05), 0.1, (1.0, 1.0, 1.0)))
+
+
+def test_light_that_is_no_light_is_refused():
+    with pytest.raises(ValueError, match=r"the light is of type str; give an EnvironmentMap.* rl\.read_environment"):
+        as_lighting("map.exr")  # pyright: ignore[reportArgumentType]

@@ -112,6 +112,8 @@ def read_bracket(
     A photograph that is there twice, pixel for pixel and with the same exposure, is kept once, with a warning.
     Raises UnreadableFile, NotABracket. Warns of exposures that are uncertain.
     """
+    if isinstance(paths, str | Path):
+        raise NotABracket(f'{paths}: one path; give a list of photographs, like sorted(glob.glob("folder/*.jpg"))')
     photographs = [files.read_photograph(path) for path in paths]
     if ignore is not None:
         photographs = _ignoring(photographs, ignore)

@@ -91,9 +91,11 @@ def recover_response(
     levels = depths.pop()
     telling = [b for b in brackets if np.ptp(np.log(b.exposures)) > 0.1]
     if not telling:
+        alone = len(brackets) == 1 and len(brackets[0].photographs) == 1
+        found = "one photograph" if alone else "no two photographs differ in exposure"
         raise NotABracket(
-            f"{brackets[0].name}: no two photographs differ in exposure, so the response cannot be recovered; "
-            "add differently exposed ones"
+            f"{brackets[0].name}: {found}, so the camera's response cannot be recovered; add differently exposed ones, "
+            "or give the camera's profile"
         )
     # What the pixels of each channel show, with exposures refined where asked for.
     with ThreadPoolExecutor(3) as pool:

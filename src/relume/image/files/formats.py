@@ -165,7 +165,10 @@ def write(path: str | os.PathLike[str], image: RadianceMap | Photograph, encodin
         import_module(f"relume.image.files.{_WRITERS[type(chosen)]}").write(path, image, chosen)
         return
     if not isinstance(image, Photograph):
-        raise ValueError(f"{path}: the image is a {type(image).__name__}; expected a RadianceMap or a Photograph")
+        raise ValueError(
+            f"{path}: the image is of type {type(image).__name__}; give a RadianceMap or a Photograph "
+            "(rl.as_radiance_map makes one of an environment map)"
+        )
     if encoding is not None:
         raise ValueError(f"{type(encoding).__name__} holds radiance; a photograph goes to .png, .tif or .jpg as it is")
     from relume.image.files.photographs import photographs

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from relume.capture.exposure.folder import name_order
-from relume.errors import InvalidStage, OutputNotWritten, UnreadableFile
+from relume.errors import BallNotFound, InvalidStage, OutputNotWritten, UnreadableFile
 from relume.image import files
 from relume.lightstage.acquire.ball_highlights import (
     BallReadings,
@@ -161,10 +161,14 @@ def stage_of_balls(
     names = [path.name for path in paths]
     # Each ball reads its own pictures.
     shown = _pictures_of_balls(len(balls), elsewhere, paths)
-    mirrors = [
-        mirror_ball(ball, lambda pictures=pictures: map(_pixels, pictures), field_of_view)
-        for ball, pictures in zip(balls, shown, strict=True)
-    ]
+    mirrors = []
+    for ball, pictures in zip(balls, shown, strict=True):
+        try:
+            mirrors.append(mirror_ball(ball, lambda pictures=pictures: map(_pixels, pictures), field_of_view))
+        except BallNotFound as error:
+            raise BallNotFound(
+                f"{pictures[0].parent}: {error}; or give the ball's circle, or a mask that is white on it"
+            ) from None
     readings = [
         read_ball(map(_pixels, pictures), mirror, [path.name for path in pictures])
         for mirror, pictures in zip(mirrors, shown, strict=True)
@@ -294,8 +298,10 @@ def _pictures_of_balls(count: int, elsewhere: Sequence[Path], paths: list[Path])
     found = [pictures_in(folder) for folder in elsewhere]
     for folder, pictures in zip(elsewhere, found, strict=True):
         if len(pictures) != len(paths):
+            alone = sorted({path.name for path in pictures} ^ {path.name for path in paths})
             raise InvalidStage(
                 f"{folder}: {len(pictures)} pictures of the ball, {len(paths)} of the subject; give one a light"
+                + (f" (only one of the folders has {', '.join(alone)})" if 0 < len(alone) <= 3 else "")
             )
     return found * count if len(found) == 1 else found
 

@@ -89,8 +89,15 @@ class StageLighting:
 
 
 def as_lighting(light: StageLighting | EnvironmentMap) -> StageLighting:
-    """The light itself, or that of an environment map."""
-    return StageLighting((light,)) if isinstance(light, EnvironmentMap) else light
+    """The light itself, or that of an environment map; raises ValueError for anything else."""
+    if isinstance(light, EnvironmentMap):
+        return StageLighting((light,))
+    if not isinstance(light, StageLighting):
+        raise ValueError(
+            f"the light is of type {type(light).__name__}; give an EnvironmentMap, which rl.read_environment reads, "
+            "or a StageLighting"
+        )
+    return light
 
 
 def _one_direction(lamp: DistantLight | PointLight, radius: float) -> DirectedLight:

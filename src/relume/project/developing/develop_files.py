@@ -49,7 +49,7 @@ class DevelopSettings:
     """How files are developed.
 
     preset : lens, film or tone operator, and display
-    field_of_view : horizontal, degrees; the preset's unless given
+    field_of_view : horizontal, radians; the preset's unless given
     luminance : cd/m² per unit of a relative map; the preset's unless given
     depth, depth_along : an EXR with a layer of metres, and what they are along; see `read_depth`
     vectors : an EXR of motion in pixels; see `read_motion`
@@ -80,13 +80,13 @@ class DevelopSettings:
     def view(self, picture: RadianceMap, camera: VirtualCamera) -> View:
         """The view of a picture; raises ValueError for planes of another size, UnreadableFile."""
         preset = self.preset.view
-        degrees = preset.field_of_view if self.field_of_view is None else self.field_of_view
+        across = float(np.radians(preset.field_of_view)) if self.field_of_view is None else self.field_of_view
         # A preset knows nothing of the picture; what is in cd/m² needs no scale.
         preset_scale = None if picture.unit == "cd/m²" else preset.luminance
-        focal_length = picture.size[0] / 2 / np.tan(np.radians(degrees) / 2) if 0 < degrees < 180 else 1.0
+        focal_length = picture.size[0] / 2 / np.tan(across / 2) if 0 < across < np.pi else 1.0
         return camera.view(
             picture,
-            field_of_view=float(np.radians(degrees)),
+            field_of_view=across,
             luminance_scale=preset_scale if self.luminance is None else self.luminance,
             depth=None if self.depth is None else read_depth(self.depth, float(focal_length), self.depth_along),
             motion=None if self.vectors is None else read_motion(self.vectors),
