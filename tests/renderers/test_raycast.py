@@ -104,7 +104,7 @@ def test_shapes_that_shrink_by_halves_are_all_met():
     steps = 2.0 ** -np.arange(60)
     shapes = [triangle((s, -s / 9, 0), (s + s / 9, -s / 9, 0), (s, s / 9, 0)) for s in steps]
     caster = RayCaster.of(shapes)
-    assert caster.tree.depth > 12
+    assert caster.geometry.depth > 12
     origins = np.stack([1.01 * steps, 0 * steps, 1 + 0 * steps], axis=-1)
     np.testing.assert_array_equal(caster.nearest(origins, np.tile(-Z, (60, 1))).shape, np.arange(60))
 
@@ -148,7 +148,7 @@ def test_each_primitive_is_in_one_leaf_whose_box_encloses_it(count, where):
 def test_the_tree_spares_a_ray_most_of_the_triangles():
     # What the heuristic is for: boxes met by a ray count with their area, in units of the whole.
     ball = solids.sphere(GREY, fine=5)
-    tree = RayCaster.of([ball]).tree
+    tree = RayCaster.of([ball]).geometry
     sides = tree.boxes.reshape(-1, 3, 2)[..., 1] - tree.boxes.reshape(-1, 3, 2)[..., 0]
     areas = 2 * np.sum(sides * np.roll(sides, 1, axis=-1), axis=-1)
     assert len(tree.boxes) > len(ball.faces) / LARGEST_LEAF - 1

@@ -44,17 +44,17 @@ class Primitives:
         Raises ValueError for a shape that is not finite and near, and for faces that name no vertex.
         """
         meshes = [(i, shape) for i, shape in enumerate(shapes) if isinstance(shape, Mesh)]
-        solids = [(i, _solid_of(shape)) for i, shape in enumerate(shapes) if not isinstance(shape, Mesh | Plane)]
+        solids = [(i, *_solid_of(shape)) for i, shape in enumerate(shapes) if not isinstance(shape, Mesh | Plane)]
         triangles = np.concatenate([np.zeros((0, 9), np.float32), *(_corners_of(mesh) for _, mesh in meshes)])
-        numbers = [np.arange(len(mesh.faces)) for _, mesh in meshes] + [solid.primitive for _, solid in solids]
-        shape = np.repeat([i for i, _ in meshes] + [i for i, _ in solids], [len(each) for each in numbers])
+        numbers = [np.arange(len(mesh.faces)) for _, mesh in meshes] + [solid[4] for solid in solids]
+        shape = np.repeat([i for i, *_ in (*meshes, *solids)], [len(each) for each in numbers])
         forms, begin = [np.full(len(triangles), -1)], 0
-        for _, solid in solids:
-            count, width = solid.measures.shape
-            forms.append(begin + width * np.arange(count) + solid.kind)
+        for _, kind, _, measures, _ in solids:
+            count, width = measures.shape
+            forms.append(begin + width * np.arange(count) + kind)
             begin += count * width
 
-        boxes = np.concatenate([np.zeros((len(triangles), 6)), *(solid.boxes for _, solid in solids)])
+        boxes = np.concatenate([np.zeros((len(triangles), 6)), *(solid[2] for solid in solids)])
         area = np.ones(len(boxes), bool)
         _enclose(triangles, boxes, area)
         return Primitives(
@@ -64,7 +64,7 @@ class Primitives:
             np.concatenate([np.zeros(0, np.int32), *numbers]).astype(np.int32),
             _widened(boxes),
             area,
-            np.concatenate([np.zeros(0), *(solid.measures.ravel() for _, solid in solids)]),
+            np.concatenate([np.zeros(0), *(solid[3].ravel() for solid in solids)]),
         )
 
 
@@ -81,24 +81,9 @@ def _corners_of(mesh: Mesh) -> np.ndarray:
     return vertices[mesh.faces].reshape(-1, 9)
 
 
-@dataclass(frozen=True, eq=False)
-class _Solid:
-    """A shape that is neither mesh nor plane, as N primitives.
-
-    kind : as kernels store it
-    boxes : (N, 6) float64, low x, y, z and high x, y, z
-    measures : (N, W) float64, what the kind's kernel takes; W is a multiple of 4
-    primitive : (N,) int32, as `Hits` holds them
-    """
-
-    kind: int
-    boxes: np.ndarray
-    measures: np.ndarray
-    primitive: np.ndarray
-
-
-def _solid_of(shape: Sphere | Polygon | Patches) -> _Solid:
-    """The primitives of a shape."""
+def _solid_of(shape: Sphere | Polygon | Patches) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
+    """A shape as N primitives: their kind as kernels store it; boxes (N, 6), low x, y, z and high x, y, z; what the
+    kind's kernel takes (N, W), W a multiple of 4; and their numbers (N,) as `Hits` holds them."""
     primitive = np.zeros(1, np.int32)
     if isinstance(shape, Sphere):
         kind, centre = SPHERE, np.array(shape.centre, np.float64)
@@ -114,7 +99,7 @@ def _solid_of(shape: Sphere | Polygon | Patches) -> _Solid:
         kind, boxes, measures, primitive = LEAF, leaves.boxes, leaves.measures, leaves.patch
     if not np.all(np.abs(boxes) <= FARTHEST):
         raise ValueError(f"{shape.name!r} reaches beyond {FARTHEST:g} m; scale the scene to metres")
-    return _Solid(kind, boxes, measures, primitive)
+    return kind, boxes, measures, primitive
 
 
 @exact_kernel

@@ -4,23 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from relume._kernel import exact_kernel, in_threads
-from relume.renderers.raytrace.bvh import Tree, build_tree
-from relume.renderers.raytrace.kernel import Geometry, meet, scratch
+from relume.renderers.raytrace.bvh import build_tree
+from relume.renderers.raytrace.kernel import Geometry, meet, scratch, unowned
 from relume.renderers.raytrace.primitives import Primitives
-from relume.renderers.raytrace.unowned_arrays import unowned
 from relume.scene.shapes.shapes import Plane, Shape
 
 FOOTPRINT = 1e-6
 """Radians: a thousandth of a pixel of a photograph, so that nobody sees where the subdivision of patches ended."""
 
 
-@dataclass(frozen=True, eq=False)
-class Hits:
+class Hits(NamedTuple):
     """What each ray meets first.
 
     distance : (N,) float64, in lengths of its direction (metres); ∞ where nothing was met
@@ -40,28 +39,12 @@ class Hits:
 class RayCaster:
     """Shapes made ready for rays.
 
-    tree : over the P primitives that are no planes; the next three hold them in the order of its leaves
-    corners : (P, 9) float32, the triangles' vertices, metres
-    form : (P,) int32, −1 for a triangle; or else its kind, and where its measures begin, a multiple of 4
-    shape, primitive : (P + Q,) int32, as `Hits` holds them; planes are last
-    measures : (M,) float64, of a sphere its centre and radius, metres; of others what their kernels take
-    planes : (Q, 3) float64, height and half the lengths along x and z, metres
+    geometry : what `meet` takes
+    primitive : (P + Q,) int32, as `Hits` holds it, of the primitives in the order of `geometry`
     """
 
-    tree: Tree
-    corners: np.ndarray
-    form: np.ndarray
-    shape: np.ndarray
+    geometry: Geometry
     primitive: np.ndarray
-    measures: np.ndarray
-    planes: np.ndarray
-
-    @property
-    def geometry(self) -> Geometry:
-        """What `meet` takes."""
-        tree = self.tree
-        nodes = (tree.boxes, tree.children, tree.root, tree.depth)
-        return Geometry(*nodes, self.corners, self.form, self.shape, self.measures, self.planes)
 
     @staticmethod
     def of(shapes: Sequence[Shape]) -> RayCaster:
@@ -74,15 +57,12 @@ class RayCaster:
         tree = build_tree(parts.boxes[parts.area])
         rows = np.flatnonzero(parts.area)[tree.order]
         rectangles = [(plane.height, plane.extent[0] / 2, plane.extent[1] / 2) for _, plane in planes]
-        return RayCaster(
-            tree,
-            parts.corners[rows],
-            parts.form[rows],
-            np.concatenate([parts.shape[rows], np.array([i for i, _ in planes], np.int32)]),
-            np.concatenate([parts.primitive[rows], np.zeros(len(planes), np.int32)]),
-            parts.measures,
-            np.array(rectangles, np.float64).reshape(-1, 3),
-        )
+        whose = np.concatenate([parts.shape[rows], np.array([i for i, _ in planes], np.int32)])
+        geometry = Geometry(
+            tree.boxes, tree.children, tree.root, tree.depth, parts.corners[rows], parts.form[rows], whose,
+            parts.measures, np.array(rectangles, np.float64).reshape(-1, 3),
+        )  # fmt: skip
+        return RayCaster(geometry, np.concatenate([parts.primitive[rows], np.zeros(len(planes), np.int32)]))
 
     def nearest(
         self,
@@ -145,13 +125,12 @@ class RayCaster:
         """The nearest hits, or any, in (beyond, limit) of checked rays; limits (N,) or (1,)."""
         if not 0 <= footprint < np.inf:
             raise ValueError(f"footprint is {footprint}; expected the angle of a cone in radians, 0 or more")
-        count, geometry = len(directions), self.geometry
+        count = len(directions)
         hits = Hits(np.empty(count), np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 2)))
         rays = (origins, directions, limits, float(beyond), float(footprint), any_will_do)
-        found = (hits.distance, hits.shape, hits.primitive, hits.barycentric)
 
         def work(begin: int, end: int) -> None:
-            _meet_all(rays, geometry, self.primitive, scratch(geometry), begin, end, found)
+            _meet_all(rays, self.geometry, self.primitive, scratch(self.geometry), begin, end, hits)
 
         in_threads(work, count, threads)
         return hits

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from relume._kernel import in_threads, inlined, kernel
+from relume.renderers.raytrace.kernel import unowned
 from relume.renderers.raytrace.patch_point import tangents_and_normal
 from relume.renderers.raytrace.polygon_kernel import polygon_frame
 from relume.renderers.raytrace.raycast import Hits, checked_rays
-from relume.renderers.raytrace.unowned_arrays import unowned
 from relume.scene.shapes.shapes import Mesh, Patches, Plane, Polygon, Shape, Sphere
 
 _MESH, _SPHERE, _PLANE, _POLYGON, _PATCHES = 0, 1, 2, 3, 4
 
 
-@dataclass(frozen=True, eq=False)
-class SurfacePoints:
+class SurfacePoints(NamedTuple):
     """The surface at N hits; zeros in the rows of rays that met nothing.
 
     point : (N, 3) float64, metres, world
@@ -39,8 +38,7 @@ class SurfacePoints:
     dp_dv: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class Surfaces:
+class Surfaces(NamedTuple):
     """Shapes made ready to be asked about hits: the F faces and V vertices of all meshes, one after the other.
 
     kind : (S,) int8, what each shape is
@@ -99,12 +97,6 @@ class Surfaces:
         tables = (np.concatenate(table) for table in (faces, vertices, normals, uv))
         return Surfaces(kind, first, np.array(measures, np.float64), smooth, textured, *tables)
 
-    @property
-    def tables(self) -> tuple[np.ndarray, ...]:
-        """The nine arrays that `surface_at` takes, in its order."""
-        shapes = (self.kind, self.first, self.measures, self.smooth, self.textured)
-        return (*shapes, self.faces, self.vertices, self.normals, self.uv)
-
     def at(self, origins: ArrayLike, directions: ArrayLike, hits: Hits, *, threads: int | None = None) -> SurfacePoints:
         """The surface where these rays met it.
 
@@ -120,13 +112,8 @@ class Surfaces:
             raise ValueError(f"a hit is on shape {hits.shape.max()} of {len(self.kind)}; expected hits on these shapes")
         point, geometric, shading, dp_du, dp_dv = (np.zeros((count, 3)) for _ in range(5))
         points = SurfacePoints(point, geometric, shading, np.zeros((count, 2), np.float32), dp_du, dp_dv)
-        met = (hits.distance, hits.shape, hits.primitive, hits.barycentric)
-        described = (point, geometric, shading, points.uv, dp_du, dp_dv)
-
-        def work(begin: int, end: int) -> None:
-            _describe((origins, directions), met, self.tables, begin, end, described)
-
-        in_threads(work, count, threads)
+        rays = (origins, directions)
+        in_threads(lambda begin, end: _describe(rays, hits, self, begin, end, points), count, threads)
         return points
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,14 +18,11 @@ from relume.scene.shapes.shapes import Shape
 
 EDGE = 4
 """Samples along each side of a pixel that sees an edge: sixteen estimate its coverage to three per cent."""
-
-
 STEEPEST = 10.0
 """Pixels' widths by which one surface may recede from one pixel to the next; more is an edge before itself."""
 
 
-@dataclass(frozen=True, eq=False)
-class Seen:
+class Seen(NamedTuple):
     """Samples and the pixels they belong to.
 
     samples : P of them
@@ -83,7 +81,15 @@ class Stage:
         pixel = np.concatenate([inside, np.repeat(np.flatnonzero(edges.reshape(-1)), EDGE**2)])
         share = np.full(len(pixel), 1 / EDGE**2, np.float32)
         share[: len(inside)] = 1
-        return _joined(_chosen(whole, inside), detail, pixel, share)
+        # Of the pixels without an edge the middle alone; the corners of the others' samples come behind theirs.
+        s, d = whole.samples, detail.samples
+        kept = s._replace(**{name: getattr(s, name)[inside] for name in ("normal", "to_eye", "surface", "corners")})
+        behind = d._replace(corners=d.corners + np.int32(len(s.corner_surface)))
+        samples = Samples(*(np.concatenate(pair) for pair in zip(kept, behind, strict=True)))
+        uv, distance, rays = (
+            np.concatenate([getattr(whole, name)[inside], getattr(detail, name)]) for name in ("uv", "distance", "rays")
+        )
+        return Seen(samples, uv, pixel, share, distance, rays)
 
     def samples(
         self, camera: Camera, eye: np.ndarray, turn: np.ndarray, corners: np.ndarray, threads: int | None
@@ -144,27 +150,3 @@ def _edges(seen: Seen, camera: Camera) -> np.ndarray:
     edges[1:] |= along
     edges[:-1] |= along
     return edges
-
-
-def _chosen(seen: Seen, index: np.ndarray) -> Seen:
-    s = seen.samples
-    samples = s._replace(
-        normal=s.normal[index], to_eye=s.to_eye[index], surface=s.surface[index], corners=s.corners[index]
-    )
-    return Seen(
-        samples, seen.uv[index], seen.pixel[index], seen.share[index], seen.distance[index], seen.rays[index]
-    )  # fmt: skip
-
-
-def _joined(first: Seen, second: Seen, pixel: np.ndarray, share: np.ndarray) -> Seen:
-    """Both together, as samples of these pixels; the second's corners come behind the first's."""
-    a, b = (
-        first.samples,
-        second.samples._replace(corners=second.samples.corners + np.int32(len(first.samples.corner_surface))),
-    )
-    samples = Samples(*(np.concatenate(pair) for pair in zip(a, b, strict=True)))
-
-    def both(pick: Callable[[Seen], np.ndarray]) -> np.ndarray:
-        return np.concatenate([pick(first), pick(second)])
-
-    return Seen(samples, both(lambda s: s.uv), pixel, share, both(lambda s: s.distance), both(lambda s: s.rays))

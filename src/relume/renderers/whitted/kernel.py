@@ -9,9 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from relume._kernel import exact_kernel, exact_small
-from relume.renderers.raytrace.kernel import meet, scratch
+from relume.renderers.raytrace.kernel import meet, scratch, unowned
 from relume.renderers.raytrace.surface import surface_at
-from relume.renderers.raytrace.unowned_arrays import unowned
 from relume.renderers.whitted.lights import DISTANT, LINEAR, NONE, SQUARE
 from relume.renderers.whitted.materials import CHECKED, CONSTANT, FRESNEL, PICTURE, SCHLICK
 from relume.renderers.whitted.optics import along, dot, fresnel, hashed, largest, perturbed, reflected, refracted, unit

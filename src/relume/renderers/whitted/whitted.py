@@ -127,7 +127,7 @@ class PreparedWhitted:
             raise UnsupportedScene("nothing shines in this scene: it has no lights and its light map is black; add one")
         sky = as_latlong(self.scene.light).radiance if np.any(self.scene.light.radiance) else np.zeros((0, 0, 3))
         entries = padded(sky).reshape(-1) if sky.size else np.zeros(0, np.float32)
-        surfaces = (*Surfaces.of(shapes).tables, self.caster.primitive, which)
+        surfaces = (*Surfaces.of(shapes), self.caster.primitive, which)
         return (
             self.caster.geometry, surfaces, made.coefficients, made.pictures, made.bumps, lights, (entries, len(sky))
         )  # fmt: skip
