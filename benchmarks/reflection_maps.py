@@ -13,7 +13,7 @@ from relume.light.reflection.lobes import Lambert, Mirror, Phong
 from relume.light.reflection.reflection_map import reflection_map
 from relume.renderers.prefiltered.filters import Filter, Mip, Plain, Preintegrated, Quadrilateral, Subdivision
 from relume.renderers.prefiltered.prefiltered import Shading
-from relume.renderers.prefiltered.shading_samples import GBuffer, Samples
+from relume.renderers.prefiltered.shading_inputs import GBuffer, Samples
 from relume.renderers.raytrace.visibility import Stage
 from relume.scene.materials.bumps import Wrinkles
 from relume.scene.materials.reflective import Layer, Reflective, glossy

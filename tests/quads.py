@@ -7,8 +7,7 @@ from numpy.typing import ArrayLike
 
 from relume.light.reflection.lobes import Mirror
 from relume.renderers.prefiltered.filters import Filter, Spans
-from relume.renderers.prefiltered.shading_samples import Samples
-from relume.renderers.prefiltered.shading_terms import term
+from relume.renderers.prefiltered.shading_inputs import Samples, term
 from relume.scene.materials.reflective import Layer, Towards
 from relume.sphere.directions import normalised
 from relume.sphere.environment_map import EnvironmentMap

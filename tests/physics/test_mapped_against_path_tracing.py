@@ -20,7 +20,7 @@ from relume.renderers.mitsuba.path_tracer import Mitsuba, _mitsuba
 from relume.renderers.mitsuba.scene import envmap_pixels, sensor
 from relume.renderers.prefiltered.filters import Plain
 from relume.renderers.prefiltered.prefiltered import Prefiltered, Shading
-from relume.renderers.prefiltered.shading_samples import GBuffer
+from relume.renderers.prefiltered.shading_inputs import GBuffer
 from relume.renderers.renderer import render
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse

@@ -9,9 +9,9 @@ import pytest
 import trimesh
 
 from lights import constant
+from relume.renderers.whitted.kernel_data import REFLECTED, REFRACTED
 from relume.renderers.whitted.optics import fresnel, reflected, refracted
 from relume.renderers.whitted.ray_tree import ray_tree
-from relume.renderers.whitted.record import REFLECTED, REFRACTED
 from relume.renderers.whitted.whitted import Whitted
 from relume.scene.lights import PointLight
 from relume.scene.materials.whitted import WhittedMaterial

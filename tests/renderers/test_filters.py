@@ -8,8 +8,7 @@ from quads import around, filtered, supersampled
 from relume.light.reflection.lobes import Mirror
 from relume.renderers.prefiltered.filters import Filter, Mip, Plain, Preintegrated, Quadrilateral, Spans, Subdivision
 from relume.renderers.prefiltered.prefiltered import Prefiltered
-from relume.renderers.prefiltered.shading_samples import Samples
-from relume.renderers.prefiltered.shading_terms import term
+from relume.renderers.prefiltered.shading_inputs import Samples, term
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.reflective import Layer, mirror
 from relume.scene.scene import Scene

@@ -15,7 +15,7 @@ from relume.light.reflection.lobes import Lambert, Phong
 from relume.light.reflection.weights import Even, Schlick
 from relume.renderers.prefiltered.filters import Mip, Plain, Preintegrated, Quadrilateral, Subdivision
 from relume.renderers.prefiltered.prefiltered import Prefiltered, Shading
-from relume.renderers.prefiltered.shading_samples import GBuffer
+from relume.renderers.prefiltered.shading_inputs import GBuffer
 from relume.renderers.renderer import render
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.bumps import BumpMap, Wrinkles

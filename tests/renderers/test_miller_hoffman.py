@@ -12,7 +12,7 @@ from relume.light.reflection.reflection_map import Normalisation, reflection_map
 from relume.light.reflection.weights import Complement, Even, Fresnel, Schlick
 from relume.renderers.prefiltered.filters import Mip, Plain, Preintegrated, Quadrilateral, Subdivision
 from relume.renderers.prefiltered.prefiltered import Prefiltered, Shading
-from relume.renderers.prefiltered.shading_samples import GBuffer
+from relume.renderers.prefiltered.shading_inputs import GBuffer
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.reflective import Layer, Reflective, Towards, glass, glossy, mirror, retroreflector
 from relume.scene.scene import Scene

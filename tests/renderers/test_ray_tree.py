@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import relume as rl
+from relume.renderers.whitted.kernel_data import EYE, REFLECTED, REFRACTED, SHADOW
 from relume.renderers.whitted.ray_tree import breakdown, ray_tree
-from relume.renderers.whitted.record import EYE, REFLECTED, REFRACTED, SHADOW
 from relume.report.ray_tree_plot import tree_plot
 from relume.scene.lights import AmbientLight, PointLight, Unattenuated
 from relume.scene.materials.whitted import WhittedMaterial

@@ -10,9 +10,9 @@ import naive_whitted
 import solids
 from lights import constant, of_directions
 from relume.renderers.whitted.antialiasing import Antialiasing
+from relume.renderers.whitted.kernel_data import EYE, REFLECTED, REFRACTED, SHADOW
 from relume.renderers.whitted.optics import perturbed
 from relume.renderers.whitted.ray_tree import ray_tree
-from relume.renderers.whitted.record import EYE, REFLECTED, REFRACTED, SHADOW
 from relume.renderers.whitted.whitted import Whitted
 from relume.scene.cameras.camera import Camera
 from relume.scene.lights import AmbientLight, DistantLight, Linear, PointLight, SquareLaw, Unattenuated

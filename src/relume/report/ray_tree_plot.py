@@ -14,8 +14,8 @@ from relume.image.files.atomic import replacing
 from relume.project.metering import metered_scene
 from relume.project.scene_file.rendering import RenderSettings, renderer_name, whitted_of
 from relume.project.scene_file.scene_file import SceneFile
+from relume.renderers.whitted.kernel_data import EYE, REFLECTED, REFRACTED, SHADOW
 from relume.renderers.whitted.ray_tree import NAMES, Breakdown, RayTree, breakdown, ray_tree
-from relume.renderers.whitted.record import EYE, REFLECTED, REFRACTED, SHADOW
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Patches, Plane, Shape, Sphere
 from relume.virtual_camera.developing import develop

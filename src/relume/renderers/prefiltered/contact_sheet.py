@@ -12,7 +12,7 @@ from relume.light.reflection.convolution import as_latlong
 from relume.light.reflection.lobes import VARNISH, Lambert, Lobe, Mirror, Phong, SelfLuminous
 from relume.renderers.prefiltered.filters import Preintegrated
 from relume.renderers.prefiltered.prefiltered import Shading
-from relume.renderers.prefiltered.shading_samples import GBuffer
+from relume.renderers.prefiltered.shading_inputs import GBuffer
 from relume.scene.materials.bumps import Bumps, Wrinkles
 from relume.scene.materials.materials import Material
 from relume.scene.materials.reflective import Layer, Reflective, Towards, glass, glossy, mirror, retroreflector

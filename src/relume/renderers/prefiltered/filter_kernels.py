@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from relume._kernel import inlined, kernel
-from relume.renderers.prefiltered.shading_terms import by_cosine, key
+from relume.renderers.prefiltered.shading_inputs import by_cosine, key
 from relume.sphere.bilinear_kernels import looked_up, polar_point
 
 
@@ -104,25 +104,18 @@ def add_seen(light, chosen, seen, samples, term):
 
 
 @kernel
-def directions(keys, normals, views, kind, ratio, begin, end):
-    """The directions (M, 3) by which the table is looked up, of normals and views."""
+def find_places(places, normals, views, kind, ratio, begin, end):
+    """Where the table is looked up for normals and views: directions (M, 3), or their image points (M, 2)."""
+    as_points = places.shape[1] == 2
     for index in range(begin, end):
         x, y, z = key(
             kind, ratio, normals[index, 0], normals[index, 1], normals[index, 2],
             views[index, 0], views[index, 1], views[index, 2],
         )  # fmt: skip
-        keys[index, 0], keys[index, 1], keys[index, 2] = x, y, z
-
-
-@kernel
-def image_points(points, normals, views, kind, ratio, begin, end):
-    """The image points (M, 2) of these directions."""
-    for index in range(begin, end):
-        x, y, z = key(
-            kind, ratio, normals[index, 0], normals[index, 1], normals[index, 2],
-            views[index, 0], views[index, 1], views[index, 2],
-        )  # fmt: skip
-        points[index, 0], points[index, 1] = polar_point(x, y, z)
+        if as_points:
+            places[index, 0], places[index, 1] = polar_point(x, y, z)
+        else:
+            places[index, 0], places[index, 1], places[index, 2] = x, y, z
 
 
 @kernel

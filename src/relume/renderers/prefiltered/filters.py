@@ -14,8 +14,7 @@ import numpy as np
 
 from relume._kernel import in_threads
 from relume.renderers.prefiltered import filter_kernels as kernels
-from relume.renderers.prefiltered.shading_samples import Samples
-from relume.renderers.prefiltered.shading_terms import Term
+from relume.renderers.prefiltered.shading_inputs import Samples, Term
 from relume.sphere.bilinear_kernels import padded
 from relume.sphere.mappings.mapping import LatLong
 
@@ -32,33 +31,23 @@ class Spans:
     threads: int | None = None
     _found: dict[tuple, np.ndarray] = field(default_factory=dict)
 
-    def middle_directions(self, term: Term) -> np.ndarray:
-        """Directions (P, 3) float32."""
-        return self._once(kernels.directions, self.samples.normal, self.samples.to_eye, 3, term)
+    def middles(self, term: Term, size: int) -> np.ndarray:
+        """The samples' directions (P, 3) float32 for a size of 3; their image points (P, 2) in a lat-long map for 2."""
+        return self._once(self.samples.normal, self.samples.to_eye, size, term)
 
-    def corner_directions(self, term: Term) -> np.ndarray:
-        """Directions (M, 3) float32; up to four samples share one."""
-        return self._once(kernels.directions, self.samples.corner_normal, self.samples.corner_to_eye, 3, term)
+    def corners(self, term: Term, size: int) -> np.ndarray:
+        """The corners' directions (M, 3), or image points (M, 2); up to four samples share one."""
+        return self._once(self.samples.corner_normal, self.samples.corner_to_eye, size, term)
 
-    def middle_points(self, term: Term) -> np.ndarray:
-        """Their image points (P, 2) float32 in a lat-long map."""
-        return self._once(kernels.image_points, self.samples.normal, self.samples.to_eye, 2, term)
-
-    def corner_points(self, term: Term) -> np.ndarray:
-        """Image points (M, 2) float32."""
-        return self._once(kernels.image_points, self.samples.corner_normal, self.samples.corner_to_eye, 2, term)
-
-    def _once(
-        self, find: Callable[..., Any], normals: np.ndarray, views: np.ndarray, size: int, term: Term
-    ) -> np.ndarray:
+    def _once(self, normals: np.ndarray, views: np.ndarray, size: int, term: Term) -> np.ndarray:
         wanted = (id(normals), size, term.kind, float(term.ratio))
         if wanted not in self._found:
-            values = np.empty((len(normals), size), np.float32)
+            places = np.empty((len(normals), size), np.float32)
             in_threads(
-                lambda begin, end: find(values, normals, views, term.kind, term.ratio, begin, end),
-                len(values), self.threads,
+                lambda begin, end: kernels.find_places(places, normals, views, term.kind, term.ratio, begin, end),
+                len(places), self.threads,
             )  # fmt: skip
-            self._found[wanted] = values
+            self._found[wanted] = places
         return self._found[wanted]
 
 
@@ -67,7 +56,7 @@ class Filter(Protocol):
 
     def prepared(self, table: np.ndarray) -> Any:
         """What is kept of a table (H, 2H, 3)."""
-        ...
+        return padded(table)
 
     def add(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
         """Add the term of the `chosen` samples, (Q,) indices, to `light` (P, 4) float32."""
@@ -75,29 +64,24 @@ class Filter(Protocol):
 
 
 @dataclass(frozen=True)
-class Plain:
+class Plain(Filter):
     """Bilinear interpolation at the pixel's middle (§7.1); highlights on curved surfaces break up."""
 
-    def prepared(self, table: np.ndarray) -> np.ndarray:
-        return padded(table)
-
     def add(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
-        points = spans.middle_points(term) if len(term.colour) else None
-
-        def work(begin: int, end: int) -> None:
-            here = chosen[begin:end]
-            if points is None:
-                kernels.plain(light, here, spans.samples, term, prepared)
-                return
-            seen = np.empty((len(here), 4), np.float32)
-            kernels.looked_up_at(seen, here, points, prepared)
-            kernels.add_seen(light, here, seen, spans.samples, term)
-
-        in_threads(work, len(chosen), spans.threads)
+        if not len(term.colour):
+            in_threads(
+                lambda begin, end: kernels.plain(light, chosen[begin:end], spans.samples, term, prepared),
+                len(chosen), spans.threads,
+            )  # fmt: skip
+            return
+        points = spans.middles(term, 2)
+        add_looked_up(
+            light, chosen, spans, term, lambda seen, here: kernels.looked_up_at(seen, here, points, prepared)
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Subdivision:
+class Subdivision(Filter):
     """Recursive subdivision of the pixel's reflected corners (§8.1), the most exact and the slowest.
 
     depth : halvings at most; a piece of a thousandth of a pixel is "inconsequentially small": finer ones took seven
@@ -110,9 +94,6 @@ class Subdivision:
         if not 0 <= self.depth <= 30:
             raise ValueError(f"depth of the subdivision is {self.depth}; expected 0 to 30")
 
-    def prepared(self, table: np.ndarray) -> np.ndarray:
-        return padded(table)
-
     def add(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
         _add_spans(
             light, chosen, spans, term,
@@ -121,11 +102,8 @@ class Subdivision:
 
 
 @dataclass(frozen=True)
-class Quadrilateral:
+class Quadrilateral(Filter):
     """The mean over the quadrilateral that the pixel's reflected corners span (§8.2)."""
-
-    def prepared(self, table: np.ndarray) -> np.ndarray:
-        return padded(table)
 
     def add(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
         _add_spans(
@@ -135,7 +113,7 @@ class Quadrilateral:
 
 
 @dataclass(frozen=True)
-class Preintegrated:
+class Preintegrated(Filter):
     """The mean over a rectangle of the map, by differences in a table of its sums (§8.3; summed areas, Crow 1984).
 
     The sums are in double precision: the highest value times the number of entries must leave the lowest its digits.
@@ -149,19 +127,15 @@ class Preintegrated:
         return kernels.Sums(sums, np.concatenate([[0.0], np.cumsum(areas)]), padded(table))
 
     def add(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
-        points = spans.corner_points(term)
-
-        def work(begin: int, end: int) -> None:
-            here = chosen[begin:end]
-            seen = np.zeros((len(here), 4), np.float32)
-            kernels.preintegrated(seen, here, spans.samples, term.kind, term.ratio, points, prepared)
-            kernels.add_seen(light, here, seen, spans.samples, term)
-
-        in_threads(work, len(chosen), spans.threads)
+        points, samples = spans.corners(term, 2), spans.samples
+        add_looked_up(
+            light, chosen, spans, term,
+            lambda seen, here: kernels.preintegrated(seen, here, samples, term.kind, term.ratio, points, prepared),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Mip:
+class Mip(Filter):
     """Pyramids of ever smaller tables, interpolated between two of them (Williams 1983)."""
 
     def prepared(self, table: np.ndarray) -> kernels.Pyramid:
@@ -174,7 +148,7 @@ class Mip:
         return kernels.Pyramid(np.concatenate([level.reshape(-1) for level in flat]), begins, rows)
 
     def add(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
-        points = spans.middle_points(term)
+        points = spans.middles(term, 2)
         _add_spans(
             light, chosen, spans, term,
             lambda seen, quads, here: kernels.from_pyramid(seen, quads, points[here], prepared),
@@ -189,7 +163,7 @@ def background(table: np.ndarray, rays: np.ndarray, threads: int | None) -> np.n
     every = np.arange(count, dtype=np.int32)
 
     def work(begin: int, end: int) -> None:
-        kernels.image_points(points, views, views, 2, np.float32(1), begin, end)
+        kernels.find_places(points, views, views, 2, np.float32(1), begin, end)
         kernels.looked_up_at(seen[begin:end], every[begin:end], points, table)
 
     in_threads(work, count, threads)
@@ -225,14 +199,31 @@ def _add_spans(
     chunk: int = 1024,
 ) -> None:
     """Add what `lookup(seen, quads, samples' indices)` sees in the directions (Q, 4, 3) that their corners span."""
-    keys, middles = spans.corner_directions(term), spans.middle_directions(term)
+    keys, middles = spans.corners(term, 3), spans.middles(term, 3)
+
+    def over_quads(seen: np.ndarray, here: np.ndarray) -> None:
+        quads = np.empty((len(here), 4, 3), np.float32)
+        kernels.quadrilaterals(quads, here, spans.samples, middles, keys)
+        lookup(seen, quads, here)
+
+    add_looked_up(light, chosen, spans, term, over_quads, chunk=chunk)
+
+
+def add_looked_up(
+    light: np.ndarray,
+    chosen: np.ndarray,
+    spans: Spans,
+    term: Term,
+    lookup: Callable[[np.ndarray, np.ndarray], None],
+    *,
+    chunk: int = 65536,
+) -> None:
+    """Add what `lookup(seen, samples' indices)` writes to `seen` (Q, 4), times the term's weight."""
 
     def work(begin: int, end: int) -> None:
         here = chosen[begin:end]
-        quads = np.empty((len(here), 4, 3), np.float32)
-        kernels.quadrilaterals(quads, here, spans.samples, middles, keys)
         seen = np.zeros((len(here), 4), np.float32)
-        lookup(seen, quads, here)
+        lookup(seen, here)
         kernels.add_seen(light, here, seen, spans.samples, term)
 
     in_threads(work, len(chosen), spans.threads, chunk=chunk)

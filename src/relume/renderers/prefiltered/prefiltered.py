@@ -15,18 +15,15 @@ from typing import Any
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from relume._kernel import in_threads
 from relume.errors import UnsupportedScene
 from relume.light.reflection.brdf import Reflectance
 from relume.light.reflection.convolution import as_latlong
 from relume.light.reflection.glossy import AZIMUTHS, GlossyMap, glossy_map
 from relume.light.reflection.reflection_map import reflection_map
-from relume.renderers.prefiltered.filter_kernels import add_seen
-from relume.renderers.prefiltered.filters import Filter, Plain, Preintegrated, Spans, background
+from relume.renderers.prefiltered.filters import Filter, Plain, Preintegrated, Spans, add_looked_up, background
 from relume.renderers.prefiltered.glossy_kernel import lookup_glossy
 from relume.renderers.prefiltered.materials import ShadedLayer, layers_of
-from relume.renderers.prefiltered.shading_samples import GBuffer, Samples
-from relume.renderers.prefiltered.shading_terms import Term, is_even, term
+from relume.renderers.prefiltered.shading_inputs import GBuffer, Samples, Term, term
 from relume.renderers.raytrace.visibility import Seen, Stage
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Progress, Render
@@ -142,8 +139,7 @@ class Shading:
 
     def light(self, samples: Samples, uv: np.ndarray) -> np.ndarray:
         """Radiance (P, 3) float32 of samples with texture coordinates (P, 2)."""
-        light = np.empty((len(samples.normal), 4), np.float32)
-        in_threads(lambda begin, end: light[begin:end].fill(0), len(light), self.threads)
+        light = np.zeros((len(samples.normal), 4), np.float32)
         spans = Spans(samples, self.threads)
         material = samples.surface
         if np.any(self.first != np.arange(len(self.first))):
@@ -156,7 +152,7 @@ class Shading:
             for layer, table in layers:
                 part, lit = self._part(layer, uv, chosen, len(light))
                 if isinstance(table, GlossyMap):
-                    self._add_glossy(light, lit, samples, part, table)
+                    self._add_glossy(light, lit, spans, part, table)
                 else:
                     self.filter.add(light, lit, spans, part, table)
         return light[:, :3]
@@ -165,19 +161,16 @@ class Shading:
         """A layer's term, and which of the chosen samples it gives light to."""
         colour, rim = layer.colour(uv, chosen), layer.rim(uv, chosen)
         part = term(layer.layer, *(_scattered(each, chosen, count) for each in (colour, rim)))
-        return part, chosen if is_even(part) else chosen[np.any(colour + rim, axis=1)]
+        # Of a term without colours of its own the colour is everywhere the same.
+        return part, chosen[np.any(colour + rim, axis=1)] if len(part.colour) else chosen
 
-    def _add_glossy(self, light: np.ndarray, chosen: np.ndarray, samples: Samples, part: Any, table: GlossyMap) -> None:
+    def _add_glossy(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, part: Term, table: GlossyMap) -> None:
         most = 1 if isinstance(self.filter, Plain) else LOOK_UPS
-        tilts, tables = table.tilts.astype(np.float32), table.padded
-
-        def work(begin: int, end: int) -> None:
-            here = chosen[begin:end]
-            seen = np.zeros((len(here), 4), np.float32)
-            lookup_glossy(seen, here, samples, tables, tilts, most)
-            add_seen(light, here, seen, samples, part)
-
-        in_threads(work, len(chosen), self.threads, chunk=4096)
+        tilts, tables, samples = table.tilts.astype(np.float32), table.padded, spans.samples
+        add_looked_up(
+            light, chosen, spans, part,
+            lambda seen, here: lookup_glossy(seen, here, samples, tables, tilts, most), chunk=4096,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

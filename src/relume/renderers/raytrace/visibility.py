@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from relume.errors import UnsupportedScene
-from relume.renderers.prefiltered.shading_samples import Samples, grid_corners
+from relume.renderers.prefiltered.shading_inputs import Samples, grid_corners
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import SurfacePoints, Surfaces
 from relume.scene.cameras.camera import Camera

@@ -82,7 +82,7 @@ def sampled(
     marks = _marked(small, region)
     # The corners of the right and the lower border belong to the last pixels.
     whose = np.minimum(np.arange(height + 1), height - 1)[:, None] * width + np.minimum(np.arange(width + 1), width - 1)
-    _count(rays, np.arange(len(values)), whose.ravel(), counts)
+    rays += np.bincount(whose.ravel(), counts, len(rays)).astype(np.int32)
     for level in range(levels + 1):
         if not len(squares):
             break
@@ -101,7 +101,7 @@ def sampled(
         fresh, needed = _halved(squares, place, size // 2, len(values))
         at = needed[:, :2] * 2.0**-levels + np.array([left, top])
         more_values, more_keys, more_counts = trace(at)
-        _count(rays, np.arange(len(needed)), needed[:, 2], more_counts)
+        rays += np.bincount(needed[:, 2], more_counts, len(rays)).astype(np.int32)
         values, keys = np.concatenate([values, more_values]), np.concatenate([keys, more_keys])
         squares, place = _quarters(squares, fresh, place, size // 2)
     return pixels.reshape(height, width, -1).astype(np.float32), rays.reshape(height, width)
@@ -163,13 +163,6 @@ def _add(pixels, values, squares, pixel, split, area):
 
 
 @exact_kernel
-def _count(rays, samples, pixel, counts):
-    """Add the rays of new samples to the pixels that asked for them."""
-    for i in range(len(samples)):
-        rays[pixel[i]] += counts[samples[i]]
-
-
-@exact_kernel
 def _halved(squares, place, half, first):
     """The samples that halve squares: their numbers (N, 5) from `first` on, above, left, middle, right and below, and
     where they are with the pixel that asked (M, 3)."""
@@ -201,20 +194,10 @@ def _slot(column, row, slots):
     return np.int64((mixed ^ (mixed >> np.uint64(29))) & np.uint64(slots - 1))
 
 
-@exact_kernel
-def _quarters(squares, fresh, place, half):
+def _quarters(squares: np.ndarray, fresh: np.ndarray, place: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray]:
     """The four squares that each is made into, and where they begin."""
-    smaller = np.empty((4 * len(squares), 4), np.int32)
-    begin = np.empty((4 * len(squares), 3), np.int64)
-    for i in range(len(squares)):
-        a, b, c, d = squares[i, 0], squares[i, 1], squares[i, 2], squares[i, 3]
-        above, left, middle, right, below = fresh[i, 0], fresh[i, 1], fresh[i, 2], fresh[i, 3], fresh[i, 4]
-        for k, corners in enumerate(
-            ((a, above, left, middle), (above, b, middle, right), (left, middle, c, below), (middle, right, below, d))
-        ):
-            for j in range(4):
-                smaller[4 * i + k, j] = corners[j]
-            begin[4 * i + k, 0] = place[i, 0] + (k & 1) * half
-            begin[4 * i + k, 1] = place[i, 1] + (k >> 1) * half
-            begin[4 * i + k, 2] = place[i, 2]
-    return smaller, begin
+    # Each one's corners, among those of the old square and the five new ones.
+    corners = np.array([[0, 4, 5, 6], [4, 1, 6, 7], [5, 6, 2, 8], [6, 7, 8, 3]])
+    smaller = np.concatenate([squares, fresh], axis=1)[:, corners].reshape(-1, 4)
+    steps = half * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
+    return smaller, (place[:, None] + steps).reshape(-1, 3)

@@ -11,11 +11,26 @@ import numpy as np
 from relume._kernel import exact_kernel, exact_small
 from relume.renderers.raytrace.kernel import meet, scratch, unowned
 from relume.renderers.raytrace.surface import surface_at
-from relume.renderers.whitted.lights import DISTANT, LINEAR, NONE, SQUARE
+from relume.renderers.whitted.kernel_data import DISTANT, EYE, LINEAR, NONE, REFLECTED, REFRACTED, SHADOW, SQUARE
 from relume.renderers.whitted.materials import CHECKED, CONSTANT, FRESNEL, PICTURE, SCHLICK
-from relume.renderers.whitted.optics import along, dot, fresnel, hashed, largest, perturbed, reflected, refracted, unit
-from relume.renderers.whitted.record import EYE, REFLECTED, REFRACTED, SHADOW
-from relume.renderers.whitted.textures import bumped, facets, picture_at, schlick, shadowed, under_coat, wrinkled
+from relume.renderers.whitted.optics import (
+    along,
+    bumped,
+    dot,
+    facets,
+    fresnel,
+    hashed,
+    largest,
+    perturbed,
+    picture_at,
+    reflected,
+    refracted,
+    schlick,
+    shadowed,
+    under_coat,
+    unit,
+    wrinkled,
+)
 from relume.sphere.bilinear_kernels import looked_up, polar_point
 
 NEAR = 4e-6

@@ -178,11 +178,8 @@ def _metallic_roughness(material: Material) -> Model:
         roughness=alpha / np.sqrt(2),
         name=material.name,
     )
-    broad = alpha > BROAD and not through
-    if not image:
-        return Model(surface, law, alpha, _triple(np.full(3, dielectric)), everywhere=broad)
-    picture = base.astype(np.float32)
-    return Model(surface, law, alpha, _triple(np.full(3, dielectric)), picture, share, metallic, broad)
+    picture = base.astype(np.float32) if image else None
+    return Model(surface, law, alpha, _triple(dielectric), picture, share, metallic, alpha > BROAD and not through)
 
 
 def _of_layers(material: Reflective) -> Model:
@@ -253,7 +250,8 @@ def _triple(value: np.ndarray | float) -> Colour:
     return float(r), float(g), float(b)
 
 
-def _row(model: Model, pictures: list[np.ndarray], bumps: list[Bumps]) -> Coefficients:
+def _row(model: Model, pictures: list[np.ndarray], bumps: list[Bumps]) -> tuple[Any, ...]:
+    """The fields of `Coefficients` for one material; its picture and its bumps are put behind the others."""
     m = model.material
     paint, picture, size = FLAT, -1, 1.0
     first = second = m.diffuse
@@ -269,16 +267,13 @@ def _row(model: Model, pictures: list[np.ndarray], bumps: list[Bumps]) -> Coeffi
     if m.bumps is not None:
         which = len(bumps)
         bumps.append(m.bumps)
-    coat = np.asarray(m.specular if model.coat is None else model.coat) if m.coated else np.full(3, -1.0)
-    return Coefficients(
-        np.asarray(first), np.asarray(second), np.full(3, -1.0) if m.ambient is None else np.asarray(m.ambient),
-        np.asarray(m.specular), np.asarray(m.transmission),
-        np.asarray(m.specular if m.highlight is None else m.highlight), coat,
-        np.asarray(m.exponent), np.asarray(m.ior), np.asarray(model.law), np.asarray(m.roughness),
-        np.asarray(model.alpha), np.asarray(model.tint), np.asarray(model.picture is not None),
-        np.asarray(model.everywhere),
-        np.asarray(paint), np.asarray(picture), np.asarray(size), np.asarray(which),
-        np.asarray(paint == PICTURE or isinstance(m.bumps, BumpMap)),
+    none = (-1.0, -1.0, -1.0)
+    coat = none if not m.coated else m.specular if model.coat is None else model.coat
+    return (
+        first, second, none if m.ambient is None else m.ambient, m.specular, m.transmission,
+        m.specular if m.highlight is None else m.highlight, coat, m.exponent, m.ior, model.law, m.roughness,
+        model.alpha, model.tint, model.picture is not None, model.everywhere, paint, picture, size, which,
+        paint == PICTURE or isinstance(m.bumps, BumpMap),
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from relume.renderers.whitted.antialiasing import Traced
-from relume.renderers.whitted.record import EYE, REFLECTED, REFRACTED, SHADOW, Record, Settings
+from relume.renderers.whitted.kernel_data import EYE, REFLECTED, REFRACTED, SHADOW, Record, Settings
 from relume.renderers.whitted.whitted import PreparedWhitted
 from relume.scene.cameras.camera import Camera
 

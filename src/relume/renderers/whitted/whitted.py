@@ -9,7 +9,6 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeGuard
 
 import numpy as np
 
@@ -22,14 +21,13 @@ from relume.renderers.renderer import Renderer
 from relume.renderers.results import Progress, Render
 from relume.renderers.whitted.antialiasing import Antialiasing, Small, Traced, Tracer, sampled
 from relume.renderers.whitted.kernel import CHANNELS, MOST_RAYS, trace
-from relume.renderers.whitted.lights import attenuation_code, light_table
+from relume.renderers.whitted.kernel_data import Record, Settings, attenuation_code, empty_record, light_table
 from relume.renderers.whitted.materials import MaterialTables
-from relume.renderers.whitted.record import Record, Settings, empty_record
 from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Infinite
 from relume.scene.lights import Attenuation, SphereLight, Unattenuated
 from relume.scene.scene import Scene
-from relume.scene.shapes.shapes import Mesh, Shape, Sphere, bounding_sphere
+from relume.scene.shapes.shapes import Mesh, Sphere, bounding_sphere
 from relume.sphere.bilinear_kernels import padded
 
 BAND = 1 << 14
@@ -202,16 +200,18 @@ class PreparedWhitted:
 
     def traced(self, camera: Camera, points: np.ndarray, seed: int = 0) -> Traced:
         """The trees of samples at pixel coordinates (N, 2), on this thread."""
-        results = _room_for(len(points))
-        settings = self.settings(camera, seed)
-        trace(points, view_of(camera), *self.tables, settings, 0, len(points), results, empty_record())
+        return self._followed(camera, points, seed, empty_record())
+
+    def _followed(self, camera: Camera, points: np.ndarray, seed: int, record: Record) -> Traced:
+        count = len(points)
+        results = np.empty((count, CHANNELS), np.float32), np.empty(count, np.int64), np.empty(count, np.int32)
+        trace(points, view_of(camera), *self.tables, self.settings(camera, seed), 0, count, results, record)
         return results
 
     def recorded(self, camera: Camera, points: np.ndarray, seed: int, room: int) -> Record:
         """The first `room` nodes of the trees of samples at pixel coordinates (N, 2), one behind the other."""
-        results = _room_for(len(points))
         record = empty_record(room)
-        trace(points, view_of(camera), *self.tables, self.settings(camera, seed), 0, len(points), results, record)
+        self._followed(camera, points, seed, record)
         return record
 
     def settings(self, camera: Camera, seed: int) -> Settings:
@@ -253,7 +253,11 @@ class PreparedWhitted:
         glass = transparent & (coefficients.ior > 1)[which]
         if not np.any(glass):
             return
-        balls = [(shape.radius, index) for index, shape in enumerate(shapes) if _holds(shape, camera.position)]
+        balls = [
+            (shape.radius, index)
+            for index, shape in enumerate(shapes)
+            if isinstance(shape, Sphere) and np.linalg.norm(camera.position - np.asarray(shape.centre)) < shape.radius
+        ]
         innermost = [index for _, index in sorted(balls) if transparent[index]][:1]
         around = [i for i in innermost if glass[i]] if innermost else self._met_from_within(camera, seed, glass)
         for index in around[:1]:
@@ -304,16 +308,7 @@ def view_of(camera: Camera) -> np.ndarray:
     return np.array([*camera.position, *np.ravel(camera.rotation), camera.focal_length, *point, 0.0], np.float64)
 
 
-def _holds(shape: Shape, point: np.ndarray) -> TypeGuard[Sphere]:
-    """Whether the shape is a sphere with this point in it."""
-    return isinstance(shape, Sphere) and bool(np.linalg.norm(point - np.asarray(shape.centre)) < shape.radius)
-
-
 def _flat(mesh: Mesh) -> int:
     """How many triangles have no area."""
     a, b, c = (mesh.vertices[mesh.faces[:, i]].astype(np.float64) for i in range(3))
     return int(np.sum(~np.any(np.cross(b - a, c - a), axis=1)))
-
-
-def _room_for(count: int) -> Traced:
-    return np.empty((count, CHANNELS), np.float32), np.empty(count, np.int64), np.empty(count, np.int32)

@@ -1,4 +1,5 @@
-"""What shading by reflection maps needs of a pixel: normal, view and surface, in the middle and at the corners."""
+"""What shading by reflection maps takes: samples, each with normal, view and surface in the middle and at the corners,
+and terms, the inside of line 9 (Miller & Hoffman 1984, §3): which direction a table is looked up by, and its weight."""
 
 from __future__ import annotations
 
@@ -6,6 +7,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+
+from relume._kernel import inlined
+from relume.light.reflection.weights import tabulated
+from relume.scene.materials.reflective import Layer, Towards
+from relume.sphere.bilinear_kernels import in_fours
 
 
 class Samples(NamedTuple):
@@ -98,3 +104,65 @@ def grid_corners(height: int, width: int) -> np.ndarray:
     """The corners of a picture's pixels among (height + 1)·(width + 1) points in rows: (height·width, 4) int32."""
     upper = (np.arange(height)[:, None] * (width + 1) + np.arange(width)).reshape(-1)
     return np.stack([upper, upper + 1, upper + width + 2, upper + width + 1], axis=1).astype(np.int32)
+
+
+KINDS = {Towards.NORMAL: 0, Towards.REFLECTED: 1, Towards.VIEWER: 2, Towards.REFRACTED: 3}
+
+
+class Term(NamedTuple):
+    """One layer, ready for kernels: (weight · colour + grazing · rim) · table[direction].
+
+    kind : of KINDS
+    ratio : the index of refraction of the viewer's side over that behind, for refraction
+    weight, grazing : (ENTRIES, 4) float32, by the cosine E·N from 0 to 1, the fourth channel 0
+    colour, rim : (P, 4) float32, of each sample; (0, 4) where they are everywhere the same and held in `weight`
+    """
+
+    kind: int
+    ratio: np.float32
+    weight: np.ndarray
+    grazing: np.ndarray
+    colour: np.ndarray
+    rim: np.ndarray
+
+
+def term(layer: Layer, colour: np.ndarray, rim: np.ndarray) -> Term:
+    """A layer with its colours at the samples, (1, 3) or (P, 3)."""
+    weight, grazing = tabulated(layer.weight), tabulated(layer.grazing)
+    if len(colour) == len(rim) == 1:
+        weight = weight * colour + grazing * rim
+        colour = rim = np.zeros((0, 3))
+    values = (in_fours(each) for each in (weight, grazing, *np.broadcast_arrays(colour, rim)))
+    return Term(KINDS[layer.towards], np.float32(1 / layer.ior), *values)
+
+
+@inlined
+def key(kind, ratio, nx, ny, nz, ex, ey, ez):
+    """The direction by which the table is looked up."""
+    if kind == 0:
+        return nx, ny, nz
+    if kind == 2:
+        return ex, ey, ez
+    facing = nx * ex + ny * ey + nz * ez
+    inside = np.float32(1) - ratio * ratio * (np.float32(1) - facing * facing)
+    if kind == 1 or inside < 0:
+        twice = np.float32(2) * facing
+        return twice * nx - ex, twice * ny - ey, twice * nz - ez
+    along = ratio * facing - np.sqrt(inside)
+    return along * nx - ratio * ex, along * ny - ratio * ey, along * nz - ratio * ez
+
+
+@inlined
+def by_cosine(weight, facing):
+    """The four channels of a weight at the cosine E·N, by linear look-up."""
+    place = min(max(facing, np.float32(0)), np.float32(1)) * np.float32(weight.shape[0] - 1)
+    first = np.uint32(min(int(place), weight.shape[0] - 2))
+    after = first + np.uint32(1)
+    share = place - np.float32(first)
+    rest = np.float32(1) - share
+    return (
+        weight[first, 0] * rest + weight[after, 0] * share,
+        weight[first, 1] * rest + weight[after, 1] * share,
+        weight[first, 2] * rest + weight[after, 2] * share,
+        weight[first, 3] * rest + weight[after, 3] * share,
+    )
