@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from trial import LIGHTS, POINTS, background, finish, report_axes, report_irradiance, run_inside, write_oriented_probe
 
+from relume.export.lamps import LampFile
 from relume.export.light_files import FORMATS
 from relume.image import files
 from relume.sphere.environment_files import as_radiance_map
@@ -32,7 +33,7 @@ def main(python: str, folder: Path) -> None:
         ("probe.usda", "usd", "labelled.exr"),
         ("lights.gltf", "gltf", None),
     ):
-        text = FORMATS[kind].text(LIGHTS, unit="relative", background=behind, points=POINTS)
+        text = FORMATS[kind].text(LampFile(LIGHTS, "relative", behind, points=POINTS))
         (folder / name).write_text(text, encoding="utf-8")
     run_inside(python, Path(__file__).with_name("inside_blender.py"), str(folder), needs="bpy")
     right = [

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from trial import LIGHTS, POINTS, finish
 
+from relume.export.lamps import LampFile
 from relume.export.light_files import FORMATS
 from relume.light.constellations.constellation import Constellation
 
@@ -32,7 +33,7 @@ def main(place: Path, folder: Path) -> None:
     right = []
     for name, lights, points in (("lights", LIGHTS, None), ("placed", LIGHTS, POINTS), ("none", none, None)):
         file = folder / f"{name}.gltf"
-        text = FORMATS["gltf"].text(lights, unit="cd/m²", background="rest.exr", points=points)
+        text = FORMATS["gltf"].text(LampFile(lights, "cd/m²", "rest.exr", points=points))
         file.write_text(text, encoding="utf-8")
         done = subprocess.run(
             ["node", "-e", VALIDATE, str(file)], cwd=place, capture_output=True, text=True, check=True

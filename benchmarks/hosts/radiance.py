@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from trial import LIGHTS, NORMALS, POINTS, background, finish, report_axes, report_irradiance, write_oriented_probe
 
+from relume.export.lamps import LampFile
 from relume.export.light_files import FORMATS
 from relume.image import files
 from relume.light.constellations.constellation import Constellation
@@ -49,12 +50,12 @@ def main(python: str, folder: Path) -> None:
     place, write = programs(python), FORMATS["radiance"].text
     write_oriented_probe("radiance", folder / "probe.hdr")
     none = Constellation(np.zeros((0, 3)), np.zeros((0, 3)))
-    (folder / "probe.rad").write_text(write(none, unit="relative", background="probe.hdr"), encoding="utf-8")
+    (folder / "probe.rad").write_text(write(LampFile(none, "relative", "probe.hdr")), encoding="utf-8")
     axes = traced(place, folder, "probe.rad", NORMALS)
     files.write(folder / "background.hdr", as_radiance_map(background()))
     right = [report_axes("radiance", axes)]
     for unit, factor in (("relative", 1.0), ("cd/m²", EFFICACY)):
-        scene = write(LIGHTS, unit=unit, background="background.hdr", points=POINTS)
+        scene = write(LampFile(LIGHTS, unit, "background.hdr", points=POINTS))
         (folder / "lights.rad").write_text(scene, encoding="utf-8")
         lit = traced(place, folder, "lights.rad", NORMALS, "-I", *INDIRECT) * factor
         right.append(report_irradiance(f"radiance ({unit})", lit, 0.01))

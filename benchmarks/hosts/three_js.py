@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from trial import LIGHTS, NORMALS, POINTS, finish, report_axes, run_inside, write_oriented_probe
 
+from relume.export.lamps import LampFile
 from relume.export.light_files import FORMATS
 
 
@@ -26,7 +27,7 @@ def main(python: str, three: Path, chromium: str, folder: Path) -> None:
         sys.exit(f"{chromium} is not there; install Chromium")
     here = Path(__file__).parent
     write_oriented_probe("three", folder / "probe.hdr", 512)
-    gltf = FORMATS["gltf"].text(LIGHTS, unit="relative", points=POINTS)
+    gltf = FORMATS["gltf"].text(LampFile(LIGHTS, "relative", points=POINTS))
     (folder / "lights.gltf").write_text(gltf, encoding="utf-8")
     shutil.copy(here / "three_js.html", folder / "page.html")
     shutil.copytree(three, folder / "three", dirs_exist_ok=True)

@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from relume.export.lamps import Lamp, beside, figure, lamps
+from relume.export.lamps import Lamp, LampFile, figure
 from relume.export.light_files import FORMATS
 from relume.image import files
 from relume.light.constellations.constellation import Constellation
@@ -31,7 +31,7 @@ Z = np.array([0.0, 0.0, 1.0])
 
 
 def written(name, lights=LIGHTS, unit="relative", background=None, angles=None):
-    return FORMATS[name].text(lights, unit=unit, background=background, angles=angles)
+    return FORMATS[name].text(LampFile(lights, unit, background, angles))
 
 
 def background_of(name):
@@ -274,23 +274,23 @@ def test_the_mitsuba_text():
 
 
 def test_a_lamp_is_an_intensity_times_a_colour_whose_strongest_channel_is_one():
-    lamp = lamps(ONE)[0]
+    lamp = LampFile(ONE, "relative").lamps[0]
     assert lamp == Lamp("light_000", (0.6, 0.8, 0.0), (4.0, 2.0, 1.0), 0.0)
     assert lamp.intensity == 4 and lamp.colour == (1.0, 0.5, 0.25)
-    dark = lamps(LIGHTS)[4]
+    dark = LampFile(LIGHTS, "relative").lamps[4]
     assert dark.intensity == 0 and dark.colour == (1.0, 1.0, 1.0)
 
 
 def test_a_lamps_turn_takes_plus_z_towards_the_light():
     directions = np.concatenate([normalised(np.random.default_rng(2).normal(size=(50, 3))), NORMALS])
-    for lamp in lamps(Constellation(directions, np.ones_like(directions))):
+    for lamp in LampFile(Constellation(directions, np.ones_like(directions)), "relative").lamps:
         assert np.linalg.norm(lamp.quaternion) == pytest.approx(1)
         np.testing.assert_allclose(turned_by(lamp.quaternion, Z), lamp.direction, atol=1e-12)
 
 
 def test_names_sort_as_the_lights_do():
     many = Constellation(np.tile(Z, (1200, 1)), np.ones((1200, 3)))
-    names = [lamp.name for lamp in lamps(many)]
+    names = [lamp.name for lamp in LampFile(many, "relative").lamps]
     assert names[0] == "light_0000" and names[-1] == "light_1199" and names == sorted(names)
 
 
@@ -301,10 +301,11 @@ def test_figures_have_nine_digits(number, text):
     assert figure(number) == text
 
 
-def test_a_background_is_named_with_forward_slashes():
-    assert beside("maps\\sky.exr") == "maps/sky.exr"
-    assert beside("../sky.exr") == "../sky.exr"
-    assert beside(None) is None
+@pytest.mark.parametrize(
+    ("path", "name"), [("maps\\sky.exr", "maps/sky.exr"), ("../sky.exr", "../sky.exr"), (None, None)]
+)
+def test_a_background_is_named_with_forward_slashes(path, name):
+    assert LampFile(ONE, "relative", path).background_name == name
 
 
 # Mitsuba renders what it is given

@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
+from relume.export.lamps import LampFile
 from relume.export.light_files import FORMATS
 from relume.light.constellations.constellation import Constellation
 from relume.light.constellations.placement import PlacedLights
@@ -26,7 +27,7 @@ RADII = {"json": [0, 0.25, 0], "gltf": [0, 0.25, 0], "blender": [0, 0.25, 0], "m
 
 
 def written(name, points: PlacedLights | None = POINTS, lights=SUN, unit="relative"):
-    return FORMATS[name].text(lights, unit=unit, points=points)
+    return FORMATS[name].text(LampFile(lights, unit, points=points))
 
 
 # Read back: positions, intensity and radii from the text alone
@@ -118,7 +119,7 @@ def test_every_placed_light_is_read_back_where_it_is_and_as_strong(name):
 @EACH
 def test_without_placed_lights_nothing_speaks_of_them(name):
     alone = written(name, None)
-    assert alone == FORMATS[name].text(SUN, unit="relative")
+    assert alone == FORMATS[name].text(LampFile(SUN, "relative"))
     words = ("point_0", "POINTS", '"points"', "Points have", "SphereLight", "candela", 'emitter type="point')
     assert not any(word in alone for word in words)
     # The distant lights are the same beside them.

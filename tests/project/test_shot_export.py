@@ -11,7 +11,7 @@ import pytest
 
 from relume.errors import OutputNotWritten, UnsupportedScene
 from relume.export.shot_files import SHOT_FORMATS, export_shot
-from relume.export.shot_lamps import lamps_of, undistorted
+from relume.export.shot_lamps import light_of, undistorted
 from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.light.constellations.constellation import Constellation
@@ -214,27 +214,27 @@ def test_mitsuba_gets_what_fills_a_body(tmp_path):
 def test_key_lights_stand_at_the_walls_and_give_the_probe_what_they_gave():
     lights = Constellation(np.array([[0.6, 0.8, 0.0], [0.0, 0.0, -1.0]]), np.array([[4.0, 2.0, 1.0], [1.0, 1.0, 3.0]]))
     value = shot(distant=BOX, probe=(0.0, 0.5, 0.0), keys=KeyLights(lights, light(), 1.0))
-    lamps = lamps_of(value)
-    assert lamps.placed is not None and not len(lamps.distant.directions)
+    _, lamps = light_of(value)
+    assert lamps.points is not None and not len(lamps.lights.directions)
     # The ceiling is 2 m above the probe, 1.5 m beside it; the wall behind 1.5 m away.
-    assert np.allclose(lamps.placed.positions, [[1.5, 2.5, 0.0], [0.0, 0.5, -1.5]])
-    assert np.allclose(lamps.placed.seen_from((0.0, 0.5, 0.0)).irradiance, lights.irradiance)
-    far = lamps_of(shot(keys=KeyLights(lights, light(), 1.0)))
-    assert far.placed is None and np.array_equal(far.distant.directions, lights.directions)
+    assert np.allclose(lamps.points.positions, [[1.5, 2.5, 0.0], [0.0, 0.5, -1.5]])
+    assert np.allclose(lamps.points.seen_from((0.0, 0.5, 0.0)).irradiance, lights.irradiance)
+    _, far = light_of(shot(keys=KeyLights(lights, light(), 1.0)))
+    assert far.points is None and np.array_equal(far.lights.directions, lights.directions)
 
 
 def test_lamps_of_the_scene_are_handed_over():
-    lamps = lamps_of(
+    _, lamps = light_of(
         shot(
             lights=(DistantLight((0.0, 3.0, 4.0), (1.0, 2.0, 3.0)), SphereLight((0.0, 2.0, 0.0), 0.5, (4.0, 4.0, 8.0)))
         )
     )
-    assert np.allclose(lamps.distant.directions, [[0.0, 0.6, 0.8]])
-    assert np.allclose(lamps.distant.irradiance, [[1.0, 2.0, 3.0]])
-    assert lamps.placed is not None
-    assert np.allclose(lamps.placed.intensity, np.pi * 0.25 * np.array([[4.0, 4.0, 8.0]]))
+    assert np.allclose(lamps.lights.directions, [[0.0, 0.6, 0.8]])
+    assert np.allclose(lamps.lights.irradiance, [[1.0, 2.0, 3.0]])
+    assert lamps.points is not None
+    assert np.allclose(lamps.points.intensity, np.pi * 0.25 * np.array([[4.0, 4.0, 8.0]]))
     with pytest.raises(UnsupportedScene, match="ambient"):
-        lamps_of(shot(lights=(AmbientLight((0.1, 0.1, 0.1)),)))
+        light_of(shot(lights=(AmbientLight((0.1, 0.1, 0.1)),)))
 
 
 def test_plate_is_drawn_without_distortion():

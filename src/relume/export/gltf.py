@@ -5,74 +5,37 @@ from __future__ import annotations
 import json
 from typing import Any
 
-import numpy as np
-
-from relume.export.lamps import beside, bulbs, figure, lamps, meaning
-from relume.light.constellations.constellation import Constellation
-from relume.light.constellations.placement import PlacedLights
+from relume.export.lamps import Bulb, Lamp, LampFile, figure, rounded
 
 EXTENSION = "KHR_lights_punctual"
 
 
-def text(
-    lights: Constellation,
-    *,
-    unit: str,
-    background: str | None = None,
-    angles: np.ndarray | None = None,
-    points: PlacedLights | None = None,
-) -> str:
+def text(file: LampFile) -> str:
     """The lights as a `.gltf` file; each shines along −Z of its node, intensity × color being our irradiance.
 
-    unit : the map's, "relative" or "cd/m²"; glTF takes intensity for lux
-    background : the file with the light that the lights do not carry; glTF cannot hold it, so `extras` name it
-    angles : (N,), apparent diameters in radians; punctual lights have none, so `extras` keep them
-    points : lights that have a place, as point lights of an intensity in candela; `extras` keep their radii
-
-    Raises ValueError for another unit, an absolute path or angles that do not fit.
+    glTF takes intensity for lux, that of point lights for candela. It cannot hold the background, so `extras` name it;
+    punctual lights have neither apparent diameters nor radii, so `extras` keep them.
     """
-    shining: list[dict[str, Any]] = []
-    nodes: list[dict[str, Any]] = []
-    # Distant lights: nodes that are turned.
-    for index, lamp in enumerate(lamps(lights, angles)):
-        light: dict[str, Any] = {
-            "name": lamp.name,
-            "type": "directional",
-            "color": [float(figure(part)) for part in lamp.colour],
-            "intensity": float(figure(lamp.intensity)),
-        }
-        if angles is not None:
+    lamps, bulbs = file.lamps, file.bulbs
+    shining = [_light(lamp, "directional", lamp.intensity) for lamp in lamps]
+    if file.angles is not None:
+        for light, lamp in zip(shining, lamps, strict=True):
             light["extras"] = {"apparent_diameter_radians": float(figure(lamp.angle))}
-        shining.append(light)
-        nodes.append(
-            {
-                "name": lamp.name,
-                "rotation": [float(figure(part)) for part in lamp.quaternion],
-                "extensions": {EXTENSION: {"light": index}},
-            }
-        )
-    # Lights that have a place: nodes that are moved.
-    for bulb in bulbs(points):
-        light = {
-            "name": bulb.name,
-            "type": "point",
-            "color": [float(figure(part)) for part in bulb.colour],
-            "intensity": float(figure(bulb.strength)),
-        }
+    for bulb in bulbs:
+        shining.append(_light(bulb, "point", bulb.strength))
         if bulb.radius > 0:
-            light["extras"] = {"radius_metres": float(figure(bulb.radius))}
-        nodes.append(
-            {
-                "name": bulb.name,
-                "translation": [float(figure(part)) for part in bulb.position],
-                "extensions": {EXTENSION: {"light": len(shining)}},
-            }
-        )
-        shining.append(light)
+            shining[-1]["extras"] = {"radius_metres": float(figure(bulb.radius))}
+    # Nodes of distant lights are turned, those of lights that have a place are moved.
+    places = [{"rotation": rounded(lamp.quaternion)} for lamp in lamps]
+    places += [{"translation": rounded(bulb.position)} for bulb in bulbs]
+    nodes = [
+        {"name": light["name"], **place, "extensions": {EXTENSION: {"light": index}}}
+        for index, (light, place) in enumerate(zip(shining, places, strict=True))
+    ]
     # What the numbers mean, and the background that belongs to them.
-    takes = "glTF takes intensity for lux" + ("." if points is None else ", and that of point lights for candela.")
-    notes: dict[str, Any] = {"meaning": f"{meaning(unit, points)} {takes}", "unit": unit}
-    name = beside(background)
+    takes = "glTF takes intensity for lux" + ("." if file.points is None else ", and that of point lights for candela.")
+    notes: dict[str, Any] = {"meaning": f"{file.meaning} {takes}", "unit": file.unit}
+    name = file.background_name
     if name is not None:
         notes["background"] = name
         notes["background_note"] = (
@@ -90,3 +53,12 @@ def text(
             "scene": 0,
         }
     return json.dumps(written, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _light(light: Lamp | Bulb, kind: str, intensity: float) -> dict[str, Any]:
+    return {
+        "name": light.name,
+        "type": kind,
+        "color": rounded(light.colour),
+        "intensity": float(figure(intensity)),
+    }

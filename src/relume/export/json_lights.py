@@ -10,55 +10,39 @@ from typing import Any
 import numpy as np
 
 from relume.errors import UnreadableFile
-from relume.export.lamps import FRAME, beside, bulbs, figure, lamps, meaning
+from relume.export.lamps import FRAME, LampFile, figure, rounded
 from relume.light.constellations.constellation import Constellation
-from relume.light.constellations.placement import PlacedLights
 
 FORMAT = "relume constellation 1"
 
 
-def text(
-    lights: Constellation,
-    *,
-    unit: str,
-    background: str | None = None,
-    angles: np.ndarray | None = None,
-    points: PlacedLights | None = None,
-) -> str:
-    """The lights as a JSON text.
-
-    unit : the map's, "relative" or "cd/m²"
-    background : the file with the light that the lights do not carry, relative to the file written; None for none
-    angles : (N,), apparent diameters in radians; left out of the text where None
-    points : lights that have a place, under "points"; the key is left out where None
-
-    Raises ValueError for another unit, an absolute path or angles that do not fit.
-    """
+def text(file: LampFile) -> str:
+    """The lights as a JSON text; what is None is left out of it, but for the background."""
     written: dict[str, Any] = {
         "format": FORMAT,
-        "meaning": f"Parallel lights. {meaning(unit, points)} Angles are apparent diameters in radians.",
+        "meaning": f"Parallel lights. {file.meaning} Angles are apparent diameters in radians.",
         "frame": FRAME,
-        "unit": unit,
-        "background": beside(background),
+        "unit": file.unit,
+        "background": file.background_name,
         "background_frame": "lat-long: the top row is +Y, the centre -Z and +X to its right",
         "lights": [],
     }
-    for lamp in lamps(lights, angles):
+    for lamp in file.lamps:
         light: dict[str, Any] = {
-            "direction": [float(figure(part)) for part in lamp.direction],
-            "irradiance": [float(figure(part)) for part in lamp.irradiance],
+            "direction": rounded(lamp.direction),
+            "irradiance": rounded(lamp.irradiance),
         }
-        if angles is not None:
+        if file.angles is not None:
             light["angle"] = float(figure(lamp.angle))
         written["lights"].append(light)
-    if points is not None:
+    if file.points is not None:
         written["points"] = [
             {
-                "position": [float(figure(part)) for part in bulb.position],
-                "intensity": [float(figure(part)) for part in bulb.intensity],
-                **({} if points.radii is None else {"radius": float(figure(bulb.radius))}),
+                "position": rounded(bulb.position),
+                "intensity": rounded(bulb.intensity),
+                **({} if file.points.radii is None else {"radius": float(figure(bulb.radius))}),
             }
-            for bulb in bulbs(points)
+            for bulb in file.bulbs
         ]
     return json.dumps(written, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 

@@ -82,47 +82,93 @@ class Bulb:
         return red / disc, green / disc, blue / disc
 
 
-def bulbs(points: PlacedLights | None) -> list[Bulb]:
-    """The placed lights one by one; none where None."""
-    if points is None:
-        return []
-    count = len(points.positions)
-    radii = np.zeros(count) if points.radii is None else points.radii
-    return [
-        Bulb(f"point_{index:0{_digits(count)}d}", _three(place), _three(intensity), float(radius))
-        for index, (place, intensity, radius) in enumerate(zip(points.positions, points.intensity, radii, strict=True))
-    ]
+@dataclass(frozen=True, eq=False)
+class LampFile:
+    """All that a file of lamps holds.
 
+    lights : parallel ones
+    unit : the map's, "relative" or "cd/m²"
+    background : the lat-long file with the light that the lights do not carry, relative to this one; None for none
+    angles : (N,), apparent diameters of the lights in radians from 0 to π; parallel light where None
+    points : lights that have a place; None where no places were asked for
 
-def lamps(lights: Constellation, angles: np.ndarray | None = None) -> list[Lamp]:
-    """The lights one by one.
-
-    angles : (N,), apparent diameters in radians from 0 to π; None for parallel light
-
-    Raises ValueError for angles of another number or range, and for lights that are not finite or below 0.
+    Its properties raise ValueError for another unit, an absolute path, angles that do not fit, and lights that are not
+    finite or below 0.
     """
-    count = len(lights.directions)
-    wide = np.zeros(count) if angles is None else np.asarray(angles, np.float64)
-    if wide.shape != (count,) or not np.all((wide >= 0) & (wide <= np.pi)):
-        raise ValueError(
-            f"angles of shape {wide.shape}; expected ({count},), one a light, each from 0 to π radians; "
-            "leave them out for parallel light"
-        )
-    irradiance = np.asarray(lights.irradiance, np.float64)
-    if not np.all(np.isfinite(irradiance)) or np.any(irradiance < 0):
-        raise ValueError("irradiance holds negative or non-finite values; light must be finite and not below 0")
-    # Unit to the last digit, which programs that trust a quaternion expect.
-    directions = np.asarray(lights.directions, np.float64)
-    directions = directions / np.maximum(np.linalg.norm(directions, axis=-1, keepdims=True), 1e-300)
-    return [
-        Lamp(
-            f"light_{index:0{_digits(count)}d}",
-            _three(directions[index]),
-            _three(irradiance[index]),
-            float(wide[index]),
-        )
-        for index in range(count)
-    ]
+
+    lights: Constellation
+    unit: str
+    background: str | None = None
+    angles: np.ndarray | None = None
+    points: PlacedLights | None = None
+
+    @property
+    def lamps(self) -> list[Lamp]:
+        """The parallel lights one by one."""
+        count = len(self.lights.directions)
+        wide = np.zeros(count) if self.angles is None else np.asarray(self.angles, np.float64)
+        if wide.shape != (count,) or not np.all((wide >= 0) & (wide <= np.pi)):
+            raise ValueError(
+                f"angles of shape {wide.shape}; expected ({count},), one a light, each from 0 to π radians; "
+                "leave them out for parallel light"
+            )
+        irradiance = np.asarray(self.lights.irradiance, np.float64)
+        if not np.all(np.isfinite(irradiance)) or np.any(irradiance < 0):
+            raise ValueError("irradiance holds negative or non-finite values; light must be finite and not below 0")
+        # Unit to the last digit, which programs that trust a quaternion expect.
+        directions = np.asarray(self.lights.directions, np.float64)
+        directions = directions / np.maximum(np.linalg.norm(directions, axis=-1, keepdims=True), 1e-300)
+        return [
+            Lamp(name, _three(direction), _three(light), float(angle))
+            for name, direction, light, angle in zip(_names("light", count), directions, irradiance, wide, strict=True)
+        ]
+
+    @property
+    def bulbs(self) -> list[Bulb]:
+        """The placed lights one by one."""
+        if self.points is None:
+            return []
+        count = len(self.points.positions)
+        radii = np.zeros(count) if self.points.radii is None else self.points.radii
+        return [
+            Bulb(name, _three(place), _three(intensity), float(radius))
+            for name, place, intensity, radius in zip(
+                _names("point", count), self.points.positions, self.points.intensity, radii, strict=True
+            )
+        ]
+
+    @property
+    def meaning(self) -> str:
+        """What the numbers of lights, background and placed lights are."""
+        if self.unit == "cd/m²":
+            irradiance, intensity = (
+                "Irradiance is in lux, red, green and blue apart, and the background's pixels are in cd/m².",
+                "cd",
+            )
+        elif self.unit == "relative":
+            irradiance, intensity = (
+                "Irradiance is in the light map's own relative unit × steradian, and the background's pixels in that "
+                "unit.",
+                "that unit × m²",
+            )
+        else:
+            raise ValueError(f'unit is "{self.unit}"; expected "relative" or "cd/m²"')
+        if self.points is None:
+            return irradiance
+        return f"{irradiance} Points have a place in metres and an intensity in {intensity}: irradiance × distance²."
+
+    @property
+    def background_name(self) -> str | None:
+        """The background's path as a file can hold it: with forward slashes, and never an absolute one.
+
+        An absolute path would be right on one machine only; a line break would end the line that names it.
+        """
+        name = self.background
+        if name is None:
+            return None
+        if PurePosixPath(name).is_absolute() or PureWindowsPath(name).drive or not name.isprintable():
+            raise ValueError(f"background is {name!r}; give its path relative to the file that will name it")
+        return PureWindowsPath(name).as_posix() if "\\" in name else name
 
 
 def figure(number: float) -> str:
@@ -135,40 +181,15 @@ def figures(numbers: tuple[float, ...], between: str = " ") -> str:
     return between.join(figure(number) for number in numbers)
 
 
-def meaning(unit: str, points: PlacedLights | None = None) -> str:
-    """What the numbers of lights, background and placed lights are; raises ValueError for a unit there is not."""
-    if unit == "cd/m²":
-        irradiance, intensity = (
-            "Irradiance is in lux, red, green and blue apart, and the background's pixels are in cd/m².",
-            "cd",
-        )
-    elif unit == "relative":
-        irradiance, intensity = (
-            "Irradiance is in the light map's own relative unit × steradian, and the background's pixels in that unit.",
-            "that unit × m²",
-        )
-    else:
-        raise ValueError(f'unit is "{unit}"; expected "relative" or "cd/m²"')
-    if points is None:
-        return irradiance
-    return f"{irradiance} Points have a place in metres and an intensity in {intensity}: irradiance × distance²."
+def rounded(numbers: tuple[float, ...]) -> list[float]:
+    """Numbers of nine significant digits, as JSON holds them."""
+    return [float(figure(number)) for number in numbers]
 
 
-def beside(background: str | None) -> str | None:
-    """The background's name as a file beside ours can hold it: with forward slashes, and never an absolute path.
-
-    Raises ValueError for an absolute path, which would be right on one machine only, and for line breaks.
-    """
-    if background is None:
-        return None
-    if PurePosixPath(background).is_absolute() or PureWindowsPath(background).drive or not background.isprintable():
-        raise ValueError(f"background is {background!r}; give its path relative to the file that will name it")
-    return PureWindowsPath(background).as_posix() if "\\" in background else background
-
-
-def _digits(count: int) -> int:
-    """Of the lights' numbers, so that their names sort as they do."""
-    return max(3, len(str(max(count - 1, 0))))
+def _names(word: str, count: int) -> list[str]:
+    """The lights' names, with as many digits as sort them."""
+    digits = max(3, len(str(max(count - 1, 0))))
+    return [f"{word}_{index:0{digits}d}" for index in range(count)]
 
 
 def _colour(values: tuple[float, float, float]) -> tuple[float, float, float]:

@@ -3,33 +3,18 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
-
-import numpy as np
 
 from relume.export import gltf, json_lights, radiance
 from relume.export.blender import lights as blender
+from relume.export.lamps import LampFile
 from relume.export.mitsuba import lights as mitsuba_xml
 from relume.export.usd import lights as usd
 from relume.image import files
-from relume.light.constellations.constellation import Constellation
-from relume.light.constellations.placement import PlacedLights
 from relume.light.light_set import LightSet
 from relume.sphere.environment_files import as_radiance_map
-
-
-class _Text(Protocol):
-    def __call__(
-        self,
-        lights: Constellation,
-        *,
-        unit: str,
-        background: str | None = None,
-        angles: np.ndarray | None = None,
-        points: PlacedLights | None = None,
-    ) -> str: ...
 
 
 @dataclass(frozen=True)
@@ -39,14 +24,13 @@ class Format:
     name : what a person asks for
     suffix : of its files
     background_suffix : of the lat-long file with the light that the lights do not carry, as the program reads it
-    text : writes it: lights, unit, the background's file name, the lights' apparent diameters in radians and the lights
-        that have a place to a text
+    text : writes it
     """
 
     name: str
     suffix: str
     background_suffix: str
-    text: _Text
+    text: Callable[[LampFile], str]
 
 
 FORMATS: dict[str, Format] = {
@@ -108,14 +92,9 @@ def write_lights(lights: LightSet, to: LightFiles) -> tuple[str, ...]:
     Raises OutputNotWritten for files that cannot be written, ValueError for a residual on another drive.
     """
     for path, form in zip(to.paths, to.formats, strict=True):
-        text = form.text(
-            lights.distant,
-            unit=lights.light.unit,
-            background=None if to.residual is None else _relative(to.residual, path),
-            angles=lights.angles,
-            points=lights.points,
-        )
-        files.write_text(path, text)
+        background = None if to.residual is None else _relative(to.residual, path)
+        held = LampFile(lights.distant, lights.light.unit, background, lights.angles, lights.points)
+        files.write_text(path, form.text(held))
     if to.residual is None or lights.residual is None:
         return ()
     files.write(to.residual, as_radiance_map(lights.residual))

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume.export.lamps import POINT_RADIUS, Bulb, Lamp, beside, bulbs, figure, figures, lamps, meaning
-from relume.light.constellations.constellation import Constellation
-from relume.light.constellations.placement import PlacedLights
+from relume.export.lamps import POINT_RADIUS, Bulb, Lamp, LampFile, figure, figures
 
 EFFICACY = 179.0
 """Lumens a watt, by which Radiance turns its RGB into photometric units (Ward 1994, §4; WHTEFFICACY in color.h)."""
@@ -21,40 +19,26 @@ _WIDE = "# Wide lights want jittered rays: trace with -dj 0.9 or so.\n"
 LONGITUDE, POLAR = "1+atan2(Dx,Dy)/PI", "1-Acos(Dz)/PI"
 
 
-def text(
-    lights: Constellation,
-    *,
-    unit: str,
-    background: str | None = None,
-    angles: np.ndarray | None = None,
-    points: PlacedLights | None = None,
-) -> str:
+def text(file: LampFile) -> str:
     """The lights as a `.rad` scene for oconv.
 
-    unit : the map's, "relative" or "cd/m²"; lux and cd/m² are divided by 179 lm/W, by which Radiance multiplies
-    background : the lat-long picture with the light that the lights do not carry, relative to where Radiance runs; it
-        must be a Radiance picture (.hdr or .pic)
-    angles : (N,), apparent diameters in radians; those below 0.1°, and all where None, become 0.1°. So do all beside a
-        background, for a source hides what glows behind it (30 lights of 15° took 4 % from it)
-    points : lights that have a place: spheres of `light` where they have a radius, else of unseen `illum`
-
-    A source's radiance is E / (π sin²(angle/2)), so that its irradiance is ours whatever its angle.
-
-    Raises ValueError for another unit, an absolute path, another kind of background or angles that do not fit.
+    Lux and cd/m² are divided by 179 lm/W, by which Radiance multiplies. The background's path is relative to where
+    Radiance runs; raises ValueError for one that is no Radiance picture (.hdr or .pic).
+    Apparent diameters below 0.1°, and all where there are none, become 0.1°. So do all beside a background, for a
+    source hides what glows behind it (30 lights of 15° took 4 % from it). A source's radiance is E / (π sin²(angle/2)),
+    so that its irradiance is ours whatever its angle. Placed lights are spheres of `light` where they have a radius,
+    else of unseen `illum`.
     """
-    name = beside(background)
+    name, lamps = file.background_name, file.lamps
     if name is not None and not name.lower().endswith((".hdr", ".pic")):
         raise ValueError(f"background is {name!r}, which Radiance cannot read; write it as a .hdr file")
-    scale = 1 / EFFICACY if unit == "cd/m²" else 1.0
-    watts = (
-        "Here they are divided by Radiance's 179 lm/W: multiply what it computes by 179 for lux and cd/m²"
-        if unit == "cd/m²"
-        else "Radiance takes them for W/m² and W/(sr·m²); its 179 lm/W make no lux of them"
-    )
-    narrow = background is not None
-    wide = angles is not None and bool(np.any(np.asarray(angles) > NARROWEST))
+    scale, watts = 1.0, "Radiance takes them for W/m² and W/(sr·m²); its 179 lm/W make no lux of them"
+    if file.unit == "cd/m²":
+        scale = 1 / EFFICACY
+        watts = "Here they are divided by Radiance's 179 lm/W: multiply what it computes by 179 for lux and cd/m²"
+    narrow, wide = name is not None, any(lamp.angle > NARROWEST for lamp in lamps)
     parts = [
-        f"# Parallel lights that stand for a light map, for Radiance's +Z up.\n# {meaning(unit, points)}\n",
+        f"# Parallel lights that stand for a light map, for Radiance's +Z up.\n# {file.meaning}\n",
         f"# {watts}.\n",
         "# Red, green and blue are of Rec. 709 and are handed over as they are.\n",
         "# To keep a light out of sight and of mirrors, as when the background shows it already, write `illum` for\n"
@@ -62,8 +46,8 @@ def text(
         "# Trace many lights with -dt 0, or the faint ones are guessed.\n",
         (_NARROWED if narrow else _WIDE) if wide else "",
         _glow(name, scale) if name is not None else "",
-        *(_source(lamp, 0.0 if narrow else lamp.angle, scale) for lamp in lamps(lights, angles)),
-        *(_sphere(bulb, scale) for bulb in bulbs(points)),
+        *(_source(lamp, 0.0 if narrow else lamp.angle, scale) for lamp in lamps),
+        *(_sphere(bulb, scale) for bulb in file.bulbs),
     ]
     return "".join(parts)
 

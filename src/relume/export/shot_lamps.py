@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from relume.errors import UnsupportedScene
+from relume.export.lamps import LampFile
+from relume.image import files
 from relume.image.bilinear import bilinear
 from relume.light.constellations.constellation import Constellation, together
 from relume.light.constellations.placement import PlacedLights, radii_at
@@ -15,28 +18,25 @@ from relume.project.insertion.prepared import PreparedShot
 from relume.renderers.mitsuba.distant import wall_distances
 from relume.scene.distant import Infinite
 from relume.scene.lights import AmbientLight, DistantLight, Light, PointLight, SphereLight, SquareLaw
+from relume.sphere.environment_files import as_radiance_map
 from relume.sphere.environment_map import EnvironmentMap
 
-
-@dataclass(frozen=True, eq=False)
-class Lamps:
-    """All the light of a hand-over.
-
-    map : lat-long, what no lamp stands for
-    distant : parallel lights
-    angles : (N,), their apparent diameters, radians
-    placed : lights that have a place; None for none
-    """
-
-    map: EnvironmentMap
-    distant: Constellation
-    angles: np.ndarray
-    placed: PlacedLights | None
+LIGHT = "light.exr"
+"""The file of the light that no lamp stands for, beside the others of a shot."""
 
 
-def lamps_of(value: PreparedShot) -> Lamps:
-    """The scene's lamps and its key lights, each where it stands, and the map that is left.
+def write_pictures(value: PreparedShot, folder: Path, light: EnvironmentMap | None = None) -> None:
+    """Write the plate, scene-linear and developed, and the light where one is given."""
+    if light is not None:
+        files.write(folder / LIGHT, as_radiance_map(light))
+    files.write(folder / "plate.exr", value.plate)
+    files.write(folder / "plate.png", value.picture())
 
+
+def light_of(value: PreparedShot) -> tuple[EnvironmentMap, LampFile]:
+    """The lat-long map that no lamp stands for, and the scene's lamps and key lights, each where it stands.
+
+    The map is the background of the lamps unless the distant scene has walls, which show it then.
     The key lights of a distant scene with walls stand where their rays from the probe meet them, as in
     `light.placing.placed_in_box`. Raises UnsupportedScene for ambient light and for points without the square law.
     """
@@ -59,7 +59,8 @@ def lamps_of(value: PreparedShot) -> Lamps:
             placed = walls if placed is None else _both(placed, walls)
     radii = distant.angular_radii
     angles = np.zeros(len(distant.directions)) if radii is None else np.minimum(2 * radii, np.pi)
-    return Lamps(as_latlong(light), distant, angles, placed)
+    background = LIGHT if isinstance(scene.distant, Infinite) else None
+    return as_latlong(light), LampFile(distant, light.unit, background, angles, placed)
 
 
 def _of_scene(lights: tuple[Light, ...]) -> tuple[Constellation, PlacedLights | None]:

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume.export.lamps import beside, bulbs, figure, figures, lamps, meaning
-from relume.light.constellations.constellation import Constellation
-from relume.light.constellations.placement import PlacedLights
+from relume.export.lamps import LampFile, figure, figures
 
 _SCRIPT = '''"""Lights for Blender, written by relume: run it in the Text Editor, or `blender --python THIS_FILE`.
 
@@ -120,34 +118,23 @@ for light in POINTS:
 '''
 
 
-def text(
-    lights: Constellation,
-    *,
-    unit: str,
-    background: str | None = None,
-    angles: np.ndarray | None = None,
-    points: PlacedLights | None = None,
-) -> str:
+def text(file: LampFile) -> str:
     """The lights as a Python script for Blender 3 and newer.
 
-    unit : the map's, "relative" or "cd/m²"; the numbers go to Blender as they are, lights and background alike
-    background : the lat-long file with the light that the lights do not carry, relative to the script; black where None
-    angles : (N,), apparent diameters in radians; 0, for hard shadows, where None
-    points : lights that have a place, as Point lights of 4π watts where our intensity is 1
-
-    Raises ValueError for another unit, an absolute path or angles that do not fit.
+    The numbers go to Blender as they are, lights and background alike. Without a background the world is black, without
+    angles shadows are hard. Placed lights are Point lights of 4π watts where our intensity is 1.
     """
     lines = [
         f"    ({lamp.name!r}, ({figures(lamp.direction, ', ')}), ({figures(lamp.colour, ', ')}), "
         f"{figure(lamp.intensity)}, {figure(lamp.angle)}),\n"
-        for lamp in lamps(lights, angles)
+        for lamp in file.lamps
     ]
-    script = _SCRIPT.format(meaning=meaning(unit, points), background=beside(background), lights="".join(lines))
-    if points is None:
+    script = _SCRIPT.format(meaning=file.meaning, background=file.background_name, lights="".join(lines))
+    if file.points is None:
         return script
     placed = [
         f"    ({bulb.name!r}, ({figures(bulb.position, ', ')}), ({figures(bulb.colour, ', ')}), "
         f"{figure(4 * np.pi * bulb.strength)}, {figure(bulb.radius)}),\n"
-        for bulb in bulbs(points)
+        for bulb in file.bulbs
     ]
     return script + _POINTS.format(points="".join(placed))

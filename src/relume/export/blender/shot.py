@@ -12,18 +12,16 @@ import numpy as np
 
 from relume.export.blender import lights
 from relume.export.parts import Part, base_colour, parts_of
-from relume.export.shot_lamps import lamps_of, undistorted
+from relume.export.shot_lamps import light_of, undistorted, write_pictures
 from relume.image import files
 from relume.image.colour import luminance
 from relume.image.radiance import RadianceMap
 from relume.project.insertion.prepared import PreparedShot
 from relume.renderers.mitsuba.distant import walls
 from relume.scene.cameras.camera import Camera
-from relume.scene.distant import Infinite
 from relume.scene.gltf.writing import glb
 from relume.scene.materials.materials import Diffuse, Material, is_image
 from relume.scene.shapes.shapes import Mesh
-from relume.sphere.environment_files import as_radiance_map
 
 SCRIPT = Path(__file__).parent / "scripts" / "shot.py"
 """Builds the shot in Blender, once the line of its facts is replaced."""
@@ -46,18 +44,10 @@ def write(value: PreparedShot, folder: Path) -> tuple[str, ...]:
     """Write the files; what Blender does not hold."""
     value, notes = undistorted(value)
     parts, lost = parts_of(value.scene)
-    lamps = lamps_of(value)
-    finite = not isinstance(value.scene.distant, Infinite)
-    files.write(folder / "light.exr", as_radiance_map(lamps.map))
-    files.write(folder / "plate.exr", value.plate)
-    files.write(folder / "plate.png", value.picture())
-    (folder / "light.py").write_text(
-        lights.text(
-            lamps.distant, unit=lamps.map.unit, background=None if finite else "light.exr",
-            angles=lamps.angles, points=lamps.placed,
-        ),
-        encoding="utf-8",
-    )  # fmt: skip
+    light, lamps = light_of(value)
+    write_pictures(value, folder, light)
+    (folder / "light.py").write_text(lights.text(lamps), encoding="utf-8")
+    finite = lamps.background is None
     real, added = [part for part in parts if part.real], [part for part in parts if not part.real]
     if added:
         (folder / "objects.glb").write_bytes(glb([part.named_mesh for part in added]))
@@ -65,7 +55,7 @@ def write(value: PreparedShot, folder: Path) -> tuple[str, ...]:
         (folder / "real.glb").write_bytes(glb([part.named_mesh for part in real], images=False))
     steps: list[float] = []
     if finite:
-        shining, steps = _walls(value, lamps.map.radiance)
+        shining, steps = _walls(value, light.radiance)
         (folder / "distant.glb").write_bytes(glb([part.named_mesh for part in shining], images=False))
     facts = {
         "camera": _camera(value.camera),

@@ -4,45 +4,30 @@ from __future__ import annotations
 
 from xml.sax.saxutils import quoteattr
 
-import numpy as np
-
-from relume.export.lamps import Bulb, Lamp, beside, bulbs, figure, figures, lamps, meaning
-from relume.light.constellations.constellation import Constellation
-from relume.light.constellations.placement import PlacedLights
+from relume.export.lamps import Bulb, Lamp, LampFile, figure, figures
 
 
-def text(
-    lights: Constellation,
-    *,
-    unit: str,
-    background: str | None = None,
-    angles: np.ndarray | None = None,
-    points: PlacedLights | None = None,
-) -> str:
+def text(file: LampFile) -> str:
     """The lights as directional emitters of our irradiance, the background as an envmap turned half round.
 
-    unit : the map's, "relative" or "cd/m²"
-    background : the lat-long file with the light that the lights do not carry, relative to the scene; None for none
-    angles : (N,), apparent diameters in radians; a directional emitter has none, which a comment says
-    points : lights that have a place, as point emitters, or as spheres that emit where they have a radius
+    A directional emitter has no apparent diameter, which a comment says. Placed lights are point emitters, or spheres
+    that emit where they have a radius.
 
     An envmap's middle is +Z and ours −Z. Its first and last rows stand at the poles, where ours are half a pixel off:
     what Mitsuba shows is at most half a pixel of the file too near the horizon.
-
-    Raises ValueError for another unit, an absolute path or angles that do not fit.
     """
-    name = beside(background)
+    name, lamps = file.background_name, file.lamps
     parts = [
         '<?xml version="1.0" encoding="utf-8"?>\n',
-        f"<!-- Parallel lights that stand for a light map; +Y is up. {meaning(unit, points)} -->\n",
+        f"<!-- Parallel lights that stand for a light map; +Y is up. {file.meaning} -->\n",
         '<!-- To use it: <include filename="…"/> in a scene. -->\n',
         "<!-- The lights' apparent diameters are not in here: Mitsuba's directional emitters have none. -->\n"
-        if angles is not None and np.any(np.asarray(angles) > 0)
+        if any(lamp.angle > 0 for lamp in lamps)
         else "",
         '<scene version="3.0.0">\n',
         _envmap(name) if name is not None else "",
-        *(_directional(lamp) for lamp in lamps(lights, angles)),
-        *(_placed(bulb) for bulb in bulbs(points)),
+        *(_directional(lamp) for lamp in lamps),
+        *(_placed(bulb) for bulb in file.bulbs),
         "</scene>\n",
     ]
     return "".join(parts)

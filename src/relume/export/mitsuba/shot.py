@@ -17,7 +17,7 @@ import numpy as np
 
 from relume.export.lamps import figure, figures
 from relume.export.parts import physical
-from relume.export.shot_lamps import undistorted
+from relume.export.shot_lamps import undistorted, write_pictures
 from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.project.insertion.prepared import PreparedShot
@@ -149,8 +149,7 @@ def write(value: PreparedShot, folder: Path) -> tuple[str, ...]:
     place = [_render(value, volumes="homogeneous" in writer.plugins), *place]
     (folder / "place.xml").write_text(_scene(place), encoding="utf-8")
     (folder / "shot.xml").write_text(_scene(['    <include filename="place.xml"/>\n', *objects]), encoding="utf-8")
-    files.write(folder / "plate.exr", value.plate)
-    files.write(folder / "plate.png", value.picture())
+    write_pictures(value, folder)
     if lamps:
         notes = (*notes, "its lamps are spheres that the camera sees and that throw shadows")
     if "principled" in writer.plugins:

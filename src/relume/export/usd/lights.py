@@ -4,36 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume.export.lamps import POINT_RADIUS, Bulb, Lamp, beside, bulbs, figure, figures, lamps, meaning
-from relume.light.constellations.constellation import Constellation
-from relume.light.constellations.placement import PlacedLights
+from relume.export.lamps import POINT_RADIUS, Bulb, Lamp, LampFile, figure, figures
 
 
-def text(
-    lights: Constellation,
-    *,
-    unit: str,
-    background: str | None = None,
-    angles: np.ndarray | None = None,
-    points: PlacedLights | None = None,
-) -> str:
+def text(file: LampFile) -> str:
     """The lights as a `.usda` layer of upAxis Y.
-
-    unit : the map's, "relative" or "cd/m²"
-    background : the lat-long file with the light that the lights do not carry, relative to the layer; None for none
-    angles : (N,), apparent diameters in radians; parallel light where None
-    points : lights that have a place, as SphereLights; those without a radius may be treated as points
 
     Lights are normalised, so that UsdLux's intensity × color is our irradiance whatever the angle (UsdLux, LightAPI,
     `inputs:normalize`: "the intensity becomes a measure of the illuminance, expressed in lux"), and a dome of
     intensity 1 shows its pixels' own numbers (there: in cd/m²). The dome is turned half round, since its middle
     is +Z and that of our maps −Z. A normalised sphere's radiance is its intensity over 4π r², and it shines as a disc
-    of π r²: UsdLux's intensity × color is four times ours.
-
-    Raises ValueError for another unit, an absolute path or angles that do not fit.
+    of π r²: UsdLux's intensity × color is four times ours. One without a radius may be treated as a point.
     """
-    name = beside(background)
-    doc = f"Parallel lights that stand for a light map. {meaning(unit, points)} UsdLux takes them for lux and cd/m²."
+    name = file.background_name
+    doc = f"Parallel lights that stand for a light map. {file.meaning} UsdLux takes them for lux and cd/m²."
     parts = [
         "#usda 1.0\n(\n",
         '    defaultPrim = "Light"\n',
@@ -41,8 +25,8 @@ def text(
         '    metersPerUnit = 1\n    upAxis = "Y"\n)\n\n',
         'def Xform "Light"\n{\n',
         *([_dome(name)] if name is not None else []),
-        *(_distant(lamp) for lamp in lamps(lights, angles)),
-        *(_sphere(bulb) for bulb in bulbs(points)),
+        *(_distant(lamp) for lamp in file.lamps),
+        *(_sphere(bulb) for bulb in file.bulbs),
         "}\n",
     ]
     return "".join(parts)

@@ -9,17 +9,15 @@ import numpy as np
 
 from relume.export.lamps import figure, figures
 from relume.export.parts import Part, base_colour, parts_of
-from relume.export.shot_lamps import lamps_of, undistorted
+from relume.export.shot_lamps import light_of, undistorted, write_pictures
 from relume.export.usd import lights
 from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.project.insertion.prepared import PreparedShot
 from relume.renderers.mitsuba.distant import walls
 from relume.scene.cameras.camera import Camera
-from relume.scene.distant import Infinite
 from relume.scene.materials.materials import Diffuse, Material, is_image, mean_number
 from relume.scene.shapes.shapes import Mesh
-from relume.sphere.environment_files import as_radiance_map
 
 USE = """shot.usda refers to light.usda (lights, dome) and to the images. What USD has no words for is in attributes of
 its own:
@@ -35,22 +33,14 @@ def write(value: PreparedShot, folder: Path) -> tuple[str, ...]:
     """Write the files; what USD does not hold."""
     value, notes = undistorted(value)
     parts, lost = parts_of(value.scene)
-    lamps = lamps_of(value)
-    finite = not isinstance(value.scene.distant, Infinite)
-    files.write(folder / "light.exr", as_radiance_map(lamps.map))
-    files.write(folder / "plate.exr", value.plate)
-    files.write(folder / "plate.png", value.picture())
-    light = lights.text(
-        lamps.distant, unit=lamps.map.unit, background=None if finite else "light.exr",
-        angles=lamps.angles, points=lamps.placed,
-    )  # fmt: skip
-    (folder / "light.usda").write_text(light, encoding="utf-8")
-    writer = _Writer(folder)
+    light, lamps = light_of(value)
+    write_pictures(value, folder, light)
+    (folder / "light.usda").write_text(lights.text(lamps), encoding="utf-8")
     groups = [
-        ("Real", [_mesh("Real", part, writer, "bool relume:shadowCatcher = 1") for part in parts if part.real]),
-        ("Objects", [_mesh("Objects", part, writer) for part in parts if not part.real]),
+        ("Real", [_mesh("Real", part, folder, "bool relume:shadowCatcher = 1") for part in parts if part.real]),
+        ("Objects", [_mesh("Objects", part, folder) for part in parts if not part.real]),
     ]
-    if finite:
+    if lamps.background is None:
         groups.append(("Distant", [_walls(value)]))
         notes = (
             *notes,
@@ -105,22 +95,16 @@ def _camera(camera: Camera) -> str:
 """
 
 
-class _Writer:
-    """Images that become files on the way."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-
-    def image(self, values: Any, name: str) -> str:
-        """The file of an image (H, W) or (H, W, 3), linear and in full precision."""
-        array = np.asarray(values, np.float32)
-        array = array if array.ndim == 3 else np.repeat(array[..., None], 3, axis=-1)
-        files.write(self.folder / f"{name}.exr", RadianceMap(np.ascontiguousarray(array)))
-        return f"{name}.exr"
+def _written(values: Any, folder: Path, name: str) -> str:
+    """The file of an image (H, W) or (H, W, 3), linear and in full precision."""
+    array = np.asarray(values, np.float32)
+    array = array if array.ndim == 3 else np.repeat(array[..., None], 3, axis=-1)
+    files.write(folder / f"{name}.exr", RadianceMap(np.ascontiguousarray(array)))
+    return f"{name}.exr"
 
 
-def _mesh(group: str, part: Part, writer: _Writer, own: str | None = None) -> str:
-    return _geometry(group, part.name, part.mesh, own, _material(part, writer))
+def _mesh(group: str, part: Part, folder: Path, own: str | None = None) -> str:
+    return _geometry(group, part.name, part.mesh, own, _material(part, folder))
 
 
 def _geometry(group: str, name: str, mesh: Mesh, own: str | None, material: str) -> str:
@@ -148,7 +132,7 @@ def _geometry(group: str, name: str, mesh: Mesh, own: str | None, material: str)
     )
 
 
-def _material(part: Part, writer: _Writer) -> str:
+def _material(part: Part, folder: Path) -> str:
     material, name = part.material, part.name
     inputs: list[tuple[str, str, Any]] = [("color3f", "diffuseColor", base_colour(material))]
     if isinstance(material, Diffuse):
@@ -171,7 +155,7 @@ def _material(part: Part, writer: _Writer) -> str:
             inputs.append(("color3f", "emissiveColor", material.emission))
         if material.normal is not None:
             inputs.append(("normal3f", "normal", np.asarray(material.normal)))
-    textures = [(kind, key, writer.image(value, f"{name}_{key}")) for kind, key, value in inputs if is_image(value)]
+    textures = [(kind, key, _written(value, folder, f"{name}_{key}")) for kind, key, value in inputs if is_image(value)]
     return _network([each for each in inputs if not is_image(each[2])], textures)
 
 
@@ -256,7 +240,7 @@ def _value(value: Any) -> str:
 
 
 def _row(values: np.ndarray) -> str:
-    return ", ".join(f"{number + 0.0:.9g}" for number in values.tolist())
+    return figures(values.tolist(), ", ")
 
 
 def _rows(values: np.ndarray) -> str:
