@@ -9,14 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from relume._kernel import inlined
+from relume.sphere.mappings.mapping import continued_round
 
 
 def padded(radiance: np.ndarray) -> np.ndarray:
     """A lat-long table (H, 2H, 3) with its border continued round the seam and over the poles: (H + 2, 2H + 2, 4)."""
-    half = radiance.shape[1] // 2
-    tall = np.concatenate([np.roll(radiance[:1], half, 1), radiance, np.roll(radiance[-1:], half, 1)])
-    wide = np.concatenate([tall[:, -1:], tall, tall[:, :1]], axis=1)
-    return in_fours(wide)
+    return in_fours(continued_round(radiance))
 
 
 def in_fours(values: np.ndarray) -> np.ndarray:

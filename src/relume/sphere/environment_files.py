@@ -18,7 +18,7 @@ from relume.sphere.mappings.names import mapping_named
 from relume.sphere.mappings.orientation import orient_back, orientation_named
 from relume.sphere.mip_cube import mirrored_strip
 
-_LAYOUT = ("mapping", "envmap", "orientation", "mirror", "face", "view")
+LAYOUT = ("mapping", "envmap", "orientation", "mirror", "face", "view")
 """Attributes that say where a file's pixels look."""
 
 
@@ -97,7 +97,7 @@ def as_environment(picture: RadianceMap, mapping: Mapping | None = None) -> Envi
     if mapping is None:
         name = picture.attributes.get("mapping")
         mapping = mapping_named(name) if name else _mapping_of_shape(picture)
-    kept = {key: text for key, text in picture.attributes.items() if key not in _LAYOUT}
+    kept = {key: text for key, text in picture.attributes.items() if key not in LAYOUT}
     light = EnvironmentMap(picture.radiance, mapping, picture.unit, picture.clipped, kept)
     if "mirror" in picture.attributes:
         light = mirrored_strip(light, picture.attributes["mirror"])

@@ -9,7 +9,7 @@ import numpy as np
 
 from relume.image.bilinear import bilinear
 from relume.sphere.directions import required_rotation
-from relume.sphere.mappings.mapping import LatLong, Mapping, matching_size, pixel_directions
+from relume.sphere.mappings.mapping import LatLong, Mapping, continued_round, matching_size, pixel_directions
 
 if TYPE_CHECKING:
     from relume.sphere.audit import Audit
@@ -40,8 +40,9 @@ class EnvironmentMap:
             raise ValueError(f"radiance has shape {shape}; a map has at least one row, and three channels")
         expected = (*self.mapping.shape(shape[0]), 3)
         if shape != expected:
+            article = "an" if self.mapping.name[0] in "aeiou" else "a"
             raise ValueError(
-                f"radiance has shape {shape}; {_article(self.mapping.name)} map of {shape[0]} rows has {expected}"
+                f"radiance has shape {shape}; {article} {self.mapping.name} map of {shape[0]} rows has {expected}"
             )
         if self.clipped is not None and self.clipped.shape != shape[:2]:
             raise ValueError(f"clipped has shape {self.clipped.shape}; expected the radiance's {shape[:2]}")
@@ -62,7 +63,7 @@ class EnvironmentMap:
         points = self.mapping.image_points(directions)
         rows, columns = self.radiance.shape[:2]
         if isinstance(self.mapping, LatLong):
-            return bilinear(_wrapped(self.radiance), points[..., 0] * columns + 1, points[..., 1] * rows + 1)
+            return bilinear(continued_round(self.radiance), points[..., 0] * columns + 1, points[..., 1] * rows + 1)
         outside = np.isnan(points[..., 0])
         points = np.where(outside[..., None], 0.5, points)
         # Each face or disc has a cell of its own: what lies in the next one is no neighbour.
@@ -116,14 +117,3 @@ class EnvironmentMap:
         from relume.sphere.audit import audit
 
         return audit(self.radiance, self.mapping, self.clipped, self.unit, rotation)
-
-
-def _article(name: str) -> str:
-    return f"an {name}" if name[0] in "aeiou" else f"a {name}"
-
-
-def _wrapped(radiance: np.ndarray) -> np.ndarray:
-    """A lat-long map with one more pixel on every side: round the seam, and over the poles to the other side."""
-    half = radiance.shape[1] // 2
-    tall = np.concatenate([np.roll(radiance[:1], half, 1), radiance, np.roll(radiance[-1:], half, 1)])
-    return np.concatenate([tall[:, -1:], tall, tall[:, :1]], axis=1)

@@ -18,12 +18,11 @@ from relume.image.radiance import RadianceMap
 from relume.light.conversion.file_formats import exposed
 from relume.probe.painting import HotSpot, environment_from_painting, read_gamma
 from relume.probe.panorama.views import orientation
-from relume.sphere.directions import rotation_about
 from relume.sphere.environment_files import as_environment, as_radiance_map, read_environment, read_light_pixels
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.cubes import Strip
 from relume.sphere.mappings.mapping import LatLong, Mapping
-from relume.sphere.mappings.orientation import orient_for, orientation_named
+from relume.sphere.mappings.orientation import orient_for, orientation_named, rotation_from_angles
 from relume.sphere.mappings.perspective import insert_view, perspective_view
 from relume.sphere.mip_cube import mirrored_strip
 
@@ -86,7 +85,7 @@ def convert_map(
     light: EnvironmentMap, out: Path, conversion: MapConversion, encoding: Encoding | None = None
 ) -> ConvertedMap:
     """Convert an environment map, write it, read it back, and compare its energy before and after."""
-    rotation = None if conversion.turn is None else _rotation(conversion.turn)
+    rotation = None if conversion.turn is None else rotation_from_angles(*conversion.turn)
     before = light.audit(rotation)
 
     # Convert.
@@ -126,12 +125,6 @@ def convert_map(
         "after": after.facts(),
     }
     return ConvertedMap(facts, notes, losses if whole else ())
-
-
-def _rotation(turn: Turn) -> np.ndarray:
-    yaw, pitch, roll = turn
-    x, y, z = np.eye(3)
-    return rotation_about(y, yaw) @ rotation_about(x, pitch) @ rotation_about(z, roll)
 
 
 def _fine_enough(light: EnvironmentMap, mapping: Mapping) -> int:

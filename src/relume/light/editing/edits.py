@@ -21,13 +21,11 @@ from relume.image.radiance import RadianceMap
 from relume.image.resizing import cropped, resized
 from relume.image.white_point import gains_from_temperature
 from relume.sphere.audit import Audit
-from relume.sphere.environment_files import as_environment, as_radiance_map
+from relume.sphere.environment_files import LAYOUT, as_environment, as_radiance_map
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import Mapping
 from relume.sphere.resampling.blur import blurred, spun
 
-_LAYOUT = ("mapping", "envmap", "orientation", "mirror", "face", "view")
-"""Attributes that say where the pixels of a whole file look."""
 Colour = tuple[float, float, float]
 
 
@@ -59,7 +57,7 @@ class Crop:
 
     def __call__(self, picture: RadianceMap) -> RadianceMap:
         part = cropped(picture, self.left, self.top, self.width, self.height)
-        lost = [key for key in part.attributes if key in _LAYOUT or key.startswith("view-")]
+        lost = [key for key in part.attributes if key in LAYOUT or key.startswith("view-")]
         if not lost or part.size == picture.size:
             return part
         if "mapping" in lost:

@@ -14,7 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
-from relume.light.harmonics.transform import analysed, synthesised
+from relume.light.harmonics.transform import analysed, as_complex, as_real, synthesised, turned
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, Mapping, pixel_directions
 
@@ -77,8 +77,6 @@ class SphericalHarmonics:
 
     def rotated(self, rotation: np.ndarray) -> SphericalHarmonics:
         """The light turned by an active rotation (3, 3): what came from ω comes from `rotation` @ ω; exact."""
-        from relume.light.harmonics.rotation import turned
-
         return SphericalHarmonics(turned(self.coefficients, rotation), self.unit)
 
     def irradiance(self, normals: np.ndarray) -> np.ndarray:
@@ -125,16 +123,10 @@ class SphericalHarmonics:
 
     def _in_latlong(self, rows: int) -> np.ndarray:
         """By sums along the longitude, fast for any degree."""
-        real = self.rotated(_UPRIGHT).coefficients
-        turned = np.zeros((self.degree + 1, self.degree + 1, 3), complex)
-        for l in range(self.degree + 1):  # noqa: E741
-            middle = l * l + l
-            turned[l, 0] = real[middle]
-            orders = np.arange(1, l + 1)
-            both = real[middle + orders] + 1j * real[middle - orders]
-            turned[l, 1 : l + 1] = both * ((-1.0) ** orders / np.sqrt(2))[:, None]
+        # Longitude grows to the right, which is clockwise about +Y: that conjugates the complex harmonics.
+        upright = np.conj(as_complex(turned(self.coefficients, _UPRIGHT)))
         kernel = np.sqrt((2 * np.arange(self.degree + 1) + 1) / (4 * np.pi))
-        return synthesised(turned, kernel[None], 0, rows)[0].real
+        return synthesised(upright, kernel[None], 0, rows)[0].real
 
 
 def project_sh(light: EnvironmentMap, degree: int = 2) -> SphericalHarmonics:
@@ -229,12 +221,5 @@ def _values(directions: np.ndarray, degree: int) -> np.ndarray:
 
 def _of_latlong(flux: np.ndarray, degree: int) -> np.ndarray:
     """Σ flux · Y_lm over the pixels of a lat-long map, its longitude summed by transforms."""
-    complex_ones = analysed(flux, degree)
-    real = np.empty(((degree + 1) ** 2, 3))
-    for l in range(degree + 1):  # noqa: E741
-        # Longitude grows to the right, which is clockwise about +Y: sines change their sign, as orders below 0 do.
-        orders = np.arange(1, l + 1)
-        both = complex_ones[l, 1 : l + 1] * (np.sqrt(2) * (-1.0) ** orders)[:, None]
-        middle = l * l + l
-        real[middle], real[middle + orders], real[middle - orders] = complex_ones[l, 0].real, both.real, both.imag
-    return SphericalHarmonics(real).rotated(_UPRIGHT.T).coefficients
+    # Clockwise, as in `as_map`.
+    return turned(as_real(np.conj(analysed(flux, degree))), _UPRIGHT.T)

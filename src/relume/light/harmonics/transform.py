@@ -1,4 +1,4 @@
-"""Spherical harmonics of lat-long maps, of any spin: sums over a map's pixels turned into sums over degrees.
+"""Spherical harmonics of lat-long maps, of any spin: sums over a map's pixels turned into sums over degrees; and turns.
 
 The angles are the map's own: polar angle π·v from the top row, longitude 2π·u from the left edge. Coefficients are
 those of the complex harmonics Y_lm = √((2l+1)/4π) d^l_m0(θ) e^{imφ} with the Condon–Shortley phase.
@@ -13,57 +13,51 @@ import numpy as np
 from scipy.fft import ifft, rfft
 from scipy.special import gammaln
 
+from relume.sphere.directions import required_rotation, rotation_about
+
 _BLOCK = 16
 """Degrees summed in one product of matrices."""
 
 
-def wigner(orders: np.ndarray, spin: int, angles: np.ndarray, degree: int) -> Iterator[np.ndarray]:
+def wigner(orders: np.ndarray, spin: int | np.ndarray, angles: float | np.ndarray, degree: int) -> Iterator[np.ndarray]:
     """d^l_{m,spin}(θ) for l = 0 … degree, one (len(orders), len(angles)) array a degree; 0 where l < |m| or l < |spin|.
+
+    spin : one for all angles, or many (K,) for a single angle: (len(orders), K) a degree
 
     By the three-term recurrence upwards in l (Varshalovich et al. 1988, §4.8.2), stable in that direction.
     """
-    m = np.asarray(orders, np.float64)[:, None]
-    cosine = np.cos(angles)[None, :]
-    first = np.maximum(np.abs(m), abs(spin))
-    before = now = np.zeros((m.size, cosine.size))
-    begins = _first_values(m[:, 0].astype(int), spin, angles)
-    for degree_now in range(degree + 1):
-        if degree_now:
-            below = degree_now - 1
+    m, k = np.asarray(orders, np.float64)[:, None], np.asarray(spin, np.float64)
+    product, cosine, first = m * k, np.cos(angles), np.maximum(np.abs(m), np.abs(k))
+    begins = _first_values(m, k, np.asarray(angles))
+    before, now, root_before = (np.zeros_like(begins) for _ in range(3))
+    for l in range(degree + 1):  # noqa: E741
+        if l:
+            n = l - 1
             with np.errstate(invalid="ignore", divide="ignore"):
-                scale = 1 / np.sqrt((degree_now**2 - m**2) * (degree_now**2 - spin**2))
-                if below == 0:
-                    ahead = scale * cosine * now
+                root = np.sqrt((l**2 - m**2) * (l**2 - k**2))
+                if n == 0:
+                    ahead = cosine * now / root
                 else:
-                    ahead = (2 * below + 1) * (degree_now * cosine - m * spin / below) * now
-                    ahead -= degree_now / below * np.sqrt((below**2 - m**2) * (below**2 - spin**2)) * before
-                    ahead *= scale
-            before, now = now, np.where(degree_now > first, ahead, 0)
-        starting = np.flatnonzero(first[:, 0] == degree_now)
-        if starting.size:
-            now = now.copy()
-            now[starting] = begins[starting]
+                    ahead = (2 * n + 1) * (l * cosine - product / n) * now
+                    ahead -= l / n * root_before * before
+                    ahead /= root
+            before, now, root_before = now, np.where(l > first, ahead, 0), root
+        np.copyto(now, begins, where=first == l)
         yield now
 
 
-def _first_values(orders: np.ndarray, spin: int, angles: np.ndarray) -> np.ndarray:
-    """d^l_{m,spin} at its lowest degree l = max(|m|, |spin|), in closed form."""
-    with np.errstate(divide="ignore"):
-        log_cosine, log_sine = np.log(np.cos(angles / 2)), np.log(np.sin(angles / 2))
-    values = np.empty((len(orders), len(angles)))
-    for row, m in enumerate(orders):
-        l = max(abs(int(m)), abs(spin))  # noqa: E741
-        # Symmetries turn every case into d^l_{l,k} = √C(2l, l+k) cos^{l+k}(θ/2) (−sin(θ/2))^{l−k}.
-        if abs(int(m)) == l:
-            k, sign = (spin, 1.0) if m >= 0 else (-spin, (-1.0) ** (l + spin))
-        else:
-            k, sign = (int(m), (-1.0) ** (spin - m)) if spin > 0 else (-int(m), 1.0)
-        up, down = l + k, l - k
-        logarithm = 0.5 * (gammaln(2 * l + 1) - gammaln(up + 1) - gammaln(down + 1))
-        with np.errstate(invalid="ignore"):
-            powers = np.where(up, up * log_cosine, 0) + np.where(down, down * log_sine, 0)
-        values[row] = sign * (-1.0) ** down * np.exp(logarithm + powers)
-    return values
+def _first_values(m: np.ndarray, k: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """d^l_mk at its lowest degree l = max(|m|, |k|), in closed form."""
+    # Symmetries turn every case into d^l_{l,j} = √C(2l, l+j) cos^{l+j}(θ/2) (−sin(θ/2))^{l−j}.
+    l = np.maximum(np.abs(m), np.abs(k))  # noqa: E741
+    highest = np.abs(m) == l
+    j = np.where(highest, np.where(m >= 0, k, -k), np.where(k > 0, m, -m))
+    sign = np.where(np.where(highest, m < 0, k > 0), (-1.0) ** (l + np.where(highest, k, m)), 1.0)
+    up, down = l + j, l - j
+    logarithm = 0.5 * (gammaln(2 * l + 1) - gammaln(up + 1) - gammaln(down + 1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        powers = np.where(up, up * np.log(np.cos(angles / 2)), 0) + np.where(down, down * np.log(np.sin(angles / 2)), 0)
+    return sign * (-1.0) ** down * np.exp(logarithm + powers)
 
 
 def analysed(flux: np.ndarray, degree: int) -> np.ndarray:
@@ -122,3 +116,62 @@ def synthesised(coefficients: np.ndarray, kernels: np.ndarray, spin: int, rows: 
     table = np.asarray(ifft(waves, axis=0, workers=-1)) * columns
     table = table.reshape(columns, rows, len(kernels), channels)
     return np.moveaxis(table, (0, 1, 2), (2, 1, 0))
+
+
+def as_complex(real: np.ndarray) -> np.ndarray:
+    """Coefficients (L + 1, L + 1, C) of the complex harmonics, m ≥ 0, from those of real ones, ((L + 1)², C).
+
+    a_m = (−1)^m (c_m − i c_−m)/√2; the others are a_−m = (−1)^m a*_m, since the function is real.
+    """
+    degree = round(len(real) ** 0.5) - 1
+    found = np.zeros((degree + 1, degree + 1, real.shape[1]), complex)
+    for l in range(degree + 1):  # noqa: E741
+        middle, m = l * l + l, np.arange(1, l + 1)
+        found[l, 0] = real[middle]
+        found[l, 1 : l + 1] = ((-1.0) ** m / np.sqrt(2))[:, None] * (real[middle + m] - 1j * real[middle - m])
+    return found
+
+
+def as_real(coefficients: np.ndarray) -> np.ndarray:
+    """What `as_complex` did, undone."""
+    degree = len(coefficients) - 1
+    real = np.empty(((degree + 1) ** 2, coefficients.shape[2]))
+    for l in range(degree + 1):  # noqa: E741
+        middle, m = l * l + l, np.arange(1, l + 1)
+        both = np.sqrt(2) * ((-1.0) ** m)[:, None] * coefficients[l, 1 : l + 1]
+        real[middle], real[middle + m], real[middle - m] = coefficients[l, 0].real, both.real, -both.imag
+    return real
+
+
+def turned(coefficients: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Coefficients ((L + 1)², C) of real harmonics of the function turned by an active rotation (3, 3).
+
+    What the function was at ω it is at `rotation` @ ω. A rotation mixes the orders of a degree and nothing else: those
+    about Z, by γ first and α last, multiply the complex harmonics by e^{−imα}, the one about Y between them mixes them
+    by Wigner's d^l_mk(β). The work grows as L³.
+    Raises ValueError for what is not a rotation: it would mirror or stretch the light.
+    """
+    alpha, beta, gamma = euler_angles(rotation)
+    a = as_complex(coefficients)
+    degree = len(a) - 1
+    for l, values in enumerate(wigner(np.arange(degree + 1), np.arange(-degree, degree + 1), beta, degree)):  # noqa: E741
+        own, every = a[l, : l + 1], np.arange(-l, l + 1)[:, None]
+        below = (-1.0) ** every[:l] * np.conj(own[:0:-1])
+        mixed = values[: l + 1, degree - l : degree + l + 1] @ (
+            np.exp(-1j * every * gamma) * np.concatenate([below, own])
+        )
+        a[l, : l + 1] = np.exp(-1j * every[l:] * alpha) * mixed
+    return as_real(a)
+
+
+def euler_angles(rotation: np.ndarray) -> tuple[float, float, float]:
+    """α, β, γ in radians, with `rotation` = Rz(α) Ry(β) Rz(γ) and β from 0 to π.
+
+    Raises ValueError for what is not a rotation matrix.
+    """
+    matrix = required_rotation(rotation)
+    alpha = float(np.arctan2(matrix[1, 2], matrix[0, 2]))
+    beta = float(np.arctan2(np.hypot(matrix[0, 2], matrix[1, 2]), matrix[2, 2]))
+    # What is left turns about Z alone, also where β is 0 or π and α could be anything.
+    left = rotation_about([0, 1, 0], -beta) @ rotation_about([0, 0, 1], -alpha) @ matrix
+    return alpha, beta, float(np.arctan2(left[1, 0] - left[0, 1], left[0, 0] + left[1, 1]))

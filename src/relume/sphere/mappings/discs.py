@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -13,23 +12,30 @@ from relume.sphere.mappings.mapping import refuse_size
 _FULL_TURN = 2 * np.pi
 
 
-class _Disc(ABC):
-    """One disc that fills a square."""
+class _Disc:
+    """One disc that fills a square, equidistant, r ∝ θ, or equisolid, r ∝ sin(θ/2)."""
 
     pole: ClassVar[float] = -1.0
     """The z of the direction at the image's centre."""
 
-    @abstractmethod
+    field: float = _FULL_TURN
+    """The angle across the whole disc, radians."""
+    equisolid: bool = False
+    """Whether equal areas are equal solid angles."""
+
     def _angle(self, radius: np.ndarray) -> np.ndarray:
         """θ of r."""
+        return 2 * np.arcsin(radius * np.sin(self.field / 4)) if self.equisolid else radius * self.field / 2
 
-    @abstractmethod
     def _radius(self, angle: np.ndarray) -> np.ndarray:
         """r of θ; above 1 where the disc does not show it."""
+        return np.sin(angle / 2) / np.sin(self.field / 4) if self.equisolid else 2 * angle / self.field
 
-    @abstractmethod
     def _cap(self, squared: np.ndarray) -> np.ndarray:
         """1 − cos θ, of r²: the solid angle within r over 2π."""
+        if self.equisolid:
+            return 2 * squared * np.sin(self.field / 4) ** 2
+        return 1 - np.cos(np.sqrt(squared) * self.field / 2)
 
     def shape(self, size: int) -> tuple[int, int]:
         refuse_size(size, "round")
@@ -86,15 +92,6 @@ class Angular(_Disc):
 
     name = "angular"
 
-    def _angle(self, radius: np.ndarray) -> np.ndarray:
-        return np.pi * radius
-
-    def _radius(self, angle: np.ndarray) -> np.ndarray:
-        return angle / np.pi
-
-    def _cap(self, squared: np.ndarray) -> np.ndarray:
-        return 1 - np.cos(np.pi * np.sqrt(squared))
-
 
 @dataclass(frozen=True)
 class MirrorBall(_Disc):
@@ -102,15 +99,7 @@ class MirrorBall(_Disc):
 
     name = "ball"
     pole: ClassVar[float] = 1.0
-
-    def _angle(self, radius: np.ndarray) -> np.ndarray:
-        return 2 * np.arcsin(radius)
-
-    def _radius(self, angle: np.ndarray) -> np.ndarray:
-        return np.sin(angle / 2)
-
-    def _cap(self, squared: np.ndarray) -> np.ndarray:
-        return 2 * squared
+    equisolid = True
 
 
 @dataclass(frozen=True)
@@ -154,17 +143,6 @@ class Fisheye(_Disc):
                 f'"{text}" is not a fisheye; write fisheye:equidistant:DEGREES or fisheye:equisolid:DEGREES'
             ) from None
         return cls(float(np.radians(degrees)), equisolid)
-
-    def _angle(self, radius: np.ndarray) -> np.ndarray:
-        return 2 * np.arcsin(radius * np.sin(self.field / 4)) if self.equisolid else radius * self.field / 2
-
-    def _radius(self, angle: np.ndarray) -> np.ndarray:
-        return np.sin(angle / 2) / np.sin(self.field / 4) if self.equisolid else 2 * angle / self.field
-
-    def _cap(self, squared: np.ndarray) -> np.ndarray:
-        if self.equisolid:
-            return 2 * squared * np.sin(self.field / 4) ** 2
-        return 1 - np.cos(np.sqrt(squared) * self.field / 2)
 
 
 @dataclass(frozen=True)

@@ -73,13 +73,10 @@ def layout(mapping: Mapping, size: int) -> Layout:
     shape = mapping.shape(size)
     if isinstance(mapping, LatLong):
         return laid_out(LAT_LONG, shape, shape, _FRONT[None])
-    if isinstance(mapping, Angular):
-        return laid_out(EQUIDISTANT, shape, shape, _FRONT[None], across=np.pi)
-    if isinstance(mapping, MirrorBall):
-        return laid_out(EQUISOLID, shape, shape, _BACK[None], across=1.0)
-    if isinstance(mapping, Fisheye):
+    if isinstance(mapping, Angular | MirrorBall | Fisheye):
         kind, rim = (EQUISOLID, np.sin(mapping.field / 4)) if mapping.equisolid else (EQUIDISTANT, mapping.field / 2)
-        return laid_out(kind, shape, shape, _FRONT[None], across=rim, whole=mapping.field == 2 * np.pi)
+        frame = _FRONT if mapping.pole < 0 else _BACK
+        return laid_out(kind, shape, shape, frame[None], across=rim, whole=mapping.field == 2 * np.pi)
     if isinstance(mapping, Hemispheres):
         places = np.array([[0, 0], [0, size]])
         return laid_out(ORTHOGRAPHIC, shape, (size, size), np.stack([_FRONT, _BACK]), places)

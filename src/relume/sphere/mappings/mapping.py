@@ -71,6 +71,13 @@ class LatLong:
         return np.broadcast_to(rings[:, None], (rows, columns))
 
 
+def continued_round(pixels: np.ndarray) -> np.ndarray:
+    """A lat-long map (H, 2H, …) with one more pixel on every side: round the seam, and over the poles."""
+    half = pixels.shape[1] // 2
+    tall = np.concatenate([np.roll(pixels[:1], half, 1), pixels, np.roll(pixels[-1:], half, 1)])
+    return np.concatenate([tall[:, -1:], tall, tall[:, :1]], axis=1)
+
+
 def pixel_points(mapping: Mapping, size: int, subdivision: int = 1) -> np.ndarray:
     """Image points of pixel centres, or of subdivision² cells in each pixel: (rows·s, columns·s, 2)."""
     rows, columns = (subdivision * count for count in mapping.shape(size))
