@@ -21,10 +21,8 @@ from relume.image.photograph import Photograph
 from relume.lightstage.acquire.light_files import NamedDirections, write_lp
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.rti.hemisphere_fit import before_camera
-from relume.lightstage.rti.hsh import DEGREES, HemisphericalHarmonics, fit_hsh
-from relume.lightstage.rti.hsh_file import write_hsh
-from relume.lightstage.rti.ptm import PolynomialTexture, fit_lrgb, fit_rgb
-from relume.lightstage.rti.ptm_file import write_ptm
+from relume.lightstage.rti.hsh import DEGREES, HemisphericalHarmonics, fit_hsh, write_hsh
+from relume.lightstage.rti.ptm import PolynomialTexture, fit_lrgb, fit_rgb, write_ptm
 
 _VALUES = 1 << 24
 """Numbers of a block of rows, all its lights together."""
@@ -97,18 +95,18 @@ def export_rti(
     chosen, directions = before_camera(field.lights, field.camera)
     left_out = tuple(field.lights.names[i] for i in np.setdiff1d(np.arange(len(field.lights)), chosen))
     exposure = _exposure(field, chosen) if form.exposure is None else form.exposure
-    fits = _fits(field, chosen, directions, exposure, form)
+    ptm, hsh, clipped, errors = _fits(field, chosen, directions, exposure, form)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputNotWritten(f"{folder}: cannot be made: {error.strerror}; choose another place") from error
     files: list[Path] = []
-    if fits.ptm is not None:
+    if ptm is not None:
         files.append(folder / f"{name}.ptm")
-        write_ptm(files[-1], fits.ptm)
-    if fits.hsh is not None:
+        write_ptm(files[-1], ptm)
+    if hsh is not None:
         files.append(folder / f"{name}.rti")
-        write_hsh(files[-1], fits.hsh)
+        write_hsh(files[-1], hsh)
     if form.pictures:
         files.append(_write_pictures(field, chosen, directions, exposure, folder, name, form.pictures))
     if left_out:
@@ -117,15 +115,13 @@ def export_rti(
             "hemisphere before the camera",
             stacklevel=2,
         )
-    if fits.clipped > _TOLD:
+    if clipped > _TOLD:
         warnings.warn(
-            f"{fits.clipped:.2%} of the values are above white at exposure {exposure:.3g} and are cut off; choose a "
+            f"{clipped:.2%} of the values are above white at exposure {exposure:.3g} and are cut off; choose a "
             "lower exposure to keep them",
             stacklevel=2,
         )
-    return RTIWritten(
-        tuple(files), len(chosen), left_out, exposure, fits.clipped, fits.error(fits.ptm_sum), fits.error(fits.hsh_sum)
-    )
+    return RTIWritten(tuple(files), len(chosen), left_out, exposure, clipped, *errors)
 
 
 def encoded(values: np.ndarray, exposure: float) -> np.ndarray:
@@ -133,21 +129,10 @@ def encoded(values: np.ndarray, exposure: float) -> np.ndarray:
     return encode_srgb(np.clip(values * np.float32(exposure), 0, 1))
 
 
-@dataclass(frozen=True, eq=False)
-class _Fits:
-    ptm: PolynomialTexture | None
-    hsh: HemisphericalHarmonics | None
-    count: int
-    clipped: float
-    ptm_sum: float | None
-    hsh_sum: float | None
-
-    def error(self, squares: float | None) -> float | None:
-        return None if squares is None else float(np.sqrt(squares / self.count))
-
-
-def _fits(field: ReflectanceField, chosen: np.ndarray, directions: np.ndarray, exposure: float, form: RTIForm) -> _Fits:
-    """The fits, put together from blocks of rows: a pixel's are its own."""
+def _fits(
+    field: ReflectanceField, chosen: np.ndarray, directions: np.ndarray, exposure: float, form: RTIForm
+) -> tuple[PolynomialTexture | None, HemisphericalHarmonics | None, float, list[float | None]]:
+    """The fits, from blocks of rows as a pixel's are its own; the share of values above white; and the fits' errors."""
     # Lights crowd where a stage's grid has its poles; each counts as much as the part of the sphere it speaks for.
     weights = field.lights.solid_angles[chosen]
     fit_ptm = fit_rgb if form.ptm == "RGB" else fit_lrgb
@@ -173,7 +158,8 @@ def _fits(field: ReflectanceField, chosen: np.ndarray, directions: np.ndarray, e
         ptm = PolynomialTexture(coefficients, np.concatenate(colours) if colours else None)
     if harmonics:
         hsh = HemisphericalHarmonics(np.concatenate([part.coefficients for part in harmonics]))
-    return _Fits(ptm, hsh, count, above / count, squares[0] if ptm else None, squares[1] if hsh else None)
+    errors = [float(np.sqrt(total / count)) if fit else None for fit, total in zip((ptm, hsh), squares, strict=True)]
+    return ptm, hsh, above / count, errors
 
 
 def _squares(fit: PolynomialTexture | HemisphericalHarmonics, pictures: np.ndarray, directions: np.ndarray) -> float:

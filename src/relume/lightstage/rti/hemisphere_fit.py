@@ -6,7 +6,6 @@ The frame is that of RTI: x right, y up, z towards the camera, the camera's own;
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from relume.lightstage.field.lights import StageLights
 from relume.scene.cameras.camera import Camera
@@ -36,43 +35,17 @@ def before_camera(lights: StageLights, camera: Camera | None) -> tuple[np.ndarra
 
 
 def least_squares(terms: np.ndarray, weights: np.ndarray | None, steadiness: float, what: str) -> np.ndarray:
-    """The matrix (T, N) that turns values under N lights into coefficients of T terms.
+    """The matrix (T, N) that turns values under N lights into coefficients of T terms (N, T).
 
-    terms : (N, T), every term at every light
-    weights : (N,) of the squared errors; all alike unless given
+    weights : (N,) of the squared errors; all alike for None
     steadiness : see STEADINESS
     what : the fit's name, for messages
-    Raises ValueError where the lights do not determine the coefficients.
+    Raises ValueError for fewer lights than terms.
     """
     count, needed = terms.shape
     if count < needed:
         raise ValueError(f"{count} lights before the camera; {what} needs {needed} or more")
-    if not 0 <= steadiness < np.inf:
-        raise ValueError(f"steadiness is {steadiness}; expected a number of 0 or more, like {STEADINESS}")
     root = np.ones(count) if weights is None else np.sqrt(np.asarray(weights, np.float64))
-    if root.shape != (count,) or not np.all(np.isfinite(root)) or root.max() <= 0:
-        raise ValueError(f"weights are {root.shape}; expected one number a light, ({count},), not below 0")
-    weighted = terms * root[:, None]
-    left, sizes, right = np.linalg.svd(weighted, full_matrices=False)
+    left, sizes, right = np.linalg.svd(terms * root[:, None], full_matrices=False)
     held = steadiness * float(np.square(sizes).mean())
-    if held == 0 and sizes[-1] < 1e-6 * sizes[0]:
-        raise ValueError(f"the {count} lights stand where they do not determine {what}; spread them over the dome")
     return (right.T * (sizes / (np.square(sizes) + held))) @ left.T * root
-
-
-def checked_pictures(pictures: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """The pictures (N, H, W, 3); raises ValueError where they and the directions (N, 3) do not belong together."""
-    if pictures.ndim != 4 or pictures.shape[3] != 3 or directions.shape != (len(pictures), 3):
-        raise ValueError(
-            f"pictures are {pictures.shape} and directions {directions.shape}; expected (N, H, W, 3) and (N, 3)"
-        )
-    return pictures
-
-
-def in_hemisphere(direction: ArrayLike) -> np.ndarray:
-    """Directions (…, 3) as unit vectors; raises ValueError for one from behind, where a fit says nothing."""
-    vector = np.asarray(direction, np.float64)
-    lengths = np.linalg.norm(vector, axis=-1, keepdims=True)
-    if vector.shape[-1] != 3 or not np.all(lengths > 0) or np.any(vector[..., 2] < 0):
-        raise ValueError(f"a light from {vector.tolist()}; expected x, y, z with z towards the camera and not below 0")
-    return vector / lengths

@@ -4,17 +4,24 @@ The functions are spherical harmonics whose polar angle is stretched from the he
 2004): Legendre functions of 2 cos θ − 1, orthonormal over the hemisphere, without the Condon–Shortley sign, θ from the
 camera's direction and φ from x towards y in the RTI frame (x right, y up, z towards the camera). Their order and signs
 are RTIViewer's: 1; cos φ, –, sin φ of degree 1; and so on to degree 3. Values are display code values, 1 the code 255.
-`hsh_file` reads and writes them.
+
+A .rti is "#HSH1.2", "3", "width height 3", "terms 2 1", each a line that ends in CR LF, as the first fitter wrote it;
+then a scale and a bias a term, float32 little-endian, and from the picture's upper row down, every pixel's terms of
+red, of green and of blue, a byte each: a coefficient is byte / 255 · scale + bias (RTIViewer's and RelightLab's
+readers).
 """
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from relume.lightstage.rti.hemisphere_fit import STEADINESS, checked_pictures, in_hemisphere, least_squares
+from relume.image.files import replacing
+from relume.lightstage.rti.hemisphere_fit import STEADINESS, least_squares
+from relume.sphere.directions import normalised
 
 DEGREES = (1, 2, 3)
 """With 4, 9 and 16 terms."""
@@ -29,34 +36,19 @@ class HemisphericalHarmonics:
 
     coefficients: np.ndarray
 
-    def __post_init__(self) -> None:
-        shape = self.coefficients.shape
-        if len(shape) != 4 or shape[2] != 3 or shape[3] not in [(l + 1) ** 2 for l in DEGREES] or 0 in shape:  # noqa: E741
-            raise ValueError(f"coefficients are {shape}; expected (H, W, 3, T) with T of 4, 9 or 16")
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
-        return self.coefficients.shape[0], self.coefficients.shape[1]
-
     @property
     def degree(self) -> int:
         """1, 2 or 3."""
         return round(self.coefficients.shape[3] ** 0.5) - 1
 
     def lit_from(self, direction: ArrayLike) -> np.ndarray:
-        """Display code values (H, W, 3) float32, nominally 0 to 1 and not cut off, under a light from (3,).
-
-        Raises ValueError for a light from behind.
-        """
-        terms = hemispherical_terms(in_hemisphere(np.asarray(direction, np.float64).reshape(3)), self.degree)
+        """Display code values (H, W, 3) float32, nominally 0 to 1 and not cut off, under a light from (3,)."""
+        terms = hemispherical_terms(normalised(direction), self.degree)
         return self.coefficients @ terms.astype(np.float32)
 
 
 def hemispherical_terms(directions: np.ndarray, degree: int) -> np.ndarray:
     """The harmonics of unit directions (…, 3) of the RTI frame: (…, (degree + 1)²), in the files' order."""
-    if degree not in DEGREES:
-        raise ValueError(f"hemispherical harmonics of degree {degree}; files hold 1, 2 or 3")
     cosine = np.clip(directions[..., 2], 0, 1)
     x, ring = 2 * cosine - 1, 2 * np.sqrt(cosine - cosine**2)  # cosine and sine of the stretched angle
     phi = np.arctan2(directions[..., 1], directions[..., 0])
@@ -90,16 +82,32 @@ def fit_hsh(
     *,
     steadiness: float = STEADINESS,
 ) -> HemisphericalHarmonics:
-    """The harmonics that are nearest to pictures, by least squares.
+    """The harmonics that are nearest to pictures (N, H, W, 3), by least squares.
 
-    pictures : (N, H, W, 3), display code values, 1 the highest
     directions : (N, 3) unit, RTI frame
     degree : 2 unless given, nine terms, which most viewers read fastest; 3 holds sharper highlights
-    weights : (N,) of the pictures' errors; all alike unless given
-    steadiness : the cost of large coefficients, see `hemisphere_fit.STEADINESS`; 0 is plain least squares
-    Raises ValueError for fewer lights than terms, or lights that do not determine them.
+    weights, steadiness : as of `least_squares`
+    Raises ValueError for fewer lights than terms.
     """
-    checked_pictures(pictures, directions)
-    terms = hemispherical_terms(in_hemisphere(directions), degree)
+    terms = hemispherical_terms(normalised(directions), degree)
     solve = least_squares(terms, weights, steadiness, f"hemispherical harmonics of degree {degree}")
     return HemisphericalHarmonics(np.einsum("tn,nhwc->hwct", solve, pictures).astype(np.float32))
+
+
+def write_hsh(path: str | os.PathLike[str], harmonics: HemisphericalHarmonics) -> None:
+    """Write a .rti, whole or not at all; coefficients are rounded to 1/255 of each term's range, nothing is cut off.
+
+    Raises ValueError for coefficients that are not finite, OutputNotWritten.
+    """
+    values = harmonics.coefficients.astype(np.float64)
+    if not np.all(np.isfinite(values)):
+        raise ValueError("a coefficient of the harmonics is not finite; mask out the pixels it comes from")
+    bias = values.min(axis=(0, 1, 2)).astype("<f4")
+    scale = (values.max(axis=(0, 1, 2)) - bias).astype("<f4")
+    codes = np.clip(np.rint((values - bias) / np.where(scale > 0, scale, 1) * 255), 0, 255).astype(np.uint8)
+    height, width, _, terms = values.shape
+    header = f"#HSH1.2\r\n3\r\n{width} {height} 3\r\n{terms} 2 1\r\n"
+    # A term that is the same everywhere has scale 0, by which some readers divide.
+    written = np.where(scale > 0, scale, np.float32(1)).astype("<f4")
+    with replacing(path) as temporary:
+        temporary.write_bytes(header.encode("ascii") + written.tobytes() + bias.tobytes() + codes.tobytes())
