@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from relume.lightstage.field.lights import StageLights
 from relume.lightstage.matting.composite import (
     Backdrop,
     composite_matte,
@@ -165,13 +164,6 @@ def test_refracted_light_comes_from_where_it_left_the_subject_for():
     towards = np.array([1.0, 1.0, -1.6]) / np.sqrt(4.56)
     expected = light.lookup(towards) * [0.9, 0.8, 0.7]
     assert np.allclose(over_environment(glass, BACKDROP, CAMERA, light), expected, atol=0.01)
-    moved = over_environment(glass, BACKDROP, CAMERA, light, subject=(1.0, 1.0, 0.0))
-    assert np.allclose(moved, light.lookup(np.array([0.0, 0.0, -1.0])) * [0.9, 0.8, 0.7], atol=0.01)
-
-
-def grid_lights() -> StageLights:
-    directions = pixel_directions(LatLong(), 12).reshape(-1, 3)
-    return StageLights.towards(directions, grid=(12, 24))
 
 
 def test_the_light_beside_and_behind_the_backdrop_is_all_the_light():

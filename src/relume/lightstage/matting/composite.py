@@ -65,13 +65,12 @@ class Backdrop:
         across = (places[..., :1] - 0.5) * self.width * self.right
         return self.centre + across + (0.5 - places[..., 1:]) * self.height * self.up
 
-    def covers(self, directions: np.ndarray, origin: np.ndarray) -> np.ndarray:
-        """Whether rays from `origin` (3,) in directions (…, 3) meet it, (…,) bool, from whichever side."""
+    def covers(self, directions: np.ndarray) -> np.ndarray:
+        """Whether rays from the origin in directions (…, 3) meet it, (…,) bool, from whichever side."""
         face = np.cross(self.right, self.up)
-        offset = self.centre - np.asarray(origin, np.float64)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            distance = (offset @ face) / (directions @ face)
-            hit = distance[..., None] * directions - offset
+            distance = (self.centre @ face) / (directions @ face)
+            hit = distance[..., None] * directions - self.centre
             inside = (np.abs(hit @ self.right) <= self.width / 2) & (np.abs(hit @ self.up) <= self.height / 2)
         return inside & (distance > 0)
 
@@ -103,19 +102,15 @@ def over_environment(
     illumination: EnvironmentMap,
     *,
     foreground: np.ndarray | None = None,
-    subject: np.ndarray | tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> np.ndarray:
     """The subject before an environment far away, (H, W, 3) float32, in the map's unit.
 
     What is seen straight through is seen in the camera's own directions. What is refracted or reflected left the
-    subject towards a point of the backdrop, and shows the environment in that direction from `subject` (3,), metres:
-    exact for a small subject, and off by its size over the backdrop's distance for a large one.
-
-    camera : that of the pictures; only its place matters
-    foreground : as of `composite_matte`
+    subject, at the origin, towards a point of the backdrop, and shows the environment in that direction: exact for a
+    small subject, and off by its size over the backdrop's distance for a large one.
     """
     seen = _table(environment_on(backdrop, illumination, camera.position))
-    return _summed(matte, seen, _table(environment_on(backdrop, illumination, np.asarray(subject))), foreground)
+    return _summed(matte, seen, _table(environment_on(backdrop, illumination, np.zeros(3))), foreground)
 
 
 def place_in_environment(
@@ -156,12 +151,8 @@ def environment_on(backdrop: Backdrop, illumination: EnvironmentMap, origin: np.
     return illumination.lookup(normalised(backdrop.points(places) - origin)).astype(np.float32)
 
 
-def illumination_without_backdrop(
-    illumination: EnvironmentMap,
-    backdrop: Backdrop,
-    subject: np.ndarray | tuple[float, float, float] = (0.0, 0.0, 0.0),
-) -> EnvironmentMap:
-    """The map without the light that a backdrop would hide from `subject` (3,): what relighting has to integrate.
+def illumination_without_backdrop(illumination: EnvironmentMap, backdrop: Backdrop) -> EnvironmentMap:
+    """The map without the light that a backdrop would hide from the origin: what relighting has to integrate.
 
     Pixels that its edge cuts keep the part that is beside it, of 4 × 4 directions.
     """
@@ -171,7 +162,7 @@ def illumination_without_backdrop(
     )
     middles = np.repeat(np.repeat(pixel_directions(illumination.mapping, illumination.size), fine, 0), fine, 1)
     directions = np.where(np.isnan(directions), middles, directions)
-    hidden = backdrop.covers(directions, np.asarray(subject, np.float64)).astype(np.float32)
+    hidden = backdrop.covers(directions).astype(np.float32)
     rows, columns = illumination.radiance.shape[:2]
     beside = 1 - hidden.reshape(rows, fine, columns, fine).mean(axis=(1, 3))
     return replace(illumination, radiance=(illumination.radiance * beside[..., None]).astype(np.float32))

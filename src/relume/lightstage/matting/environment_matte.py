@@ -15,31 +15,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.lightstage.matting import fitting
-from relume.lightstage.matting.gray_code import Patterns, disorder
+from relume.lightstage.matting.gray_code import Patterns
 
 _DARK = 0.02
 """Of the median pixel's light from a white backdrop: below it readings are noise."""
-
-
-@dataclass(frozen=True)
-class MatteSettings:
-    """How readings become areas.
-
-    second_area_above : rms misfit of readings, 0 to 1, from which a second area is sought; at 0.02 half as many
-        pixels again get one, mostly of noise, and composites are no better by a tenth of a decibel
-    second_area_gain : the second area is kept where it leaves at most this part of the misfit; three quarters, since
-        its five more numbers always fit a little better
-    straight_within : texels, how far from where nothing in the way would show it an area counts as seen straight
-        through; one, which is the readings' own step
-    """
-
-    second_area_above: float = 0.03
-    second_area_gain: float = 0.75
-    straight_within: float = 1.0
-
-    def __post_init__(self) -> None:
-        if not (self.second_area_above > 0 and 0 < self.second_area_gain <= 1 and self.straight_within >= 0):
-            raise ValueError(f"{self}: expected an rms above 0, a part of 1 and texels of 0 or more")
+_SECOND_AREA_ABOVE = 0.03
+"""The rms misfit of readings, 0 to 1, from which a second area is sought; at 0.02 half as many pixels again get one,
+mostly of noise, and composites are no better by a tenth of a decibel."""
+_SECOND_AREA_GAIN = 0.75
+"""A second area is kept where it leaves at most this part of the misfit: its five more numbers always fit a little
+better."""
+_STRAIGHT_WITHIN = 1.0
+"""Texels, the readings' own step: how far from where nothing in the way would show it an area counts as seen straight
+through."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,22 +77,19 @@ _SEEN = 0.05
 """Of the pixels, how many have to see the backdrop straight before they are believed: fewer agree by chance."""
 
 
-def environment_matte(patterns: Patterns, settings: MatteSettings = MatteSettings()) -> EnvironmentMatte:
+def environment_matte(patterns: Patterns) -> EnvironmentMatte:
     """The matte that explains pictures of a subject before striped backdrops.
 
     The brightness of the backdrop's white, 1 in every backdrop it is composited over, is what the camera sees of it
     straight through, a quadratic over the picture, so that a screen or lens darker at its edges does no harm. Where
     nothing is seen straight through it is the brightest percent of pixels, with a warning, and coverage is 1.
-
-    Raises ValueError for patterns out of order.
     """
-    if wrong := disorder(patterns):
-        raise ValueError(wrong)
     shape = patterns.black.shape[:2]
     # One box per pixel, along x and along y.
     searches = fitting.search_along(patterns, "x"), fitting.search_along(patterns, "y")
+    order = np.concatenate([search.pictures for search in searches])
     light = (patterns.white - patterns.black).reshape(-1, 3)
-    readings = _readings(patterns, searches)
+    readings = _readings(patterns, order)
     along = [
         fitting.fitted_near(own, search, fitting.fitted_alone(own, search), shape)
         for own, search in zip(np.split(readings, [len(searches[0].pictures)], axis=1), searches, strict=True)
@@ -120,25 +105,27 @@ def environment_matte(patterns: Patterns, settings: MatteSettings = MatteSetting
     # Two boxes where one does not explain the readings.
     areas = np.stack([single, np.zeros_like(single)])
     shares = np.stack([np.ones_like(light), np.zeros_like(light)])
-    hard = np.flatnonzero((misfit > settings.second_area_above**2) & ~dark)
+    hard = np.flatnonzero((misfit > _SECOND_AREA_ABOVE**2) & ~dark)
     if len(hard):
         start = np.full((len(hard), 4), np.nan, np.float32) if plain is None else plain[hard]
         coarse = fitting.search_along(patterns, "x", 2), fitting.search_along(patterns, "y", 2)
         both, share, left = fitting.fitted_together(readings[hard], coarse, hard, single, start, shape)
-        better = left / readings.shape[1] < settings.second_area_gain**2 * misfit[hard]
+        better = left / readings.shape[1] < _SECOND_AREA_GAIN**2 * misfit[hard]
         chosen = hard[better]
         areas[:, chosen] = both[:, better]
-        shares[:, chosen] = _shares_of_channels(patterns, searches, chosen, both[:, better], share[better])
+        stripes = patterns.pictures.reshape(len(order), -1, 3)[order][:, chosen]
+        first = _first_shares(patterns, stripes, chosen, fitting.readings_of(both[:, better], searches), share[better])
+        shares[:, chosen] = first, 1 - first
     colours = (shares * np.maximum(light, 0) / level).astype(np.float32)
     # Where stripes cannot be read there is nothing to place: what little light there is comes from all around.
     whole = np.array([0.5, 1, 0.5, 1], np.float32) * np.repeat(patterns.texels, 2).astype(np.float32)
     areas[0, dark] = whole
-    residual = _residual(patterns, searches, areas, colours * level, level)
+    residual = _residual(patterns, order, fitting.readings_of(areas, searches), colours * level, level)
 
     # What is seen straight is no part of the subject.
     coverage = np.ones(len(light), np.float32)
     if plain is not None:
-        coverage, colours = _uncovered(areas, colours, plain, settings.straight_within, shape)
+        coverage, colours = _uncovered(areas, colours, plain, shape)
     areas[colours.max(axis=2) <= 0] = 0
     parts = np.repeat(np.array(patterns.texels, np.float32), 2)
     straight = np.zeros((len(light), 4), np.float32) if plain is None else plain / parts
@@ -153,10 +140,9 @@ def environment_matte(patterns: Patterns, settings: MatteSettings = MatteSetting
     )
 
 
-def _readings(patterns: Patterns, searches: tuple[fitting.Search, fitting.Search]) -> np.ndarray:
-    """(P, K) float32, 0 to 1, of all channels together, pictures striped across first; ½ where there is no light."""
+def _readings(patterns: Patterns, order: np.ndarray) -> np.ndarray:
+    """(P, K) float32, 0 to 1, of all channels together, pictures in an order (K,); ½ where there is no light."""
     light = (patterns.white - patterns.black).sum(axis=2).ravel()
-    order = np.concatenate([search.pictures for search in searches])
     lit = light > 1e-3 * np.median(light)
     readings = np.full((len(light), len(order)), 0.5, np.float32)
     for place, index in enumerate(order):
@@ -229,24 +215,19 @@ def _level(light: np.ndarray, seen: np.ndarray, shape: tuple[int, ...]) -> np.nd
     return np.maximum(np.clip(terms @ found, *bounds), 1e-3 * middle.max())
 
 
-def _shares_of_channels(
-    patterns: Patterns,
-    searches: tuple[fitting.Search, fitting.Search],
-    chosen: np.ndarray,
-    areas: np.ndarray,
-    share: np.ndarray,
+def _first_shares(
+    patterns: Patterns, stripes: np.ndarray, chosen: np.ndarray, reads: np.ndarray, share: np.ndarray
 ) -> np.ndarray:
-    """The share (2, P, 3) of each channel's light that either of two areas gave, near the one of all channels."""
-    order = np.concatenate([search.pictures for search in searches])
-    apart = -np.diff(fitting.readings_of(areas, searches), axis=0)[0]
-    second = fitting.readings_of(areas[1], searches)
+    """The share (P, 3) of each channel's light that the first of two areas gave, near the one of all channels (P,).
+
+    stripes : (K, P, 3), the chosen pixels before the patterns, of which the two areas read (2, P, K)
+    """
+    apart = reads[0] - reads[1]
     black = patterns.black.reshape(-1, 3)[chosen]
     light = np.maximum(patterns.white.reshape(-1, 3)[chosen] - black, 1e-6)
-    stripes = patterns.pictures.reshape(len(patterns.stripes), -1, 3)[order][:, chosen]
     readings = np.clip((stripes - black) / light, 0, 1)
-    first = np.einsum("pk,kpc->pc", apart, readings - second.T[..., None]) + _HELD * share[:, None]
-    first = np.clip(first / (np.sum(apart**2, axis=1) + _HELD)[:, None], 0, 1)
-    return np.stack([first, 1 - first])
+    first = np.einsum("pk,kpc->pc", apart, readings - reads[1].T[..., None]) + _HELD * share[:, None]
+    return np.clip(first / (np.sum(apart**2, axis=1) + _HELD)[:, None], 0, 1)
 
 
 _HELD = 0.5
@@ -254,15 +235,9 @@ _HELD = 0.5
 
 
 def _residual(
-    patterns: Patterns,
-    searches: tuple[fitting.Search, fitting.Search],
-    areas: np.ndarray,
-    light: np.ndarray,
-    level: np.ndarray,
+    patterns: Patterns, order: np.ndarray, reads: np.ndarray, light: np.ndarray, level: np.ndarray
 ) -> np.ndarray:
-    """The rms (P,) by which pictures differ from what the areas make of their stripes, in units of the level."""
-    order = np.concatenate([search.pictures for search in searches])
-    reads = fitting.readings_of(areas, searches)
+    """The rms (P,) by which pictures differ from what areas that read so much make of them, in units of the level."""
     black, squares = patterns.black.reshape(-1, 3), np.zeros(len(level))
     for place, index in enumerate(order):
         made = black + reads[0, :, place, None] * light[0] + reads[1, :, place, None] * light[1]
@@ -271,7 +246,7 @@ def _residual(
 
 
 def _uncovered(
-    areas: np.ndarray, colours: np.ndarray, plain: np.ndarray, within: float, shape: tuple[int, ...]
+    areas: np.ndarray, colours: np.ndarray, plain: np.ndarray, shape: tuple[int, ...]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Coverage (P,) and colours (2, P, 3) once what is seen straight through is taken out of the areas.
 
@@ -280,7 +255,7 @@ def _uncovered(
     """
     from scipy import ndimage
 
-    reach = np.maximum(within, 0.5 * plain[:, 1::2])
+    reach = np.maximum(_STRAIGHT_WITHIN, 0.5 * plain[:, 1::2])
     there = np.all(np.abs(areas[..., ::2] - plain[:, ::2]) <= reach, axis=2)
     there &= np.all(areas[..., 1::2] <= 2 * plain[:, 1::2] + 1, axis=2)
     full = there & (np.abs(colours - 1).max(axis=2) < _FULL)

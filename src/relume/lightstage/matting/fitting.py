@@ -138,12 +138,10 @@ def fitted_together(
     across, down = searches
     fitted = np.empty((len(readings), 10), np.float32)
     counts = np.array([len(across.pictures), len(down.pictures)])
-    sums, tables = (across.cumulative, down.cumulative), (across.table, down.table)
-    middles, widths, alone = (across.middles, down.middles), (across.widths, down.widths), single[pixels]
+    sums, alone = (across.cumulative, down.cumulative), single[pixels]
+    boxes = (across.table, down.table), (across.middles, down.middles), (across.widths, down.widths)
     in_threads(
-        lambda begin, end: matte_kernel.fit_two(
-            begin, end, readings, sums, tables, middles, widths, counts, alone, straight, fitted
-        ),
+        lambda begin, end: matte_kernel.fit_two(begin, end, readings, sums, boxes, counts, alone, straight, fitted),
         len(readings),
         chunk=256,
     )
@@ -153,7 +151,7 @@ def fitted_together(
         before, fitted = fitted, np.empty_like(fitted)
         in_threads(
             lambda begin, end, before=before, fitted=fitted: matte_kernel.fit_among(
-                begin, end, pixels, numbers, readings, sums, counts, single, before, _TOGETHER, fitted
+                begin, end, pixels, numbers, readings, sums, boxes, counts, single, before, _TOGETHER, fitted
             ),
             len(readings),
             chunk=256,

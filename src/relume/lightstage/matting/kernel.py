@@ -126,8 +126,25 @@ def _read_area(cumulatives, counts, area, reads):
         reads[counts[0] + picture] = _read(down, picture, area[2], area[3])
 
 
+@inlined
+def _with_work_space(boxes):
+    tables, middles, widths = boxes
+    costs = (np.empty(len(middles[0]), np.float32), np.empty(len(middles[1]), np.float32))
+    return tables, middles, widths, costs
+
+
 @kernel
-def _alternated(cumulatives, tables, middles, widths, readings, counts, areas, held, rounds, reads, wanted, costs):
+def _nearest_boxes(search, wanted, counts, area):
+    """The area of the boxes in `search` (their tables, middles, widths and work space) nearest to the readings."""
+    tables, middles, widths, costs = search
+    start = _nearest(tables[0], wanted[: counts[0]], costs[0])
+    area[0], area[1] = middles[0][start], widths[0][start]
+    start = _nearest(tables[1], wanted[counts[0] :], costs[1])
+    area[2], area[3] = middles[1][start], widths[1][start]
+
+
+@kernel
+def _alternated(cumulatives, search, readings, counts, areas, held, rounds, reads, wanted):
     """Two areas improved in turns, each fitted to what the other leaves; `held` areas stay. Share and misfit."""
     for which in range(2):
         _read_area(cumulatives, counts, areas[which], reads[which])
@@ -139,28 +156,22 @@ def _alternated(cumulatives, tables, middles, widths, readings, counts, areas, h
             part = share if which == 0 else 1.0 - share
             for picture in range(len(readings)):
                 wanted[picture] = (readings[picture] - (1.0 - part) * reads[1 - which, picture]) / part
-            across, down = wanted[: counts[0]], wanted[counts[0] :]
+            area = areas[which]
             if turn < rounds - 1:  # the last round only moves them
-                start = _nearest(tables[0], across, costs[0])
-                areas[which, 0], areas[which, 1] = middles[0][start], widths[0][start]
-                start = _nearest(tables[1], down, costs[1])
-                areas[which, 2], areas[which, 3] = middles[1][start], widths[1][start]
-            areas[which, 0], areas[which, 1], _ = _refined(
-                cumulatives[0], across, areas[which, 0], areas[which, 1], 0.0, 0.0
-            )
-            areas[which, 2], areas[which, 3], _ = _refined(
-                cumulatives[1], down, areas[which, 2], areas[which, 3], 0.0, 0.0
-            )
-            _read_area(cumulatives, counts, areas[which], reads[which])
+                _nearest_boxes(search, wanted, counts, area)
+            area[0], area[1], _ = _refined(cumulatives[0], wanted[: counts[0]], area[0], area[1], 0.0, 0.0)
+            area[2], area[3], _ = _refined(cumulatives[1], wanted[counts[0] :], area[2], area[3], 0.0, 0.0)
+            _read_area(cumulatives, counts, area, reads[which])
             share, misfit = _shared(reads, readings)
     return share, misfit
 
 
 @kernel
-def fit_two(begin, end, readings, cumulatives, tables, middles, widths, counts, single, straight, fitted):
+def fit_two(begin, end, readings, cumulatives, boxes, counts, single, straight, fitted):
     """For each pixel of a range the two areas whose light in some shares explains its readings (P, K) best.
 
     readings : pictures striped across first, `counts` (2,) counts how many of each
+    boxes : to start from, along both axes: what they read (K, C), their middles and widths
     single, straight : (P, 4) areas to start from: the one fitted alone, and what is seen where nothing is in the way
         (NaN where unknown); middle and width across, middle and width down
     fitted : (P, 10) float32, written: the two areas, the first one's share, the misfit
@@ -168,7 +179,7 @@ def fit_two(begin, end, readings, cumulatives, tables, middles, widths, counts, 
     total = counts[0] + counts[1]
     areas, best = np.empty((2, 4)), np.empty((2, 4))
     reads, wanted = np.empty((2, total)), np.empty(total, np.float32)
-    costs = (np.empty(len(middles[0]), np.float32), np.empty(len(middles[1]), np.float32))
+    search = _with_work_space(boxes)
     held = np.zeros(2, np.bool_)
     bits = np.empty((2, total), np.float32)
     for pixel in range(begin, end):
@@ -195,19 +206,12 @@ def fit_two(begin, end, readings, cumulatives, tables, middles, widths, counts, 
                     bits[0, picture] = first
                     bits[1, picture] = 1.0 - first if other else first
                 for which in range(2):
-                    found = _nearest(tables[0], bits[which, : counts[0]], costs[0])
-                    areas[which, 0], areas[which, 1] = middles[0][found], widths[0][found]
-                    found = _nearest(tables[1], bits[which, counts[0] :], costs[1])
-                    areas[which, 2], areas[which, 3] = middles[1][found], widths[1][found]
-            share, misfit = _alternated(
-                cumulatives, tables, middles, widths, readings[pixel], counts, areas, held, 3, reads, wanted, costs
-            )
+                    _nearest_boxes(search, bits[which], counts, areas[which])
+            share, misfit = _alternated(cumulatives, search, readings[pixel], counts, areas, held, 3, reads, wanted)
             if misfit < least:
                 least, best_share = misfit, share
                 best[:] = areas
-        for which in range(2):
-            for value in range(4):
-                fitted[pixel, 4 * which + value] = best[which, value]
+        fitted[pixel, :4], fitted[pixel, 4:8] = best[0], best[1]
         fitted[pixel, 8], fitted[pixel, 9] = best_share, least
 
 
@@ -223,29 +227,7 @@ def _apart(areas, which, others, share):
 
 
 @kernel
-def _settled(cumulatives, readings, counts, areas, rounds, reads, wanted):
-    """Two areas moved, in turns, to where they fit best near by: share and misfit."""
-    for which in range(2):
-        _read_area(cumulatives, counts, areas[which], reads[which])
-    share, misfit = _shared(reads, readings)
-    for _ in range(rounds):
-        for which in range(2):
-            part = share if which == 0 else 1.0 - share
-            for picture in range(len(readings)):
-                wanted[picture] = (readings[picture] - (1.0 - part) * reads[1 - which, picture]) / part
-            areas[which, 0], areas[which, 1], _ = _refined(
-                cumulatives[0], wanted[: counts[0]], areas[which, 0], areas[which, 1], 0.0, 0.0
-            )
-            areas[which, 2], areas[which, 3], _ = _refined(
-                cumulatives[1], wanted[counts[0] :], areas[which, 2], areas[which, 3], 0.0, 0.0
-            )
-            _read_area(cumulatives, counts, areas[which], reads[which])
-            share, misfit = _shared(reads, readings)
-    return share, misfit
-
-
-@kernel
-def fit_among(begin, end, pixels, numbers, readings, cumulatives, counts, single, before, together, fitted):
+def fit_among(begin, end, pixels, numbers, readings, cumulatives, boxes, counts, single, before, together, fitted):
     """Pairs of areas chosen anew, of those that a pixel and its neighbours had, to fit and to lie near neighbours'.
 
     pixels : (P,) places in the picture; numbers : (H, W), the other way round, −1 for pixels of one area
@@ -257,6 +239,7 @@ def fit_among(begin, end, pixels, numbers, readings, cumulatives, counts, single
     total = counts[0] + counts[1]
     areas, best = np.empty((2, 4)), np.empty((2, 4))
     reads, wanted = np.empty((2, total)), np.empty(total, np.float32)
+    search, held = _with_work_space(boxes), np.zeros(2, np.bool_)
     around = np.empty((16, 4))
     for pixel in range(begin, end):
         row, column = pixels[pixel] // width, pixels[pixel] % width
@@ -277,15 +260,13 @@ def fit_among(begin, end, pixels, numbers, readings, cumulatives, counts, single
             areas[0], areas[1] = before[pixel, :4], before[pixel, 4:8]
             if start > 0:
                 areas[start % 2] = around[(start - 1) // 2]
-            share, misfit = _settled(cumulatives, readings[pixel], counts, areas, 1, reads, wanted)
+            share, misfit = _alternated(cumulatives, search, readings[pixel], counts, areas, held, 1, reads, wanted)
             cost = misfit + together * _apart(areas, 0, around[:seen], share)
             cost += together * _apart(areas, 1, around[:seen], 1.0 - share)
             if cost < least:
                 least, best_share, best_misfit = cost, share, misfit
                 best[:] = areas
-        for which in range(2):
-            for value in range(4):
-                fitted[pixel, 4 * which + value] = best[which, value]
+        fitted[pixel, :4], fitted[pixel, 4:8] = best[0], best[1]
         fitted[pixel, 8], fitted[pixel, 9] = best_share, best_misfit
 
 
