@@ -24,9 +24,8 @@ from relume.capture.scale.luminaire import ChannelGains, apply_balance
 from relume.capture.scale.readings import SpotReading
 from relume.errors import NotABracket
 from relume.image.files import read_raw
-from relume.image.photograph import Exposure, Settings
+from relume.image.photograph import Exposure, RawPhotograph, Settings
 from relume.image.radiance import SATURATED
-from relume.image.raw import RawPhotograph
 from shoots import raw_files, textured
 
 SECONDS = (0.25, 1.0, 4.0, 16.0)

@@ -15,9 +15,8 @@ from relume.capture.raw.noise import SensorNoise, fitted_noise, noise_between, n
 from relume.capture.raw.sensor import Sensor
 from relume.errors import NotABracket, UnreadableFile
 from relume.image.files import read_raw
-from relume.image.photograph import Exposure
+from relume.image.photograph import Exposure, RawPhotograph
 from relume.image.radiance import BLACK, SATURATED
-from relume.image.raw import RawPhotograph
 
 ELECTRONS, READ = 20_000.0, 3.0
 NOISE = SensorNoise(1 / ELECTRONS, READ / ELECTRONS)

@@ -14,8 +14,7 @@ from dng_files import COLOUR_MATRIX, write_dng
 from relume.errors import UnreadableFile
 from relume.image.files import camera_raw, read, read_raw
 from relume.image.files.signatures import kind_of
-from relume.image.photograph import Exposure, Photograph
-from relume.image.raw import RawPhotograph
+from relume.image.photograph import Exposure, Photograph, RawPhotograph
 
 BLACK = (500, 510, 520, 530)
 

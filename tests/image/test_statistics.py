@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 
 from relume.image.colour import luminance
-from relume.image.radiance import RadianceMap
-from relume.image.statistics import PERCENTS, Spot, statistics, statistics_of
+from relume.image.photograph import Photograph
+from relume.image.statistics import PERCENTS, Spot, code_values, statistics
 
 
-def grey(values: object) -> RadianceMap:
-    """A map whose three channels, and so its luminance, are these values."""
-    plane = np.asarray(values, np.float32)
-    return RadianceMap(np.repeat(plane[..., None], 3, axis=-1))
+def grey(values: object) -> np.ndarray:
+    """Pixels whose three channels, and so their luminance, are these values."""
+    return np.repeat(np.asarray(values, np.float32)[..., None], 3, axis=-1)
 
 
 def place(spot: Spot | None) -> tuple[int, int] | None:
@@ -26,7 +25,7 @@ def place(spot: Spot | None) -> tuple[int, int] | None:
 def test_percentiles_and_range_are_those_of_the_lit_pixels():
     pixels = np.random.default_rng(1).lognormal(0, 3, (701, 997, 3)).astype(np.float32)
     pixels[::3] = 0
-    told, seen = statistics_of(pixels), luminance(pixels)
+    told, seen = statistics(pixels), luminance(pixels)
     lit = seen[seen > 0]
     assert told.lit == lit.size < seen.size
     wanted = np.percentile(lit, PERCENTS, method="inverted_cdf")
@@ -58,7 +57,7 @@ def test_odd_values_are_counted_and_kept_out_of_everything_else():
     pixels[0, 0] = np.nan
     pixels[0, 1] = np.inf, -np.inf, 7
     pixels[39, 29, 1] = -0.5
-    told = statistics_of(pixels)
+    told = statistics(pixels)
     assert (told.nan, told.infinite, told.negative) == (3, 2, 1)
     assert (told.minimum, told.maximum, told.at_maximum) == (-0.5, 7, 1)
     assert told.lit == 40 * 30 - 2
@@ -116,7 +115,7 @@ def test_two_bright_pixels_side_by_side_are_a_lamp(step: tuple[int, int]):
 def test_little_memory_is_needed_beside_the_map():
     pixels = np.random.default_rng(5).lognormal(0, 1, (1500, 2000, 3)).astype(np.float32)
     tracemalloc.start()
-    statistics_of(pixels)
+    statistics(pixels)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < pixels.nbytes / 3 + 12 * 2**20  # a luminance of 4 bytes a pixel, and a band of rows
@@ -157,11 +156,36 @@ def test_the_spot_is_the_same_however_wide_the_map_lies():
     y, x = np.unravel_index(np.where(together, seen, 0).argmax(), seen.shape)
     assert not together.flat[seen.argmax()], "the brightest pixel of this noise stands alone"
     for lying, top in ((pixels, y), (np.ascontiguousarray(pixels[::-1]), 1099 - y)):
-        told = statistics_of(lying)
+        told = statistics(lying)
         assert place(told.spot) == (x, top)
         assert told.lone is not None and told.lone.luminance == seen.max()
 
 
 def test_a_map_without_pixels_is_refused():
     with pytest.raises(ValueError, match="0 x 0 pixels"):
-        statistics_of(np.zeros((0, 0, 3), np.float32))
+        statistics(np.zeros((0, 0, 3), np.float32))
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_codes_are_counted_as_numpy_counts_them(dtype: type):
+    top = np.iinfo(dtype).max
+    pixels = np.random.default_rng(3).integers(0, top, (611, 700, 3), dtype, endpoint=True)
+    pixels[:100, :, 0], pixels[:50, :, 1] = 0, top
+    told = code_values(Photograph(pixels))
+    assert (told.top, told.pixels) == (top, 611 * 700)
+    assert told.black == tuple((pixels == 0).mean((0, 1))) and told.white == tuple((pixels == top).mean((0, 1)))
+    assert (told.minimum, told.maximum) == (pixels.min(), pixels.max())
+    assert told.mean == pytest.approx(pixels.mean())
+    wanted = np.percentile(pixels, PERCENTS, method="inverted_cdf").tolist()
+    assert list(told.percentiles.values()) == wanted
+
+
+def test_what_is_outside_the_picture_counts_nowhere():
+    pixels = np.full((4, 6, 3), 100, np.uint8)
+    pixels[:, 3:] = 255
+    outside = np.zeros((4, 6), bool)
+    outside[:, 3:] = True
+    told = code_values(Photograph(pixels, outside=outside))
+    assert (told.pixels, told.maximum, told.white) == (12, 100, (0, 0, 0))
+    told = code_values(Photograph(pixels, outside=np.ones((4, 6), bool)))
+    assert (told.pixels, told.minimum, told.mean, dict(told.percentiles)) == (0, None, None, {})

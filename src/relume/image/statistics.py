@@ -1,4 +1,5 @@
-"""What the pixels of a radiance map hold: its range in stops, its percentiles, its brightest spot, and what is wrong.
+"""What the pixels of a radiance map hold: its range in stops, its percentiles, its brightest spot, and what is wrong;
+and how a photograph uses its code values.
 
 Range and percentiles are of the *lit* pixels, those whose luminance is finite and above 0: the corners of an angular
 map and what no photograph saw are black, and say nothing of the light. A percentile is a luminance of the map itself,
@@ -13,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.image.colour import luminance
-from relume.image.radiance import RadianceMap
+from relume.image.colour import luminance, triple
+from relume.image.photograph import Photograph
 
 PERCENTS = (1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0, 99.9)
 ROBUST = (0.1, 99.9)
@@ -77,24 +78,44 @@ class Statistics:
     @property
     def stops(self) -> float | None:
         """log₂ of the largest luminance over the least, of all lit pixels."""
-        return None if self.darkest is None or self.brightest is None else _stops(self.darkest, self.brightest)
+        return (
+            None
+            if self.darkest is None or self.brightest is None
+            else math.log2(self.brightest) - math.log2(self.darkest)
+        )
 
     @property
     def robust_stops(self) -> float | None:
         """The same of the robust range."""
-        return None if self.robust is None else _stops(*self.robust)
+        return None if self.robust is None else math.log2(self.robust[1]) - math.log2(self.robust[0])
 
 
-def statistics(image: RadianceMap) -> Statistics:
-    """What the pixels of a radiance map hold, from few passes over it and a sort of its luminances (4 bytes a pixel).
+@dataclass(frozen=True)
+class CodeValues:
+    """The code values of a photograph's pixels, but for those outside the picture; None and 0 where there are none.
 
-    Raises ValueError for a map without pixels.
+    top : the largest code there is, 255 or 65535
+    pixels : how many were counted
+    black, white : the share of pixels at 0 and at `top`, of R, G and B
+    minimum, maximum, mean : of all three channels
+    percentiles : percent → code, of all three channels, for `PERCENTS`
     """
-    return statistics_of(image.radiance)
+
+    top: int
+    pixels: int
+    black: tuple[float, float, float]
+    white: tuple[float, float, float]
+    minimum: int | None
+    maximum: int | None
+    mean: float | None
+    percentiles: Mapping[float, int]
 
 
-def statistics_of(radiance: np.ndarray) -> Statistics:
-    """The same of pixels alone, (H, W, 3) float32; raises ValueError where there are none."""
+def statistics(radiance: np.ndarray) -> Statistics:
+    """What pixels (H, W, 3) float32 hold, from few passes over them and a sort of their luminances (4 bytes a pixel).
+
+    Raises ValueError where there are none.
+    """
     height, width = radiance.shape[:2]
     if height * width == 0:
         raise ValueError(f"{width} x {height} pixels; a map without pixels has no statistics")
@@ -142,6 +163,43 @@ def statistics_of(radiance: np.ndarray) -> Statistics:
     )
 
 
+def code_values(photograph: Photograph) -> CodeValues:
+    """What codes a photograph holds, and how often those at either end."""
+    pixels, top = photograph.pixels, int(np.iinfo(photograph.pixels.dtype).max)
+    counts = np.zeros((3, top + 1), np.int64)
+    for rows in _bands(*pixels.shape[:2]):
+        band = pixels[rows].reshape(-1, 3)
+        if photograph.outside is not None:
+            band = band[~photograph.outside[rows].reshape(-1)]
+        for channel in range(3):
+            counts[channel] += np.bincount(band[:, channel], minlength=top + 1)
+    number = int(counts[0].sum())
+    black, white = (counts[:, code] / max(number, 1) for code in (0, top))
+    every = counts.sum(0)
+    used = np.flatnonzero(every)
+    return CodeValues(
+        top=top,
+        pixels=number,
+        black=triple(black),
+        white=triple(white),
+        minimum=int(used[0]) if number else None,
+        maximum=int(used[-1]) if number else None,
+        mean=float(every @ np.arange(top + 1.0) / every.sum()) if number else None,
+        percentiles=code_percentiles(every) if number else {},
+    )
+
+
+def code_percentiles(counts: np.ndarray) -> dict[float, int]:
+    """For each of `PERCENTS` the least code that so many percent of the values do not exceed.
+
+    counts : (codes,), how often each occurs; not all 0
+    """
+    below = np.cumsum(counts)
+    return {
+        percent: int(np.searchsorted(below, max(int(np.ceil(below[-1] * percent / 100)), 1))) for percent in PERCENTS
+    }
+
+
 def _spots(radiance: np.ndarray, seen: np.ndarray) -> tuple[Spot | None, Spot | None]:
     """The brightest pixel that does not stand alone, and the brightest of all where that does.
 
@@ -172,25 +230,20 @@ def _spots(radiance: np.ndarray, seen: np.ndarray) -> tuple[Spot | None, Spot | 
 
 def _in_company(seen: np.ndarray, rows: slice) -> np.ndarray:
     """The luminance of some rows; of a pixel that stands alone that of its brightest neighbour."""
-    neighbours = _brightest_neighbours(seen, rows)
-    with np.errstate(over="ignore"):
-        return np.where(seen[rows] > _LONE * neighbours, neighbours, seen[rows])
-
-
-def _brightest_neighbours(seen: np.ndarray, rows: slice) -> np.ndarray:
-    """Of each pixel in some rows the largest luminance of its eight neighbours, or fewer at a border; 0 for none."""
+    # Of each pixel the largest luminance of its eight neighbours, or fewer at a border.
     around = seen[max(rows.start - 1, 0) : rows.stop + 1]
     padded = np.pad(around, ((int(rows.start == 0), int(rows.stop >= seen.shape[0])), (1, 1)))
     beside = np.maximum(padded[:-2], padded[2:])
     columns = np.maximum(beside, padded[1:-1])
-    return np.maximum(np.maximum(columns[:, :-2], columns[:, 2:]), beside[:, 1:-1])
+    neighbours = np.maximum(np.maximum(columns[:, :-2], columns[:, 2:]), beside[:, 1:-1])
+    with np.errstate(over="ignore"):
+        return np.where(seen[rows] > _LONE * neighbours, neighbours, seen[rows])
 
 
 def _spot(radiance: np.ndarray, seen: np.ndarray, y: int, x: int) -> Spot:
-    red, green, blue = (float(value) for value in radiance[y, x])
     window = slice(max(y - 1, 0), y + 2), slice(max(x - 1, 0), x + 2)
     usable = np.isfinite(radiance[window]).all(-1)
-    return Spot(x, y, (red, green, blue), float(seen[y, x]), float(seen[window][usable].mean(dtype=np.float64)))
+    return Spot(x, y, triple(radiance[y, x]), float(seen[y, x]), float(seen[window][usable].mean(dtype=np.float64)))
 
 
 def _bands(height: int, width: int) -> list[slice]:
@@ -201,7 +254,3 @@ def _bands(height: int, width: int) -> list[slice]:
 def _at(ordered: np.ndarray, percent: float) -> float:
     """The least of ordered values that `percent` of them do not exceed (Hyndman & Fan 1996, definition 1)."""
     return float(ordered[max(math.ceil(ordered.size * percent / 100) - 1, 0)])
-
-
-def _stops(low: float, high: float) -> float:
-    return math.log2(high) - math.log2(low)

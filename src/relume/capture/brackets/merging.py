@@ -25,9 +25,8 @@ from relume.capture.scale.luminaire import ChannelGains
 from relume.errors import NotABracket
 from relume.image import files
 from relume.image.files.signatures import kind_of
-from relume.image.photograph import Exposure
+from relume.image.photograph import Exposure, RawPhotograph
 from relume.image.radiance import RadianceMap
-from relume.image.raw import RawPhotograph
 from relume.image.response import Response
 
 BracketSource = Bracket | Sequence[RawSource]

@@ -17,8 +17,7 @@ from relume.capture.exposure.consistency import Doubt, check
 from relume.capture.ghosts.deghosting import deghost
 from relume.capture.raw.merging import RawCalibration, RawSource, calibrate_raw, merge_raw, opened
 from relume.capture.raw.sensor import Sensor
-from relume.image.photograph import Photograph
-from relume.image.raw import RawPhotograph
+from relume.image.photograph import Photograph, RawPhotograph
 from relume.image.response import Response
 
 PREVIEW = 1600

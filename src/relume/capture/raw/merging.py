@@ -24,9 +24,8 @@ from relume.capture.raw.noise import SensorNoise, fitted_noise, noise_between, n
 from relume.capture.raw.sensor import Sensor
 from relume.errors import NotABracket
 from relume.image import files
-from relume.image.photograph import Exposure
+from relume.image.photograph import Exposure, RawPhotograph
 from relume.image.radiance import SATURATED, RadianceMap
-from relume.image.raw import RawPhotograph
 
 _SAMPLES = 2**18
 """Photosites of each frame that the survey keeps."""

@@ -18,9 +18,8 @@ from relume.image.files.exr.parts import gathered_messages
 from relume.image.files.metadata import exif
 from relume.image.files.read_options import ReadOptions, refuse_absurd_amount, refuse_absurd_size
 from relume.image.files.signatures import one_line
-from relume.image.photograph import Exposure, Settings
+from relume.image.photograph import Exposure, RawPhotograph, Settings, is_bayer
 from relume.image.primaries import REC709
-from relume.image.raw import RawPhotograph, is_bayer
 
 
 def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> RawPhotograph:

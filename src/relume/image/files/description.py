@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 
 from relume.image import files
-from relume.image.code_values import code_percentiles, code_values
 from relume.image.files.read_options import ReadOptions
 from relume.image.files.signatures import MAPS, kind_of
-from relume.image.photograph import Exposure, Photograph, Settings
+from relume.image.photograph import Exposure, Photograph, RawPhotograph, Settings
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
-from relume.image.raw import RawPhotograph
-from relume.image.statistics import Spot, Statistics, statistics, statistics_of
+from relume.image.statistics import Spot, Statistics, code_percentiles, code_values, statistics
 
 _NUMBERS_OF_EXR = {"half": "float16", "float": "float32", "uint": "uint32"}
 _NUMBERS_OF_KTX2 = {97: "half", 109: "float"}  # Vulkan's names for R16G16B16A16_SFLOAT and R32G32B32A32_SFLOAT
@@ -54,7 +52,7 @@ def describe(path: str | os.PathLike[str], options: ReadOptions = ReadOptions())
 
 def _of_map(path: str | os.PathLike[str], kind: str, image: RadianceMap, options: ReadOptions) -> dict[str, object]:
     parts = _parts(path, options) if kind == "EXR" else []
-    found = statistics(image)
+    found = statistics(image.radiance)
     marks = None
     if image.clipped is not None:
         codes = {"saturated": SATURATED, "black": BLACK, "outside": OUTSIDE}
@@ -155,7 +153,7 @@ def _of_cube(path: str | os.PathLike[str], options: ReadOptions) -> dict[str, ob
         "channels": ["R", "G", "B", "A"],
         "dtype": "float16" if number == "half" else "float32",
         "levels": [level.shape[1] for level in levels],
-        **_values(statistics_of(levels[0].reshape(6 * side, side, 3))),
+        **_values(statistics(levels[0].reshape(6 * side, side, 3))),
         "parts": [],
     }
 

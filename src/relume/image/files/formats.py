@@ -24,9 +24,8 @@ from relume.image.files.encodings import Encoding, suffix_of
 from relume.image.files.photographs.facts import Facts
 from relume.image.files.read_options import ReadOptions
 from relume.image.files.signatures import MAPS, kind_of
-from relume.image.photograph import Photograph
+from relume.image.photograph import Photograph, RawPhotograph
 from relume.image.radiance import RadianceMap
-from relume.image.raw import RawPhotograph
 
 _READERS = {
     "EXR": "exr.maps",
