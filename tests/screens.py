@@ -1,10 +1,10 @@
-"""What a screen makes of a PQ or HLG signal (ITU-R BT.2100-2): the way back from `relume.image.transfer`."""
+"""What a screen makes of a PQ or HLG signal (ITU-R BT.2100-2): the way back from `relume.image.colour`."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from relume.image.transfer import _A, _B, _C, _C1, _C2, _C3, _M1, _M2, BT2020_WEIGHTS, PQ_PEAK, hlg_gamma
+from relume.image.colour import _A, _B, _C, _C1, _C2, _C3, _M1, _M2, BT2020_WEIGHTS, PQ_PEAK, hlg_gamma
 
 
 def decode_pq(signal: np.ndarray | float) -> np.ndarray:

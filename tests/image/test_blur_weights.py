@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from relume.image.blur_weights import gaussian_taps, line_weights, mirrored_transfer
+from relume.image.blurring import gaussian_taps, line_weights, mirrored_transfer
 
 
 def test_the_weights_of_a_level_line_are_the_tents_time_within_it():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from relume.image.colour import luminance
-from relume.image.white_point import (
+from relume.image.primaries import (
     daylight_chromaticity,
     gains_from_temperature,
     linear_white,

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from relume.image.colour import encode_srgb
-from relume.image.transfer import (
+from relume.image.colour import (
     encode_hlg,
     encode_pq,
+    encode_srgb,
     hlg_gamma,
     hlg_scene,
 )

@@ -17,9 +17,9 @@ from relume.capture.scale.luminaire import ChannelGains, apply_balance, balance_
 from relume.capture.scale.regions import disc
 from relume.image import arithmetic
 from relume.image.blurring import motion_blurred, soft_blurred
+from relume.image.primaries import gains_from_temperature
 from relume.image.radiance import RadianceMap
 from relume.image.resizing import cropped, resized
-from relume.image.white_point import gains_from_temperature
 from relume.sphere.audit import Audit
 from relume.sphere.environment_files import LAYOUT, as_environment, as_radiance_map
 from relume.sphere.environment_map import EnvironmentMap

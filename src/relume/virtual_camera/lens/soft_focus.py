@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.image.blur_weights import gaussian_taps, mirrored_transfer
+from relume.image.blurring import gaussian_taps, mirrored_transfer, scale_waves
 from relume.virtual_camera.view import View
 
 BAND = 64
-"""Rows or columns that are transformed at once."""
+"""Rows that are put together at once."""
 
 
 @dataclass(frozen=True)
@@ -50,22 +50,10 @@ class SoftFocus:
         for channel in range(radiance.shape[2]):
             # One channel at a time, in place: in double precision, or a sun's rounding would be seen in the shadows.
             waves[:] = radiance[..., channel]
-            _transform(waves, down, across)
+            scale_waves(waves, down, across)
             for top in range(0, height, BAND):
                 part = slice(top, top + BAND)
                 # Transforms round; a mean of light is not below 0.
                 glow = np.maximum(waves[part], 0)
                 out[part, :, channel] = glow + (1 - self.share) * radiance[part, :, channel]
         return out
-
-
-def _transform(plane: np.ndarray, down: np.ndarray, across: np.ndarray) -> None:
-    """Multiply a plane's cosine series, in place, by a factor for each row's and each column's wave."""
-    from scipy.fft import dct, idct
-
-    for left in range(0, plane.shape[1], BAND):
-        band = plane[:, left : left + BAND]
-        band[:] = idct(dct(band, axis=0, workers=-1) * down[:, None], axis=0, workers=-1)
-    for top in range(0, plane.shape[0], BAND):
-        band = plane[top : top + BAND]
-        band[:] = idct(dct(band, axis=1, workers=-1) * across, axis=1, workers=-1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from naive_motion import averaged
-from relume.image.blur_weights import line_weights
+from relume.image.blurring import line_weights
 from relume.virtual_camera.lens.motion.shutter import Shutter
 from relume.virtual_camera.lens.motion.straight import StraightMotion
 from relume.virtual_camera.view import View

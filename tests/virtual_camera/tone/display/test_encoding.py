@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from relume.image.transfer import encode_pq
+from relume.image.colour import encode_pq
 from relume.virtual_camera.tone.display.displays import HLG, PQ, DisplayP3, HdrGainMap, Srgb
 from relume.virtual_camera.tone.display.encoding import encoded, encoded_and_clipped
 

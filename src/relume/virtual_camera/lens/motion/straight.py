@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from relume.image.blur_weights import line_weights
+from relume.image.blurring import line_weights
 from relume.virtual_camera.lens.motion.shutter import Shutter
 from relume.virtual_camera.view import View
 

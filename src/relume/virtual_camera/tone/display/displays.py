@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from relume.image.transfer import PQ_PEAK, hlg_gamma
+from relume.image.colour import PQ_PEAK, hlg_gamma
 
 DIFFUSE_WHITE = 203.0
 """cd/m², what a white sheet of paper is shown as on HDR screens (ITU-R BT.2408, table 1)."""

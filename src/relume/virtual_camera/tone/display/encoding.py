@@ -7,9 +7,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from relume.image.colour import encode_srgb
+from relume.image.colour import encode_hlg, encode_pq, encode_srgb, hlg_scene
 from relume.image.primaries import BT2020, P3, REC709, between
-from relume.image.transfer import encode_hlg, encode_pq, hlg_scene
 from relume.virtual_camera.tone.display.clipping import Clipping
 from relume.virtual_camera.tone.display.code_table import CodeTable, code_table, coded
 from relume.virtual_camera.tone.display.displays import HLG, PQ, Display, DisplayP3, HdrGainMap, Srgb
