@@ -19,7 +19,7 @@ PROOFS: dict[str, tuple[str, str]] = {
     "capture/merge_kernel.py": ("capture/test_merging.py", "slow twin: equation 6, pixel by pixel"),
     "capture/raw/demosaic.py": ("capture/test_demosaic.py", "closed forms: ramps and flat mosaics come back"),
     "capture/raw/kernel.py": ("capture/test_raw_merging.py", "slow twin"),
-    "image/files/gain_map/kernels.py": ("image/test_gain_map.py", "the same photograph in PQ, by another program"),
+    "image/files/gain_map/applying.py": ("image/test_gain_map.py", "the same photograph in PQ, by another program"),
     "image/files/hdr/kernels.py": ("image/test_radiance_scanlines.py", "slow twins and bytes written by hand"),
     "image/files/logluv/kernels.py": ("image/test_logluv_codes.py", "slow twin in naive_logluv.py"),
     "light/constellations/cells.py": ("light/test_constellation.py", "slow twin in naive.py"),

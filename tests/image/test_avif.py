@@ -69,27 +69,16 @@ def test_every_size_keeps_every_pixel(tmp_path, shape):
         assert np.abs(plane - expected).max() <= 6
 
 
-def test_less_quality_makes_a_smaller_file_and_the_same_input_the_same_file(tmp_path):
+def test_the_same_input_makes_the_same_file(tmp_path):
     noisy = np.random.default_rng(2).integers(20000, 40000, (96, 96, 3)).astype(np.uint16)
-    for name, quality in (("fine", 95), ("again", 95), ("coarse", 60)):
-        write_avif(tmp_path / f"{name}.avif", noisy, PQ, quality=quality)
-    fine, again, coarse = ((tmp_path / f"{name}.avif").read_bytes() for name in ("fine", "again", "coarse"))
-    assert fine == again and len(coarse) < len(fine) / 2
+    for name in ("one.avif", "again.avif"):
+        write_avif(tmp_path / name, noisy, PQ)
+    assert (tmp_path / "one.avif").read_bytes() == (tmp_path / "again.avif").read_bytes()
 
 
-@pytest.mark.parametrize(
-    "name, signal, transfer, quality, said",
-    [
-        ("a.png", smooth(64, 64), PQ, 95, "written to .avif"),
-        ("a.avif", smooth(1, 70_000), PQ, 95, "70000×1 pixels"),
-        ("a.avif", smooth(64, 64).astype(np.uint8), PQ, 95, "expected \\(H, W, 3\\) uint16"),
-        ("a.avif", smooth(64, 64), 13, 95, "transfer is 13"),
-        ("a.avif", smooth(64, 64), PQ, 101, "quality is 101"),
-    ],
-)
-def test_what_it_does_not_write_is_refused(tmp_path, name, signal, transfer, quality, said):
-    with pytest.raises(ValueError, match=said):
-        write_avif(tmp_path / name, signal, transfer, quality=quality)
+def test_a_size_that_av1_has_not_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="70000×1 pixels"):
+        write_avif(tmp_path / "a.avif", smooth(1, 70_000), PQ)
     assert not list(tmp_path.iterdir())
 
 

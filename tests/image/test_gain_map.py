@@ -123,7 +123,7 @@ def test_a_bright_rendition_comes_back_and_other_programs_read_it(tmp_path: Path
     with Image.open(path) as first:
         profile = ImageCms.ImageCmsProfile(io.BytesIO(first.info["icc_profile"]))
     assert "sRGB" in ImageCms.getProfileDescription(profile)
-    assert len({gain_map_encoding.encoded_rendition("a.jpg", bright, base_of(bright), 95).file for _ in "ab"}) == 1
+    assert len({gain_map_encoding.encoded_rendition("a.jpg", bright, base_of(bright), 95)[0] for _ in "ab"}) == 1
 
 
 def test_what_no_gain_map_holds_is_refused_with_counts(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ def whole() -> bytes:
     pixels = np.stack([2 ** (x / 16), 2 ** (y / 12), 1 + 0 * x], -1)
     noise = np.random.default_rng(1).uniform(-0.1, 0.1, pixels.shape)
     base = np.rint(255 * encode_srgb(np.clip(pixels / 16 + noise, 0, 1))).astype(np.uint8)
-    return gain_map_encoding.encoded_rendition("a.jpg", pixels, base, 95).file
+    return gain_map_encoding.encoded_rendition("a.jpg", pixels, base, 95)[0]
 
 
 def map_at(data: bytes) -> int:

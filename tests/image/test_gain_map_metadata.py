@@ -4,7 +4,6 @@ import struct
 
 import pytest
 
-from relume.image.files.gain_map import hdrgm_xmp as gain_map_xmp
 from relume.image.files.gain_map import metadata as gain_map_metadata
 from relume.image.files.gain_map.metadata import GainMapMetadata
 from relume.image.files.metadata import xmp
@@ -32,7 +31,7 @@ MAXIMUM = "<hdrgm:GainMapMax>1.25</hdrgm:GainMapMax>"
 
 
 def from_xmp(packet: bytes) -> GainMapMetadata:
-    return gain_map_xmp.metadata_in(xmp.properties(packet, ReadOptions()))
+    return gain_map_metadata.metadata_in(xmp.properties(packet, ReadOptions()))
 
 
 def test_a_block_of_libultrahdr_is_read() -> None:
@@ -65,7 +64,7 @@ def test_the_block_is_written_byte_for_byte() -> None:
 
 
 def test_both_forms_tell_the_same() -> None:
-    packet = gain_map_xmp.with_description(xmp.packet({}), gain_map_xmp.description(THREE))
+    packet = gain_map_metadata.with_description(xmp.packet({}), gain_map_metadata.description(THREE))
     assert from_xmp(packet) == gain_map_metadata.from_iso(gain_map_metadata.to_iso(THREE))
     assert b"<hdrgm:OffsetSDR><rdf:Seq><rdf:li>0.015625</rdf:li><rdf:li>0.00000095367431640625</rdf:li>" in packet
 
@@ -133,10 +132,10 @@ def test_a_senseless_block_is_refused(block: bytes, complaint: str) -> None:
 
 
 def test_a_directory_tells_lengths_and_padding() -> None:
-    packet = gain_map_xmp.with_description(xmp.packet({"a": "b"}), gain_map_xmp.directory(4711))
-    assert gain_map_xmp.lengths_in(packet) == [("GainMap", 4711)]
+    packet = gain_map_metadata.with_description(xmp.packet({"a": "b"}), gain_map_metadata.directory(4711))
+    assert gain_map_metadata.lengths_in(packet) == [("GainMap", 4711)]
     padded = packet.replace(b'Item:Length="4711"', b'Item:Length="4711" Item:Padding="9"')
-    assert gain_map_xmp.lengths_in(padded) == [("GainMap", 4720)]
+    assert gain_map_metadata.lengths_in(padded) == [("GainMap", 4720)]
     for nonsense in (b"-1", b"", b"1e3", b"9" * 30):
-        assert gain_map_xmp.lengths_in(packet.replace(b"4711", nonsense)) == []
-    assert gain_map_xmp.lengths_in(xmp.packet({})) == []
+        assert gain_map_metadata.lengths_in(packet.replace(b"4711", nonsense)) == []
+    assert gain_map_metadata.lengths_in(xmp.packet({})) == []

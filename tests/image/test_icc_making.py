@@ -10,7 +10,7 @@ from PIL import Image, ImageCms
 
 from relume.image.colour import decode_srgb, encode_srgb
 from relume.image.files.metadata import icc_profile
-from relume.image.files.metadata.icc_making import screen_profile
+from relume.image.files.metadata.icc_profile import screen_profile
 from relume.image.primaries import REC709, Primaries, between
 
 P3 = Primaries((0.680, 0.320), (0.265, 0.690), (0.150, 0.060), REC709.white)

@@ -15,7 +15,7 @@ from PIL import Image
 
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files import read_photograph, write
-from relume.image.files.photographs import facts, photographs, png
+from relume.image.files.photographs import header, photographs, png
 from relume.image.files.read_options import ReadOptions
 from relume.image.files.tiff.directories import read_folders
 from relume.image.files.tiff.writing import write_tiff
@@ -278,12 +278,12 @@ def test_headers_that_break_their_format_are_refused_by_place(tmp_path, name, da
 
 def test_facts_keep_the_limits_and_are_of_photographs_alone(tmp_path, noisy):
     path = saved(tmp_path / "a.tif", noisy.astype(np.uint8))
-    assert facts.read(path, ReadOptions(side=60)).size == (50, 60)
+    assert header.read_facts(path, ReadOptions(side=60)).size == (50, 60)
     with pytest.raises(UnreadableFile, match="50 x 60"):
-        facts.read(path, ReadOptions(side=59))
+        header.read_facts(path, ReadOptions(side=59))
     Image.new("F", (3, 2)).save(tmp_path / "b.tif")
     with pytest.raises(UnreadableFile, match=r"b\.tif: a radiance map"):
-        facts.read(tmp_path / "b.tif")
+        header.read_facts(tmp_path / "b.tif")
 
 
 # Salvage

@@ -10,7 +10,6 @@ from .encodings import RadianceHDR as RadianceHDR
 from .encodings import RawFloat as RawFloat
 from .formats import has_radiance as has_radiance
 from .formats import read as read
-from .formats import read_facts as read_facts
 from .formats import read_layers as read_layers
 from .formats import read_photograph as read_photograph
 from .formats import read_radiance as read_radiance
@@ -18,6 +17,7 @@ from .formats import read_raw as read_raw
 from .formats import subtype as subtype
 from .formats import write as write
 from .formats import write_layers as write_layers
-from .photographs.facts import Facts as Facts
+from .photographs.header import Facts as Facts
+from .photographs.header import read_facts as read_facts
 from .read_options import ReadOptions as ReadOptions
 from .signatures import kind_of as kind_of

@@ -21,7 +21,6 @@ import numpy as np
 from relume.errors import UnreadableFile
 from relume.image.files import encodings
 from relume.image.files.encodings import Encoding, suffix_of
-from relume.image.files.photographs.facts import Facts
 from relume.image.files.read_options import ReadOptions
 from relume.image.files.signatures import MAPS, kind_of
 from relume.image.photograph import Photograph, RawPhotograph
@@ -115,13 +114,6 @@ def _decoded(path: str | os.PathLike[str], module: str, options: ReadOptions) ->
         return import_module(f"relume.image.files.{module}").read(path, options)
     except MemoryError:
         raise UnreadableFile(f"{path}: larger than the memory there is; scale it down first") from None
-
-
-def read_facts(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> Facts:
-    """The facts in the header of a photograph, without its pixels; raises UnreadableFile for what is no photograph."""
-    from relume.image.files.photographs import facts
-
-    return facts.read(path, options)
 
 
 def read_raw(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> RawPhotograph:

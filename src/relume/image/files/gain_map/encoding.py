@@ -10,20 +10,19 @@ from __future__ import annotations
 import io
 import math
 import os
-from dataclasses import dataclass
 
 import numpy as np
 from PIL import Image
 
 from relume._kernel import in_threads
+from relume.image.colour import luminance, triple
 from relume.image.files.gain_map import applying as gain_map_applying
-from relume.image.files.gain_map import hdrgm_xmp as gain_map_xmp
 from relume.image.files.gain_map import layout as gain_map_layout
 from relume.image.files.gain_map import metadata as gain_map_metadata
-from relume.image.files.gain_map.applying import Pictures, luminance
-from relume.image.files.gain_map.metadata import GainMapMetadata, Three, rounded
+from relume.image.files.gain_map.applying import Pictures
+from relume.image.files.gain_map.metadata import GainMapMetadata, rounded
 from relume.image.files.metadata import icc_profile, xmp
-from relume.image.files.metadata.icc_making import screen_profile
+from relume.image.files.metadata.icc_profile import screen_profile
 from relume.image.files.photographs import jpeg_segments as jpeg
 from relume.image.primaries import REC709
 
@@ -34,16 +33,13 @@ _LONGEST = 65500  # pixels a side that libjpeg writes
 _ROWS = 64
 
 
-@dataclass(frozen=True)
-class Encoded:
-    """A file to be written: all its bytes, and a sentence on what it loses, "" where that is little."""
-
-    file: bytes
-    losses: str
-
-
-def encoded_rendition(path: str | os.PathLike[str], bright: np.ndarray, base: np.ndarray, quality: int) -> Encoded:
+def encoded_rendition(
+    path: str | os.PathLike[str], bright: np.ndarray, base: np.ndarray, quality: int
+) -> tuple[bytes, str]:
     """A gain-map JPEG of two renditions of a picture, both made for displays: nothing of it is measured light.
+
+    Returns all bytes of the file, and a sentence on what it loses, "" where that is little.
+
 
     bright : (H, W, 3) float32, linear Rec. 709, 1 = the base's white, at least 0
     base : (H, W, 3) uint8 sRGB, what every program shows
@@ -56,7 +52,7 @@ def encoded_rendition(path: str | os.PathLike[str], bright: np.ndarray, base: np
     metadata = _metadata(bright, shown, linear)
     map_jpeg = _jpeg(_codes(bright, shown, linear, metadata), quality)
     given = Pictures(shown, _decoded(map_jpeg), icc_profile.srgb().curves, REC709, REC709, metadata)
-    return Encoded(_assembled(base_jpeg, map_jpeg, metadata), _losses(given, bright))
+    return _assembled(base_jpeg, map_jpeg, metadata), _losses(given, bright)
 
 
 def _refuse_unusable(path: str | os.PathLike[str], pixels: np.ndarray) -> None:
@@ -86,8 +82,8 @@ def _metadata(bright: np.ndarray, shown: np.ndarray, linear: np.ndarray) -> Gain
 
     parts = in_threads(work, len(bright), chunk=_ROWS)
     # Outwards to a fraction that both forms hold, so that no gain is beyond the codes.
-    low = _three(rounded(float(gain) - _LEAST) for gain in np.min([part[0] for part in parts], axis=0))
-    high = _three(rounded(float(gain) + _LEAST) for gain in np.max([part[1] for part in parts], axis=0))
+    low = triple(np.array([rounded(float(gain) - _LEAST) for gain in np.min([part[0] for part in parts], axis=0)]))
+    high = triple(np.array([rounded(float(gain) + _LEAST) for gain in np.max([part[1] for part in parts], axis=0)]))
     headroom = rounded(max(math.log2(max(float(bright.max(initial=0)), 1.0)), 2**-10))
     return GainMapMetadata(low, high, bright_headroom=headroom)
 
@@ -95,11 +91,6 @@ def _metadata(bright: np.ndarray, shown: np.ndarray, linear: np.ndarray) -> Gain
 def _gains(bright: np.ndarray, shown: np.ndarray) -> np.ndarray:
     """Stops from the base as it is `shown` (linear) to the bright picture, per channel."""
     return np.log2((bright + np.float32(_OFFSET)) / (shown + np.float32(_OFFSET)))
-
-
-def _three(values: object) -> Three:
-    red, green, blue = values  # pyright: ignore[reportGeneralTypeIssues]
-    return red, green, blue
 
 
 def _codes(bright: np.ndarray, shown: np.ndarray, linear: np.ndarray, metadata: GainMapMetadata) -> np.ndarray:
@@ -139,9 +130,9 @@ def _losses(given: Pictures, bright: np.ndarray) -> str:
 def _assembled(base: bytes, gain_map: bytes, metadata: GainMapMetadata) -> bytes:
     """Both JPEGs with all that describes them, in the order of Ultra HDR 1.1, figure 1."""
     block = jpeg.segment(jpeg.APP2, jpeg.ISO_GAIN_MAP + gain_map_metadata.to_iso(metadata))
-    parameters = gain_map_xmp.with_description(xmp.packet({}), gain_map_xmp.description(metadata))
+    parameters = gain_map_metadata.with_description(xmp.packet({}), gain_map_metadata.description(metadata))
     gain_map = jpeg.with_segments(gain_map, [jpeg.segment(jpeg.APP1, jpeg.XMP + parameters), block])
-    packet = gain_map_xmp.with_description(xmp.packet({}), gain_map_xmp.directory(len(gain_map)))
+    packet = gain_map_metadata.with_description(xmp.packet({}), gain_map_metadata.directory(len(gain_map)))
     heads = [
         jpeg.segment(jpeg.APP1, jpeg.XMP + packet),
         jpeg.segment(jpeg.APP2, jpeg.ICC + b"\x01\x01" + screen_profile(REC709, "sRGB")),

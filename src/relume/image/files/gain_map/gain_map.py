@@ -19,8 +19,8 @@ import numpy as np
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files.atomic import replacing
 from relume.image.files.gain_map import layout as gain_map_layout
-from relume.image.files.gain_map.hdrgm_xmp import LARGEST_SCALE, SCALE, UNIT
 from relume.image.files.gain_map.layout import Layout
+from relume.image.files.gain_map.metadata import LARGEST_SCALE, SCALE, UNIT
 from relume.image.files.metadata import xmp
 from relume.image.files.photographs import jpeg_segments
 from relume.image.files.read_options import ReadOptions, refuse_absurd_amount, refuse_absurd_size
@@ -72,7 +72,7 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
     from relume.image.files.gain_map import applying as gain_map_applying
     from relume.image.files.metadata import exif, exif_attributes
     from relume.image.files.photographs import jpeg_decoding
-    from relume.image.files.photographs.orientation import UPRIGHT
+    from relume.image.files.tiff.layout import upright
     from relume.image.primaries import REC709
 
     codes = [jpeg_decoding.decoded(path, *one) for one in zip(jpegs, headers, _PICTURES, strict=True)]
@@ -97,8 +97,7 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
             stacklevel=4,
         )
     del codes, given
-    upright = UPRIGHT[exif.orientation_of(tags)](radiance)
-    return RadianceMap(np.ascontiguousarray(upright), unit=unit, attributes=attributes)
+    return RadianceMap(upright(radiance, exif.orientation_of(tags)), unit=unit, attributes=attributes)
 
 
 def write_rendition(path: str | os.PathLike[str], bright: np.ndarray, base: np.ndarray, quality: int = 95) -> None:
@@ -111,11 +110,11 @@ def write_rendition(path: str | os.PathLike[str], bright: np.ndarray, base: np.n
     """
     from relume.image.files.gain_map import encoding as gain_map_encoding
 
-    written = gain_map_encoding.encoded_rendition(path, bright, base, quality)
+    data, losses = gain_map_encoding.encoded_rendition(path, bright, base, quality)
     with replacing(path) as temporary:
-        temporary.write_bytes(written.file)
-    if written.losses:
-        warnings.warn(f"{path}: {written.losses}", stacklevel=3)
+        temporary.write_bytes(data)
+    if losses:
+        warnings.warn(f"{path}: {losses}", stacklevel=3)
 
 
 def _opened(path: str | os.PathLike[str]) -> BinaryIO:

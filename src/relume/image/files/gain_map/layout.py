@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import BinaryIO
 
 from relume.errors import FormatError
-from relume.image.files.gain_map import hdrgm_xmp as gain_map_xmp
 from relume.image.files.gain_map import metadata as gain_map_metadata
 from relume.image.files.gain_map.metadata import GainMapMetadata
 from relume.image.files.metadata import xmp
@@ -94,10 +93,10 @@ def _claims_and_lengths(packet: bytes | None, options: ReadOptions) -> tuple[boo
     if packet is None:
         return False, []
     try:
-        claims = any(name.startswith(gain_map_xmp.HDRGM) for name in xmp.properties(packet, options))
+        claims = any(name.startswith(gain_map_metadata.HDRGM) for name in xmp.properties(packet, options))
     except ValueError:
         return False, []
-    lengths = gain_map_xmp.lengths_in(packet)
+    lengths = gain_map_metadata.lengths_in(packet)
     return claims or any(semantic == "GainMap" for semantic, _ in lengths), lengths
 
 
@@ -115,7 +114,7 @@ def _metadata_in(
         if packet is None or b"hdr-gain-map" not in packet:
             return None
         where += ", XMP"
-        return gain_map_xmp.metadata_in(xmp.properties(packet, options)), "XMP"
+        return gain_map_metadata.metadata_in(xmp.properties(packet, options)), "XMP"
     except ValueError as error:
         raise FormatError(path, FORMAT, where, "parameters that make sense", str(error)) from None
 

@@ -22,7 +22,6 @@ from relume.image.files.logluv import runs as logluv_runs
 from relume.image.files.logluv.blocks import Blocks, blocks_of
 from relume.image.files.logluv.codes import lines
 from relume.image.files.metadata.attributes import warn_of_losses
-from relume.image.files.photographs.orientation import ORIENTATION, UPRIGHT
 from relume.image.files.read_options import ReadOptions
 from relume.image.files.tiff import layout as tiff_layout
 from relume.image.files.tiff.attributes import STONITS, WHITE_POINT, attributes_of, scale_of, tags_of
@@ -63,7 +62,7 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
     with open(path, "rb") as file:
         attributes = attributes_of(path, file, folder, options)
     return RadianceMap(
-        upright(picture, folder),
+        tiff_layout.upright(picture, tiff_layout.orientation_of(folder)),
         clipped=_outside(path, rows, folder),
         unit="relative" if scale is None else "cd/m²",
         attributes=attributes | white,
@@ -137,12 +136,8 @@ def _outside(path: str | os.PathLike[str], rows: logluv_runs.Rows, folder: Folde
     missing = rows.missing()
     count = int(np.count_nonzero(missing.any(axis=1)))
     warnings.warn(f"{path}: {count} of its {rows.blocks.height} rows are missing, and marked so", stacklevel=5)
-    return upright(np.where(missing, np.uint8(OUTSIDE), np.uint8(0)), folder)
-
-
-def upright(picture: np.ndarray, folder: Folder) -> np.ndarray:
-    """A picture turned as its Orientation says; as it is where that says nothing known."""
-    return np.ascontiguousarray(UPRIGHT.get(int(*folder.integers(ORIENTATION)[:1]), UPRIGHT[1])(picture))
+    marks = np.where(missing, np.uint8(OUTSIDE), np.uint8(0))
+    return tiff_layout.upright(marks, tiff_layout.orientation_of(folder))
 
 
 def write(path: str | os.PathLike[str], image: RadianceMap, encoding: LogLuv = LogLuv()) -> None:

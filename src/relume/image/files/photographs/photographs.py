@@ -27,11 +27,10 @@ from relume.image.files.photographs import png
 from relume.image.files.photographs.header import Form, form_of
 from relume.image.files.photographs.jpeg_decoding import decoded
 from relume.image.files.photographs.jpeg_segments import header_at, length_of
-from relume.image.files.photographs.orientation import UPRIGHT
 from relume.image.files.photographs.salvage import Salvaged, embedded_profile, salvaged
 from relume.image.files.read_options import ReadOptions
 from relume.image.files.signatures import kind_of, one_line
-from relume.image.files.tiff.layout import ZIP
+from relume.image.files.tiff.layout import ZIP, upright
 from relume.image.files.tiff.writing import write_tiff as write_folders
 from relume.image.photograph import Photograph
 
@@ -64,14 +63,14 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
     pixels, outside, profile = _decoded(path, kind, form, options) if found is None else _placed(path, found)
     tags = exif.tags(path, kind)
     height, width = pixels.shape[:2]
-    upright = UPRIGHT[exif.orientation_of(tags)]
+    orientation = exif.orientation_of(tags)
     return Photograph(
-        pixels=np.ascontiguousarray(upright(pixels)),
+        pixels=upright(pixels, orientation),
         name=str(path),
         exposure=exif.exposure_of(tags),
         camera=exif.camera_of(tags),
         focal_length=exif.focal_length_of(tags, width, height),
-        outside=None if outside is None else np.ascontiguousarray(upright(outside)),
+        outside=None if outside is None else upright(outside, orientation),
         settings=exif.settings_of(tags),
         profile=profile if profile is not None and _is_of_rgb(profile) else None,
     )

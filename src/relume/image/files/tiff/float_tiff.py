@@ -14,11 +14,21 @@ import numpy as np
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files.encodings import FloatTIFF
 from relume.image.files.metadata.attributes import warn_of_losses
-from relume.image.files.photographs.orientation import UPRIGHT
 from relume.image.files.read_options import OR_SALVAGE, ReadOptions
 from relume.image.files.tiff.attributes import attributes_of, primaries_of, scale_of, tags_of
 from relume.image.files.tiff.directories import Folder, read_folders
-from relume.image.files.tiff.layout import LZW, NONE, OLD_ZIP, ORIENTATION, PACKBITS, ZIP, Layout, layout_of, pages_of
+from relume.image.files.tiff.layout import (
+    LZW,
+    NONE,
+    OLD_ZIP,
+    PACKBITS,
+    ZIP,
+    Layout,
+    layout_of,
+    orientation_of,
+    pages_of,
+    upright,
+)
 from relume.image.files.tiff.samples import pieces, predicted
 from relume.image.files.tiff.writing import Tags, write_tiff
 from relume.image.primaries import REC709, converted
@@ -56,10 +66,10 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
         warnings.warn(f"{path}: only the first of its {pages} pages is read", stacklevel=4)
     with open(path, "rb") as file:
         attributes = attributes_of(path, file, folder, options)
-    turn = UPRIGHT.get(int(folder.number(ORIENTATION, 1) or 1), UPRIGHT[1])
+    orientation = orientation_of(folder)
     image = RadianceMap(
-        np.ascontiguousarray(turn(pixels)),
-        clipped=None if clipped is None else np.ascontiguousarray(turn(clipped)),
+        upright(pixels, orientation),
+        clipped=None if clipped is None else upright(clipped, orientation),
         unit="relative" if scale is None else "cd/m²",
         attributes=attributes,
     )

@@ -1,13 +1,16 @@
 """How the pixels of a TIFF lie in their file: its size, its samples, and its strips or tiles; judged, not decoded.
 
-Format: TIFF 6.0, sections 3 to 15, and Adobe Photoshop TIFF technical note 3 for the floating-point predictor.
+Format: TIFF 6.0, sections 3 to 15, and Adobe Photoshop TIFF technical note 3 for the floating-point predictor. The
+eight orientations are those of EXIF 2.32 too.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files.read_options import ReadOptions, refuse_absurd_amount, refuse_absurd_size
@@ -43,6 +46,17 @@ _UNSIGNED = 1
 # 4096 bytes in nine bits or more; and what is not packed is what it is.
 _MOST = {NONE: 1, LZW: 4096, ZIP: 1032, OLD_ZIP: 1032, PACKBITS: 64}
 _FRAME = "its first folder"
+# By the value of ORIENTATION: rows, columns and axes as stored → as seen.
+_UPRIGHT: Mapping[int, Callable[[np.ndarray], np.ndarray]] = {
+    1: lambda p: p,
+    2: lambda p: p[:, ::-1],
+    3: lambda p: p[::-1, ::-1],
+    4: lambda p: p[::-1],
+    5: lambda p: p.swapaxes(0, 1),
+    6: lambda p: p.swapaxes(0, 1)[:, ::-1],
+    7: lambda p: p[::-1, ::-1].swapaxes(0, 1),
+    8: lambda p: p.swapaxes(0, 1)[::-1],
+}
 
 
 @dataclass(frozen=True)
@@ -148,6 +162,16 @@ def layout_of(path: str | os.PathLike[str], folder: Folder, size: int, options: 
     )
     _refuse_senseless(path, layout, size, options)
     return layout
+
+
+def upright(picture: np.ndarray, orientation: float) -> np.ndarray:
+    """A stored picture (H, W, …) as it is seen; as it is where the orientation is none of the eight."""
+    return np.ascontiguousarray(_UPRIGHT.get(int(orientation), _UPRIGHT[1])(picture))
+
+
+def orientation_of(folder: Folder) -> float:
+    """The value of ORIENTATION, 1 where it is missing."""
+    return _finite(folder, ORIENTATION, 1)
 
 
 def pages_of(folders: Sequence[Folder]) -> int:

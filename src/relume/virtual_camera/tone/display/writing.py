@@ -65,7 +65,7 @@ def require_suffix_for(path: str | os.PathLike[str], display: Display) -> None:
 
 def profile_of(display: Srgb | DisplayP3) -> bytes:
     """The ICC profile of what `encoded` makes for a display, for a photograph that carries it."""
-    from relume.image.files.metadata.icc_making import screen_profile
+    from relume.image.files.metadata.icc_profile import screen_profile
 
     return screen_profile(P3, "Display P3") if isinstance(display, DisplayP3) else screen_profile(REC709, "sRGB")
 
