@@ -8,7 +8,7 @@ import pytest
 from exr_files import attribute, scan_lines
 from relume.errors import UnreadableFile
 from relume.image.files import read_layers, read_radiance
-from relume.image.files.exr.luminance_chroma import to_rgb
+from relume.image.files.exr.picture import to_rgb
 from relume.image.primaries import REC709, Primaries
 
 TAPS = {1: 0.627123, 3: -0.186077, 5: 0.087929, 7: -0.043159, 9: 0.019597, 11: -0.007540, 13: 0.002128}

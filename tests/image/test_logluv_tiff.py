@@ -13,8 +13,8 @@ from relume.errors import FormatError, UnreadableFile
 from relume.image.files import ReadOptions, write
 from relume.image.files import read_radiance as read
 from relume.image.files.encodings import LogLuv
+from relume.image.files.logluv import blocks as logluv_blocks
 from relume.image.files.logluv import kernels
-from relume.image.files.logluv import runs as logluv_runs
 from relume.image.files.logluv.logluv_tiff import subtype
 from relume.image.files.tiff.directories import read_folders
 from relume.image.files.tiff.writing import write_tiff
@@ -45,7 +45,7 @@ def tiff(path, data, width, height, bits=32, others=()):
 
 
 def packed(words, bits=32, rows=None):
-    return [bytes(strip) for strip in logluv_runs.packed(np.asarray(words, np.uint32), bits, rows or len(words))]
+    return [bytes(strip) for strip in logluv_blocks.packed(np.asarray(words, np.uint32), bits, rows or len(words))]
 
 
 def some_words(height, width, seed=1):

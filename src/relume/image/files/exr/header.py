@@ -235,7 +235,8 @@ class _Cursor:
         for wanted in _REQUIRED:
             if wanted not in values:
                 raise self.broken(start, f"header of part {index}", f'the attribute "{wanted}"', "none")
-        type_place, kind = self.text(values, "type")
+        _, type_place, data = values.get("type", ("string", self.place, b""))
+        kind = data.decode("latin-1")
         if many and kind not in ("scanlineimage", "tiledimage", "deepscanline", "deeptile"):
             raise self.broken(type_place, '"type"', "scanlineimage or tiledimage", ascii(kind[:40]))
         # The flags of a file of one part count, whatever its attribute "type" says.
@@ -303,10 +304,6 @@ class _Cursor:
             found = f"{width} x {height}, mode {mode}"
             raise self.broken(place, '"tiles"', f"sides of 1 to {side} and a known mode", found)
         return Tiling(width, height, mode & 15, bool(mode >> 4))
-
-    def text(self, values: Mapping[str, tuple[str, int, bytes]], name: str) -> tuple[int, str]:
-        _, place, data = values.get(name, ("string", self.place, b""))
-        return place, data.decode("latin-1")
 
     def numbers(
         self, values: Mapping[str, tuple[str, int, bytes]], name: str, layout: str

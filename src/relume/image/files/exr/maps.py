@@ -22,6 +22,7 @@ from relume.image.files.exr import picture as exr_picture
 from relume.image.files.exr.attributes import attributes_of, header_of, storable
 from relume.image.files.exr.header import read_headers
 from relume.image.files.exr.parts import Part, outside, read_parts, warn_of_overscan, write_parts
+from relume.image.files.metadata.attributes import scale_by
 from relume.image.files.read_options import ReadOptions
 from relume.image.primaries import EQUAL_ENERGY, REC709, Primaries, adaptation, mixed
 from relume.image.radiance import OUTSIDE, RadianceMap
@@ -165,9 +166,10 @@ def _radiance_map(path: str | os.PathLike[str], parts: list[Part]) -> RadianceMa
             clipped[unknown] = OUTSIDE
     unit, scale = _unit(path, part)
     if scale != 1:
-        radiance = _scaled(path, radiance, scale)
-        # By the scale twice, as its square may be beyond float32 where the product is not.
-        variance = None if variance is None else _scaled(path, _scaled(path, variance, scale), scale)
+        # The variance by the scale twice, as its square may be beyond float32 where the product is not.
+        for plane in (radiance, variance, variance):
+            if plane is not None:
+                scale_by(path, plane, scale, "whiteLuminance")
     image = RadianceMap(radiance, variance, clipped, unit, attributes_of(part.header))
     if primaries.is_close(REC709):
         return image
@@ -229,16 +231,6 @@ def _unit(path: str | os.PathLike[str], part: Part) -> tuple[str, float]:
     if isinstance(scale, float) and np.isfinite(scale) and scale > 0:
         return "cd/m²", scale
     raise UnreadableFile(f"{path}: whiteLuminance is {scale}; remove the attribute or give RGB 1 in cd/m²")
-
-
-def _scaled(path: str | os.PathLike[str], plane: np.ndarray, scale: float) -> np.ndarray:
-    """A plane times `scale`, a new one: it may be of the caller's parts."""
-    with np.errstate(over="ignore"):
-        scaled = plane * np.float32(scale)
-    if beyond := np.count_nonzero(np.isinf(scaled)) - np.count_nonzero(np.isinf(plane)):
-        problem = f"times its whiteLuminance of {scale:g}, {beyond} values are beyond float32"
-        raise UnreadableFile(f"{path}: {problem}; correct it")
-    return scaled
 
 
 def _padding(path: str | os.PathLike[str], part: Part, shown: str) -> np.ndarray | None:

@@ -101,7 +101,7 @@ def write_parts(path: str | os.PathLike[str], parts: Sequence[Part]) -> None:
 def placed(header: Mapping[str, Any], planes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Planes (H, W) moved from the data window of `header` into its display window; 0 where they have no pixels."""
     data, display = (header[name] for name in ("dataWindow", "displayWindow"))
-    (width, height), (data_width, data_height) = _extent(display), _extent(data)
+    (width, height), (data_width, data_height) = extent(display), extent(data)
     low, high, inside = _common(header)
     if inside == width * height == data_width * data_height:
         return dict(planes)
@@ -116,7 +116,7 @@ def placed(header: Mapping[str, Any], planes: Mapping[str, np.ndarray]) -> dict[
 def outside(header: Mapping[str, Any]) -> np.ndarray | None:
     """(H, W) bool over the display window, True where the data window has no pixels; None where it covers it."""
     display = header["displayWindow"]
-    width, height = _extent(display)
+    width, height = extent(display)
     low, high, inside = _common(header)
     if inside == width * height:
         return None
@@ -129,7 +129,7 @@ def outside(header: Mapping[str, Any]) -> np.ndarray | None:
 
 def warn_of_overscan(path: str | os.PathLike[str], header: Mapping[str, Any]) -> None:
     """Say how many pixels of the data window lie outside the display window."""
-    width, height = _extent(header["dataWindow"])
+    width, height = extent(header["dataWindow"])
     if outside := width * height - _common(header)[2]:
         warnings.warn(f"{path}: {outside} pixels around the display window (overscan) are left out", stacklevel=6)
 
@@ -245,6 +245,7 @@ def _flush_stdout_of_c() -> None:
     library.fflush(stdout)
 
 
-def _extent(window: tuple[np.ndarray, np.ndarray]) -> tuple[int, int]:
+def extent(window: tuple[np.ndarray, np.ndarray]) -> tuple[int, int]:
+    """Width and height of a window whose last pixel is included."""
     (left, top), (right, bottom) = window[0].tolist(), window[1].tolist()
     return right - left + 1, bottom - top + 1

@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 
 from relume._kernel import exact_kernel
-from relume.image.files.logluv.codes import CELL, LOWEST, NEUTRAL
+from relume.image.files.logluv.codes import CELL, GRID, LOWEST, NEUTRAL, SIGN
 
-GRID = 410.0  # eq. 5
-_SIGN = 2**15
 _NEUTRAL_U, _NEUTRAL_V = NEUTRAL
 _FAR = 8.0  # u′ and v′ beyond are as good as this, and no float64 that no integer could hold
 
@@ -192,7 +190,7 @@ def encode(
         u, v = _NEUTRAL_U, _NEUTRAL_V
         if luminance > 0:
             if y < 0:
-                luminance |= _SIGN
+                luminance |= SIGN
                 x, y, z = -x, -y, -z
             total = x + 15 * y + 3 * z
             if total > 0:

@@ -18,7 +18,6 @@ from relume.errors import UnreadableFile
 from relume.image.files.encodings import LogLuv
 from relume.image.files.logluv import blocks as logluv_blocks
 from relume.image.files.logluv import codes as logluv_codes
-from relume.image.files.logluv import runs as logluv_runs
 from relume.image.files.logluv.blocks import Blocks, blocks_of
 from relume.image.files.logluv.codes import lines
 from relume.image.files.metadata.attributes import warn_of_losses
@@ -26,11 +25,11 @@ from relume.image.files.read_options import ReadOptions
 from relume.image.files.tiff import layout as tiff_layout
 from relume.image.files.tiff.attributes import STONITS, WHITE_POINT, attributes_of, scale_of, tags_of
 from relume.image.files.tiff.directories import Folder, read_folders
-from relume.image.files.tiff.writing import Tags, write_tiff
+from relume.image.files.tiff.writing import picture_tags, write_tiff
 from relume.image.primaries import REC709, adaptation
 from relume.image.radiance import OUTSIDE, RadianceMap
 
-_SHORT, _LONG, _DOUBLE = 3, 4, 12
+_DOUBLE = 12
 _SAFE_SCALE = 1e15  # cd/m² of luminance 1, up to which no word is beyond float32
 _LOWEST = 0.0048  # y of the violet end of the spectrum (CIE 15:2004): no light is lower
 _STRONGEST = 100  # in a matrix that adapts any light there is; that for deepest red has 19
@@ -48,7 +47,7 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
     scale = scale_of(path, folder)
     matrix, white = to_d65(path, folder, blocks)
     luminances, colours = tables(blocks, matrix)
-    rows = logluv_runs.find(path, blocks, options)
+    rows = logluv_blocks.find(path, blocks, options)
     from relume.image.files.logluv import kernels
 
     picture = np.empty((blocks.height, blocks.width, 3), np.float32)
@@ -130,7 +129,7 @@ def warn_of_strange(path: str | os.PathLike[str], strange: int, blocks: Blocks) 
         )
 
 
-def _outside(path: str | os.PathLike[str], rows: logluv_runs.Rows, folder: Folder) -> np.ndarray | None:
+def _outside(path: str | os.PathLike[str], rows: logluv_blocks.Rows, folder: Folder) -> np.ndarray | None:
     if not np.any(rows.places < 0):
         return None
     missing = rows.missing()
@@ -155,8 +154,18 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: LogLuv = L
     warn_of_losses(path, image, None)
     rows = max(1, _STRIP // (4 * words.shape[1]))
     main, exif = tags_of(image)
-    tags = {**main, **_tags(image, encoding.bits, scale, rows)}
-    write_tiff(path, tags, logluv_runs.packed(words, encoding.bits, rows), exif)
+    # Bits and sample format are as libtiff writes them, whatever the coding.
+    tags = picture_tags(
+        image.size,
+        1 if encoding.bits == 16 else 3,
+        16,
+        rows=rows,
+        compression=logluv_blocks.PACKED_24 if encoding.bits == 24 else logluv_blocks.RUNS,
+        photometric=logluv_blocks.LOG_L if encoding.bits == 16 else logluv_blocks.LOG_LUV,
+        sample_format=tiff_layout.SIGNED,
+    )
+    unit = {STONITS: (_DOUBLE, [scale])} if image.unit == "cd/m²" else {}
+    write_tiff(path, {**main, **tags, **unit}, logluv_blocks.packed(words, encoding.bits, rows), exif)
 
 
 def _fitting_scale(radiance: np.ndarray) -> float:
@@ -207,20 +216,3 @@ def _words(path: str | os.PathLike[str], radiance: np.ndarray, bits: int, scale:
         if doubts[doubt] and not (doubt == kernels.COLOURED and bits != 16):
             warnings.warn(f"{path}: {doubts[doubt]} of {len(pixels)} pixels {what}", stacklevel=5)
     return words.reshape(height, width)
-
-
-def _tags(image: RadianceMap, bits: int, scale: float, rows: int) -> Tags:
-    width, height = image.size
-    channels = 1 if bits == 16 else 3
-    tags: Tags = {
-        tiff_layout.WIDTH: (_LONG, [width]),
-        tiff_layout.HEIGHT: (_LONG, [height]),
-        tiff_layout.BITS: (_SHORT, [16] * channels),  # as libtiff writes it, whatever the coding
-        tiff_layout.COMPRESSION: (_SHORT, [logluv_blocks.PACKED_24 if bits == 24 else logluv_blocks.RUNS]),
-        tiff_layout.PHOTOMETRIC: (_SHORT, [logluv_blocks.LOG_L if bits == 16 else logluv_blocks.LOG_LUV]),
-        tiff_layout.SAMPLES: (_SHORT, [channels]),
-        tiff_layout.STRIP_ROWS: (_LONG, [rows]),
-        tiff_layout.PLANAR: (_SHORT, [1]),
-        tiff_layout.SAMPLE_FORMAT: (_SHORT, [2] * channels),  # signed integers, as libtiff writes it
-    }
-    return {**tags, STONITS: (_DOUBLE, [scale])} if image.unit == "cd/m²" else tags

@@ -10,6 +10,9 @@ import os
 import warnings
 from collections.abc import Collection, Mapping
 
+import numpy as np
+
+from relume.errors import UnreadableFile
 from relume.image.radiance import RadianceMap
 
 PREFIX = "relume:"
@@ -77,3 +80,17 @@ def warn_of_losses(
         lost.append(f"the attributes {', '.join(dropped)}")
     if lost:
         warnings.warn(f"{path}: does not keep {'; '.join(lost)}; .exr keeps everything", stacklevel=4)
+
+
+def scale_by(path: str | os.PathLike[str], pixels: np.ndarray, luminance: float, name: str) -> None:
+    """Multiply float32 pixels, in place, by the luminance of RGB (1, 1, 1) that a file names.
+
+    Raises UnreadableFile where finite ones come to be beyond float32.
+    """
+    infinite = np.count_nonzero(np.isinf(pixels))
+    with np.errstate(over="ignore"):
+        pixels *= np.float32(luminance)
+    if beyond := np.count_nonzero(np.isinf(pixels)) - infinite:
+        raise UnreadableFile(
+            f"{path}: times its {name} of {luminance:g}, {beyond} values are beyond float32; correct it"
+        )

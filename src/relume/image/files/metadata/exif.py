@@ -1,7 +1,7 @@
 """What a photograph's EXIF holds: exposure, settings, camera, orientation; read through Pillow.
 
 Pillow and not OpenImageIO, because it keeps rationals exact (OpenImageIO hands 1/60 over as a 32-bit float, and a
-bracket written and read again would change its exposures). `exif_writing` writes the same tags. Tags and units: EXIF
+bracket written and read again would change its exposures). `exif_attributes` writes the same tags. Tags and units: EXIF
 2.32 (CIPA DC-008).
 """
 
@@ -19,21 +19,16 @@ from typing import BinaryIO
 import PIL
 from PIL import Image, JpegImagePlugin, PngImagePlugin
 
-from relume.image.files.metadata import gps
+from relume.image.files.metadata import exif_attributes, gps
+from relume.image.files.metadata.attributes import EXIF
 from relume.image.files.metadata.exif_attributes import letters
 from relume.image.files.signatures import one_line
 from relume.image.photograph import Exposure, Settings, named
 
-_MAKE, _MODEL, _ORIENTATION, _EXIF_IFD = 0x010F, 0x0110, 0x0112, 0x8769
-_EXPOSURE_TIME, _F_NUMBER, _ISO, _ISO_SPEED, _EXPOSURE_INDEX = 0x829A, 0x829D, 0x8827, 0x8833, 0x8832
-_FOCAL_LENGTH, _FOCAL_LENGTH_35MM, _MAKER_NOTE, _PIXEL_WIDTH = 0x920A, 0xA405, 0x927C, 0xA002
-_PLANE_RESOLUTION, _PLANE_UNIT = 0xA20E, 0xA210
-_TAKEN, _TAKEN_FRACTION, _WHITE_BALANCE, _BIAS = 0x9003, 0x9291, 0xA403, 0x9204
-_LENS, _SERIAL, _SHUTTER_SPEED = 0xA434, 0xA431, 0x9201
-_COMMENTS, _OWNER, _COPYRIGHT = 0x010E, 0x013B, 0x8298
+_ORIENTATION, _EXIF_IFD, _EXPOSURE_INDEX, _SHUTTER_SPEED = 0x0112, 0x8769, 0x8832, 0x9201
+_MAKER_NOTE, _PIXEL_WIDTH, _PLANE_RESOLUTION, _PLANE_UNIT = 0x927C, 0xA002, 0xA20E, 0xA210
 _MILLIMETRES = {2: 25.4, 3: 10.0, 4: 1.0}
 _SMALL_SENSOR, _SHORT_LENS = 6.0, 12.0  # mm
-_FULL_FRAME = 36.0  # mm, the longer side to which FocalLengthIn35mmFilm refers
 
 # Image.open would refuse above 179 million pixels what our own limits allow; these read the header alone.
 _OPENERS = {"JPEG": JpegImagePlugin.JpegImageFile, "PNG": PngImagePlugin.PngImageFile}
@@ -96,29 +91,29 @@ def _of_tiff(file: BinaryIO) -> Image.Exif:
 
 def exposure_of(tags: dict[int, object]) -> Exposure | None:
     """Shutter, aperture and ISO; None where the exposure time is missing or no positive number."""
-    seconds = _positive(tags, _EXPOSURE_TIME)
-    iso = _positive(tags, _ISO)
+    seconds = _positive(tags, EXIF["exposure_time"])
+    iso = _positive(tags, EXIF["iso"])
     if iso == 65535:  # the 16-bit tag is full: the true value stands beside it
-        iso = _positive(tags, _ISO_SPEED) or _positive(tags, _EXPOSURE_INDEX) or iso
-    return Exposure(seconds, _positive(tags, _F_NUMBER), iso, "EXIF") if seconds else None
+        iso = _positive(tags, exif_attributes.ISO_SPEED) or _positive(tags, _EXPOSURE_INDEX) or iso
+    return Exposure(seconds, _positive(tags, EXIF["f_number"]), iso, "EXIF") if seconds else None
 
 
 def settings_of(tags: dict[int, object]) -> Settings:
     """When and how else the photograph was made; None for each thing that is missing or senseless."""
-    white, place = tags.get(_WHITE_BALANCE), tags.get(gps.FOLDER)
+    white, place = tags.get(exif_attributes.WHITE_BALANCE), tags.get(gps.FOLDER)
     position = gps.position_of(place) if isinstance(place, dict) else {}
     return Settings(
         taken=_taken(tags),
         automatic_white={0: True, 1: False}.get(white) if isinstance(white, int) else None,
-        bias=_number(tags, _BIAS),
-        lens=_text(tags, _LENS) or None,
-        serial=_text(tags, _SERIAL) or None,
-        focal_length=_positive(tags, _FOCAL_LENGTH),
-        make=_text(tags, _MAKE) or None,
-        model=_text(tags, _MODEL) or None,
-        owner=_text(tags, _OWNER) or None,
-        copyright=_text(tags, _COPYRIGHT) or None,
-        comments=_text(tags, _COMMENTS) or None,
+        bias=_number(tags, exif_attributes.BIAS),
+        lens=_text(tags, EXIF["lens"]) or None,
+        serial=_text(tags, EXIF["serial"]) or None,
+        focal_length=_positive(tags, EXIF["focal_length"]),
+        make=_text(tags, EXIF["camera_make"]) or None,
+        model=_text(tags, EXIF["camera"]) or None,
+        owner=_text(tags, EXIF["owner"]) or None,
+        copyright=_text(tags, EXIF["copyright"]) or None,
+        comments=_text(tags, EXIF["comments"]) or None,
         latitude=position.get("latitude"),
         longitude=position.get("longitude"),
     )
@@ -131,7 +126,7 @@ def shutter_speed_of(tags: dict[int, object]) -> float | None:
 
 def camera_of(tags: dict[int, object]) -> str:
     """Make and model, the make once where the model repeats it; "" where unknown."""
-    return named(_text(tags, _MAKE), _text(tags, _MODEL))
+    return named(_text(tags, EXIF["camera_make"]), _text(tags, EXIF["camera"]))
 
 
 def focal_length_of(tags: dict[int, object], width: int, height: int) -> float | None:
@@ -143,10 +138,10 @@ def focal_length_of(tags: dict[int, object], width: int, height: int) -> float |
     the maker's note is still there, the recorded width is this file's, and the sensor it makes is no telephone's behind
     a lens of a big camera.
     """
-    focal, focal_35mm = _positive(tags, _FOCAL_LENGTH), _positive(tags, _FOCAL_LENGTH_35MM)
+    focal, focal_35mm = _positive(tags, EXIF["focal_length"]), _positive(tags, exif_attributes.FOCAL_LENGTH_35MM)
     if focal_35mm:
         finer = focal if focal and round(focal) == focal_35mm else focal_35mm
-        return finer / _FULL_FRAME * max(width, height)
+        return finer / exif_attributes.FULL_FRAME * max(width, height)
     resolution = _positive(tags, _PLANE_RESOLUTION)
     if focal and resolution and _MAKER_NOTE in tags and tags.get(_PIXEL_WIDTH) == width:
         per_millimetre = resolution / _MILLIMETRES.get(int(_positive(tags, _PLANE_UNIT) or 2), 25.4)
@@ -180,18 +175,18 @@ def heard(damage: list[str]) -> Iterator[None]:
 
 def _taken(tags: dict[int, object]) -> datetime | None:
     try:
-        taken = datetime.strptime(_text(tags, _TAKEN), "%Y:%m:%d %H:%M:%S")
+        taken = datetime.strptime(_text(tags, EXIF["taken"]), "%Y:%m:%d %H:%M:%S")
     except ValueError:  # cameras without a clock write blanks or zeros
         return None
     # The digits stand behind the decimal point: "02" is two hundredths.
-    digits = _text(tags, _TAKEN_FRACTION)
+    digits = _text(tags, exif_attributes.TAKEN_FRACTION)
     return taken.replace(microsecond=int(f"{digits[:6]:0<6}")) if digits.isdecimal() else taken
 
 
 def _text(tags: dict[int, object], tag: int) -> str:
     text = str(tags.get(tag, "")).strip("\0 ")
     # Photographer and editor, a NUL between them (CIPA DC-008, 4.6.4).
-    return "; ".join(filter(None, (part.strip() for part in text.split("\0")))) if tag == _COPYRIGHT else text
+    return "; ".join(filter(None, (part.strip() for part in text.split("\0")))) if tag == EXIF["copyright"] else text
 
 
 def _number(tags: dict[int, object], tag: int) -> float | None:

@@ -1,6 +1,9 @@
-"""EXIF and the attributes of a radiance map: the same facts by two names (`attributes.EXIF`).
+"""EXIF and the attributes of a radiance map: the same facts by two names (`attributes.EXIF`); EXIF of a photograph.
 
-`value_of` and `text_of` are how text becomes the value of a tag and comes back, in a TIFF as in a JPEG.
+`value_of` and `text_of` are how text becomes the value of a tag and comes back, in a TIFF as in a JPEG. `encoded` lays
+the tags that `metadata.exif` reads out by our own TIFF. Not by Pillow's, because that turns every letter beyond ASCII
+into "?". Texts are UTF-8, as most cameras and programs write and read them where EXIF 2.32 has ASCII alone (EXIF 3.0
+has a type for it, which older readers pass over).
 """
 
 from __future__ import annotations
@@ -12,13 +15,21 @@ import numpy as np
 
 from relume.image.files.metadata import gps
 from relume.image.files.metadata.attributes import EXIF
+from relume.image.files.tiff.writing import EXIF_FOLDER, Tags, exif_block
+from relume.image.photograph import Exposure, Photograph, Settings
 
 ASCII, SHORT, RATIONAL = 2, 3, 5  # TIFF 6.0, section 2
+_LONG, _SIGNED_RATIONAL = 4, 10
 HEAD = b"Exif\0\0"
 """What stands ahead of EXIF in a JPEG's segment (CIPA DC-008, 4.7.2)."""
 _RATIONALS = ("exposure_time", "f_number", "focal_length")
 _FIRST = 0x8298  # tags from Copyright on, in `EXIF`, are of the EXIF folder; those before it of the first, as in a TIFF
 _MOST_TEXT = 4096  # characters of one value, as most programs show
+# The tags that are no attributes of a radiance map.
+ISO_SPEED, FOCAL_LENGTH_35MM, TAKEN_FRACTION, WHITE_BALANCE, BIAS = 0x8833, 0xA405, 0x9291, 0xA403, 0x9204
+FULL_FRAME = 36.0  # mm, the longer side to which FocalLengthIn35mmFilm refers
+
+_Values = dict[int, tuple[int, list[float] | bytes]]
 
 
 def is_of_exif(tag: int) -> bool:
@@ -44,8 +55,7 @@ def value_of(name: str, text: str) -> tuple[int, list[float] | bytes] | None:
         if name == "iso":
             return (SHORT, [int(number)]) if 1 <= number <= 65535 and number == int(number) else None
         return (RATIONAL, rationals([number])) if 2**-31 < number < 2**31 else None
-    encoded = text.encode("utf-8", "replace")
-    return (ASCII, encoded + b"\0") if encoded else None
+    return _ascii(text) if text else None
 
 
 def text_of(name: str, values: Sequence[float] | bytes) -> str:
@@ -101,3 +111,83 @@ def _text(name: str, value: object) -> str:
         return text_of(name, [float(value)])  # pyright: ignore[reportArgumentType]
     except (TypeError, ValueError, ZeroDivisionError, OverflowError):
         return ""
+
+
+def encoded(photograph: Photograph) -> bytes:
+    """EXIF of a photograph's exposure, settings, camera and focal length, such that reading gives the same again.
+
+    As a PNG holds it, without `HEAD`; b"" where nothing is known. Raises ValueError for an ISO that is
+    no whole number: the tag holds none.
+    """
+    main, folder = folders(photograph)
+    return exif_block({**main, **({EXIF_FOLDER: folder} if folder else {})})
+
+
+def folders(photograph: Photograph) -> tuple[Tags, Tags]:
+    """As `encoded`, the tags of a TIFF's own folder and those of its EXIF folder.
+
+    The focal length in pixels is written as that of a full-frame camera of the same view, a whole number of mm. Where
+    the lens's own is not known it takes its place too: only so are more than two leading digits kept.
+    """
+    make, model = photograph.make_and_model
+    settings = photograph.settings
+    texts = {
+        "camera_make": make,
+        "camera": model,
+        "lens": settings.lens,
+        "serial": settings.serial,
+        "owner": settings.owner,
+        "copyright": settings.copyright,
+        "comments": settings.comments,
+    }
+    values = {EXIF[name]: _ascii(text) for name, text in texts.items() if text}
+    main: dict[int, tuple[int, list[float] | bytes] | Tags] = {}
+    main.update({tag: value for tag, value in values.items() if not is_of_exif(tag)})
+    folder: _Values = {tag: value for tag, value in values.items() if is_of_exif(tag)}
+    folder |= _of_exposure(photograph.exposure) | _of_settings(settings)
+    if photograph.focal_length is not None:
+        millimetres = photograph.focal_length * FULL_FRAME / max(photograph.size)
+        folder.setdefault(EXIF["focal_length"], (RATIONAL, rationals([millimetres])))
+        folder[FOCAL_LENGTH_35MM] = _whole(round(millimetres))
+    if position := gps.tags_of(settings.latitude, settings.longitude):
+        main[gps.FOLDER] = position
+    return main, folder
+
+
+def _of_exposure(exposure: Exposure | None) -> _Values:
+    if exposure is None:
+        return {}
+    folder: _Values = {EXIF["exposure_time"]: (RATIONAL, rationals([exposure.seconds]))}
+    if exposure.f_number is not None:
+        folder[EXIF["f_number"]] = (RATIONAL, rationals([exposure.f_number]))
+    if exposure.iso is not None:
+        if exposure.iso != int(exposure.iso):
+            raise ValueError(f"iso is {exposure.iso}; EXIF holds whole numbers only: round it first")
+        folder[EXIF["iso"]] = _whole(min(int(exposure.iso), 65535))
+        if exposure.iso >= 65535:  # the 16-bit tag is full: the true value stands beside it
+            folder[ISO_SPEED] = _whole(int(exposure.iso))
+    return folder
+
+
+def _of_settings(settings: Settings) -> _Values:
+    folder: _Values = {}
+    if settings.taken is not None:
+        folder[EXIF["taken"]] = _ascii(settings.taken.strftime("%Y:%m:%d %H:%M:%S"))
+        if settings.taken.microsecond:
+            folder[TAKEN_FRACTION] = _ascii(f"{settings.taken.microsecond:06d}".rstrip("0"))
+    if settings.automatic_white is not None:
+        folder[WHITE_BALANCE] = _whole(0 if settings.automatic_white else 1)
+    if settings.bias is not None:
+        bias = Fraction(settings.bias).limit_denominator(1000)
+        folder[BIAS] = (_SIGNED_RATIONAL, [bias.numerator, bias.denominator])
+    if settings.focal_length is not None:
+        folder[EXIF["focal_length"]] = (RATIONAL, rationals([settings.focal_length]))
+    return folder
+
+
+def _whole(number: int) -> tuple[int, list[float]]:
+    return (SHORT if number < 2**16 else _LONG), [number]
+
+
+def _ascii(text: str) -> tuple[int, bytes]:
+    return ASCII, text.encode("utf-8", "replace") + b"\0"

@@ -22,15 +22,16 @@ from PIL import Image, ImageCms
 
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files.atomic import replacing
-from relume.image.files.metadata import exif, exif_attributes, exif_writing
+from relume.image.files.metadata import exif, exif_attributes
 from relume.image.files.photographs import png
 from relume.image.files.photographs.header import Form, form_of
 from relume.image.files.photographs.jpeg_decoding import decoded
 from relume.image.files.photographs.jpeg_segments import header_at, length_of
-from relume.image.files.photographs.salvage import Salvaged, embedded_profile, salvaged
+from relume.image.files.photographs.salvage import PROFILE, Salvaged, embedded_profile, opened, salvaged
 from relume.image.files.read_options import ReadOptions
 from relume.image.files.signatures import kind_of, one_line
-from relume.image.files.tiff.layout import ZIP, upright
+from relume.image.files.tiff.layout import EXTRA, ZIP, upright
+from relume.image.files.tiff.writing import picture_tags
 from relume.image.files.tiff.writing import write_tiff as write_folders
 from relume.image.photograph import Photograph
 
@@ -38,7 +39,7 @@ from relume.image.photograph import Photograph
 _HARMLESS = re.compile(r"extraneous bytes before marker 0x(e[0-9a-f]|fe|db|dd|c[012])")
 _STRIP = 2**18  # bytes before compression
 _LEVEL = 6  # of libdeflate
-_PROFILE, _UNDEFINED = 34675, 7  # ICC.1:2022, B.3; TIFF 6.0, section 2
+_RGB, _UNDEFINED = 2, 7  # TIFF 6.0: photometric interpretation, section 6; a type, section 2
 _MOST_EXIF = 65533  # bytes behind the length of a JPEG's segment
 _MOST_PROFILE = 255 * (65533 - 14)  # of numbered pieces (ICC.1:2022, B.4)
 _LONG_TEXT = 1024  # letters; five of these fit
@@ -116,7 +117,7 @@ def write_jpeg(path: str | os.PathLike[str], photograph: Photograph) -> None:
 def write_png(path: str | os.PathLike[str], photograph: Photograph) -> None:
     """Write a PNG of 8 or 16 bits with EXIF and profile, and an alpha channel where some of it is `outside`."""
     profile = _profile_to_write(path, photograph)
-    block = exif_writing.encoded(photograph)
+    block = exif_attributes.encoded(photograph)
     encoded = png.encode(_with_alpha(photograph), block, profile, drawing=False)
     with replacing(path) as temporary:
         temporary.write_bytes(encoded)
@@ -135,7 +136,7 @@ def write_tiff(path: str | os.PathLike[str], photograph: Photograph) -> None:
     pixels = pixels.astype(pixels.dtype.newbyteorder("<"), copy=False)
     height, width, channels = pixels.shape
     rows = max(1, _STRIP // (channels * width * pixels.itemsize))
-    main, folder = exif_writing.folders(photograph)
+    main, folder = exif_attributes.folders(photograph)
     profile = _profile_to_write(path, photograph)
 
     def strip(begin: int, end: int) -> bytes:
@@ -143,18 +144,11 @@ def write_tiff(path: str | os.PathLike[str], photograph: Photograph) -> None:
         differences[:, 1:] -= pixels[begin:end, :-1]
         return bytes(imagecodecs.deflate_encode(differences.tobytes(), level=_LEVEL))
 
+    bits = 8 * pixels.itemsize
     tags = {
-        256: (4, [width]),
-        257: (4, [height]),
-        258: (3, [8 * pixels.itemsize] * channels),
-        259: (3, [ZIP]),
-        262: (3, [2]),  # RGB
-        277: (3, [channels]),
-        278: (4, [rows]),
-        284: (3, [1]),  # samples of a pixel side by side
-        317: (3, [2]),  # the horizontal predictor
-        **({338: (3, [2])} if channels == 4 else {}),  # alpha that colours are not multiplied by
-        **({_PROFILE: (_UNDEFINED, profile)} if profile else {}),
+        **picture_tags(photograph.size, channels, bits, rows=rows, compression=ZIP, photometric=_RGB, predictor=2),
+        **({EXTRA: (3, [2])} if channels == 4 else {}),  # alpha that colours are not multiplied by
+        **({PROFILE: (_UNDEFINED, profile)} if profile else {}),
         **main,
     }
     write_folders(path, tags, in_threads(strip, height, chunk=rows), folder)
@@ -163,7 +157,7 @@ def write_tiff(path: str | os.PathLike[str], photograph: Photograph) -> None:
 def _within_segment(photograph: Photograph) -> tuple[bytes, list[str]]:
     """The EXIF of a JPEG, without the texts for which its one segment has no room, and those."""
     lost: list[str] = []
-    block = exif_writing.encoded(photograph)
+    block = exif_attributes.encoded(photograph)
     for name in ("comments", "copyright", "owner", "lens", "serial"):
         if len(block) + len(exif_attributes.HEAD) <= _MOST_EXIF:
             break
@@ -171,7 +165,7 @@ def _within_segment(photograph: Photograph) -> tuple[bytes, list[str]]:
         if len(text) > _LONG_TEXT:
             lost.append(f"its {name} of {len(text)} letters")
             photograph = replace(photograph, settings=replace(photograph.settings, **{name: None}))
-            block = exif_writing.encoded(photograph)
+            block = exif_attributes.encoded(photograph)
     return exif_attributes.HEAD + block if block else b"", lost
 
 
@@ -204,11 +198,7 @@ def _decoded(
         return _of_png(path, options)
     if form.gain_map:
         return _base_of_gain_map(path, options)
-    wanted = oiio.ImageSpec()
-    wanted.attribute("oiio:UnassociatedAlpha", 1)  # else colours come multiplied by alpha
-    source = oiio.ImageInput.open(str(path), wanted)
-    if source is None:
-        raise FormatError(path, kind, "its header", "a sound one", one_line(oiio.geterror()))
+    source = opened(path, kind)
     try:
         spec = source.spec()
         if kind == "JPEG" and spec.format == oiio.HALF:  # its library found a gain map where we saw none

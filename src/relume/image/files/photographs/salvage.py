@@ -18,7 +18,7 @@ from relume.image.files.tiff.directories import read_folders
 from relume.image.files.tiff.layout import NONE
 from relume.image.files.tiff.samples import pieces
 
-_PROFILE = 34675  # ICC.1:2022, B.3
+PROFILE = 34675  # ICC.1:2022, B.3
 _CUT_JPEG = "Premature end of JPEG file"
 
 
@@ -57,7 +57,7 @@ def _jpeg(path: str | os.PathLike[str], form: Form, options: ReadOptions) -> Sal
         return None
     if form.packing:
         raise _unknown_rows(path, "a progressive JPEG")
-    source = _opened(path)
+    source = opened(path, "picture")
     try:
         spec = source.spec()
         rows = []
@@ -93,7 +93,7 @@ def _tiff(path: str | os.PathLike[str], form: Form, options: ReadOptions) -> Sal
     if rows == form.height:
         return None
     folder = read_folders(path, options)[0]
-    profile = folder.values.get(_PROFILE)
+    profile = folder.values.get(PROFILE)
     profile = profile if isinstance(profile, bytes) else None
     plain = layout.sample_format == 1 and layout.bits in (8, 16) and layout.photometric in (1, 2)
     if plain and layout.compression == NONE:
@@ -103,7 +103,28 @@ def _tiff(path: str | os.PathLike[str], form: Form, options: ReadOptions) -> Sal
             target = pixels[piece.top : piece.top + deep, piece.left : piece.left + wide]
             target[..., piece.first : piece.first + samples] = piece.values
         return Salvaged(pixels, form.height, profile)
-    return Salvaged(_rows(path, _opened(path), 0, rows // layout.block[1] * layout.block[1]), form.height, profile)
+    return Salvaged(_rows(path, rows // layout.block[1] * layout.block[1]), form.height, profile)
+
+
+def _rows(path: str | os.PathLike[str], count: int) -> np.ndarray:
+    """The upper rows of a TIFF, (count, W, channels) uint8 or uint16."""
+    source = opened(path, "picture")
+    try:
+        spec = source.spec()
+        if spec.format not in (oiio.UINT8, oiio.UINT16):
+            raise UnreadableFile(f"{path}: has pixels of {spec.format}, not 8 or 16 bits; convert it to EXR")
+        if not count:
+            return np.empty((0, spec.width, spec.nchannels), np.uint8)
+        if spec.tile_width:
+            read = source.read_tiles(0, spec.width, 0, count, 0, 1, 0, spec.nchannels, spec.format)
+        else:
+            read = source.read_scanlines(0, count, 0, 0, spec.nchannels, spec.format)
+        complaint = one_line(source.geterror())
+    finally:
+        source.close()
+    if read is None or complaint:
+        raise FormatError(path, "picture", f"rows 0 to {count - 1}", "whole data", complaint or "none")
+    return read.reshape(count, spec.width, spec.nchannels)
 
 
 def embedded_profile(spec: oiio.ImageSpec) -> bytes | None:
@@ -112,31 +133,13 @@ def embedded_profile(spec: oiio.ImageSpec) -> bytes | None:
     return None if found is None else np.asarray(found, np.uint8).tobytes()
 
 
-def _rows(path: str | os.PathLike[str], source: oiio.ImageInput, begin: int, end: int) -> np.ndarray:
-    try:
-        spec = source.spec()
-        if spec.format not in (oiio.UINT8, oiio.UINT16):
-            raise UnreadableFile(f"{path}: has pixels of {spec.format}, not 8 or 16 bits; convert it to EXR")
-        if end <= begin:
-            return np.empty((0, spec.width, spec.nchannels), np.uint8)
-        if spec.tile_width:
-            read = source.read_tiles(0, spec.width, begin, end, 0, 1, 0, spec.nchannels, spec.format)
-        else:
-            read = source.read_scanlines(begin, end, 0, 0, spec.nchannels, spec.format)
-        complaint = one_line(source.geterror())
-    finally:
-        source.close()
-    if read is None or complaint:
-        raise FormatError(path, "picture", f"rows {begin} to {end - 1}", "whole data", complaint or "none")
-    return read.reshape(end - begin, spec.width, spec.nchannels)
-
-
-def _opened(path: str | os.PathLike[str]) -> oiio.ImageInput:
+def opened(path: str | os.PathLike[str], kind: str) -> oiio.ImageInput:
+    """A file as OpenImageIO decodes it; raises FormatError where it does not."""
     wanted = oiio.ImageSpec()
-    wanted.attribute("oiio:UnassociatedAlpha", 1)
+    wanted.attribute("oiio:UnassociatedAlpha", 1)  # else colours come multiplied by alpha
     source = oiio.ImageInput.open(str(path), wanted)
     if source is None:
-        raise FormatError(path, "picture", "its header", "a sound one", one_line(oiio.geterror()))
+        raise FormatError(path, kind, "its header", "a sound one", one_line(oiio.geterror()))
     return source
 
 

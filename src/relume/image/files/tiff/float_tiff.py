@@ -13,7 +13,7 @@ import numpy as np
 
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files.encodings import FloatTIFF
-from relume.image.files.metadata.attributes import warn_of_losses
+from relume.image.files.metadata.attributes import scale_by, warn_of_losses
 from relume.image.files.read_options import OR_SALVAGE, ReadOptions
 from relume.image.files.tiff.attributes import attributes_of, primaries_of, scale_of, tags_of
 from relume.image.files.tiff.directories import Folder, read_folders
@@ -30,7 +30,7 @@ from relume.image.files.tiff.layout import (
     upright,
 )
 from relume.image.files.tiff.samples import pieces, predicted
-from relume.image.files.tiff.writing import Tags, write_tiff
+from relume.image.files.tiff.writing import picture_tags, write_tiff
 from relume.image.primaries import REC709, converted
 from relume.image.radiance import OUTSIDE, RadianceMap
 
@@ -55,8 +55,8 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
         raise FormatError(path, "TIFF", f"byte {size}", "more pixels", found, OR_SALVAGE)
     pixels = _pixels(path, folder, layout, rows)
     scale = scale_of(path, folder)
-    if scale not in (None, 1):
-        pixels = _scaled(path, pixels, scale or 1)
+    if scale is not None and scale != 1:
+        scale_by(path, pixels, scale, "STONITS")
     clipped = None
     if rows < layout.height:
         warnings.warn(f"{path}: ends early; {layout.height - rows} of {layout.height} rows are missing", stacklevel=4)
@@ -89,19 +89,16 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: FloatTIFF 
     width, height = image.size
     rows = max(1, _STRIP // (12 * width))
     main, exif = tags_of(image)
-    tags: Tags = {
-        256: (4, [width]),
-        257: (4, [height]),
-        258: (3, [32, 32, 32]),
-        259: (3, [ZIP if encoding.compressed else NONE]),
-        262: (3, [_RGB]),
-        277: (3, [3]),
-        278: (4, [rows]),
-        284: (3, [1]),
-        339: (3, [_FLOAT, _FLOAT, _FLOAT]),
-        **({317: (3, [_PREDICTED])} if encoding.compressed else {}),
-        **main,
-    }
+    tags = picture_tags(
+        image.size,
+        3,
+        32,
+        rows=rows,
+        compression=ZIP if encoding.compressed else NONE,
+        photometric=_RGB,
+        sample_format=_FLOAT,
+        predictor=_PREDICTED if encoding.compressed else 1,
+    )
     pixels = np.ascontiguousarray(image.radiance, "<f4")
 
     def strip(begin: int, end: int) -> bytes | memoryview:
@@ -109,7 +106,7 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: FloatTIFF 
             return pixels[begin:end].data.cast("B")
         return bytes(imagecodecs.deflate_encode(predicted(pixels[begin:end]), level=_LEVEL))
 
-    write_tiff(path, tags, in_threads(strip, height, chunk=rows), exif)
+    write_tiff(path, {**tags, **main}, in_threads(strip, height, chunk=rows), exif)
 
 
 def subtype(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> str:
@@ -174,15 +171,6 @@ def _pixels(path: str | os.PathLike[str], folder: Folder, layout: Layout, rows: 
         warnings.warn(f"{path}: alpha is left out, though {seen_through} pixels are not opaque", stacklevel=5)
     if layout.extra > 1:
         warnings.warn(f"{path}: {layout.extra - 1} channels beside its colours and alpha are left out", stacklevel=5)
-    return pixels
-
-
-def _scaled(path: str | os.PathLike[str], pixels: np.ndarray, scale: float) -> np.ndarray:
-    infinite = np.count_nonzero(np.isinf(pixels))
-    with np.errstate(over="ignore"):
-        pixels *= np.float32(scale)
-    if beyond := np.count_nonzero(np.isinf(pixels)) - infinite:
-        raise UnreadableFile(f"{path}: times its STONITS of {scale:g}, {beyond} values are beyond float32; correct it")
     return pixels
 
 

@@ -41,7 +41,7 @@ COMPRESSIONS = {
     50000: "ZSTD",
     50001: "WebP",
 }
-_UNSIGNED = 1
+UNSIGNED, SIGNED, FLOAT = 1, 2, 3  # sample formats
 # The most that a byte of file can become: DEFLATE copies 258 bytes by two bits, the code of LZW stands for fewer than
 # 4096 bytes in nine bits or more; and what is not packed is what it is.
 _MOST = {NONE: 1, LZW: 4096, ZIP: 1032, OLD_ZIP: 1032, PACKBITS: 64}
@@ -133,14 +133,12 @@ def layout_of(path: str | os.PathLike[str], folder: Folder, size: int, options: 
     if samples > options.channels:
         raise UnreadableFile(f"{path}: its header claims {samples} channels; relume reads {options.channels}")
     bits = _alike(path, folder, BITS, "bits", 1)
-    kind = _alike(path, folder, SAMPLE_FORMAT, "sample format", _UNSIGNED)
+    kind = _alike(path, folder, SAMPLE_FORMAT, "sample format", UNSIGNED)
     tiled = TILE_WIDTH in folder.values
-    places, lengths = (folder.integers(tag) for tag in ((TILE_PLACES, TILE_LENGTHS) if tiled else (273, 279)))
+    tags = (TILE_PLACES, TILE_LENGTHS) if tiled else (STRIP_PLACES, STRIP_LENGTHS)
+    places, lengths = (folder.integers(tag) for tag in tags)
     if tiled:
-        block = (
-            _count(path, folder, TILE_WIDTH, "tile width"),
-            _count(path, folder, TILE_HEIGHT, "tile height"),
-        )
+        block = _count(path, folder, TILE_WIDTH, "tile width"), _count(path, folder, TILE_HEIGHT, "tile height")
         refuse_absurd_size(path, *block, options, where="the tag of its tiles")
     else:
         block = (width, min(_count(path, folder, STRIP_ROWS, "rows of a strip", height), height))

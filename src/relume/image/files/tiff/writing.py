@@ -10,9 +10,10 @@ import struct
 from collections.abc import Mapping, Sequence
 
 from relume.image.files.atomic import replacing
+from relume.image.files.tiff import layout
 from relume.image.files.tiff.directories import LETTERS
 
-STRIP_OFFSETS, STRIP_COUNTS, EXIF_FOLDER = 273, 279, 34665
+EXIF_FOLDER = 34665
 _LARGEST = 2**32 - 2**20  # bytes of pixels in a TIFF that is not Big
 
 Tags = Mapping[int, "tuple[int, Sequence[float] | bytes] | Tags"]
@@ -20,6 +21,40 @@ Tags = Mapping[int, "tuple[int, Sequence[float] | bytes] | Tags"]
 
 In place of these, the tags of a folder of their own, to which the tag leads, such as that of EXIF or of GPS.
 """
+
+
+def picture_tags(
+    size: tuple[int, int],
+    channels: int,
+    bits: int,
+    *,
+    rows: int,
+    compression: int,
+    photometric: int,
+    sample_format: int = layout.UNSIGNED,
+    predictor: int = 1,
+) -> Tags:
+    """The tags of a picture in strips of `rows` rows, the samples of a pixel side by side.
+
+    size : (width, height)
+    bits : of each channel; the others as TIFF numbers them
+    """
+    short, long = 3, 4
+    tags: dict[int, tuple[int, Sequence[float]]] = {
+        layout.WIDTH: (long, [size[0]]),
+        layout.HEIGHT: (long, [size[1]]),
+        layout.BITS: (short, [bits] * channels),
+        layout.COMPRESSION: (short, [compression]),
+        layout.PHOTOMETRIC: (short, [photometric]),
+        layout.SAMPLES: (short, [channels]),
+        layout.STRIP_ROWS: (long, [rows]),
+        layout.PLANAR: (short, [1]),
+    }
+    if predictor != 1:
+        tags[layout.PREDICTOR] = (short, [predictor])
+    if sample_format != layout.UNSIGNED:
+        tags[layout.SAMPLE_FORMAT] = (short, [sample_format] * channels)
+    return tags
 
 
 def write_tiff(
@@ -38,7 +73,7 @@ def write_tiff(
     for length in lengths:
         places.append(place)
         place += length + length % 2
-    strip_tags = {STRIP_OFFSETS: (offset_type, places), STRIP_COUNTS: (offset_type, lengths)}
+    strip_tags = {layout.STRIP_PLACES: (offset_type, places), layout.STRIP_LENGTHS: (offset_type, lengths)}
     nested, main = _folders({**tags, **strip_tags, **({EXIF_FOLDER: exif} if exif else {})}, place, big)
     first = place + len(nested)
     start = b"II" + (struct.pack("<HHHQ", 43, 8, 0, first) if big else struct.pack("<HI", 42, first))
