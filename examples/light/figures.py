@@ -20,8 +20,7 @@ from relume.light.constellations.constellation import constellation
 from relume.light.constellations.k_means import KMeans
 from relume.light.constellations.median_cut import MedianCut
 from relume.light.constellations.variance_minimisation import VarianceMinimisation
-from relume.report.constellation_plot import lights_plot
-from relume.report.light_plot import light_plot
+from relume.report.light_plot import light_plot, lights_plot
 from relume.sphere.environment_files import as_environment
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.names import mapping_named

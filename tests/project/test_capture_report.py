@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 
 from moving_scenes import known_response
@@ -284,14 +285,19 @@ def steps(width: int = 400, height: int = 120) -> RadianceMap:
     return RadianceMap(radiance, (0.1 * radiance) ** 2, np.zeros((height, width), np.uint8))
 
 
-def test_false_colour_is_a_scale_of_the_logarithm(monkeypatch):
+@pytest.fixture
+def drawn(monkeypatch) -> list[Figure]:
+    """The figures that a test's drawings are made of."""
+    found: list[Figure] = []
+    encoded = capture_plots.encoded_figure
+    monkeypatch.setattr(capture_plots, "encoded_figure", lambda figure: (found.append(figure), encoded(figure))[1])
+    return found
+
+
+def test_false_colour_is_a_scale_of_the_logarithm(drawn):
     """Equal ratios of luminance are equal steps along the colours, from the darkest to the brightest."""
     from matplotlib import colormaps
-    from matplotlib.figure import Figure
 
-    drawn: list[Figure] = []
-    encoded = capture_plots._encoded
-    monkeypatch.setattr(capture_plots, "_encoded", lambda figure: (drawn.append(figure), encoded(figure))[1])
     picture = steps()
     shown = decoded(capture_plots.false_colour(replace(picture, unit="cd/m²")))
     (figure,) = drawn
@@ -309,12 +315,7 @@ def test_false_colour_is_a_scale_of_the_logarithm(monkeypatch):
         assert colour / 255 == pytest.approx(colormaps["turbo"](share)[:3], abs=0.03)
 
 
-def test_the_relative_error_is_that_of_the_variance(monkeypatch):
-    from matplotlib.figure import Figure
-
-    drawn: list[Figure] = []
-    encoded = capture_plots._encoded
-    monkeypatch.setattr(capture_plots, "_encoded", lambda figure: (drawn.append(figure), encoded(figure))[1])
+def test_the_relative_error_is_that_of_the_variance(drawn):
     picture = steps()
     assert picture.variance is not None
     picture.variance[:, :100] = np.inf
@@ -330,12 +331,7 @@ def test_the_relative_error_is_that_of_the_variance(monkeypatch):
     assert len(right.lines) == 3
 
 
-def test_the_scale_of_the_relative_error_fits_the_picture(monkeypatch):
-    from matplotlib.figure import Figure
-
-    drawn: list[Figure] = []
-    encoded = capture_plots._encoded
-    monkeypatch.setattr(capture_plots, "_encoded", lambda figure: (drawn.append(figure), encoded(figure))[1])
+def test_the_scale_of_the_relative_error_fits_the_picture(drawn):
     picture = steps()
     errors = np.geomspace(0.02, 0.06, 400)
     errors[0] = 5.0  # one column is far off and does not stretch the scale
@@ -406,13 +402,9 @@ def test_one_clipped_pixel_of_a_large_picture_is_seen():
     assert (shown[..., 0] - shown[..., 2] > 60).sum() == 1
 
 
-def test_arrows_point_to_where_a_photograph_shows_the_point(monkeypatch):
-    from matplotlib.figure import Figure
+def test_arrows_point_to_where_a_photograph_shows_the_point(drawn):
     from matplotlib.quiver import Quiver
 
-    drawn: list[Figure] = []
-    encoded = capture_plots._encoded
-    monkeypatch.setattr(capture_plots, "_encoded", lambda figure: (drawn.append(figure), encoded(figure))[1])
     field = np.zeros((2, 3, 2))
     field[..., 0], field[..., 1] = 2.0, -1.0
     image = decoded(capture_plots.arrows(steps().radiance, [("a.jpg", field), ("b.jpg", -0.5 * field)]))
@@ -430,12 +422,7 @@ def test_arrows_point_to_where_a_photograph_shows_the_point(monkeypatch):
     assert np.asarray(shorter.U) == pytest.approx(-0.5 * np.asarray(arrows.U))
 
 
-def test_titles_over_arrows_do_not_overprint(monkeypatch):
-    from matplotlib.figure import Figure
-
-    drawn: list[Figure] = []
-    encoded = capture_plots._encoded
-    monkeypatch.setattr(capture_plots, "_encoded", lambda figure: (drawn.append(figure), encoded(figure))[1])
+def test_titles_over_arrows_do_not_overprint(drawn):
     names = [f"a_hand_held_bracket_of_the_street_at_noon_{i:04}.jpg" for i in range(8)]
     capture_plots.arrows(steps(200, 300).radiance, [(name, np.ones((6, 8, 2))) for name in names])
     boxes = [axis.title.get_window_extent() for axis in drawn[0].axes[:8]]

@@ -1,9 +1,9 @@
 from .ball_plot import rim_plot as rim_plot
 from .capture_report import write_capture_report as write_capture_report
-from .constellation_plot import draw_lights as draw_lights
 from .develop_report import write_develop_report as write_develop_report
 from .file_facts import describe as describe
 from .file_facts import draw_environment as draw_environment
+from .light_plot import draw_lights as draw_lights
 from .merge_facts import merge_facts as merge_facts
 from .merge_facts import merge_summary as merge_summary
 from .merge_facts import plan_facts as plan_facts

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from relume.image.colour import luminance
 from relume.probe.ball.silhouette import Cone
 from relume.probe.ball.unwrapping import BallView
+from relume.report.plots import encoded_figure
 from relume.virtual_camera.developing import develop
 from relume.virtual_camera.film.film import Film
 
@@ -34,9 +34,7 @@ def rim_plot(views: Sequence[BallView], names: Sequence[str]) -> bytes:
         axis.set_axis_off()
     for axis, view, name in zip(panels, views, names, strict=False):
         _draw(axis, view, name)
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", metadata={"Software": None})
-    return stream.getvalue()
+    return encoded_figure(figure)
 
 
 def _draw(axis, view: BallView, name: str) -> None:

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from relume.image.colour import encode_srgb, luminance
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
-from relume.report.plots import CHANNELS
+from relume.report.plots import CHANNELS, WIDEST, encoded, encoded_figure, in_squares, smaller
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-WIDEST = 1024
 MARKS = {SATURATED: (0.86, 0.1, 0.1), BLACK: (0.1, 0.35, 0.95), OUTSIDE: (0.2, 0.65, 0.2)}
 """Colours of what was saturated, black and outside in every photograph."""
 GHOST = (1.0, 0.2, 0.8)
@@ -24,20 +18,23 @@ GHOST = (1.0, 0.2, 0.8)
 def false_colour(picture: RadianceMap) -> bytes:
     """Luminance in false colour on a logarithmic scale, with the scale beside it (Debevec & Malik 1997, Fig. 8d)."""
     from matplotlib.colors import LogNorm
+    from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator
 
-    light = luminance(_small(picture.radiance))
+    light = luminance(smaller(picture.radiance))
     if picture.clipped is not None:
-        light[_small((picture.clipped == OUTSIDE)[..., None].astype(np.float32))[..., 0] > 0.5] = np.nan
+        light[smaller((picture.clipped == OUTSIDE)[..., None].astype(np.float32))[..., 0] > 0.5] = np.nan
     seen = light[light > 0]
     low, high = np.percentile(seen, (0.05, 100)) if seen.size else (0.1, 1.0)
-    figure, axis = _picture_frame(light.shape)
+    figure = Figure(figsize=(9, 8 * light.shape[0] / light.shape[1] + 0.2), dpi=100, layout="constrained")
+    axis = figure.subplots()
+    axis.set_axis_off()
     # NaN, which is outside, stays white.
     image = axis.imshow(np.maximum(light, low), norm=LogNorm(low, max(high, 1.001 * low)), cmap="turbo")
     scale = figure.colorbar(image, ax=axis, fraction=0.046, pad=0.02, ticks=LogLocator(numticks=9))
     scale.set_label(f"luminance, {picture.unit}", fontsize=8)
     scale.ax.tick_params(labelsize=8)
-    return _encoded(figure)
+    return encoded_figure(figure)
 
 
 def relative_error(picture: RadianceMap) -> bytes:
@@ -51,7 +48,7 @@ def relative_error(picture: RadianceMap) -> bytes:
         relative = np.sqrt(picture.variance) / picture.radiance
     figure = Figure(figsize=(11, 3.6), dpi=110, layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.2))
-    shown = _small(np.where(np.isfinite(relative), relative, np.nan)).max(axis=2)
+    shown = smaller(np.where(np.isfinite(relative), relative, np.nan)).max(axis=2)
     known = shown[np.isfinite(shown) & (shown > 0)]
     low, high = (float(p) for p in 100 * np.percentile(known, (1, 99))) if known.size else (0.1, 100.0)
     norm = LogNorm(low, max(high, 1.001 * low))
@@ -82,7 +79,7 @@ def relative_error(picture: RadianceMap) -> bytes:
     right.grid(alpha=0.25, which="both")
     if right.lines:
         right.legend(fontsize=7)
-    return _encoded(figure)
+    return encoded_figure(figure)
 
 
 def arrows(radiance: np.ndarray, fields: Sequence[tuple[str, np.ndarray]]) -> bytes:
@@ -115,7 +112,7 @@ def arrows(radiance: np.ndarray, fields: Sequence[tuple[str, np.ndarray]]) -> by
         )  # fmt: skip
         axis.set_title(f"{_shortened(name, letters)}\nup to {length:.2f} px", fontsize=7)
     figure.suptitle(f"arrows drawn × {enlarged:.3g}", fontsize=8)
-    return _encoded(figure)
+    return encoded_figure(figure)
 
 
 def _shortened(name: str, letters: int) -> str:
@@ -128,11 +125,9 @@ def marked(radiance: np.ndarray, masks: Sequence[tuple[np.ndarray, tuple[float, 
     shown = np.repeat(luminance(_preview(radiance))[..., None], 3, axis=2) * 0.8 + 0.1
     for mask, colour in masks:
         # A single pixel of a large picture is not lost when it is made smaller.
-        covered = _small(mask[..., None].astype(np.float32), largest=True) > 0
+        covered = in_squares(mask[..., None], -(-mask.shape[1] // WIDEST)).any((1, 3))
         shown = np.where(covered, 0.25 * shown + 0.75 * np.array(colour), shown)
-    from relume.image.files.photographs import png
-
-    return png.encode(np.ascontiguousarray(np.rint(255 * np.clip(shown, 0, 1)).astype(np.uint8)))
+    return encoded(np.rint(255 * np.clip(shown, 0, 1)).astype(np.uint8))
 
 
 def clipped_marks(picture: RadianceMap) -> bytes:
@@ -143,29 +138,6 @@ def clipped_marks(picture: RadianceMap) -> bytes:
 
 def _preview(radiance: np.ndarray) -> np.ndarray:
     """A small picture in 0…1 in which dark and bright places are both seen: radiance over itself plus its median."""
-    small = np.maximum(_small(radiance), 0)
+    small = np.maximum(smaller(radiance), 0)
     middle = float(np.median(luminance(small))) or 1.0
     return encode_srgb(small / (small + 2 * middle))
-
-
-def _small(image: np.ndarray, *, largest: bool = False) -> np.ndarray:
-    """The mean (or the largest) of blocks, so that the picture is at most `WIDEST` wide."""
-    step = -(-image.shape[1] // WIDEST)
-    height, width = image.shape[0] // step * step, image.shape[1] // step * step
-    blocks = image[:height, :width].reshape(height // step, step, width // step, step, image.shape[2])
-    return (blocks.max((1, 3)) if largest else blocks.mean((1, 3))).astype(np.float32)
-
-
-def _picture_frame(shape: tuple[int, ...]):
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9, 8 * shape[0] / shape[1] + 0.2), dpi=100, layout="constrained")
-    axis = figure.subplots()
-    axis.set_axis_off()
-    return figure, axis
-
-
-def _encoded(figure: Figure) -> bytes:
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", metadata={"Software": None})
-    return stream.getvalue()

@@ -27,7 +27,7 @@ def write_capture_report(
     profile : the name of the one that was given
     Raises OutputNotWritten.
     """
-    parts = ["<h1>relume merge</h1>", *map(note, result.warnings), *map(note, result.messages)]
+    parts = [*map(note, result.warnings), *map(note, result.messages)]
     for camera in result.cameras.values():
         for bracket in (each for each in result.brackets if each.camera == camera.name):
             parts += _bracket(bracket, _summary(bracket, result, settings, profile))
@@ -39,9 +39,9 @@ def write_capture_report(
 
 
 def _bracket(bracket: MergedBracket, summary: str) -> list[str]:
-    picture = bracket.picture
+    picture, names = bracket.picture, [Path(frame.name).name for frame in bracket.frames]
     parts = [
-        heading(_title(bracket)),
+        heading(names[0] if len(names) == 1 else f"{names[0]} … {names[-1]}"),
         summary,
         *(note(doubt.line) for doubt in bracket.doubts if not doubt.degraded),
         _pictures(bracket),
@@ -66,15 +66,12 @@ def _bracket(bracket: MergedBracket, summary: str) -> list[str]:
     return parts + _alignment(bracket) + _ghosts(bracket)
 
 
-def _title(bracket: MergedBracket) -> str:
-    names = [Path(frame.name).name for frame in bracket.frames]
-    return names[0] if len(names) == 1 else f"{names[0]} … {names[-1]}"
-
-
 def _summary(bracket: MergedBracket, result: MergeResult, settings: MergeSettings, profile: str) -> str:
     """What it is and what was done, and of which nothing was measured."""
     found, (width, height) = bracket.clipping, bracket.picture.size
     scale, balance = bracket.scale, bracket.balance
+    # What the lens does that nothing measured.
+    known = {"vignetting": bool(settings.vignetting), "glare": settings.glare is not None}
     rows = [
         ("camera", bracket.camera or "unknown"),
         ("photographs", f"{len(bracket.frames)} of {width} × {height} pixels"),
@@ -83,7 +80,7 @@ def _summary(bracket: MergedBracket, result: MergeResult, settings: MergeSetting
         ("balance", "the camera's own" if balance is None else f"channels multiplied by {triple(balance.gains)}"),
         ("response", _origin(bracket, result, profile)),
         ("switched off", ", ".join(_switched_off(bracket, result, settings)) or "nothing"),
-        ("left in, for not measured", ", ".join(_unmeasured(settings)) or "nothing"),
+        ("left in, for not measured", ", ".join(name for name, is_known in known.items() if not is_known) or "nothing"),
         (
             "measured by no photograph",
             f"saturated {percent(found.saturated, found.pixels)}, black {percent(found.black, found.pixels)}, "
@@ -108,12 +105,6 @@ def _switched_off(bracket: MergedBracket, result: MergeResult, settings: MergeSe
         return ["alignment and deghosting: camera raws are merged as they lie"]
     off = [] if settings.align else ["alignment"]
     return off if settings.deghost else [*off, "deghosting"]
-
-
-def _unmeasured(settings: MergeSettings) -> list[str]:
-    """What the lens does that nothing measured."""
-    known = {"vignetting": bool(settings.vignetting), "glare": settings.glare is not None}
-    return [name for name, is_known in known.items() if not is_known]
 
 
 def _pictures(bracket: MergedBracket) -> str:

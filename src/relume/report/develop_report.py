@@ -11,7 +11,7 @@ from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.project.developing.develop_files import DevelopedFile
 from relume.report import plots
-from relume.report.page import figure, heading, main_heading, page, paragraph, side_by_side, slide, table
+from relume.report.page import figure, heading, page, paragraph, side_by_side, slide, table
 from relume.virtual_camera.developing import develop
 from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.tone.display.false_colour import false_colour
@@ -39,7 +39,6 @@ def write_develop_report(
         drawn = develop(image, VirtualCamera(), view)
         pictures.insert(1, figure(plots.encoded(drawn.pixels), "The light that the lens drew, plainly exposed."))
     parts = [
-        main_heading(title),
         slide(before, after, "The scene, plainly exposed, to the left of the handle; the picture to the right."),
         heading("Side by side"),
         side_by_side(pictures),

@@ -1,4 +1,4 @@
-"""The report of `relume insert`."""
+"""The reports of `relume insert`: of one picture, and of a sequence with some of its frames and how steady it is."""
 
 from __future__ import annotations
 
@@ -8,20 +8,21 @@ import numpy as np
 
 from relume.image import files
 from relume.project.insertion.outcome import Inserted
+from relume.project.insertion.sequence import SequenceMade, sparkles
 from relume.report import plots
 from relume.report.page import figure, heading, note, page, paragraph, side_by_side, slide, table, triple
 from relume.sphere.directions import UP
 
+SHOWN = 9
+"""Frames of a sequence, at most."""
+WIDTH = 480
+"""Pixels of a frame's picture, at most."""
+
 
 def write_insert_report(result: Inserted, path: Path) -> None:
     """Write the page: before and after, response curves, light, matte, signed difference, energy audit, timings."""
-    files.write_text(path, _page(result))
-
-
-def _page(result: Inserted) -> str:
     after, before = plots.encoded(result.picture.pixels), plots.encoded(result.composited.before.pixels)
     parts = [
-        "<h1>relume insert</h1>",
         *(note(each) for each in result.notes),
         slide(before, after, "Before, to the left of the handle; after, to the right."),
         heading("What the objects changed"),
@@ -38,7 +39,7 @@ def _page(result: Inserted) -> str:
         table([(stage, f"{seconds:.2f} s" + (" (kept from before)" if stage in result.kept else ""))
                for stage, seconds in result.seconds.items()]),
     ]  # fmt: skip
-    return page("relume insert", parts)
+    files.write_text(path, page("relume insert", parts))
 
 
 def _difference(result: Inserted) -> str:
@@ -108,13 +109,14 @@ def _response(camera: str, result: Inserted) -> str:
 
 def _audit(result: Inserted) -> str:
     probe, plate = result.calibrated.probe, result.plate
+    unseen = float(((probe.confidence < 0.05) * probe.light.mapping.solid_angles(probe.light.size)).sum())
     rows = [
         ("unit", plate.unit),
         ("total of the light, ∫ L dω", triple(probe.light.total())),
         ("irradiance from above", triple(probe.light.irradiance(UP))),
         ("brightest direction", triple(probe.light.radiance.max((0, 1)))),
         ("light saturated in every photograph", f"{probe.clipped_solid_angle:.3g} sr"),
-        ("light seen by no view", f"{_unseen(result):.3g} sr"),
+        ("light seen by no view", f"{unseen:.3g} sr"),
     ]
     if plate.clipped is not None:
         rows.append(("plate pixels clipped in every photograph", str(int((plate.clipped > 0).sum()))))
@@ -128,6 +130,38 @@ def _audit(result: Inserted) -> str:
     return table(rows)
 
 
-def _unseen(result: Inserted) -> float:
-    light = result.calibrated.probe.light
-    return float(((result.calibrated.probe.confidence < 0.05) * light.mapping.solid_angles(light.size)).sum())
+def write_sequence_report(result: SequenceMade, path: Path) -> None:
+    """Write the page; frames without a composite.png are in the table only."""
+    there = [frame for frame in result.frames if (frame.folder / "composite.png").is_file()]
+    chosen = [there[i] for i in np.unique(np.linspace(0, len(there) - 1, min(SHOWN, len(there))).astype(int))]
+    shown = [figure(_small(frame.folder / "composite.png"), f"Frame {frame.number}") for frame in chosen]
+    unlike: dict[int, float] = {}
+    window: list[np.ndarray] = []
+    for index, frame in enumerate(there):
+        window = [*window[-2:], files.read_photograph(frame.folder / "composite.png").pixels]
+        if len(window) == 3 and len({each.shape for each in window}) == 1:
+            unlike[there[index - 1].number] = sparkles(*window)
+    parts = [
+        *(note(each) for each in result.notes),
+        paragraph(f"{len(result.frames)} frames, {sum(frame.kept for frame in result.frames)} of them made before."),
+        *(side_by_side(shown[i : i + 3]) for i in range(0, len(shown), 3)),
+        heading("Frames"),
+        table(
+            [
+                (
+                    str(frame.number),
+                    f"{frame.seconds:.1f} s" + (" (kept from before)" if frame.kept else ""),
+                    f"{unlike[frame.number]:.3%}" if frame.number in unlike else "",
+                )
+                for frame in result.frames
+            ],
+            head=("frame", "time", "pixels unlike the frame before and after"),
+        ),
+    ]
+    files.write_text(path, page("relume insert: a sequence", parts))
+
+
+def _small(path: Path) -> bytes:
+    pixels = files.read_photograph(path).pixels
+    step = max(1, -(-pixels.shape[1] // WIDTH))
+    return plots.encoded(np.ascontiguousarray(pixels[::step, ::step]))

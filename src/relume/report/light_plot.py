@@ -1,13 +1,18 @@
-"""A light map at three exposures with its axes, as bytes of PNG: what `relume info --draw` shows."""
+"""Drawings of a light map, as bytes of PNG: with its axes (`relume info --draw`), and with the lights found in it."""
 
 from __future__ import annotations
 
-import io
+from pathlib import Path
 
 import numpy as np
 
+from relume.image import files
 from relume.image.colour import luminance
 from relume.image.radiance import OUTSIDE, SATURATED
+from relume.light.constellations.constellation import Constellation
+from relume.light.constellations.residual import glow_level
+from relume.light.light_set import LightSet
+from relume.report.plots import block_means, borders, encoded_figure, in_squares
 from relume.sphere.audit import AXES, Audit
 from relume.sphere.environment_map import EnvironmentMap
 from relume.virtual_camera.developing import develop
@@ -17,6 +22,12 @@ STOPS = (4, 0, -4)
 """Brightest first: what hides in the dark, the whole, and what the lamps are."""
 MIDDLE_GREY = 0.18
 _WIDEST = 900
+WIDE = 1600
+"""Pixels across the picture of a constellation, about."""
+LARGEST = 900.0
+"""Square points of the strongest light's disc."""
+CAPTION = 0.35
+"""Inches above its map."""
 _MARKS = ((SATURATED, "#ff3030", "clipped: a lower bound"), (OUTSIDE, "#30a0ff", "seen by no view: filled in"))
 
 
@@ -39,23 +50,16 @@ def light_plot(light: EnvironmentMap, title: str) -> bytes:
     figure = Figure(figsize=(width, height), dpi=100, layout="constrained")
     figure.suptitle(f"{title}: {light.mapping.name}, {columns}×{rows}, {light.unit}", fontsize=11)
     pictures = figure.subplots(down, across, squeeze=False).ravel()
+    shown = in_squares(light.radiance, step).mean((1, 3))
     for axis, stops in zip(pictures, STOPS, strict=True):
         film = Film(2.0**stops * MIDDLE_GREY / mean) if mean > 0 else Film()
-        axis.imshow(develop(_smaller(light.radiance, step), film).pixels, extent=(0, 1, 1, 0), aspect=1 / aspect)
+        axis.imshow(develop(shown, film).pixels, extent=(0, 1, 1, 0), aspect=1 / aspect)
         _mark_unmeasured(axis, light, step)
         _name_axes(axis, light)
         axis.set_title(f"{_signed(stops)} stops: radiance {1 / film.exposure:.3g} is white", fontsize=8)
         axis.set_axis_off()
     figure.supxlabel(_in_words(measured), fontsize=8)
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", metadata={"Software": None})
-    return stream.getvalue()
-
-
-def _smaller(radiance: np.ndarray, step: int) -> np.ndarray:
-    """The mean of step × step pixels; a remainder at the right and below is left out."""
-    rows, columns = radiance.shape[0] // step, radiance.shape[1] // step
-    return radiance[: rows * step, : columns * step].reshape(rows, step, columns, step, 3).mean((1, 3))
+    return encoded_figure(figure)
 
 
 def _mark_unmeasured(axis, light: EnvironmentMap, step: int) -> None:
@@ -106,3 +110,53 @@ def _signed(stops: int) -> str:
 
 def _three(values: np.ndarray) -> str:
     return "(" + ", ".join(f"{value:.4g}" for value in values) + ")"
+
+
+def draw_lights(path: Path, made: LightSet, title: str = "") -> None:
+    """Write a picture of a map with its regions and lights to a .png."""
+    with files.replacing(path) as temporary:
+        temporary.write_bytes(lights_plot(made.light, made.lights, title))
+
+
+def lights_plot(light: EnvironmentMap, lights: Constellation, title: str = "") -> bytes:
+    """The map, the borders of the regions and the lights as bytes of PNG, in the map's own mapping.
+
+    Discs have the lights' colours, and areas in proportion to their irradiance; a cross marks each middle. The map is
+    exposed for what is not a source: the mean of that becomes middle grey.
+    """
+    from matplotlib.figure import Figure
+
+    rows, columns = light.radiance.shape[:2]
+    values, areas = luminance(light.radiance), light.mapping.solid_angles(light.size)
+    mean = glow_level(values, areas, 4.0) / 4 or float(values.max(initial=0)) or 1.0
+    picture = develop(_sized(light.radiance), Film(0.18 / mean)).pixels.astype(np.float32) / 255
+    if lights.labels is not None:
+        picture[borders(_thinned(lights.labels))] = (0.1, 0.9, 0.9)
+    wide = 12.0
+    high = wide * rows / columns
+    figure = Figure(figsize=(wide, high + CAPTION), dpi=WIDE / wide)
+    axis = figure.add_axes((0, 0, 1, high / (high + CAPTION)))
+    axis.imshow(picture, extent=(0, 1, 1, 0), aspect="auto", interpolation="antialiased")
+    axis.set_axis_off()
+    if len(lights.directions):
+        u, v = np.moveaxis(light.mapping.image_points(lights.directions), -1, 0)
+        strength = luminance(lights.irradiance)
+        colours = lights.irradiance / np.maximum(lights.irradiance.max(axis=-1, keepdims=True), 1e-300)
+        axis.scatter(u, v, s=LARGEST * strength / strength.max(), c=colours, ec="black", lw=0.8, alpha=0.85)
+        axis.scatter(u, v, s=14, marker="+", c="#d0006f", lw=0.8)
+    axis.set_xlim(0, 1)
+    axis.set_ylim(1, 0)
+    figure.text(0.01, 1 - 0.5 * CAPTION / (high + CAPTION), title, va="center", fontsize=10)
+    return encoded_figure(figure)
+
+
+def _sized(radiance: np.ndarray) -> np.ndarray:
+    """The map at about the picture's size: blocks of pixels averaged, or pixels repeated."""
+    step = -(-radiance.shape[1] // WIDE)
+    return _thinned(radiance) if step == 1 else block_means(radiance.astype(np.float64), step)
+
+
+def _thinned(image: np.ndarray) -> np.ndarray:
+    """Every so many pixels of a large image, each several times of a small one."""
+    step, times = -(-image.shape[1] // WIDE), max(WIDE // image.shape[1], 1)
+    return np.repeat(np.repeat(image[::step, ::step], times, axis=0), times, axis=1)

@@ -23,17 +23,12 @@ SLIDE = "this.previousElementSibling.style.clipPath = 'inset(0 ' + (100 - this.v
 
 
 def page(title: str, parts: Iterable[str]) -> str:
-    """The whole page; `parts` are HTML."""
+    """The whole page under its title; `parts` are HTML."""
     body = "\n".join(parts)
     return (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{html.escape(title)}</title>'
-        f"<style>{STYLE}</style>\n{body}</html>\n"
+        f"<style>{STYLE}</style>\n<h1>{html.escape(title)}</h1>\n{body}</html>\n"
     )
-
-
-def main_heading(text: str) -> str:
-    """What the page is about, at its top."""
-    return f"<h1>{html.escape(text)}</h1>"
 
 
 def heading(text: str) -> str:

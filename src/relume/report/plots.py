@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from relume.capture.response.calibration import Calibration
 from relume.image.files.photographs import png
 from relume.virtual_camera.developing import develop
 from relume.virtual_camera.film.film import Film
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 CHANNELS = (("red", "#c0392b"), ("green", "#27803f"), ("blue", "#2c5fb3"))
 WIDEST = 1024
@@ -48,37 +52,61 @@ def response_plot(calibration: Calibration) -> bytes:
         axis.set_xlabel("ln exposure X", fontsize=8)
         axis.grid(alpha=0.25)
         axis.tick_params(labelsize=7)
+    return encoded_figure(figure)
+
+
+def encoded_figure(figure: Figure, format: str = "png") -> bytes:
+    """A file of this format, "png" or "svg", the same bytes for the same figure."""
     stream = io.BytesIO()
-    figure.savefig(stream, format="png", metadata={"Software": None})
+    figure.savefig(stream, format=format, metadata={"Software": None} if format == "png" else {"Date": None})
     return stream.getvalue()
 
 
 def exposed(radiance: np.ndarray, white: float) -> bytes:
     """Radiance shown on the sRGB curve with `white` just white."""
-    return encoded(develop(_smaller(radiance), Film(1 / max(white, 1e-30))).pixels)
+    return encoded(develop(smaller(radiance), Film(1 / max(white, 1e-30))).pixels)
 
 
 def signed(difference: np.ndarray, scale: float) -> bytes:
     """A signed difference about middle grey, as the paper's Fig. 8f: darker is light taken, brighter light added."""
-    values = 0.5 + 0.5 * _smaller(difference) / max(scale, 1e-30)
+    values = 0.5 + 0.5 * smaller(difference) / max(scale, 1e-30)
     return encoded(np.rint(255 * np.clip(values, 0, 1)).astype(np.uint8))
 
 
 def grey(image: np.ndarray) -> bytes:
     """Values from 0 to 1 as grey (a matte)."""
-    values = np.rint(255 * np.clip(_smaller(image[..., None]), 0, 1)).astype(np.uint8)
+    values = np.rint(255 * np.clip(smaller(image[..., None]), 0, 1)).astype(np.uint8)
     return encoded(np.repeat(values, 3, axis=2))
 
 
 def encoded(pixels: np.ndarray) -> bytes:
     """A PNG of 8-bit pixels."""
-    return png.encode(np.ascontiguousarray(_smaller(pixels)))
+    return png.encode(np.ascontiguousarray(smaller(pixels)))
 
 
-def _smaller(image: np.ndarray) -> np.ndarray:
+def smaller(image: np.ndarray) -> np.ndarray:
+    """The image (H, W, C) at most `WIDEST` wide, by the means of squares of pixels."""
     step = -(-image.shape[1] // WIDEST)
-    if step == 1:
-        return image
-    height, width = image.shape[0] // step * step, image.shape[1] // step * step
-    blocks = image[:height, :width].reshape(height // step, step, width // step, step, image.shape[2])
-    return blocks.mean((1, 3)).astype(image.dtype)
+    return image if step == 1 else in_squares(image, step).mean((1, 3)).astype(image.dtype)
+
+
+def in_squares(image: np.ndarray, step: int) -> np.ndarray:
+    """Squares of step × step pixels, (rows, step, columns, step, C); a remainder at the right and below is left out."""
+    rows, columns = image.shape[0] // step, image.shape[1] // step
+    return image[: rows * step, : columns * step].reshape(rows, step, columns, step, image.shape[2])
+
+
+def borders(labels: np.ndarray) -> np.ndarray:
+    """Where the label (H, W) is not that of the pixel to the right or below."""
+    found = np.zeros(labels.shape, bool)
+    found[:, :-1] |= labels[:, :-1] != labels[:, 1:]
+    found[:-1] |= labels[:-1] != labels[1:]
+    return found
+
+
+def block_means(image: np.ndarray, side: int) -> np.ndarray:
+    """Means (rows, columns, C) of squares of pixels, those at the right and lower rim of what is left there."""
+    tops, lefts = (np.arange(0, length, side) for length in image.shape[:2])
+    sums = np.add.reduceat(np.add.reduceat(image, tops, axis=0), lefts, axis=1)
+    high, wide = np.diff(np.append(tops, image.shape[0])), np.diff(np.append(lefts, image.shape[1]))
+    return sums / np.multiply.outer(high, wide)[..., None]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from relume.project.scene_file.rendering import RenderSettings, renderer_name, w
 from relume.project.scene_file.scene_file import SceneFile
 from relume.renderers.whitted.kernel_data import EYE, REFLECTED, REFRACTED, SHADOW
 from relume.renderers.whitted.ray_tree import NAMES, Breakdown, RayTree, breakdown, ray_tree
+from relume.report.plots import encoded_figure
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Patches, Plane, Shape, Sphere
 from relume.virtual_camera.developing import develop
@@ -94,9 +94,7 @@ def tree_plot(tree: RayTree, scene: Scene, film: Film, title: str = "", *, forma
     _draw_tree(diagram, tree, position, (*scene.local, *scene.objects), film)
     left_out = len(tree.kind) - len(kept)
     figure.suptitle(title + (f"; the {left_out} weakest of {len(tree.kind)} rays left out" if left_out else ""))
-    stream = io.BytesIO()
-    figure.savefig(stream, format=format, metadata={"Software": None} if format == "png" else {"Date": None})
-    return stream.getvalue()
+    return encoded_figure(figure, format)
 
 
 def _kept(tree: RayTree) -> np.ndarray:

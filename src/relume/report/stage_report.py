@@ -15,9 +15,8 @@ from relume.lightstage.relighting.interactive_basis import interactive_basis
 from relume.lightstage.relighting.low_rank import compress_low_rank
 from relume.lightstage.relighting.mosaic import mosaic, mosaic_size
 from relume.report import plots
-from relume.report.page import figure, heading, main_heading, note, page, paragraph, side_by_side, table, triple
+from relume.report.page import figure, heading, note, page, paragraph, side_by_side, table, triple
 from relume.report.relighting_viewer import turning_part
-from relume.report.stage_plots import levels_of, lights_of_stage
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
 
@@ -52,7 +51,6 @@ def write_stage_report(
     basis = compress_low_rank(small, rank=min(RANK, len(field.lights)), memory=MEMORY // 8)
     shown = dict(lights or {}) or {"from the upper left": _window()}
     parts = [
-        main_heading(title),
         *(note(line) for line in doubts),
         table(_facts(field)),
         heading("Turn the light"),
@@ -78,6 +76,44 @@ def write_stage_report(
         ),
     ]
     files.write_text(path, page(title, parts))
+
+
+def lights_of_stage(lights: StageLights, levels: np.ndarray) -> bytes:
+    """The lights on a lat-long map with the cells they speak for, as bytes of PNG.
+
+    levels : (N,) mean of each light's picture, which colours its disc
+    """
+    from matplotlib.figure import Figure
+    from scipy.spatial import KDTree
+
+    rows = 180
+    nearest = np.asarray(KDTree(lights.directions).query(pixel_directions(LatLong(), rows))[1])
+    points = LatLong().image_points(lights.directions)
+    figure = Figure(figsize=(10.8, 5.6), dpi=100, layout="constrained")
+    axes = figure.subplots()
+    cells = np.where(plots.borders(nearest), 0.75, 1.0)
+    axes.imshow(cells, cmap="gray", vmin=0, vmax=1, extent=(-180, 180, -90, 90), aspect="equal")
+    dots = axes.scatter(
+        360 * points[:, 0] - 180, 90 - 180 * points[:, 1], c=levels, s=36, cmap="viridis", edgecolors="black",
+        linewidths=0.4, zorder=2,
+    )  # fmt: skip
+    axes.set(
+        xlabel="degrees to the right of −Z", ylabel="degrees up", xticks=range(-180, 181, 45), yticks=range(-90, 91, 30)
+    )
+    figure.colorbar(dots, label="mean of the light's picture", shrink=0.85)
+    return plots.encoded_figure(figure)
+
+
+def levels_of(field: ReflectanceField) -> tuple[np.ndarray, np.ndarray]:
+    """The mean (N,) of every light's picture, and the picture (H, W, 3) float32 under even light."""
+    levels = np.zeros(len(field.lights))
+    total = np.zeros((*field.shape, 3))
+    for light, area in enumerate(field.lights.solid_angles):
+        picture = field.block(slice(light, light + 1), slice(0, field.shape[0]))[0]
+        # Without the lamps' own mirrored pictures, which say nothing of a light's strength.
+        levels[light] = np.minimum(picture, np.quantile(picture, 0.995)).mean(dtype=np.float64)
+        total += area * picture
+    return levels, total.astype(np.float32)
 
 
 def doubts_of(field: ReflectanceField, levels: np.ndarray) -> tuple[str, ...]:
@@ -137,13 +173,10 @@ def square_side(field: ReflectanceField, wide: int = WIDE, memory: int = MEMORY)
 
 def reduced(field: ReflectanceField, side: int) -> Pictures:
     """The field averaged in squares of so many pixels, cut off at the right and lower rim; read picture by picture."""
-    tops, lefts = (np.arange(0, length, side) for length in field.shape)
-    sizes = np.diff(np.append(tops, field.shape[0]))[:, None] * np.diff(np.append(lefts, field.shape[1]))
-    values = np.empty((len(field.lights), len(tops), len(lefts), 3), np.float32)
+    rows, columns = (-(-length // side) for length in field.shape)
+    values = np.empty((len(field.lights), rows, columns, 3), np.float32)
     for light in range(len(field.lights)):
-        picture = field.block(slice(light, light + 1), slice(0, field.shape[0]))[0]
-        sums = np.add.reduceat(np.add.reduceat(picture, tops, axis=0), lefts, axis=1)
-        values[light] = sums / sizes[..., None]
+        values[light] = plots.block_means(field.block(slice(light, light + 1), slice(0, field.shape[0]))[0], side)
     return Pictures(values, field.lights)
 
 

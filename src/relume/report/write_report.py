@@ -36,13 +36,10 @@ def write_report(result: object, path: str | Path, **choices: Any) -> None:
         return None
     from relume.project.insertion.outcome import Inserted
     from relume.project.insertion.sequence import SequenceMade
+    from relume.report.insert_report import write_insert_report, write_sequence_report
 
     if isinstance(result, Inserted):
-        from relume.report.insert_report import write_insert_report
-
         return write_insert_report(result, path)
     if isinstance(result, SequenceMade):
-        from relume.report.sequence_report import write_sequence_report
-
         return write_sequence_report(result, path)
     raise TypeError(f"{type(result).__name__} has no report")
