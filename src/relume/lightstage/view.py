@@ -7,10 +7,8 @@ from dataclasses import dataclass, replace
 
 from relume.lightstage.direct_light.model import DirectLightSettings
 from relume.lightstage.field.field import ReflectanceField
-from relume.lightstage.novel_view.blending import Blending
-from relume.lightstage.novel_view.direct_light_view import direct_light_view
-from relume.lightstage.novel_view.measured_view import measured_view
-from relume.lightstage.novel_view.source_views import NewView, SourceView
+from relume.lightstage.novel_view.new_views import direct_light_view, measured_view
+from relume.lightstage.novel_view.source_views import Blending, NewView, SourceView
 from relume.lightstage.relight import SubjectMesh
 from relume.lightstage.relighting.interpolation import NearestLight
 from relume.lightstage.relighting.stage_lighting import StageLighting, as_lighting

@@ -1,4 +1,4 @@
-"""Light between the lights of a stage, with and without a mesh of the subject.
+"""Light between the lights of a stage, with a mesh of the subject.
 
 A square hovers over a matte floor: what the floor receives from any direction is known in closed form.
 """
@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 
 from relume.lightstage.direct_light.control_variate import estimate_seconds, relight_with_mesh, row_blocks
-from relume.lightstage.direct_light.fit import fit_direct_light
 from relume.lightstage.direct_light.light_directions import ALL_RAYS, DirectedLight, quadtree_lights
-from relume.lightstage.direct_light.model import DirectLightSettings
+from relume.lightstage.direct_light.model import DirectLightSettings, fit_direct_light
 from relume.lightstage.direct_light.surface import disc_directions, over_neighbours
 from relume.lightstage.field.field import Pictures
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.relighting.interpolation import NearestLight, Smooth
+from relume.lightstage.relighting.interpolation import Barycentric, Interpolation, NearestLight, Smooth
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse
@@ -60,7 +59,7 @@ def floor_under(directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def upsampled(
     field: Pictures,
     lights: StageLights,
-    meshes: tuple[Mesh, ...] | None = None,
+    meshes: tuple[Mesh, ...] = MESHES,
     settings: DirectLightSettings = DirectLightSettings(),
 ) -> np.ndarray:
     """Pictures (M, H, W, 3) under each of these lights alone, of irradiance 1."""
@@ -72,6 +71,11 @@ def upsampled(
 FIELD = Pictures(floor_under(LIGHTS.directions)[0], LIGHTS, CAMERA)
 
 
+def interpolated(by: Interpolation, field: Pictures = FIELD) -> np.ndarray:
+    """Pictures (M, H, W, 3) under the lights `BETWEEN` without a mesh."""
+    return np.einsum("mn,nhwc->mhwc", by.weights(LIGHTS, BETWEEN.directions), field.values)
+
+
 def error_of(pictures: np.ndarray) -> float:
     truth, shown = floor_under(BETWEEN.directions)
     return float(np.abs(pictures - truth)[:, shown].sum() / truth[:, shown].sum())
@@ -81,16 +85,11 @@ def test_with_a_mesh_a_shadow_stands_where_it_belongs() -> None:
     assert error_of(upsampled(FIELD, BETWEEN, MESHES, EXACT)) < 0.01
 
 
-def test_without_a_mesh_the_field_is_interpolated() -> None:
-    found = upsampled(FIELD, BETWEEN)
-    weights = Smooth().weights(LIGHTS, BETWEEN.directions)
-    np.testing.assert_allclose(found, np.einsum("mn,nhwc->mhwc", weights, FIELD.values), atol=1e-5)
-    assert 0.05 < error_of(found) < 0.5
-
-
 def test_a_rough_mesh_still_helps() -> None:
     shifted = (MESHES[0], quad(HEIGHT * 1.05, HALF * 1.03))
-    assert error_of(upsampled(FIELD, BETWEEN, shifted, EXACT)) < 0.7 * error_of(upsampled(FIELD, BETWEEN))
+    without = error_of(interpolated(Smooth()))
+    assert 0.05 < without < 0.5
+    assert error_of(upsampled(FIELD, BETWEEN, shifted, EXACT)) < 0.7 * without
 
 
 def test_in_its_own_lights_the_field_is_what_was_measured() -> None:
@@ -135,7 +134,7 @@ def test_pictures_do_not_depend_on_memory_or_threads() -> None:
     settings = DirectLightSettings(alpha=0.2, side=2)
     little = relight_with_mesh(FIELD, light, MESHES, settings, memory=80 * 28 * 96 * 5, threads=1)
     np.testing.assert_allclose(little, relight_with_mesh(FIELD, light, MESHES, settings, threads=2), atol=1e-5)
-    assert row_blocks(FIELD, 80 * 28 * 96 * 5) == [slice(i, min(i + 3, 20)) for i in range(0, 20, 3)]
+    assert row_blocks(FIELD, 80 * 28 * 96 * 5) == tuple(slice(i, min(i + 3, 20)) for i in range(0, 20, 3))
     with pytest.raises(ValueError, match=r"memory is 0.1 MB; rows of 28 pixels under 80 lights need at least 0.7 MB"):
         relight_with_mesh(FIELD, light, MESHES, settings, memory=100_000)
 
@@ -150,25 +149,24 @@ def test_the_time_of_a_mesh_is_estimated(monkeypatch: pytest.MonkeyPatch) -> Non
     assert 0.05 * took < estimate_seconds(FIELD, light, MESHES, EXACT) < 20 * took + 1
 
 
-@pytest.mark.parametrize("meshes", [MESHES, None])
-def test_mirrors_are_never_below_zero_with_a_mesh_or_without(meshes: tuple[Mesh, ...] | None) -> None:
+def test_mirrors_are_never_below_zero() -> None:
     glints = FIELD.values.copy()
     glints[7, 4:12] += 5.0
     field = Pictures(glints, LIGHTS, CAMERA)
     light = DirectedLight(BETWEEN.directions, np.ones((len(BETWEEN), 3)), np.zeros(len(BETWEEN)))
-    assert upsampled(field, BETWEEN, meshes, EXACT)[:, 4:12].min() >= 0
-    assert upsampled(field, BETWEEN, meshes, replace(EXACT, spike_interpolation=Smooth()))[:, 4:12].min() < -0.1
+    assert upsampled(field, BETWEEN, MESHES, EXACT)[:, 4:12].min() >= 0
+    assert upsampled(field, BETWEEN, MESHES, replace(EXACT, spike_interpolation=Smooth()))[:, 4:12].min() < -0.1
     for i in (3, 20):
         one = DirectedLight(light.directions[i : i + 1], light.irradiances[:1], light.radii[:1])
-        assert relight_with_mesh(field, one, meshes, EXACT)[4:12].min() >= 0
+        assert relight_with_mesh(field, one, MESHES, EXACT)[4:12].min() >= 0
 
 
 def test_a_mirror_is_left_to_interpolation() -> None:
     glints = np.zeros((80, 20, 28, 3), np.float32)
     glints[7] = 5.0
     field = Pictures(glints, LIGHTS, CAMERA)
-    settings = DirectLightSettings(light_radius=0.0, alpha=0.2, side=1, filter_share=0.0, remainder=Smooth())
-    np.testing.assert_allclose(upsampled(field, BETWEEN, MESHES, settings), upsampled(field, BETWEEN), atol=1e-6)
+    found = upsampled(field, BETWEEN, MESHES, replace(EXACT, remainder=Smooth()))
+    np.testing.assert_allclose(found, interpolated(Barycentric(), field), atol=1e-6)
 
 
 def test_direct_light_is_fitted_with_its_scales() -> None:
@@ -233,5 +231,4 @@ def test_wrong_calls_are_refused() -> None:
 
 
 def test_the_nearest_cell_may_stand_for_the_rest() -> None:
-    settings = DirectLightSettings(remainder=NearestLight(), light_radius=0.0, alpha=0.2, side=1, filter_share=0.0)
-    assert error_of(upsampled(FIELD, BETWEEN, MESHES, settings)) < 0.01
+    assert error_of(upsampled(FIELD, BETWEEN, MESHES, replace(EXACT, remainder=NearestLight()))) < 0.01

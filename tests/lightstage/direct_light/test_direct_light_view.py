@@ -10,7 +10,7 @@ from relume.lightstage.direct_light.light_directions import DirectedLight
 from relume.lightstage.direct_light.model import DirectLightSettings
 from relume.lightstage.field.field import Pictures
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.novel_view.direct_light_view import direct_light_view
+from relume.lightstage.novel_view.new_views import direct_light_view
 from relume.lightstage.novel_view.source_views import SourceView
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.scene.cameras.camera import Camera

@@ -14,7 +14,7 @@ from relume.lightstage.acquire.stage_file_reading import read_stage_file
 from relume.lightstage.direct_light.control_variate import relight_with_mesh
 from relume.lightstage.direct_light.light_directions import DirectedLight, quadtree_lights
 from relume.lightstage.field.field import ReflectanceField
-from relume.lightstage.novel_view.direct_light_view import direct_light_view
+from relume.lightstage.novel_view.new_views import direct_light_view
 from relume.lightstage.novel_view.source_views import SourceView
 from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import Mesh

@@ -14,13 +14,12 @@ from relume.image.files import read_radiance
 from relume.image.radiance import OUTSIDE
 from relume.lightstage.field.field import Pictures
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.novel_view.blending import Blending
-from relume.lightstage.novel_view.measured_view import measured_view, without_debt
+from relume.lightstage.novel_view.new_views import measured_view, without_debt
 from relume.lightstage.novel_view.projection import Subject, outline, sampled, without_background
-from relume.lightstage.novel_view.source_views import SourceView
+from relume.lightstage.novel_view.source_views import Blending, SourceView
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.lightstage.surface.separation import separate
-from relume.lightstage.surface.torrance_sparrow import GroovedSurface, half_vector
+from relume.lightstage.surface.torrance_sparrow import grooved_reflection, half_vector
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Material
 from relume.scene.shapes.meshes import read_meshes
@@ -69,7 +68,7 @@ def taken(degrees: float, size: int = SIZE, gloss: float = 0.0, background: floa
         fine[0][met] = ALBEDO * texture / np.pi * np.maximum(facing, 0)[:, None]
         if gloss:
             lean = np.arccos(np.clip(np.sum(half_vector(views, light) * normals, -1), -1, 1))
-            lobe = np.exp(-((lean / 0.25) ** 2)) * GroovedSurface().reflected(views, light, normals) * (facing > 0)
+            lobe = np.exp(-((lean / 0.25) ** 2)) * grooved_reflection(views, light, normals) * (facing > 0)
             fine[1][met] = gloss * lobe[:, None]
         diffuse[index], specular[index] = fine.reshape(2, size, 2, size, 2, 3).mean((2, 4))
     return Parts(Pictures(diffuse, LIGHTS, at), Pictures(specular, LIGHTS, at))

@@ -7,7 +7,7 @@ import pytest
 
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.voronoi_cells import even_directions
-from relume.lightstage.surface.photometric_stereo import LobeFit, lambertian_lobes, towards_camera
+from relume.lightstage.surface.photometric_stereo import lambertian_lobes, towards_camera
 from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
 
@@ -63,8 +63,6 @@ def test_pixels_that_no_three_lights_tell_have_no_lobe_and_no_nan() -> None:
 def test_values_of_other_lights_are_refused() -> None:
     with pytest.raises(ValueError, match="expected \\(200 lights, pixels\\)"):
         lambertian_lobes(SHADED[:100].astype(np.float32), LIGHTS)
-    with pytest.raises(ValueError, match="width above 0"):
-        LobeFit(width=0)
 
 
 def test_views_point_to_the_camera_and_along_z_without_one() -> None:

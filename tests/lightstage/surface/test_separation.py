@@ -9,14 +9,14 @@ from relume.lightstage.field.field import Pictures, whole
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.lightstage.surface.chromaticity import (
-    RampSearch,
     amounts,
+    fitted_ramp,
     median_chromaticity,
     ramp,
     ramped,
     unit_chromaticity,
 )
-from relume.lightstage.surface.separation import ColourSeparation, Separation, facing, separate
+from relume.lightstage.surface.separation import Separation, facing, separate
 from relume.sphere.directions import normalised
 
 SIZE = 16
@@ -126,7 +126,7 @@ def test_the_ramp_search_finds_known_parameters() -> None:
     body = BODY[None]
     for alpha in ((0.3, -0.2), (-0.45, 0.8)):
         values = ramped(body, WHITE, ramp(np.array(alpha), cosines))
-        found = RampSearch()(values, np.ones_like(cosines), cosines, body, WHITE)
+        found = fitted_ramp(values, np.ones_like(cosines), cosines, body, WHITE)
         np.testing.assert_allclose(found[0], alpha, atol=0.02)
 
 
@@ -178,18 +178,14 @@ def test_coloured_lights_have_highlights_of_their_colour() -> None:
     shading = 0.3 * np.maximum(LIGHTS.directions @ NORMALS.T, 0)
     values = shading[..., None] * BODY + highlights()[..., None] * chromaticity
     field = Pictures(values.reshape(240, SIZE, SIZE, 3).astype(np.float32), LIGHTS)
-    found = whole(separate(field, ColourSeparation(light=light)).specular).reshape(values.shape)
+    found = whole(separate(field, light).specular).reshape(values.shape)
     truth = highlights()[..., None] * chromaticity
     assert np.abs(found - truth).sum() / truth.sum() < 0.06
 
 
-def test_wrong_settings_and_three_lights_are_refused_in_one_line() -> None:
+def test_a_light_without_a_colour_and_three_lights_are_refused_in_one_line() -> None:
     with pytest.raises(ValueError, match="three numbers above 0"):
-        ColourSeparation(light=(1, 0, 1))
-    with pytest.raises(ValueError, match="the lower first"):
-        ColourSeparation(range=(0.8, 0.2))
-    with pytest.raises(ValueError, match="a share from 0 to below 1"):
-        separate(subject((0.0, 0.0), highlights()), ColourSeparation(darkest=1.0))
+        separate(subject((0.0, 0.0), highlights()), (1, 0, 1))
     few = Pictures(np.ones((3, 2, 2, 3), np.float32), StageLights.towards(np.eye(3)))
     with pytest.raises(ValueError, match="four or more"):
         separate(few)

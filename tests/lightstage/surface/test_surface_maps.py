@@ -20,8 +20,7 @@ from relume.lightstage.field.polarised import PolarisedPair
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.lightstage.surface.material_export import textured, write_material
 from relume.lightstage.surface.separation import separate
-from relume.lightstage.surface.specular import schlick_rise
-from relume.lightstage.surface.surface_maps import SurfaceMaps, surface_maps
+from relume.lightstage.surface.surface_maps import SurfaceMaps, schlick_rise, surface_maps
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Material
 from relume.scene.shapes.meshes import read_meshes

@@ -9,7 +9,7 @@ from relume.light.reflection.weights import Fresnel
 from relume.lightstage.surface.torrance_sparrow import (
     LEAST_COSINE,
     SKIN,
-    GroovedSurface,
+    grooved_reflection,
     half_vector,
     mirrored,
 )
@@ -102,14 +102,9 @@ def test_the_reflected_part_is_attenuation_times_reflectance_over_the_cosine_of_
     view, light = random_directions(300), random_directions(300)[::-1]
     expected = geometric_attenuation(view, light, UP) * fresnel(view, light) / view[:, 2]
     clear = (view[:, 2] > 0.01) & (light[:, 2] > 0.01)
-    assert np.allclose(GroovedSurface().reflected(view, light, UP)[clear], expected[clear], rtol=1e-9)
+    assert np.allclose(grooved_reflection(view, light, UP)[clear], expected[clear], rtol=1e-9)
 
 
 def test_at_the_horizon_the_reflected_part_stays_finite_and_above_nothing() -> None:
-    found = GroovedSurface().reflected(tilted(90), np.stack([tilted(90, 180), tilted(90), tilted(150)]), UP)
+    found = grooved_reflection(tilted(90), np.stack([tilted(90, 180), tilted(90), tilted(150)]), UP)
     assert np.all(np.isfinite(found)) and np.all(found > 0)
-
-
-def test_an_index_of_no_surface_is_refused() -> None:
-    with pytest.raises(ValueError, match="index of refraction of 1"):
-        GroovedSurface(1.0)

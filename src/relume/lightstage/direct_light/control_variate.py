@@ -2,7 +2,7 @@
 
 Interpolated reflectance functions show two faint shadows where one should stand between them. With a mesh of the
 subject, direct light (cosine, gloss and shadow, `surface`) is fitted to each pixel, and only the remainder is
-interpolated: R(ω) = Σ_i w_i(ω) (R_i − M_i) + M(ω). Without a mesh the picture is the interpolation alone. Pixels whose
+interpolated: R(ω) = Σ_i w_i(ω) (R_i − M_i) + M(ω). Pixels whose
 functions are spikes that direct light does not explain, as a mirror's, take weights that are never below 0
 (`spike_interpolation`). The model and the weights of a pixel depend on the field alone, so a picture is linear in the
 light of given directions; with directions that `quadtree_lights` chose for a map, up to that choice.
@@ -16,17 +16,9 @@ from time import perf_counter
 import numpy as np
 
 from relume.lightstage.direct_light.light_directions import DirectedLight
-from relume.lightstage.direct_light.model import (
-    DirectLightSettings,
-    DirectModel,
-    direct_model,
-    direct_picture,
-    sum_remainder,
-    unmodelled_spikes,
-)
+from relume.lightstage.direct_light.model import DirectLightSettings, direct_model, direct_picture, left_over
 from relume.lightstage.field.field import ReflectanceField
-from relume.lightstage.relighting.relighting import MEMORY, Progress
-from relume.lightstage.relighting.specular_spikes import spiky_and_mirror_pixels
+from relume.lightstage.relighting.relighting import MEMORY, Progress, cut
 from relume.scene.shapes.shapes import Mesh
 
 _LIGHT_BYTES = 96
@@ -37,9 +29,8 @@ _TIMED_PLACES, _TIMED_PIXELS, _TIMED_LIGHTS = 3, 2048, 100
 def relight_with_mesh(
     source: ReflectanceField,
     light: DirectedLight,
-    geometry: Sequence[Mesh] | None = None,
+    geometry: Sequence[Mesh],
     settings: DirectLightSettings = DirectLightSettings(),
-    irradiances: np.ndarray | None = None,
     progress: Progress | None = None,
     *,
     threads: int | None = None,
@@ -50,28 +41,30 @@ def relight_with_mesh(
     The picture under several lights together is the sum of their pictures, to rounding.
 
     light : as `quadtree_lights` makes it from a map
-    geometry : meshes of the subject in the stage's frame; None where there is none
-    irradiances : (N, 3) of the stage's lights, for what direct light leaves over; interpolated from `light` unless
-        given
+    geometry : meshes of the subject in the stage's frame
     threads : every core unless given
     memory : bytes that a block of rows may take; they change no more than the last bits
     Raises ValueError for a mesh without a camera or outside the picture, and for less memory than a row takes.
     """
-    if irradiances is None:
-        by = settings.interpolation if geometry is None else settings.remainder
-        irradiances = by.gathered(source.lights, light.directions, light.irradiances)
-    spike_irradiances = settings.spike_interpolation.gathered(source.lights, light.directions, light.irradiances)
+    # For what direct light leaves over.
+    irradiances, spike_irradiances = (
+        by.gathered(source.lights, light.directions, light.irradiances)
+        for by in (settings.remainder, settings.spike_interpolation)
+    )
     blocks = row_blocks(source, memory)
-    model = None if geometry is None else direct_model(source, geometry, settings, threads)
+    model = direct_model(source, geometry, settings, threads)
     picture = np.empty((*source.shape, 3), np.float32)
     for rows in blocks:
-        picture[rows] = _relit_rows(source, model, rows, light, irradiances, spike_irradiances)
+        wide, samples = model.samples(rows)
+        left, scales = left_over(model, samples, wide, rows, irradiances, spike_irradiances)
+        direct = np.einsum("bkc,kbc->kc", direct_picture(model, samples, wide, rows, light), scales)
+        picture[rows] = (left + direct).reshape(-1, source.shape[1], 3)
         if progress:
             progress(rows.stop / source.shape[0])
     return picture
 
 
-def row_blocks(source: ReflectanceField, memory: int) -> list[slice]:
+def row_blocks(source: ReflectanceField, memory: int) -> tuple[slice, ...]:
     """The rows of a field that are relit at once with so many bytes; raises ValueError where one row takes more."""
     height, width = source.shape
     row = len(source.lights) * width * _LIGHT_BYTES
@@ -82,27 +75,7 @@ def row_blocks(source: ReflectanceField, memory: int) -> list[slice]:
             f"memory is {memory / 1e6:.1f} MB; rows of {width} pixels under {len(source.lights)} lights need at least "
             f"{np.ceil(3 * row / 1e5) / 10:.1f} MB"
         )
-    return [slice(begin, min(begin + step, height)) for begin in range(0, height, step)]
-
-
-def _relit_rows(
-    source: ReflectanceField,
-    model: DirectModel | None,
-    rows: slice,
-    light: DirectedLight,
-    irradiances: np.ndarray,
-    spike_irradiances: np.ndarray,
-) -> np.ndarray:
-    """Some rows of `relight_with_mesh`; both irradiances (N, 3) are for what direct light leaves over."""
-    if model is None:
-        left = source.block(slice(0, len(source.lights)), rows).reshape(len(source.lights), -1, 3)
-        spiky, direct = spiky_and_mirror_pixels(left, source.lights)[0], 0.0
-    else:
-        wide, samples = model.samples(rows)
-        scales, left = model.fitted(samples, wide, rows)
-        spiky = unmodelled_spikes(scales, left, source.lights)
-        direct = np.einsum("bkc,kbc->kc", direct_picture(model, samples, wide, rows, light), scales)
-    return (sum_remainder(left, spiky, irradiances, spike_irradiances) + direct).reshape(-1, source.shape[1], 3)
+    return cut(height, step)
 
 
 def estimate_seconds(

@@ -1,17 +1,18 @@
 """The direct light of a subject's mesh, fitted to each pixel of a reflectance field, for relighting and new views.
 
 M is irradiance and reflected gloss of each pixel (`surface.py`), times scales that are fitted to the pixel's values
-under all lights; what M leaves over of them is interpolated between the lights. Metres, the stage's frame.
+under all lights, R_i ≈ ρ_d B_1i + ρ_s B_2i + a + b·l_i: B are the direct light of light i, the rest is light that came
+over other surfaces, whose change with direction is slow. What M leaves over of the values is interpolated between the
+lights. Metres, the stage's frame.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from relume.lightstage.direct_light.fit import fit_direct_light, unexplained
 from relume.lightstage.direct_light.light_directions import DirectedLight
 from relume.lightstage.direct_light.surface import Geometry, Sample, direct_light, over_neighbours, samples_of
 from relume.lightstage.field.field import ReflectanceField
@@ -24,6 +25,9 @@ from relume.scene.shapes.shapes import Mesh
 ALPHAS = (0.05, 0.08, 0.12, 0.18, 0.26, 0.38)
 """The widths of gloss that are tried where none is given."""
 _TRIED_ROWS = 8
+_EXPLAINED = 0.5
+_SPIKE_EXPLAINED = 0.8
+"""Of a function that is a spike: a little off the model it would be turned into light below 0."""
 _TOGETHER = 16
 """Directions that a thread takes at once."""
 
@@ -32,11 +36,10 @@ _TOGETHER = 16
 class DirectLightSettings:
     """How direct light is fitted to a field, and what it leaves over interpolated.
 
-    interpolation : of all, without a mesh
     remainder : interpolation of what direct light leaves over. It changes from pixel to pixel where the model is off,
         so that lights next to a direction count too and none is believed to the end: with the default's noise, light
         from a stage's light does not give back quite what was measured under it; without noise it does
-    spike_interpolation : of pixels that are spikes and are not explained by direct light, with a mesh or without
+    spike_interpolation : of pixels that are spikes and are not explained by direct light
     light_radius : radians, half the angle across the stage's lights, seen from the subject
     alpha : width of the microfacets' slopes, found from the pictures for None
     side : side² rays look through each pixel; 3 ones keep edges smooth
@@ -44,7 +47,6 @@ class DirectLightSettings:
         wide as a Blackman–Harris filter of ±1.5 pixels, which fits renderers and lenses alike
     """
 
-    interpolation: Interpolation = Smooth()
     remainder: Interpolation = Smooth(cells=1.15, noise=0.1)
     spike_interpolation: Interpolation = Barycentric()
     light_radius: float = float(np.radians(1))
@@ -67,7 +69,7 @@ class DirectModel:
 
     source : what was measured
     geometry, camera : of its subject, and where its pictures were taken from
-    settings : with an `alpha`
+    alpha : width of the microfacets' slopes, as set or as found
     threads : every core for None
     """
 
@@ -75,6 +77,7 @@ class DirectModel:
     geometry: Geometry
     camera: Camera
     settings: DirectLightSettings
+    alpha: float
     threads: int | None = None
 
     def samples(self, rows: slice) -> tuple[slice, tuple[Sample, ...]]:
@@ -96,12 +99,11 @@ class DirectModel:
         from relume._kernel import in_threads
 
         pixels = (wide.stop - wide.start) * self.camera.width
-        alpha = required(self.settings.alpha)
 
         def under(begin: int, end: int) -> list[np.ndarray]:
             return [
                 self.gathered(
-                    direct_light(self.geometry, samples, pixels, directions[i], radii[i], alpha, 1), wide, rows
+                    direct_light(self.geometry, samples, pixels, directions[i], radii[i], self.alpha, 1), wide, rows
                 )
                 for i in range(begin, end)
             ]
@@ -139,9 +141,8 @@ def direct_model(
     shown = np.unique(seen.pixels // source.camera.width)
     if len(shown) == 0:
         raise ValueError("the camera sees nothing of the mesh; check that both are in the stage's frame, in metres")
-    if settings.alpha is None:
-        settings = replace(settings, alpha=_found_alpha(source, ready, source.camera, shown, settings.light_radius))
-    return DirectModel(source, ready, source.camera, settings, threads)
+    alpha = settings.alpha or _found_alpha(source, ready, source.camera, shown, settings.light_radius)
+    return DirectModel(source, ready, source.camera, settings, alpha, threads)
 
 
 def _found_alpha(
@@ -164,32 +165,24 @@ def _found_alpha(
 
 
 def left_over(
-    model: DirectModel, rows: slice, irradiances: np.ndarray, spike_irradiances: np.ndarray
+    model: DirectModel,
+    samples: Sequence[Sample],
+    wide: slice,
+    rows: slice,
+    irradiances: np.ndarray,
+    spike_irradiances: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """What direct light leaves over in these rows under a light, (K, 3), and the scales of its two parts, (K, 2, 3).
 
     irradiances, spike_irradiances : (N, 3), by the remainder's interpolation and by that of pixels that are spikes
     """
-    wide, samples = model.samples(rows)
     scales, left = model.fitted(samples, wide, rows)
-    return sum_remainder(
-        left, unmodelled_spikes(scales, left, model.source.lights), irradiances, spike_irradiances
-    ), scales
-
-
-def sum_remainder(
-    left: np.ndarray, spiky: np.ndarray, irradiances: np.ndarray, spike_irradiances: np.ndarray
-) -> np.ndarray:
+    # Pixels are spikes that direct light does not explain where all is left over.
+    spiky = np.asarray(~scales.any(axis=(1, 2)))
+    spiky[spiky] = spiky_and_mirror_pixels(left[:, spiky], model.source.lights)[0]
     over = np.einsum("nkc,nc->kc", left, irradiances)
     over[spiky] = np.einsum("nkc,nc->kc", left[:, spiky], spike_irradiances)
-    return over
-
-
-def unmodelled_spikes(scales: np.ndarray, left: np.ndarray, lights: StageLights) -> np.ndarray:
-    """Which of K pixels (K,) are spikes that direct light (K, 2, 3) does not explain: all is left over (N, K, 3)."""
-    found = np.asarray(~scales.any(axis=(1, 2)))
-    found[found] = spiky_and_mirror_pixels(left[:, found], lights)[0]
-    return found
+    return over, scales
 
 
 def direct_picture(
@@ -199,13 +192,14 @@ def direct_picture(
     from relume._kernel import in_threads
 
     pixels = (wide.stop - wide.start) * model.camera.width
-    alpha, rays = required(model.settings.alpha), light.looked_at()
+    rays, count = light.looked_at(), len(samples)
 
     def some(begin: int, end: int) -> np.ndarray:
         total = np.zeros((3, 2, pixels), np.float32)
         for i in range(begin, end):
-            chosen = [samples[j] for j in _turns(len(samples), *rays[i].tolist())]
-            one = direct_light(model.geometry, chosen, pixels, light.directions[i], light.radii[i], alpha, 1)
+            wanted, first = rays[i].tolist()
+            chosen = [samples[(first + j) % count] for j in range(wanted)] if wanted < count else samples
+            one = direct_light(model.geometry, chosen, pixels, light.directions[i], light.radii[i], model.alpha, 1)
             for channel in range(3):
                 total[channel] += one * np.float32(light.irradiances[i, channel])
         return total
@@ -215,13 +209,50 @@ def direct_picture(
     return np.moveaxis(model.gathered(total, wide, rows), 0, 2)
 
 
-def _turns(count: int, wanted: int, first: int) -> list[int]:
-    """`wanted` of `count` rays, from the first on."""
-    return [(first + j) % count for j in range(wanted)] if wanted < count else list(range(count))
+def fit_direct_light(values: np.ndarray, basis: np.ndarray, lights: StageLights) -> np.ndarray:
+    """The scales (K, 2, 3) float32 of the direct light, by least squares over the sphere, none below 0.
+
+    0 where direct light explains less than half of what indirect light leaves over, or four fifths where the function
+    is a spike, and where one light alone makes most of it, as on a mirror.
+
+    values : (N, K, 3) of a reflectance field
+    basis : (N, 2, K) of `direct_light`
+    """
+    indirect = np.concatenate([np.ones((len(lights), 1)), lights.directions], axis=1)
+    root = np.sqrt(lights.solid_angles)[:, None]
+    orthogonal = np.linalg.qr(indirect * root)[0].astype(np.float32)
+
+    def remaining(array: np.ndarray) -> np.ndarray:
+        """(K, N, …) weighted, without what the indirect terms can explain."""
+        flat = (array * root.astype(np.float32).reshape(-1, 1, 1)).reshape(len(lights), -1)
+        return (flat - orthogonal @ (orthogonal.T @ flat)).reshape(array.shape)
+
+    causes, effects = remaining(basis).transpose(2, 0, 1), remaining(values).transpose(1, 0, 2)
+    normal = np.einsum("knb,knc->kbc", causes, causes).astype(np.float64)
+    right = np.einsum("knb,knc->kbc", causes, effects).astype(np.float64)
+    scales = _not_negative(normal, right)
+    total = np.einsum("knc,knc->k", effects, effects)
+    explained = 2 * np.einsum("kbc,kbc->k", scales, right) - np.einsum("kbc,kbd,kdc->k", scales, normal, scales)
+    spiky, mirrors = spiky_and_mirror_pixels(values, lights)
+    modelled = (explained > np.where(spiky, _SPIKE_EXPLAINED, _EXPLAINED) * total) & ~mirrors
+    return np.where(modelled[:, None, None], scales, 0).astype(np.float32)
 
 
-def required(alpha: float | None) -> float:
-    """The width of gloss; raises ValueError where it was not found yet."""
-    if alpha is None:
-        raise ValueError("the settings have no alpha; let `direct_model` find it")
-    return alpha
+def _not_negative(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solutions (K, 2, 3) of the normal equations (K, 2, 2) x = (K, 2, 3) under x ≥ 0."""
+    tiny = 1e-6 * np.einsum("kbb->k", normal)[:, None, None] * np.eye(2) + 1e-12 * np.eye(2)
+    both = np.linalg.solve(normal + tiny, right)
+    alone = np.maximum(right / np.einsum("kbb->kb", normal + tiny)[..., None], 0)
+    gain = alone * np.maximum(right, 0)
+    first = gain[:, 0] >= gain[:, 1]
+    single = np.stack([np.where(first, alone[:, 0], 0), np.where(first, 0, alone[:, 1])], axis=1)
+    return np.where((both >= 0).all(axis=1, keepdims=True), both, single)
+
+
+def unexplained(values: np.ndarray, basis: np.ndarray, lights: StageLights) -> float:
+    """The median over pixels of Σ |R − direct light| / Σ |R|, weighted by the lights' cells; mirrors do not count."""
+    direct = np.einsum("nbk,kbc->nkc", basis, fit_direct_light(values, basis, lights))
+    error = np.einsum("nkc,n->k", np.abs(values - direct), lights.solid_angles)
+    total = np.einsum("nkc,n->k", np.abs(values), lights.solid_angles)
+    shown = total > 0
+    return float(np.median(error[shown] / total[shown])) if shown.any() else 1.0

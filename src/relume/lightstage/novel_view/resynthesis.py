@@ -10,13 +10,13 @@ surface to the viewer. Where the new view is the old one, the values are returne
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.surface.chromaticity import ramp, unit_chromaticity
-from relume.lightstage.surface.torrance_sparrow import GroovedSurface, half_vector, mirrored
+from relume.lightstage.surface.chromaticity import ramp, ramped
+from relume.lightstage.surface.torrance_sparrow import grooved_reflection, half_vector, mirrored
 from relume.sphere.directions import normalised
 
 COVERED = np.radians(45)
@@ -98,128 +98,108 @@ class LightTriangles:
         return self.light[vertex], found / found.sum(axis=1, keepdims=True), self.real[vertex]
 
 
-@dataclass(frozen=True)
-class Resynthesis:
-    """How reflectance functions are carried to another view.
+def resynthesised_specular(
+    specular: np.ndarray,
+    lights: StageLights,
+    normal: np.ndarray,
+    view: np.ndarray,
+    new_view: np.ndarray,
+    lit: np.ndarray | None = None,
+    triangles: LightTriangles | None = None,
+) -> np.ndarray:
+    """The specular reflectance function (N, …, 3) float32 from a new view, by eq. 9.
 
-    surface : its G and F
-    symmetric : whether facets that could not be measured, since the light that shows them to the first view is below
-        the horizon, in shadow, or no light of the stage, are taken to lean evenly to all sides: as many as were
-        measured at the same angle to the normal. Without, they are taken to be none, and highlights at the far side
-        of a subject are missing. Torrance and Sparrow's own distribution is symmetric.
+    specular : (N, …, 3), from the first view
+    normal, view, new_view : (…, 3)
+    lit : (N, …) bool, which lights reach the surface straight (`shadow_map.lit`); all above the horizon if None
+    triangles : of these lights, when they are at hand
+    What was read as specular of lights below the horizon or in shadow was mirrored by no facet of this surface;
+    it is kept as it was and no highlight appears there. The same for normals that face away from either view.
     """
+    shape = specular.shape
+    values = np.asarray(specular, np.float32).reshape(shape[0], -1, 3)
+    flat = [np.asarray(each, np.float64).reshape(-1, 3) for each in (normal, view, new_view)]
+    if len(lights) != shape[0] or any(len(each) != values.shape[1] for each in flat):
+        raise ValueError(
+            f"specular values {shape} of {len(lights)} lights with normals {np.shape(normal)} and views "
+            f"{np.shape(view)} and {np.shape(new_view)}; expected (N, …, 3) and (…, 3)"
+        )
+    above = lights.directions @ flat[0].T > 0
+    reached = above if lit is None else above & np.asarray(lit, bool).reshape(shape[0], -1)
+    moved = np.any(flat[1] != flat[2], axis=1)
+    moved &= (np.einsum("pk,pk->p", flat[0], flat[1]) > 0) & (np.einsum("pk,pk->p", flat[0], flat[2]) > 0)
+    chosen = np.flatnonzero(moved)
+    result = values.copy()
+    if len(chosen):
+        n, first, second = (each[chosen] for each in flat)
+        known = triangles or LightTriangles.of(lights)
+        result[:, chosen] = _carried(values[:, chosen], lights, n, first, second, reached[:, chosen], known)
+    return result.reshape(shape)
 
-    surface: GroovedSurface = field(default_factory=GroovedSurface)
-    symmetric: bool = True
 
-    def specular(
-        self,
-        specular: np.ndarray,
-        lights: StageLights,
-        normal: np.ndarray,
-        view: np.ndarray,
-        new_view: np.ndarray,
-        lit: np.ndarray | None = None,
-        triangles: LightTriangles | None = None,
-    ) -> np.ndarray:
-        """The specular reflectance function (N, …, 3) float32 from a new view, by eq. 9.
+def _carried(
+    values: np.ndarray,
+    lights: StageLights,
+    normal: np.ndarray,
+    view: np.ndarray,
+    new_view: np.ndarray,
+    reached: np.ndarray,
+    triangles: LightTriangles,
+) -> np.ndarray:
+    """Eq. 9 for values (N, P, 3) of pixels whose normals face both views."""
+    facets = Facets.measured(values, lights, normal, view, reached)
+    result = values.copy()
+    for index, light in enumerate(lights.directions):
+        pixels = np.flatnonzero(reached[index])
+        if not len(pixels):
+            continue
+        n, first, second = normal[pixels], view[pixels], new_view[pixels]
+        half = half_vector(second, light)
+        asked = mirrored(half, first)
+        near, weights, real = triangles.weights(asked)
+        # Lights in shadow, and gaps between the lights, showed nothing of these facets.
+        weights = weights * (real & reached[near, pixels[:, None]])
+        known = weights.sum(axis=1)
+        there, here = np.einsum("pk,pk->p", asked, n), n @ light
+        known = known * np.clip(there / np.minimum(here, HORIZON), 0, 1) * (np.einsum("pk,pk->p", half, first) > 0)
+        share = weights / np.maximum(weights.sum(axis=1), 1e-12)[:, None]
+        measured = np.einsum("pk,pkc->pc", share, values[near, pixels[:, None]])
+        new_factor = grooved_reflection(second, light, n)
+        ratio = new_factor / grooved_reflection(first, asked, n)
+        # Facets that could not be measured lean evenly to all sides.
+        density = facets.at(np.einsum("pk,pk->p", half, n), pixels)
+        unmeasured = ((1 - known) * new_factor)[:, None] * density
+        result[index, pixels] = known[:, None] * ratio[:, None] * measured + unmeasured
+    return result
 
-        specular : (N, …, 3), from the first view
-        normal, view, new_view : (…, 3)
-        lit : (N, …) bool, which lights reach the surface straight (`shadow_map.lit`); all above the horizon if None
-        triangles : of these lights, when they are at hand
-        What was read as specular of lights below the horizon or in shadow was mirrored by no facet of this surface;
-        it is kept as it was and no highlight appears there. The same for normals that face away from either view.
-        """
-        shape = specular.shape
-        values = np.asarray(specular, np.float32).reshape(shape[0], -1, 3)
-        flat = [np.asarray(each, np.float64).reshape(-1, 3) for each in (normal, view, new_view)]
-        if len(lights) != shape[0] or any(len(each) != values.shape[1] for each in flat):
-            raise ValueError(
-                f"specular values {shape} of {len(lights)} lights with normals {np.shape(normal)} and views "
-                f"{np.shape(view)} and {np.shape(new_view)}; expected (N, …, 3) and (…, 3)"
-            )
-        above = lights.directions @ flat[0].T > 0
-        reached = above if lit is None else above & np.asarray(lit, bool).reshape(shape[0], -1)
-        moved = np.any(flat[1] != flat[2], axis=1)
-        moved &= (np.einsum("pk,pk->p", flat[0], flat[1]) > 0) & (np.einsum("pk,pk->p", flat[0], flat[2]) > 0)
-        chosen = np.flatnonzero(moved)
-        result = values.copy()
-        if len(chosen):
-            n, first, second = (each[chosen] for each in flat)
-            known = triangles or LightTriangles.of(lights)
-            result[:, chosen] = self._carried(values[:, chosen], lights, n, first, second, reached[:, chosen], known)
-        return result.reshape(shape)
 
-    def _carried(
-        self,
-        values: np.ndarray,
-        lights: StageLights,
-        normal: np.ndarray,
-        view: np.ndarray,
-        new_view: np.ndarray,
-        reached: np.ndarray,
-        triangles: LightTriangles,
-    ) -> np.ndarray:
-        """Eq. 9 for values (N, P, 3) of pixels whose normals face both views."""
-        facets = Facets.measured(values, lights, normal, view, reached, self.surface) if self.symmetric else None
-        result = values.copy()
-        for index, light in enumerate(lights.directions):
-            pixels = np.flatnonzero(reached[index])
-            if not len(pixels):
-                continue
-            n, first, second = normal[pixels], view[pixels], new_view[pixels]
-            half = half_vector(second, light)
-            asked = mirrored(half, first)
-            near, weights, real = triangles.weights(asked)
-            # Lights in shadow, and gaps between the lights, showed nothing of these facets.
-            weights = weights * (real & reached[near, pixels[:, None]])
-            known = weights.sum(axis=1)
-            there, here = np.einsum("pk,pk->p", asked, n), n @ light
-            known = known * np.clip(there / np.minimum(here, HORIZON), 0, 1) * (np.einsum("pk,pk->p", half, first) > 0)
-            share = weights / np.maximum(weights.sum(axis=1), 1e-12)[:, None]
-            measured = np.einsum("pk,pkc->pc", share, values[near, pixels[:, None]])
-            new_factor = self.surface.reflected(second, light, n)
-            ratio = new_factor / self.surface.reflected(first, asked, n)
-            found = known[:, None] * ratio[:, None] * measured
-            if facets is not None:
-                density = facets.at(np.einsum("pk,pk->p", half, n), pixels)
-                found += ((1 - known) * new_factor)[:, None] * density
-            result[index, pixels] = found
-        return result
+def resynthesised_diffuse(
+    diffuse: np.ndarray,
+    lights: StageLights,
+    normal: np.ndarray,
+    view: np.ndarray,
+    new_view: np.ndarray,
+    alpha: np.ndarray,
+) -> np.ndarray:
+    """The diffuse reflectance function (N, …, 3) float32 from a new view: its chromaticity shifted.
 
-    def diffuse(
-        self,
-        diffuse: np.ndarray,
-        lights: StageLights,
-        normal: np.ndarray,
-        view: np.ndarray,
-        new_view: np.ndarray,
-        alpha: np.ndarray,
-        light: tuple[float, float, float] = (1.0, 1.0, 1.0),
-    ) -> np.ndarray:
-        """The diffuse reflectance function (N, …, 3) float32 from a new view: its chromaticity shifted.
-
-        diffuse : (N, …, 3), from the first view
-        normal, view, new_view : (…, 3)
-        alpha : (…, 2), α0 and α1 of the ramp (eq. 7)
-        light : the lights' colour
-        The first view's shift is undone and the new one's applied, each to the sample's own chromaticity; its length
-        as an RGB vector stays.
-        """
-        shape = diffuse.shape
-        values = np.asarray(diffuse, np.float32).reshape(shape[0], -1, 3)
-        n, first, second = (np.asarray(each, np.float64).reshape(-1, 3) for each in (normal, view, new_view))
-        parameters, white = np.asarray(alpha, np.float64).reshape(-1, 2), normalised(light)
-        incident = np.maximum(lights.directions @ n.T, 0)
-        shifts = [
-            ramp(parameters, incident * np.maximum(np.einsum("pk,pk->p", n, each), 0)) for each in (first, second)
-        ]
-        length = np.linalg.norm(values, axis=-1)
-        body = without_shift(values / np.maximum(length, 1e-30)[..., None], shifts[0], white)
-        shifted = unit_chromaticity(body + shifts[1][..., None] * (body - white))
-        same = (shifts[0] == shifts[1]) | (length == 0)
-        return np.where(same[..., None], values, length[..., None] * shifted).astype(np.float32).reshape(shape)
+    diffuse : (N, …, 3), from the first view
+    normal, view, new_view : (…, 3)
+    alpha : (…, 2), α0 and α1 of the ramp (eq. 7)
+    The first view's shift is undone and the new one's applied, each to the sample's own chromaticity under white light;
+    its length as an RGB vector stays.
+    """
+    shape = diffuse.shape
+    values = np.asarray(diffuse, np.float32).reshape(shape[0], -1, 3)
+    n, first, second = (np.asarray(each, np.float64).reshape(-1, 3) for each in (normal, view, new_view))
+    parameters, white = np.asarray(alpha, np.float64).reshape(-1, 2), normalised((1.0, 1.0, 1.0))
+    incident = np.maximum(lights.directions @ n.T, 0)
+    shifts = [ramp(parameters, incident * np.maximum(np.einsum("pk,pk->p", n, each), 0)) for each in (first, second)]
+    length = np.linalg.norm(values, axis=-1)
+    body = without_shift(values / np.maximum(length, 1e-30)[..., None], shifts[0], white)
+    shifted = ramped(body, white, shifts[1])
+    same = (shifts[0] == shifts[1]) | (length == 0)
+    return np.where(same[..., None], values, length[..., None] * shifted).astype(np.float32).reshape(shape)
 
 
 def without_shift(chromaticity: np.ndarray, shift: np.ndarray, light: np.ndarray) -> np.ndarray:
@@ -241,27 +221,26 @@ def without_shift(chromaticity: np.ndarray, shift: np.ndarray, light: np.ndarray
 class Facets:
     """How many facets lean by how much, whatever the side: a symmetric distribution for every pixel.
 
+    It stands for facets that could not be measured, since the light that shows them to the first view is below the
+    horizon, in shadow, or no light of the stage. Without it highlights at the far side of a subject are missing; the
+    distribution of Torrance and Sparrow is symmetric itself.
+
     density : (K, P, 3), at angles of 0, `STEP`, 2 `STEP` … between normal and facet; the specular value over
-        `GroovedSurface.reflected`
+        `grooved_reflection`
     """
 
     density: np.ndarray
 
     @staticmethod
     def measured(
-        values: np.ndarray,
-        lights: StageLights,
-        normal: np.ndarray,
-        view: np.ndarray,
-        reached: np.ndarray,
-        surface: GroovedSurface,
+        values: np.ndarray, lights: StageLights, normal: np.ndarray, view: np.ndarray, reached: np.ndarray
     ) -> Facets:
         """The mean over what was measured of values (N, P, 3), each as sure as the surface shows its facets."""
         count, pixels = int(REACH / STEP) + 1, np.arange(values.shape[1])
         total, weight = np.zeros((count, values.shape[1], 3)), np.zeros((count, values.shape[1]))
         for index, light in enumerate(lights.directions):
             half = half_vector(view, light)
-            factor = surface.reflected(view, light, normal)
+            factor = grooved_reflection(view, light, normal)
             # A value is density × factor: least squares weigh the quotient by the factor's square, less at the horizon.
             sure = reached[index] * factor * np.clip((normal @ light) / HORIZON, 0, 1)
             lower, part = _place(np.einsum("pk,pk->p", half, normal), count)

@@ -1,7 +1,7 @@
 """What a new camera sees of a subject, gathered from the cameras that took it: rays, source pixels, blending.
 
 Each ray of the new view meets the mesh; what each source camera shows of that place is looked up in its picture, and
-the sources are blended (Debevec et al. 2000, §4.5). World frame, metres.
+the sources are blended (Debevec et al. 2000, §4.5; Debevec, Yu, Borshukov 1998). World frame, metres.
 """
 
 from __future__ import annotations
@@ -9,28 +9,17 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from relume.image.radiance import OUTSIDE, RadianceMap
 from relume.lightstage.field.field import ReflectanceField
-from relume.lightstage.novel_view.blending import Blending, blended, border_distance
 from relume.lightstage.novel_view.projection import Outline, Subject, check_mesh_matches, outline, sampled
+from relume.lightstage.surface.separation import Separated
 from relume.scene.cameras.camera import Camera
 
 SIDE = 2
 """Rays along each side of a pixel of the new view: outlines in steps of a quarter."""
-
-
-class Separated(Protocol):
-    """A reflectance field separated: a `separation.Separation` or a `polarised.PolarisedPair`."""
-
-    @property
-    def diffuse(self) -> ReflectanceField: ...
-
-    @property
-    def specular(self) -> ReflectanceField: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +116,48 @@ class NewRays:
         return (row // SIDE) * self.camera.width + column // SIDE
 
 
+@dataclass(frozen=True)
+class Blending:
+    """How much each source camera counts in a new view (view-dependent texture mapping).
+
+    It counts the more the nearer its direction is to the new view's, the more the surface faces it, and the farther the
+    place is from where its sight of the surface ends: all three go to nothing smoothly, so that no seam shows where one
+    camera takes over from another.
+
+    angle : radians between two directions of view at which a camera counts e^−½ of one that looks from the new view
+        itself. 20°: what eq. 9 carries that far is still near what was measured
+    facing : power of the cosine between normal and view; 2, since a pixel covers the more of the surface, one way, the
+        less it faces it, and its highlights are the less to be trusted
+    feather : pixels of the source over which its weight rises from the border of what it sees. 8: a seam narrower than
+        that is seen as a line
+    """
+
+    angle: float = np.radians(20)
+    facing: float = 2.0
+    feather: float = 8.0
+
+    def __post_init__(self) -> None:
+        if not (0 < self.angle < np.inf and 0 <= self.facing < np.inf and 0 <= self.feather < np.inf):
+            raise ValueError(f"{self}: expected an angle in radians above 0, and two numbers that are not below 0")
+
+    def weights(
+        self, normals: np.ndarray, view: np.ndarray, new_view: np.ndarray, certainty: np.ndarray, border: np.ndarray
+    ) -> np.ndarray:
+        """The weight (N,) of one source at N places, above 0 where it sees them and 0 elsewhere.
+
+        normals, view, new_view : (N, 3) unit, world; views from the surface to the source and to the new camera
+        certainty : (N,) of what was sampled, 0…1 (`projection.sampled`)
+        border : (N,) pixels of the source to the border of what it sees
+        """
+        cosine = np.clip(np.einsum("pk,pk->p", view, new_view), -1, 1)
+        near = np.exp(-0.5 * (np.arccos(cosine) / self.angle) ** 2)
+        faced = np.maximum(np.einsum("pk,pk->p", normals, view), 0.01) ** self.facing
+        inside = np.clip(border / self.feather, 0, 1) if self.feather > 0 else np.ones_like(border)
+        smooth = inside * inside * (3 - 2 * inside)
+        # Never nothing where something is seen: alone, it fills the place.
+        return np.where(certainty > 0, certainty * faced * np.maximum(near, 1e-12) * np.maximum(smooth, 1e-4), 0)
+
+
 Layers = Callable[[int, Outline], tuple[np.ndarray, Outline]]
 """Of a source's number and outline: values of its pixels, (H, W, C), and which of them may be used."""
 Shading = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
@@ -140,13 +171,17 @@ def blend_sources(
 
     Raises ValueError for a mesh that does not match a source's picture.
     """
+    from scipy.ndimage import distance_transform_edt
+
     values, weights = np.zeros((len(sources), len(rays.place), 3)), np.zeros((len(sources), len(rays.place)))
     for index, source in enumerate(sources):
         edges = outline(subject, source.camera, source.matte)
         check_mesh_matches(_brightness(source.field), edges.sight, source.name)
         values_of_source, edges = layers(index, edges)
         visible = np.flatnonzero(subject.visible(rays.points, rays.facets, source.camera))
-        values_of_source = np.concatenate([values_of_source, border_distance(edges)[..., None]], axis=-1)
+        # Pixels to where the source's sight of the surface ends; 0 where it has none.
+        border = np.asarray(distance_transform_edt(np.pad(edges.usable, 1)))[1:-1, 1:-1]
+        values_of_source = np.concatenate([values_of_source, border[..., None]], axis=-1)
         found, certainty = sampled(values_of_source, edges, rays.points[visible], rays.shape[visible])
         back = source.camera.position - rays.points[visible]
         back /= np.linalg.norm(back, axis=-1, keepdims=True)
@@ -154,8 +189,9 @@ def blend_sources(
         weights[index, visible] = blending.weights(
             rays.normals[visible], back, rays.towards[visible], certainty, found[:, -1]
         )
-    mean, seen = blended(values, weights)
-    return _assembled(mean, seen, rays.place, rays.camera)
+    total = weights.sum(axis=0)
+    mean = np.einsum("kn,knc->nc", weights, values) / np.maximum(total, 1e-300)[:, None]
+    return _assembled(mean, total > 0, rays.place, rays.camera)
 
 
 def _brightness(field: ReflectanceField) -> np.ndarray:

@@ -15,7 +15,7 @@ import numpy as np
 from relume.image.radiance import RadianceMap
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.relighting.relighting import MEMORY, Progress, checked
+from relume.lightstage.relighting.relighting import MEMORY, Progress, checked, cut
 
 TILE = 8
 """Pixels along the side of a tile: neighbours keep the same coefficients."""
@@ -208,11 +208,10 @@ def compress_cosine(
     )
 
 
-def row_bands(field: ReflectanceField, memory: int) -> list[slice]:
+def row_bands(field: ReflectanceField, memory: int) -> tuple[slice, ...]:
     """Bands of whole tiles of all lights that fit into memory with what is made of them, a row of tiles at least."""
     row = len(field.lights) * field.shape[1] * 3 * 4 * 6
-    height = max(1, memory // (row * TILE)) * TILE
-    return [slice(begin, min(begin + height, field.shape[0])) for begin in range(0, field.shape[0], height)]
+    return cut(field.shape[0], max(1, memory // (row * TILE)) * TILE)
 
 
 def _entries(rounded: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -167,7 +167,7 @@ def planned(field: ReflectanceField, memory: int, *, len_totals: int, pictures: 
     rows = min(height, free // row_bytes // chunk_rows * chunk_rows)
     lights = (free - rows * row_values * 8 * len_totals) // (rows * row_values * value_bytes)
     lights = min(count, max(lights // chunk_lights, 1) * chunk_lights)
-    return Plan(_cut(height, rows), _cut(count, lights))
+    return Plan(cut(height, rows), cut(count, lights))
 
 
 def encoded(field: ReflectanceField, lights: slice, rows: slice) -> tuple[np.ndarray, np.ndarray | None]:
@@ -211,5 +211,6 @@ def _labelled(field: ReflectanceField, labels: np.ndarray, irradiances: np.ndarr
     return numbers.astype(np.int64), np.ascontiguousarray(np.moveaxis(given, 0, 1))
 
 
-def _cut(count: int, size: int) -> tuple[slice, ...]:
+def cut(count: int, size: int) -> tuple[slice, ...]:
+    """The numbers below `count` in runs of `size`, the last one shorter."""
     return tuple(slice(begin, min(begin + size, count)) for begin in range(0, count, size))

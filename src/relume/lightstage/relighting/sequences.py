@@ -8,7 +8,7 @@ import numpy as np
 
 from relume.image.radiance import RadianceMap
 from relume.lightstage.field.field import ReflectanceField
-from relume.lightstage.relighting.relighting import MEMORY, Progress, checked, summed
+from relume.lightstage.relighting.relighting import MEMORY, Progress, checked, cut, summed
 
 
 def weighted_sums(
@@ -52,11 +52,10 @@ def _batches(
     progress: Progress | None,
 ) -> Iterator[RadianceMap]:
     count = len(irradiances)
-    for begin in range(0, count, together):
-        batch = irradiances[begin : begin + together]
+    for part in cut(count, together):
 
-        def report(part: float, begin: int = begin, size: int = len(batch)) -> None:
+        def report(done: float, part: slice = part) -> None:
             if progress:
-                progress((begin + part * size) / count)
+                progress((part.start + done * (part.stop - part.start)) / count)
 
-        yield from summed(field, batch, threads=threads, memory=memory, progress=report)
+        yield from summed(field, irradiances[part], threads=threads, memory=memory, progress=report)

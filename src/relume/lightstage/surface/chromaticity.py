@@ -6,11 +6,15 @@ saturations (Debevec et al. 2000, eq. 6, 7). Pixels are (P,), lights (N, P).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-WHITE = (1.0, 1.0, 1.0)
+LOWEST, HIGHEST = -0.6, 1.0
+"""Bounds of α0 and α1: at −1 the body would have the light's own colour and nothing could be separated, at 1 its
+distance from that is doubled."""
+COARSE, HALVINGS = 9, 5
+"""Candidates along each parameter at first, and times that the search closes in about the best by half."""
+BINS = 12
+"""In which the products cos θi cos θr are gathered, since the ramp knows nothing else of a light."""
 
 
 def unit_chromaticity(colour: np.ndarray) -> np.ndarray:
@@ -72,75 +76,48 @@ def amounts(values: np.ndarray, body: np.ndarray, light: np.ndarray) -> tuple[np
     return of_body, of_light, np.einsum("...c,...c->...", values, error) / square
 
 
-@dataclass(frozen=True)
-class RampSearch:
-    """How the ramp's two parameters are searched, coarse to fine.
+def fitted_ramp(
+    values: np.ndarray, weights: np.ndarray, cosines: np.ndarray, body: np.ndarray, light: np.ndarray
+) -> np.ndarray:
+    """α0 and α1 (P, 2) whose chromaticities lie nearest those of the values, by least squares, coarse to fine.
 
-    lowest, highest : bounds of α0 and α1; at −1 the body would have the light's own colour and nothing could be
-        separated, at 1 its distance from that is doubled
-    coarse : candidates along each parameter at first
-    halvings : times that the search closes in about the best by half
-    bins : in which the products cos θi cos θr are gathered, since the ramp knows nothing else of a light
+    values : (N, P, 3); weights, cosines (cos θi · cos θr, from 0 to 1) : (N, P); body : (P, 3); light : (3,)
+    Values count as they are bright. 0, 0 where no weight is.
+    Source: Debevec et al. 2000, §4.2.
     """
+    sums, centres = _gathered(values, weights, cosines)
+    # Σ w |r/|r| − d|² is least where Σ w r/|r| · d is greatest, for unit d.
+    step = (HIGHEST - LOWEST) / (COARSE - 1)
+    best = _best(np.zeros((len(body), 2)), np.linspace(LOWEST, HIGHEST, COARSE), sums, centres, body, light)
+    for _ in range(HALVINGS):
+        step /= 2
+        best = _best(best, np.array([-step, 0, step]), sums, centres, body, light)
+    known = np.asarray(weights.any(axis=0))[:, None]
+    return np.where(known, best, 0).astype(np.float32)
 
-    lowest: float = -0.6
-    highest: float = 1.0
-    coarse: int = 9
-    halvings: int = 5
-    bins: int = 12
 
-    def __post_init__(self) -> None:
-        if not -1 < self.lowest < self.highest or self.coarse < 3 or self.halvings < 0 or self.bins < 2:
-            raise ValueError(f"{self}: expected −1 < lowest < highest, 3 or more candidates and 2 or more bins")
+def _gathered(values: np.ndarray, weights: np.ndarray, cosines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Sums of weighted values (BINS, P, 3) and mean cosines (BINS, P)."""
+    place = np.clip((cosines * BINS).astype(int), 0, BINS - 1)
+    sums, centres = [], []
+    for index in range(BINS):
+        within = np.where(place == index, weights, 0)
+        sums.append(np.einsum("np,npc->pc", within, values))
+        total = within.sum(axis=0)
+        mean = np.einsum("np,np->p", within, cosines) / np.maximum(total, 1e-30)
+        centres.append(np.where(total > 0, mean, (index + 0.5) / BINS))
+    return np.stack(sums), np.stack(centres)
 
-    def __call__(
-        self, values: np.ndarray, weights: np.ndarray, cosines: np.ndarray, body: np.ndarray, light: np.ndarray
-    ) -> np.ndarray:
-        """α0 and α1 (P, 2) whose chromaticities lie nearest those of the values, by least squares.
 
-        values : (N, P, 3); weights, cosines (cos θi · cos θr, from 0 to 1) : (N, P); body : (P, 3); light : (3,)
-        Values count as they are bright. 0, 0 where no weight is.
-        Source: Debevec et al. 2000, §4.2.
-        """
-        sums, centres = self._gathered(values, weights, cosines)
-        # Σ w |r/|r| − d|² is least where Σ w r/|r| · d is greatest, for unit d.
-        step = (self.highest - self.lowest) / (self.coarse - 1)
-        grid = np.linspace(self.lowest, self.highest, self.coarse)
-        best = self._best(np.zeros((len(body), 2)), grid, sums, centres, body, light)
-        for _ in range(self.halvings):
-            step /= 2
-            best = self._best(best, np.array([-step, 0, step]), sums, centres, body, light)
-        known = np.asarray(weights.any(axis=0))[:, None]
-        return np.where(known, best, 0).astype(np.float32)
-
-    def _gathered(self, values: np.ndarray, weights: np.ndarray, cosines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Sums of weighted values (bins, P, 3) and mean cosines (bins, P)."""
-        place = np.clip((cosines * self.bins).astype(int), 0, self.bins - 1)
-        sums, centres = [], []
-        for index in range(self.bins):
-            within = np.where(place == index, weights, 0)
-            sums.append(np.einsum("np,npc->pc", within, values))
-            total = within.sum(axis=0)
-            mean = np.einsum("np,np->p", within, cosines) / np.maximum(total, 1e-30)
-            centres.append(np.where(total > 0, mean, (index + 0.5) / self.bins))
-        return np.stack(sums), np.stack(centres)
-
-    def _best(
-        self,
-        about: np.ndarray,
-        offsets: np.ndarray,
-        sums: np.ndarray,
-        centres: np.ndarray,
-        body: np.ndarray,
-        light: np.ndarray,
-    ) -> np.ndarray:
-        """The best of the candidates at these offsets (K,) about each pixel's parameters (P, 2)."""
-        best, likeness = about, np.full(len(about), -np.inf)
-        for first in offsets:
-            for second in offsets:
-                alpha = np.clip(about + np.array([first, second]), self.lowest, self.highest)
-                chromaticity = ramped(body, light, ramp(alpha, centres))
-                found = np.einsum("bpc,bpc->p", sums, chromaticity)
-                better = found > likeness
-                best, likeness = np.where(better[:, None], alpha, best), np.where(better, found, likeness)
-        return best
+def _best(
+    about: np.ndarray, offsets: np.ndarray, sums: np.ndarray, centres: np.ndarray, body: np.ndarray, light: np.ndarray
+) -> np.ndarray:
+    """The best of the candidates at these offsets (K,) about each pixel's parameters (P, 2)."""
+    best, likeness = about, np.full(len(about), -np.inf)
+    for first in offsets:
+        for second in offsets:
+            alpha = np.clip(about + np.array([first, second]), LOWEST, HIGHEST)
+            found = np.einsum("bpc,bpc->p", sums, ramped(body, light, ramp(alpha, centres)))
+            better = found > likeness
+            best, likeness = np.where(better[:, None], alpha, best), np.where(better, found, likeness)
+    return best

@@ -13,24 +13,13 @@ import numpy as np
 from relume.lightstage.field.lights import StageLights
 from relume.scene.cameras.camera import Camera
 
-
-@dataclass(frozen=True)
-class LobeFit:
-    """How robustly a lobe is fitted.
-
-    width : departures from the lobe, as fractions of its length, beyond which a value soon stops counting; shadows,
-        light from neighbours and from below the skin are such departures
-    horizon : lights of which the lobe itself sees less than this fraction are left out: there scattered light is all
-    rounds : of reweighting
-    """
-
-    width: float = 0.1
-    horizon: float = 0.1
-    rounds: int = 15
-
-    def __post_init__(self) -> None:
-        if not self.width > 0 or not 0 <= self.horizon < 1 or self.rounds < 1:
-            raise ValueError(f"{self}: expected a width above 0, a horizon from 0 to 1, and one or more rounds")
+WIDTH = 0.1
+"""Departures from the lobe, as fractions of its length, beyond which a value soon stops counting; shadows, light from
+neighbours and from below the skin are such departures."""
+HORIZON = 0.1
+"""Lights of which the lobe itself sees less than this fraction are left out: there scattered light is all."""
+ROUNDS = 15
+"""Of reweighting."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +41,7 @@ class Lobes:
         return np.divide(self.vectors, length, out=np.zeros_like(self.vectors), where=length > 0)
 
 
-def lambertian_lobes(
-    values: np.ndarray, lights: StageLights, usable: np.ndarray | None = None, fit: LobeFit = LobeFit()
-) -> Lobes:
+def lambertian_lobes(values: np.ndarray, lights: StageLights, usable: np.ndarray | None = None) -> Lobes:
     """The Lambertian lobe of each pixel.
 
     values : (N, P), one channel or the brightness of a diffuse reflectance function
@@ -69,11 +56,11 @@ def lambertian_lobes(
     weights = share * (np.ones_like(values) if usable is None else usable.astype(np.float32))
     bright = weights * (values > 0)
     vectors = _least_squares(values, bright, directions)
-    for _ in range(fit.rounds):
+    for _ in range(ROUNDS):
         predicted = directions @ vectors.T
         length = np.maximum(np.linalg.norm(vectors, axis=1), np.float32(1e-12))
-        seen = weights * (predicted > fit.horizon * length)
-        departure = np.minimum(np.abs(values - predicted) / (fit.width * length), np.float32(1e4))
+        seen = weights * (predicted > HORIZON * length)
+        departure = np.minimum(np.abs(values - predicted) / (WIDTH * length), np.float32(1e4))
         trust = 1 / (1 + departure**2) ** 2
         vectors = _least_squares(values, seen * trust, directions)
     expected = np.maximum(predicted, 0) * share

@@ -31,28 +31,20 @@ def bright_level(bright: np.ndarray) -> np.ndarray:
     return np.asarray(np.partition(bright, rank, axis=0)[rank])
 
 
-def shows_surface(level: np.ndarray, darkest: float = DARKEST) -> np.ndarray:
+def shows_surface(level: np.ndarray) -> np.ndarray:
     """Whether each pixel shows a surface and not noise, bool (…), for the bright levels (…) of all pixels of a field.
 
-    darkest : share of the field's own level below which a pixel is noise: of its own, so that it does not matter in
-        what unit the lights' irradiance was given
-    Raises ValueError for a share that is not between 0 and 1.
+    The field's own level decides, so that it does not matter in what unit the lights' irradiance was given.
     """
-    if not 0 <= darkest < 1:
-        raise ValueError(f"the darkest surface is {darkest} of the field's level; expected a share from 0 to below 1")
     above = level[level > 0]
-    return np.asarray(level > darkest * (np.quantile(above, FIELD) if above.size else 0))
+    return np.asarray(level > DARKEST * (np.quantile(above, FIELD) if above.size else 0))
 
 
-def lit(values: np.ndarray, shadow: float = SHADOW) -> np.ndarray:
+def lit(values: np.ndarray) -> np.ndarray:
     """Whether each light reaches each pixel straight, bool (N, …), for values (N, …, 3) of a reflectance field.
 
-    shadow : fraction of the pixel's bright level below which a light is in shadow
-    A pixel that no light brightens is lit by none. Raises ValueError for a fraction that is not between 0 and 1.
+    A pixel that no light brightens is lit by none.
     Source: Debevec et al. 2000, §4.4.
     """
-    if not 0 <= shadow < 1:
-        raise ValueError(f"a shadow threshold of {shadow}; expected a fraction from 0 to below 1")
     bright = brightness(values)
-    level = bright_level(bright)
-    return (bright > shadow * level) & (bright > 0)
+    return (bright > SHADOW * bright_level(bright)) & (bright > 0)

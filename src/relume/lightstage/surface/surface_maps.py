@@ -1,47 +1,31 @@
 """Maps of a subject's surface from its separated reflectance field (Debevec et al. 2000, §4.2, Fig. 14).
 
 Normals, diffuse albedo, specular energy and roughness, as pictures in the field's own pixels. World frame.
+
+Roughness and reflectance are those of a lobe of microfacets that is fitted to each pixel's specular reflectance
+function: the GGX distribution of the half vector with Smith's masking (Walter et al. 2007, eq. 20, 33, 34) and a
+dielectric's rise of reflectance at grazing angles. Values are per unit of irradiance, so a lobe is
+F(v·h) D(h) G / (4 n·v).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass
 
 import numpy as np
 
-from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.surface.photometric_stereo import LobeFit, lambertian_lobes, towards_camera
-from relume.lightstage.surface.separation import row_blocks
-from relume.lightstage.surface.shadow_map import DARKEST, SHADOW, bright_level, brightness, lit, shows_surface
-from relume.lightstage.surface.specular import SpecularFit, specular_lobes
+from relume.lightstage.surface.photometric_stereo import lambertian_lobes, towards_camera
+from relume.lightstage.surface.separation import Separated, row_blocks
+from relume.lightstage.surface.shadow_map import bright_level, brightness, lit, shows_surface
 
-
-class Parts(Protocol):
-    """A reflectance field separated: a `Separation` or a `PolarisedPair`."""
-
-    @property
-    def diffuse(self) -> ReflectanceField: ...
-
-    @property
-    def specular(self) -> ReflectanceField: ...
-
-
-@dataclass(frozen=True)
-class Fitting:
-    """How surface maps are fitted.
-
-    shadow : fraction of a pixel's bright level below which a light is in shadow (`shadow_map`)
-    darkest : share of the field's level below which a pixel is no surface but noise; its maps are 0
-        (`shadow_map.shows_surface`)
-    lobe, specular : of the two fits
-    """
-
-    shadow: float = SHADOW
-    darkest: float = DARKEST
-    lobe: LobeFit = field(default_factory=LobeFit)
-    specular: SpecularFit = field(default_factory=SpecularFit)
+LOWEST, HIGHEST = 0.03, 1.0
+"""Bounds of α, the square of the perceptual roughness. Narrower lobes than half the lights' spacing are never resolved
+and come out at the lowest bound or by chance."""
+COARSE, HALVINGS = 12, 4
+"""Candidates at first, even in log α, and times that the search closes in about the best by half."""
+DIELECTRIC = 0.04
+"""What a dielectric reflects at normal incidence: glass, skin and paint."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +62,7 @@ class SurfaceMaps:
         return {"normal": normal, "albedo": np.clip(self.albedo, 0, 1), **shown}
 
 
-def surface_maps(parts: Parts, fitting: Fitting = Fitting()) -> SurfaceMaps:
+def surface_maps(parts: Separated) -> SurfaceMaps:
     """The maps of a subject's surface, from a separation by colour or a polarised pair.
 
     The albedo is π times the length of each channel's Lambertian lobe, so that it holds the foreshortening of every
@@ -93,25 +77,23 @@ def surface_maps(parts: Parts, fitting: Fitting = Fitting()) -> SurfaceMaps:
     for rows in row_blocks(diffuse.shape):
         below, above = diffuse.block(every, rows), brightness(specular.block(every, rows))
         pixels = below.reshape(len(below), -1, 3), above.reshape(len(below), -1)
-        found.append(_maps(*pixels, view[rows].reshape(-1, 3), diffuse.lights, fitting))
+        found.append(_maps(*pixels, view[rows].reshape(-1, 3), diffuse.lights))
     maps = [np.concatenate(kind).reshape(*diffuse.shape, *kind[0].shape[1:]) for kind in zip(*found, strict=True)]
-    known = shows_surface(maps.pop(), fitting.darkest)
+    known = shows_surface(maps.pop())
     for map_ in maps:
         map_[~known] = 0
     return SurfaceMaps(*maps)
 
 
-def _maps(
-    diffuse: np.ndarray, specular: np.ndarray, view: np.ndarray, lights: StageLights, fitting: Fitting
-) -> tuple[np.ndarray, ...]:
+def _maps(diffuse: np.ndarray, specular: np.ndarray, view: np.ndarray, lights: StageLights) -> tuple[np.ndarray, ...]:
     """The six maps of P pixels and their bright level, for diffuse values (N, P, 3), specular brightness (N, P)."""
     bright = brightness(diffuse)
     # What shines is lit, though its diffuse part may be dark.
     both = diffuse + specular[..., None]
-    reached, level = lit(both, fitting.shadow), bright_level(brightness(both))
-    lobes = lambertian_lobes(bright, lights, reached, fitting.lobe)
+    reached, level = lit(both), bright_level(brightness(both))
+    lobes = lambertian_lobes(bright, lights, reached)
     normal = lobes.normals
-    channels = [lambertian_lobes(diffuse[..., channel], lights, reached, fitting.lobe) for channel in range(3)]
+    channels = [lambertian_lobes(diffuse[..., channel], lights, reached) for channel in range(3)]
     albedo = np.pi * np.stack([np.linalg.norm(each.vectors, axis=-1) for each in channels], axis=-1)
 
     above = reached & (lights.directions.astype(np.float32) @ normal.T > 0)
@@ -120,10 +102,85 @@ def _maps(
     alpha, reflectance = np.zeros(len(view), np.float32), np.zeros(len(view), np.float32)
     shiny = (energy > 0) & (lobes.weight > 0)
     if shiny.any():
-        fitted = specular_lobes(
-            specular[:, shiny], lights, normal[shiny], view[shiny], reached[:, shiny], fitting.specular
-        )
+        fitted = specular_lobes(specular[:, shiny], lights, normal[shiny], view[shiny], reached[:, shiny])
         alpha[shiny], reflectance[shiny] = fitted.alpha, fitted.reflectance
     roughness = np.where(alpha > 0, np.sqrt(alpha), lobes.weight > 0)
     maps = (normal, albedo, energy, reflectance, roughness, lobes.weight, level)
     return tuple(np.asarray(kind, np.float32) for kind in maps)
+
+
+@dataclass(frozen=True, eq=False)
+class SpecularLobes:
+    """Specular lobes of P pixels.
+
+    alpha : (P,) float32, GGX's width, the square of the perceptual roughness; 0 where no lobe could be fitted
+    reflectance : (P,) float32, of the surface at normal incidence (F0)
+    """
+
+    alpha: np.ndarray
+    reflectance: np.ndarray
+
+
+def specular_lobes(
+    values: np.ndarray,
+    lights: StageLights,
+    normal: np.ndarray,
+    view: np.ndarray,
+    usable: np.ndarray,
+) -> SpecularLobes:
+    """The GGX lobe nearest each pixel's specular values, by least squares over the solid angle.
+
+    values : (N, P), specular brightness; normal, view : (P, 3), unit, world; usable : bool (N, P), lights that count
+    The roughness is searched coarse to fine.
+    """
+    directions = lights.directions.astype(np.float32)
+    incident = directions @ normal.T
+    outgoing = np.einsum("pk,pk->p", normal, view)
+    # |l + v|² = 2 + 2 l·v, and n·h = (n·l + n·v) / |l + v|.
+    length = np.sqrt(np.maximum(2 + 2 * (directions @ view.T), 1e-12))
+    half_normal, half_view = np.clip((incident + outgoing) / length, 0, 1), length / 2
+    rise = schlick_rise(half_view)
+    weights = usable * (incident > 0) * lights.solid_angles.astype(np.float32)[:, None]
+    incident = np.maximum(incident, 0)
+    outgoing = np.maximum(outgoing, 1e-3)
+
+    def nearest(alpha: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        lobe = rise * _lobe(alpha, half_normal, incident, outgoing)
+        product, square = (weights * values * lobe).sum(axis=0), (weights * lobe**2).sum(axis=0)
+        scale = np.maximum(product, 0) / np.maximum(square, 1e-30)
+        return scale, scale * product  # by which the squared error falls
+
+    step = np.log(HIGHEST / LOWEST) / (COARSE - 1)
+    best = np.full(len(normal), LOWEST, np.float32)
+    scale, gain = nearest(best)
+
+    def tried(alpha: np.ndarray) -> None:
+        nonlocal best, scale, gain
+        found, won = nearest(alpha)
+        better = won > gain
+        best, scale, gain = np.where(better, alpha, best), np.where(better, found, scale), np.where(better, won, gain)
+
+    for index in range(1, COARSE):
+        tried(np.full_like(best, LOWEST * np.exp(index * step)))
+    for _ in range(HALVINGS):
+        step /= 2
+        centre = best
+        for sign in (-1, 1):
+            tried(np.clip(centre * np.float32(np.exp(sign * step)), LOWEST, HIGHEST).astype(np.float32))
+    known = (scale > 0) & (np.einsum("pk,pk->p", normal, view) > 0)
+    return SpecularLobes(np.where(known, best, 0).astype(np.float32), np.where(known, scale, 0).astype(np.float32))
+
+
+def schlick_rise(half_view: np.ndarray) -> np.ndarray:
+    """F(v·h)/F0 of a dielectric, 0.04 at normal incidence as of glass, skin and paint (Schlick 1994)."""
+    return np.asarray(1 + (1 - DIELECTRIC) / DIELECTRIC * (1 - half_view) ** 5)
+
+
+def _lobe(alpha: np.ndarray, half_normal: np.ndarray, incident: np.ndarray, outgoing: np.ndarray) -> np.ndarray:
+    """D G / (4 n·v) for GGX's widths (P,) and cosines (N, P) and (P,)."""
+    square = alpha**2
+    distribution = square / (np.pi * (half_normal**2 * (square - 1) + 1) ** 2)
+    # Smith's G₁ over its cosine; the light's cosine returns with the irradiance.
+    shadowing = 2 * incident / np.maximum(incident + np.sqrt(square + (1 - square) * incident**2), 1e-12)
+    masking = 2 / (outgoing + np.sqrt(square + (1 - square) * outgoing**2))
+    return np.asarray(distribution * shadowing * masking / 4)

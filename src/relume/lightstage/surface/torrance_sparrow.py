@@ -7,8 +7,6 @@ them that neither lies in another's shadow nor is hidden by one. All directions 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from relume.light.reflection.weights import Fresnel
@@ -33,33 +31,21 @@ def mirrored(half: np.ndarray, view: np.ndarray) -> np.ndarray:
     return 2 * _dot(half, view)[..., None] * half - view
 
 
-@dataclass(frozen=True)
-class GroovedSurface:
-    """The part of a specular reflectance function that depends on the view.
+def grooved_reflection(view: np.ndarray, light: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """G F / (n·v) (…), above 0: radiance by the density of facets along the half vector, but for a factor.
 
-    index : of refraction. 1.4 is that of skin (`SKIN`)
+    It is the part of a specular reflectance function that depends on the view. Where view or light is below the horizon
+    it is that of the horizon.
+    Source: Debevec et al. 2000, eq. 8, with the light's irradiance and the 4 left out.
     """
-
-    index: float = SKIN
-
-    def __post_init__(self) -> None:
-        if not 1 < self.index < np.inf:
-            raise ValueError(f"an index of refraction of {self.index}; expected above 1, like 1.4 for skin")
-
-    def reflected(self, view: np.ndarray, light: np.ndarray, normal: np.ndarray) -> np.ndarray:
-        """G F / (n·v) (…), above 0: radiance by the density of facets along the half vector, but for a factor.
-
-        Where view or light is below the horizon it is that of the horizon.
-        Source: Debevec et al. 2000, eq. 8, with the light's irradiance and the 4 left out.
-        """
-        half = half_vector(view, light)
-        across = np.maximum(_dot(view, half), LEAST_COSINE)
-        towards_view = np.maximum(_dot(view, normal), LEAST_COSINE)
-        towards_light = np.maximum(_dot(light, normal), LEAST_COSINE)
-        # G and n·v divided by each other before either is 0.
-        masked = 2 * np.maximum(_dot(half, normal), LEAST_COSINE) / across
-        attenuated = np.minimum(1 / towards_view, masked * np.minimum(1.0, towards_light / towards_view))
-        return attenuated * Fresnel(self.index)(across)
+    half = half_vector(view, light)
+    across = np.maximum(_dot(view, half), LEAST_COSINE)
+    towards_view = np.maximum(_dot(view, normal), LEAST_COSINE)
+    towards_light = np.maximum(_dot(light, normal), LEAST_COSINE)
+    # G and n·v divided by each other before either is 0.
+    masked = 2 * np.maximum(_dot(half, normal), LEAST_COSINE) / across
+    attenuated = np.minimum(1 / towards_view, masked * np.minimum(1.0, towards_light / towards_view))
+    return attenuated * Fresnel(SKIN)(across)
 
 
 def _dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from relume.errors import InvalidShot
 from relume.lightstage.acquire.read_stage import read_stage, stage_geometry
 from relume.lightstage.direct_light.light_directions import quadtree_lights
 from relume.lightstage.direct_light.model import DirectLightSettings
-from relume.lightstage.novel_view.direct_light_view import direct_light_view
+from relume.lightstage.novel_view.new_views import direct_light_view
 from relume.lightstage.novel_view.projection import Subject
 from relume.lightstage.novel_view.source_views import NewView, SourceView
 from relume.project.placement import turn_of

@@ -300,7 +300,7 @@ def _by_mitsuba(read: SceneFile, settings: RenderSettings, report: Report) -> It
 
 def _by_maps(read: SceneFile, settings: RenderSettings, report: Report) -> Iterator[Render]:
     """One picture, or a motion's, by prefiltered environment maps."""
-    from relume.composite.layering import over
+    from relume.composite.differential import over
     from relume.renderers.turntable import frames
 
     report("tables", 0.0)
