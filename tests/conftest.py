@@ -32,8 +32,11 @@ LONG = (
     *("capture/test_*accuracy.py", "capture/test_raw_measurement.py", "capture/test_measurement.py"),
     *("image/test_logluv_tiff.py", "image/test_every_format.py", "virtual_camera/lens/glare/test_eye.py"),
     *(
+        "renderers/test_antialiasing.py",
         "renderers/test_patches.py",
         "sphere/test_blur.py",
+        "virtual_camera/lens/motion/test_figure_9.py",
+        "virtual_camera/plate_matching/test_grain_measuring.py",
         "virtual_camera/plate_matching/test_sharpness.py",
         "test_readme.py",
     ),
@@ -56,10 +59,21 @@ def pytest_configure(config: pytest.Config) -> None:
         sys.modules["mitsuba"] = None  # pyright: ignore[reportArgumentType]  # to import it is an error then
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """`make quick` does not even read the files that it leaves out."""
+    if "not long" in config.option.markexpr and _is_long(collection_path):
+        return True
+    return None
+
+
+def _is_long(path: Path) -> bool:
+    within = path.relative_to(Path(__file__).parent).as_posix()
+    return any(fnmatch(within, pattern) for pattern in LONG)
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        path = item.path.relative_to(Path(__file__).parent).as_posix()
-        if any(fnmatch(path, pattern) for pattern in LONG):
+        if "mitsuba" in item.name or _is_long(item.path):
             item.add_marker("long")
     items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))
