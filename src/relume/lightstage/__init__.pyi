@@ -19,10 +19,10 @@ from .field.corrected import noise_of_repeats as noise_of_repeats
 from .field.field import Noise as Noise
 from .field.field import Pictures as Pictures
 from .field.field import ReflectanceField as ReflectanceField
+from .field.field import Work as Work
+from .field.field import estimate_work as estimate_work
 from .field.field import whole as whole
 from .field.lights import StageLights as StageLights
-from .field.work import Work as Work
-from .field.work import estimate_work as estimate_work
 from .garment_recolouring import ClothAlbedos as ClothAlbedos
 from .garment_recolouring import recolour_clothing as recolour_clothing
 from .garment_recolouring import recolour_field as recolour_field

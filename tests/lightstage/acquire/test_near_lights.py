@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from relume.lightstage.acquire.ball_highlights import BallReadings
-from relume.lightstage.acquire.near_lights import light_places, near_light, points_on_plane
+from relume.lightstage.acquire.near_lights import light_places, points_on_plane
 from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
 
@@ -45,15 +45,6 @@ def test_rays_that_run_apart_are_refused() -> None:
         light_places(swapped)
     with pytest.raises(ValueError, match="two balls or more"):
         light_places(swapped[:1])
-
-
-def test_twice_as_far_is_a_quarter_as_bright() -> None:
-    points = np.array([[[0.0, 0, 0], [0, 0, -2.0]], [[2.0, 0, 2.0], [0, 0, 1.0]]])
-    towards, fall_off = near_light(np.array([0.0, 0, 2.0]), points, np.zeros(3))
-    np.testing.assert_allclose(fall_off, [[1, 0.25], [1, 4]])
-    np.testing.assert_allclose(towards, [[[0, 0, 1], [0, 0, 1]], [[-1, 0, 0], [0, 0, 1]]])
-    with pytest.raises(ValueError, match="stands in the subject"):
-        near_light(np.zeros(3), points, np.ones(3))
 
 
 def test_pixels_of_a_plane_lie_on_it_and_are_seen_where_they_are() -> None:

@@ -30,8 +30,7 @@ from relume.lightstage.acquire.read_stage import find_stage_file, open_pictures,
 from relume.lightstage.acquire.stage_file import Stage, TargetCard
 from relume.lightstage.acquire.store import is_store
 from relume.lightstage.acquire.store_building import build_store, file_facts
-from relume.lightstage.field.field import ReflectanceField
-from relume.lightstage.field.work import Work, estimate_work
+from relume.lightstage.field.field import ReflectanceField, Work, estimate_work
 from relume.lightstage.relighting.relighting import MEMORY, Progress
 
 DTYPES = {"half": np.float16, "float": np.float32, "8bit": np.uint8}

@@ -76,22 +76,6 @@ def _check_rays(ahead: np.ndarray, parallax: np.ndarray, names: Sequence[str] | 
         )
 
 
-def near_light(position: np.ndarray, points: np.ndarray, subject: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What a near light does at points (…, 3): the unit directions (…, 3) towards it, and its fall-off (…).
-
-    position : (3,) of the light, metres
-    subject : (3,) the point where its irradiance is given, metres; the fall-off is 1 there and |subject − position|²
-        over |point − position|² elsewhere, NaN points staying NaN
-    Raises ValueError for a light that stands at the subject or in one of the points.
-    """
-    towards = np.asarray(position, np.float64) - np.asarray(points, np.float64)
-    square = (towards**2).sum(axis=-1)
-    reference = float(((np.asarray(subject, np.float64) - position) ** 2).sum())
-    if reference == 0 or np.any(square == 0):
-        raise ValueError(f"the light at {np.asarray(position).tolist()} stands in the subject; give metres, world")
-    return towards / np.sqrt(square)[..., None], reference / square
-
-
 def points_on_plane(camera: Camera, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """The points (H, W, 3) of a plane that a camera's pixels see, metres; NaN where they see none.
 

@@ -15,7 +15,7 @@ from scipy.optimize import nnls
 
 from relume.lightstage.field.fall_off import FallOff
 from relume.lightstage.field.field import Derived, Noise, ReflectanceField
-from relume.lightstage.field.filling import Filling
+from relume.lightstage.field.filling import filled
 from relume.lightstage.field.invalid_samples import Mask
 
 _WORKING_MEMORY = 256 << 20
@@ -38,7 +38,6 @@ class Corrected(Derived):
     gains : (N, 3), as of a `Calibration`; None for 1
     flat : patterns to divide by; None where the lights are even
     mask : what says nothing; None where all does
-    filling : how masked values are foretold
     measured_noise : of the field as taken, where it does not know its own (`estimate_noise`); its own unless given
 
     A block with masked values takes those rows under all lights, in bands of a quarter of a gibibyte.
@@ -48,20 +47,7 @@ class Corrected(Derived):
     gains: np.ndarray | None = None
     flat: FallOff | None = None
     mask: Mask | None = None
-    filling: Filling = Filling()
     measured_noise: Noise | None = None
-
-    def __post_init__(self) -> None:
-        if self.gains is None:
-            return
-        if self.gains.shape != (len(self.field.lights), 3):
-            raise ValueError(f"gains are {self.gains.shape}; expected ({len(self.field.lights)}, 3)")
-        if not (np.isfinite(self.gains).all() and (self.gains > 0).all()):
-            odd = int(np.argmin((np.isfinite(self.gains) & (self.gains > 0)).all(axis=1)))
-            raise ValueError(
-                f'the gains of light "{self.field.lights.names[odd]}" are {self.gains[odd].tolist()}; expected numbers '
-                "above 0"
-            )
 
     @property
     def noise(self) -> Noise | None:
@@ -97,7 +83,7 @@ class Corrected(Derived):
             part = slice(chosen[first], chosen[min(first + band, len(chosen)) - 1] + 1)
             masked = self.mask.block(everything, part)
             if masked[lights].any():
-                done = self.filling.filled(self._even(everything, part), masked, self.lights, lights)
+                done = filled(self._even(everything, part), masked, self.lights, lights)
             else:
                 done = self._even(lights, part)
             result[:, first : first + band] = done

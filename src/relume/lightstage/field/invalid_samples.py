@@ -23,8 +23,15 @@ from relume.lightstage.acquire.picture_folder import PictureFolder
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
 from relume.scene.cameras.camera import Camera
+from relume.sphere.directions import normalised
 
 _SAMPLED_LIGHTS = 32
+_FAINTEST = 0.02
+"""Glow that counts, relative to the level of the pictures: fainter glow of one light among hundreds is not seen."""
+_BEYOND = np.radians(10)
+"""Outside the picture to look for lights that shine on the lens: the depth of a small hood."""
+_QUANTILE = 0.25
+"""Three quarters of a ring's pixels must glow: a rim that catches light fills less than one."""
 _BLACK = 5
 """Times the faintest glow: where more than that is expected, a glow could be a highlight."""
 
@@ -42,10 +49,6 @@ class AnyOf:
     """What one mask at least calls empty."""
 
     masks: Sequence[Mask]
-
-    def __post_init__(self) -> None:
-        if not self.masks:
-            raise ValueError("no masks to join; give at least one")
 
     def block(self, lights: slice, rows: slice) -> np.ndarray:
         return np.any([mask.block(lights, rows) for mask in self.masks], axis=0)
@@ -111,45 +114,23 @@ def direct_light(
     """
     if not (angular_radius > 0 and margin >= 0 and angular_radius + margin < np.pi):
         raise ValueError(f"a light of radius {angular_radius} and a margin of {margin}; expected radians, above 0")
-    return AroundLights(camera, _from_camera(lights, camera), np.full(len(lights), angular_radius + margin))
+    seen_from = lights.directions if lights.positions is None else normalised(lights.positions - camera.position)
+    return AroundLights(camera, seen_from, np.full(len(lights), angular_radius + margin))
 
 
-@dataclass(frozen=True)
-class Flare:
-    """How flare is separated from the subject.
-
-    faintest : glow that counts, relative to the level of the pictures (`level_of_pictures`); 0.02, since fainter glow
-        of one light among hundreds is not seen
-    beyond : radians outside the picture to look for lights that shine on the lens; 10°, the depth of a small hood
-    quantile : of a ring's pixels that must glow; three quarters, as a rim that catches light fills less than one
-    """
-
-    faintest: float = 0.02
-    beyond: float = np.radians(10)
-    quantile: float = 0.25
-
-
-def lens_flare_and_direct_light(
-    field: ReflectanceField,
-    camera: Camera,
-    *,
-    angular_radius: float,
-    margin: float = np.radians(1.0),
-    flare: Flare = Flare(),
-) -> AroundLights:
+def lens_flare_and_direct_light(field: ReflectanceField, camera: Camera, *, angular_radius: float) -> AroundLights:
     """The mask of lights that shine into the lens, each as far as its glow reaches.
 
     Rings around a light in or near the picture are compared with the brightest that the lights outside show there, in
     pixels that these leave black: the glow ends where a quarter of a ring stays black. A light that the subject hides
     wholly, so that not a pixel of its disc is as bright as the pictures' level, masks nothing unless it glows.
-    Other parameters as of `direct_light`.
     """
-    disc = direct_light(field.lights, camera, angular_radius=angular_radius, margin=margin)
+    disc = direct_light(field.lights, camera, angular_radius=angular_radius)
     rays = _rays(camera)
     if rays.shape[:2] != field.shape:
         raise ValueError(f"the camera's pictures are {rays.shape[:2]}; expected the field's {field.shape}")
     nearest = np.array([np.arccos(min((rays @ towards).max(), 1.0)) for towards in disc.directions])
-    lens = np.flatnonzero(nearest < flare.beyond + disc.radii)
+    lens = np.flatnonzero(nearest < _BEYOND + disc.radii)
     outside = np.setdiff1d(np.arange(len(field.lights)), lens)
     radii = np.zeros(len(field.lights))
     if not len(lens) or not len(outside):
@@ -163,8 +144,8 @@ def lens_flare_and_direct_light(
         angles = np.arccos(np.clip(rays @ disc.directions[light], -1, 1))
         seen = angles < disc.radii[light]
         shines = bool(seen.any()) and excess[seen].max() > level
-        dark = expected <= _BLACK * flare.faintest * level
-        glow = _reach_of_glow(excess[dark], angles[dark], 2 * pixel, flare.faintest * level, flare.quantile)
+        dark = expected <= _BLACK * _FAINTEST * level
+        glow = _reach_of_glow(excess[dark], angles[dark], 2 * pixel, _FAINTEST * level)
         radii[light] = max(glow, disc.radii[light] if shines else 0.0)
     return AroundLights(camera, disc.directions, radii)
 
@@ -212,14 +193,6 @@ def _drawn(path: Path, shape: tuple[int, int]) -> np.ndarray:
     return np.any(pixels > np.iinfo(pixels.dtype).max // 2, axis=-1)
 
 
-def _from_camera(lights: StageLights, camera: Camera) -> np.ndarray:
-    """Unit directions (N, 3) in which the camera would see the lights."""
-    if lights.positions is None:
-        return lights.directions
-    towards = lights.positions - camera.position
-    return towards / np.linalg.norm(towards, axis=1, keepdims=True)
-
-
 @lru_cache(4)
 def _rays(camera: Camera) -> np.ndarray:
     return camera.rays()
@@ -241,7 +214,7 @@ def level_of_pictures(field: ReflectanceField, lights: np.ndarray) -> float:
     return float(np.percentile(lit, 95))
 
 
-def _reach_of_glow(excess: np.ndarray, angles: np.ndarray, step: float, faintest: float, quantile: float) -> float:
+def _reach_of_glow(excess: np.ndarray, angles: np.ndarray, step: float, faintest: float) -> float:
     """The radius up to which every ring around a light glows; 0 where the innermost one does not.
 
     excess : (P,) of pixels over what is expected there
@@ -258,7 +231,7 @@ def _reach_of_glow(excess: np.ndarray, angles: np.ndarray, step: float, faintest
     reach = 0.0
     for index, start, end in zip(rings, bounds[:-1], bounds[1:], strict=True):
         if end > start:
-            if np.quantile(values[start:end], quantile) <= faintest:
+            if np.quantile(values[start:end], _QUANTILE) <= faintest:
                 break
             reach = float((index + 1) * step)
     return reach

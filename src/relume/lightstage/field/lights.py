@@ -5,7 +5,7 @@ Directions are unit vectors from the subject *towards* the light, in the world's
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -81,7 +81,3 @@ class StageLights:
         names = tuple(self.names[i] for i in indices)
         positions = None if self.positions is None else self.positions[indices]
         return StageLights.towards(self.directions[indices], names, positions=positions)
-
-    def named(self, names: tuple[str, ...]) -> StageLights:
-        """The same lights under other names."""
-        return replace(self, names=names)

@@ -11,9 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.lightstage.field.field import Noise, ReflectanceField
-from relume.lightstage.field.lights import StageLights
-from relume.scene.cameras.camera import Camera
+from relume.lightstage.field.field import Derived, Noise, ReflectanceField
 
 SAME_DIRECTION = 1e-3
 """Radians: lights of the two takes that are nearer than this are the same one."""
@@ -78,38 +76,27 @@ class PolarisedPair:
     @property
     def diffuse(self) -> PolarisedPart:
         """The diffuse reflectance field, 2 × crossed."""
-        return PolarisedPart(self, specular=False)
+        return PolarisedPart(self.parallel, self.crossed, specular=False)
 
     @property
     def specular(self) -> PolarisedPart:
         """The specular reflectance field, parallel − crossed."""
-        return PolarisedPart(self, specular=True)
+        return PolarisedPart(self.parallel, self.crossed, specular=True)
 
 
 @dataclass(frozen=True, eq=False)
-class PolarisedPart:
-    """One part of a polarised pair, as a reflectance field."""
+class PolarisedPart(Derived):
+    """One part of a polarised pair, whose parallel take is `field`, as a reflectance field."""
 
-    pair: PolarisedPair
+    field: ReflectanceField
+    crossed: ReflectanceField
     specular: bool
-
-    @property
-    def lights(self) -> StageLights:
-        return self.pair.parallel.lights
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        return self.pair.parallel.shape
-
-    @property
-    def camera(self) -> Camera | None:
-        return self.pair.parallel.camera
 
     @property
     def noise(self) -> Noise | None:
         """Of 2 × crossed: four times its constant, twice its slope. Of the difference: the sum of both variances,
         which its own values give only where neither depends on the light; else unknown."""
-        first, second = self.pair.parallel.noise, self.pair.crossed.noise
+        first, second = self.field.noise, self.crossed.noise
         if not self.specular:
             return None if second is None else Noise(4 * second.constant, 2 * second.slope)
         if first is None or second is None or first.slope or second.slope:
@@ -117,8 +104,8 @@ class PolarisedPart:
         return Noise(first.constant + second.constant)
 
     def block(self, lights: slice, rows: slice) -> np.ndarray:
-        crossed = self.pair.crossed.block(lights, rows)
-        return self.pair.parallel.block(lights, rows) - crossed if self.specular else 2 * crossed
+        crossed = self.crossed.block(lights, rows)
+        return self.field.block(lights, rows) - crossed if self.specular else 2 * crossed
 
 
 def _sum_of_lights(field: ReflectanceField) -> np.ndarray:
