@@ -15,9 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from relume.image.radiance import SATURATED, RadianceMap
-from relume.lightstage.field.field import Noise, ReflectanceField
-from relume.lightstage.field.lights import StageLights
-from relume.scene.cameras.camera import Camera
+from relume.lightstage.field.field import Derived, Noise, ReflectanceField
 
 MOVED = 0.5
 """Pixels between two takes from which on their difference is edges rather than cloth; it is measured to 0.2 or so."""
@@ -92,39 +90,27 @@ def recolour_clothing(black: RadianceMap, white: RadianceMap, tint: ArrayLike) -
 
 
 @dataclass(frozen=True, eq=False)
-class RecolouredField:
+class RecolouredField(Derived):
     """A reflectance field in another cloth, made of two fields as it is asked for; see `recolour_field`.
 
-    black, white : fields of one camera and the same lights
+    field, white : the takes in black and in white, of one camera and the same lights
     tint : (3,)
     """
 
-    black: ReflectanceField
+    field: ReflectanceField
     white: ReflectanceField
     tint: np.ndarray
 
     def __post_init__(self) -> None:
         _share(self.tint)
-        if self.black.shape != self.white.shape:
-            raise ValueError(f"the takes are {self.black.shape} and {self.white.shape}; expected two of one camera")
-        ours, theirs = self.black.lights, self.white.lights
+        if self.field.shape != self.white.shape:
+            raise ValueError(f"the takes are {self.field.shape} and {self.white.shape}; expected two of one camera")
+        ours, theirs = self.field.lights, self.white.lights
         if len(ours) != len(theirs) or np.min(np.sum(ours.directions * theirs.directions, axis=1)) < np.cos(0.01):
             raise ValueError(
                 f"the takes have {len(ours)} and {len(theirs)} lights, or they stand elsewhere; expected the same in "
                 "the same order"
             )
-
-    @property
-    def lights(self) -> StageLights:
-        return self.black.lights
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        return self.black.shape
-
-    @property
-    def camera(self) -> Camera | None:
-        return self.black.camera
 
     @property
     def noise(self) -> Noise | None:
@@ -133,7 +119,7 @@ class RecolouredField:
         None where a take's is unknown, and outside the two cloths. Of R = (1 − t) B + t W a share's photons give
         (1 − t)² B s_B + t² W s_W ≤ max((1 − t) s_B, t s_W) · R, which is what is given.
         """
-        black, white = self.black.noise, self.white.noise
+        black, white = self.field.noise, self.white.noise
         if black is None or white is None or np.any(self.tint < 0) or np.any(self.tint > 1):
             return None
         return Noise(
@@ -142,7 +128,7 @@ class RecolouredField:
         )
 
     def block(self, lights: slice, rows: slice) -> np.ndarray:
-        return _mixed(self.black.block(lights, rows), self.white.block(lights, rows), self.tint)
+        return _mixed(self.field.block(lights, rows), self.white.block(lights, rows), self.tint)
 
 
 def recolour_field(black: ReflectanceField, white: ReflectanceField, tint: ArrayLike) -> RecolouredField:

@@ -9,7 +9,6 @@ from scipy.optimize import minimize
 from relume.errors import BallNotFound
 from relume.image.files import read_photograph
 from relume.lightstage.acquire.ball_highlights import (
-    HighlightSearch,
     MirrorBall,
     find_ball,
     find_highlight,
@@ -183,7 +182,7 @@ def test_where_the_chrome_ball_and_the_usual_reference_differ_the_gray_ball_side
 
 
 def test_the_chrome_ball_is_found_without_its_mask(chrome: list[np.ndarray], chrome_directions: np.ndarray) -> None:
-    found = read_ball(chrome, MirrorBall(find_ball(chrome, "chrome")), search=HighlightSearch())
+    found = read_ball(chrome, MirrorBall(find_ball(chrome, "chrome")))
     assert degrees_apart(found.directions, chrome_directions).max() < 1.5
 
 

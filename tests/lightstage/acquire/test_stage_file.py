@@ -1,4 +1,4 @@
-"""What a stage file says, what is refused of it, and that it is written as it was read."""
+"""What a stage file says, and what is refused of it."""
 
 import json
 from pathlib import Path
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from relume.errors import InvalidStage
-from relume.lightstage.acquire.stage_file import write_stage_file
+from relume.lightstage.acquire.stage_file import TargetCard
 from relume.lightstage.acquire.stage_file_reading import read_stage_file
 
 HEAD = Path(__file__).resolve().parents[4] / "shared" / "stages" / "head" / "stage.json"
@@ -71,7 +71,7 @@ def test_the_head_s_file_is_read_as_it_is() -> None:
     assert set(stage.others) == {"frame", "truth_points", "backdrop"}
 
 
-def test_a_stage_is_written_as_it_was_read(tmp_path: Path) -> None:
+def test_all_that_a_stage_may_say_is_read(tmp_path: Path) -> None:
     first = [{"files": {"left": ["a1.png", "a2.png"], "right": "a.exr"}, "direction": [0, 1, 0], "name": "top"}]
     rest = [
         {"files": {"left": f"{i}l.png", "right": f"{i}r.png"}, "direction": [i, 0, 1], "exposure": 0.5} for i in (1, 2)
@@ -88,11 +88,9 @@ def test_a_stage_is_written_as_it_was_read(tmp_path: Path) -> None:
     stage = read_stage_file(written(tmp_path, table))
     assert stage.lights[0].irradiance == (3, 3, 3)
     assert stage.lights[0].files["left"] == ("a1.png", "a2.png")
-    write_stage_file(tmp_path / "again.json", stage)
-    again = read_stage_file(tmp_path / "again.json")
-    assert again.cameras["left"].field_of_view == pytest.approx(np.radians(30))
-    assert again.lights == stage.lights and again.target == stage.target
-    assert again.others == {"note": "mine"}
+    assert stage.cameras["left"].field_of_view == pytest.approx(np.radians(30))
+    assert stage.target == TargetCard((1, 2, 3, 4), 0.18) and stage.others == {"note": "mine"}
+    assert (stage.lights[1].exposure, stage.encoding, stage.subject) == ((0.5,), "linear", (0, 1, 0))
 
 
 def test_given_cells_that_do_not_fill_the_sphere_are_not_believed(tmp_path: Path) -> None:

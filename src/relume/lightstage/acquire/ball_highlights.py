@@ -22,24 +22,18 @@ from relume.probe.ball.unwrapping import CAMERA_FROM_PIXELS
 from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
 
-
-@dataclass(frozen=True)
-class HighlightSearch:
-    """How the lamp is separated from the rest that the ball mirrors.
-
-    smear : blur in radii of the ball before the brightest place is sought; a lamp's plateau is wider than the sparks of
-        dust and of the ball beside, which this evens away
-    level : share of the brightest pixel above which a pixel belongs to the lamp and not to its glare
-    reach : radii round the brightest place within which the lamp's pixels lie
-    rim : share of the ball's radius that is searched; beyond it the surroundings are squeezed into a thin bright ring
-    contrast : how many times brighter the lamp has to be than the ball is at most places
-    """
-
-    smear: float = 0.01
-    level: float = 0.9
-    reach: float = 0.1
-    rim: float = 0.98
-    contrast: float = 4.0
+# How the lamp is separated from the rest that a ball mirrors.
+_SMEAR = 0.01
+"""Blur in radii of the ball before the brightest place is sought; a lamp's plateau is wider than the sparks of dust and
+of the ball beside, which this evens away."""
+_LEVEL = 0.9
+"""Share of the brightest pixel above which a pixel belongs to the lamp and not to its glare."""
+_REACH = 0.1
+"""Radii round the brightest place within which the lamp's pixels lie."""
+_RIM = 0.98
+"""Share of the ball's radius that is searched; beyond it the surroundings are squeezed into a thin bright ring."""
+_CONTRAST = 4.0
+"""How many times brighter the lamp has to be than the ball is at most places."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,12 +104,7 @@ class BallReadings:
     directions: np.ndarray
 
 
-def read_ball(
-    pictures: Iterable[np.ndarray],
-    ball: MirrorBall,
-    names: Sequence[str] | None = None,
-    search: HighlightSearch = HighlightSearch(),
-) -> BallReadings:
+def read_ball(pictures: Iterable[np.ndarray], ball: MirrorBall, names: Sequence[str] | None = None) -> BallReadings:
     """Where a ball shows the lamp in each picture, and where the lamp stands.
 
     pictures : (H, W, 3) scene-linear, or as encoded: only what is brightest counts; looked at one after another
@@ -125,30 +114,28 @@ def read_ball(
     points = []
     for index, picture in enumerate(pictures):
         name = f"picture {index + 1}" if names is None else names[index]
-        points.append(find_highlight(picture, ball.outline, name, search))
+        points.append(find_highlight(picture, ball.outline, name))
     found = np.array(points).reshape(-1, 2)
     places, directions = ball.reflections(found)
     return BallReadings(found, places, directions)
 
 
-def find_highlight(
-    picture: np.ndarray, outline: Outline, name: str = "picture", search: HighlightSearch = HighlightSearch()
-) -> tuple[float, float]:
+def find_highlight(picture: np.ndarray, outline: Outline, name: str = "picture") -> tuple[float, float]:
     """Where the lamp is mirrored in a ball, pixels (x, y), to fractions of one.
 
-    It is the middle of what the light has above `search.level` of the brightest: of a saturated plateau its middle, and
+    It is the middle of what the light has above `_LEVEL` of the brightest: of a saturated plateau its middle, and
     of a lamp that is not saturated its peak, so that neither glare nor the lit surroundings pull at it.
     Raises BallNotFound where nothing stands out.
     """
-    left, top, light = _disc(np.asarray(picture), outline, search.rim, name)
-    blurred = np.asarray(gaussian_filter(light, max(search.smear * outline.radius, 0.5)))
+    left, top, light = _disc(np.asarray(picture), outline, name)
+    blurred = np.asarray(gaussian_filter(light, max(_SMEAR * outline.radius, 0.5)))
     row, column = np.unravel_index(int(np.argmax(blurred)), blurred.shape)
     y, x = np.indices(light.shape)
-    reach = max(search.reach * outline.radius, 2.0)
+    reach = max(_REACH * outline.radius, 2.0)
     peak = float(light[np.hypot(x - column, y - row) <= reach].max())
-    if not peak > search.contrast * max(float(np.median(light[light > 0])) if np.any(light > 0) else 0.0, 1e-12):
+    if not peak > _CONTRAST * max(float(np.median(light[light > 0])) if np.any(light > 0) else 0.0, 1e-12):
         raise BallNotFound(f"{name}: the ball shows no lamp: nothing in it is much brighter than the rest; is it lit?")
-    weight = np.maximum(light - search.level * peak, 0)
+    weight = np.maximum(light - _LEVEL * peak, 0)
     # Of bright pieces the one with most light is the lamp.
     pieces, count = label(weight > 0, np.ones((3, 3)))  # pyright: ignore
     lamp = pieces == 1 + int(np.argmax(np.bincount(pieces.ravel(), weight.ravel(), count + 1)[1:]))
@@ -168,10 +155,10 @@ def find_highlight(
     return left + float(found[0]) + 0.5, top + float(found[1]) + 0.5
 
 
-def _disc(picture: np.ndarray, outline: Outline, share: float, name: str) -> tuple[int, int, np.ndarray]:
+def _disc(picture: np.ndarray, outline: Outline, name: str) -> tuple[int, int, np.ndarray]:
     """The luminance of a ball's disc in its box, whose left and upper corner come first; 0 beside the disc."""
     height, width = picture.shape[:2]
-    (x, y), radius = outline.centre, outline.radius * share
+    (x, y), radius = outline.centre, outline.radius * _RIM
     left, top = max(int(x - radius), 0), max(int(y - radius), 0)
     box = picture[top : max(int(np.ceil(y + radius)), 0), left : max(int(np.ceil(x + radius)), 0)]
     if box.size == 0:

@@ -15,7 +15,7 @@ from relume.lightstage.acquire.import_lights import pictures_in
 from relume.lightstage.acquire.near_lights import points_on_plane
 from relume.lightstage.acquire.picture_folder import PictureFolder
 from relume.lightstage.acquire.read_stage import open_pictures
-from relume.lightstage.acquire.stage_file import LightEntry, Stage, TargetCard
+from relume.lightstage.acquire.stage_file import TargetCard, stage_towards
 from relume.lightstage.field import invalid_samples
 from relume.lightstage.field.bar_shadow import bar_shadow
 from relume.lightstage.field.corrected import Corrected, estimate_noise
@@ -81,13 +81,6 @@ class WithoutAmbient(Derived):
     field: ReflectanceField
     ambient: np.ndarray
     irradiances: np.ndarray
-
-    def __post_init__(self) -> None:
-        if self.ambient.shape != (*self.field.shape, 3):
-            height, width = self.ambient.shape[:2]
-            raise ValueError(
-                f"the ambient picture is {width}×{height}; expected {self.field.shape[1]}×{self.field.shape[0]}"
-            )
 
     def block(self, lights: slice, rows: slice) -> np.ndarray:
         share = self.ambient[rows] / self.irradiances[lights, None, None].astype(np.float32)
@@ -192,8 +185,7 @@ def _board(folder: Path, field: ReflectanceField, encoding: PhotographEncoding) 
     paths = pictures_in(folder)
     if len(paths) != len(field.lights):
         raise ValueError(f"{folder}: {len(paths)} pictures of the board for {len(field.lights)} lights; give one each")
-    pairs = zip(paths, field.lights.directions.tolist(), strict=True)
-    stage = Stage(tuple(LightEntry({"": (path.name,)}, tuple(direction)) for path, direction in pairs))
+    stage = stage_towards([path.name for path in paths], field.lights.directions)
     board = replace(open_pictures(stage, folder), encoding=encoding)
     if board.shape != field.shape:
         raise ValueError(
@@ -213,18 +205,13 @@ def _estimated_noise(field: ReflectanceField, step: float) -> Noise | None:
         except ValueError as error:
             why = str(error).partition(";")[0]
         else:
-            level = _middle_level(field)
+            light = len(field.lights) // 2
+            level = float(field.block(slice(light, light + 1), slice(0, height)).mean())
             if found.constant + found.slope * level > (NO_NOISE * level) ** 2:
                 return found
             why = "the pictures show none"
     warnings.warn(f"the noise stays unknown: {why}; give it, if it is known", stacklevel=3)
     return None
-
-
-def _middle_level(field: ReflectanceField) -> float:
-    """The mean value of the picture in the middle of the lights."""
-    light = len(field.lights) // 2
-    return float(field.block(slice(light, light + 1), slice(0, field.shape[0])).mean())
 
 
 def _target(card: TargetCard, shape: tuple[int, int]) -> Target:

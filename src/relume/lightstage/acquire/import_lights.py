@@ -34,8 +34,7 @@ from relume.lightstage.acquire.rotating_arm_film import (
     unpack_video,
     video_frames,
 )
-from relume.lightstage.acquire.stage_file import LightEntry, Stage, StageCamera
-from relume.lightstage.acquire.stage_file_reading import read_stage_file
+from relume.lightstage.acquire.stage_file import LightEntry, Stage, StageCamera, stage_towards
 from relume.probe.ball.silhouette import outline_of_circle
 from relume.scene.cameras.camera import Camera
 
@@ -103,7 +102,7 @@ class FilmCourse:
         too_short = rotation.start + self.rings * turn - column > len(directions) - 1
         if seen_at_once or (too_short and earlier >= -column):
             rotation = replace(rotation, start=earlier)
-        first, step, _ = fit_rings(directions, rotation)
+        first, step = fit_rings(directions, rotation)
         # What the ball shows is off by a little: a ring at the pole stays at the pole.
         first = float(np.clip(first, 0, np.pi))
         step = min(step, (np.pi - first) / max(self.rings - 1, 1))
@@ -133,11 +132,11 @@ def stage_of_list(folder: Path, listed: Path, leave_out: Sequence[Path] = ()) ->
     if listed.suffix.lower() == LIST:
         named = read_lp(listed)
         names = [Path(name.replace("\\", "/")).name for name in named.names]
-        return _stage_towards(names, named.directions)
+        return stage_towards(names, named.directions)
     paths, directions = pictures_in(folder, leave_out), read_directions(listed)
     if len(paths) != len(directions):
         raise InvalidStage(f"{listed}: {len(directions)} directions for the {len(paths)} pictures in {folder}")
-    return _stage_towards([path.name for path in paths], directions)
+    return stage_towards([path.name for path in paths], directions)
 
 
 def stage_of_balls(
@@ -194,7 +193,7 @@ def stage_of_balls(
         entries = [LightEntry({"": (name,)}, position=tuple(place)) for name, place in pairs]
         return Stage(tuple(entries), cameras), replace(found, ray_miss=float(places.residuals.max()))
     directions = readings[0].directions if len(balls) == 1 else unit_mean(readings)
-    return _stage_towards(names, directions, cameras), found
+    return stage_towards(names, directions, cameras), found
 
 
 def camera_ahead(stage: Stage, source: Path, field_of_view: float, distance: float) -> Stage:
@@ -239,8 +238,7 @@ def filmed_stage(
     except OSError as error:
         raise OutputNotWritten(f"{out.parent}: cannot be written: {error.strerror}; choose another place") from None
     with place as folder:
-        file = unpack_video(source, folder, arm, course.columns)
-        yield read_stage_file(file), file
+        yield unpack_video(source, Path(folder), arm, course.columns), Path(folder)
 
 
 def measure_film(
@@ -280,13 +278,6 @@ def pictures_in(folder: Path, leave_out: Sequence[Path] = ()) -> list[Path]:
     if not kept:
         raise UnreadableFile(f"{folder}: no pictures; it holds none of {', '.join(PICTURES)}")
     return kept
-
-
-def _stage_towards(
-    names: Sequence[str], directions: np.ndarray, cameras: dict[str, StageCamera] | None = None
-) -> Stage:
-    pairs = zip(names, directions.tolist(), strict=True)
-    return Stage(tuple(LightEntry({"": (name,)}, tuple(direction)) for name, direction in pairs), cameras or {})
 
 
 def _pictures_of_balls(count: int, elsewhere: Sequence[Path], paths: list[Path]) -> list[list[Path]]:

@@ -79,16 +79,6 @@ class PictureFolder:
     kept: int = KEPT
     _state: _Kept = field(default_factory=_Kept, repr=False, init=False)
 
-    def __post_init__(self) -> None:
-        count = len(self.lights)
-        if len(self.files) != count or self.irradiances.shape != (count, 3):
-            raise ValueError(
-                f"{count} lights with {len(self.files)} pictures and irradiances {self.irradiances.shape}; expected "
-                "one picture and three numbers a light"
-            )
-        if not (np.all(np.isfinite(self.irradiances)) and np.all(self.irradiances > 0)):
-            raise ValueError("an irradiance is not above 0; leave out lights that give none")
-
     def block(self, lights: slice, rows: slice) -> np.ndarray:
         """Values (lights, rows, columns, 3) float32; raises InvalidStage, UnreadableFile, NotABracket."""
         chosen = range(len(self.lights))[lights]

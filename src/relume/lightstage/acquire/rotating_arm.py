@@ -18,6 +18,8 @@ WRONG = np.radians(20)
 """An azimuth that is farther off than that is another thing than the lamp."""
 FEWEST = 8
 """Highlights from which a rotation is found; two unknowns, and some of the readings are wrong."""
+_MID_EXPOSURE = 0.25
+"""Of a frame's time, when the lamp is where the frame shows it: film and video mostly open the shutter for a half."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,8 @@ class SteadyRotation:
             )
 
     def revolutions(self, frames: np.ndarray) -> np.ndarray:
-        return (np.asarray(frames, np.float64) - self.start) * self.revolutions_per_frame
+        """How far the lamp has gone in the middle of each frame's exposure."""
+        return (np.asarray(frames, np.float64) + _MID_EXPOSURE - self.start) * self.revolutions_per_frame
 
 
 @dataclass(frozen=True)
@@ -52,9 +55,6 @@ class RotatingArm:
         half circle unless given, (k + ½) π/32
     start_azimuth : where each ring begins; +Z, from where the camera looks, unless given
     clockwise : whether it turns from +Z towards −X; not unless given
-    spiral : whether it sinks evenly all the time, and not all at once when a ring ends
-    shutter : the share of the frame's time for which the shutter is open, from the frame's beginning; the lamp is taken
-        at the middle of it. 0.5 is what film and most video do
     """
 
     rotation: SteadyRotation
@@ -63,8 +63,6 @@ class RotatingArm:
     step: float = float(np.pi / 32)
     start_azimuth: float = 0.0
     clockwise: bool = False
-    spiral: bool = False
-    shutter: float = 0.5
 
     def __post_init__(self) -> None:
         last = self.first_inclination + (self.rings - 1) * self.step
@@ -73,20 +71,24 @@ class RotatingArm:
                 f"{self.rings} rings from {self.first_inclination:.3f} by {self.step:.3f} rad; expected one or more "
                 "whose inclinations lie between 0 and π"
             )
-        if not 0 <= self.shutter <= 1:
-            raise ValueError(f"shutter is {self.shutter}; expected the share of a frame's time, 0 to 1")
 
     def directions(self, frames: np.ndarray) -> np.ndarray:
         """Unit directions (N, 3) towards the lamp at frames (N,); NaN before the first ring and after the last."""
-        return self._directions(self._revolutions(frames))
+        counted = self.rotation.revolutions(frames)
+        inside = (counted >= 0) & (counted < self.rings)
+        inclination = np.where(inside, self.first_inclination + np.floor(counted) * self.step, np.nan)
+        azimuth = self.start_azimuth + (-1 if self.clockwise else 1) * 2 * np.pi * counted
+        across = np.sin(inclination)
+        return np.stack([across * np.sin(azimuth), np.cos(inclination), across * np.cos(azimuth)], axis=-1)
 
-    def frames_of_grid(self, columns: int, frame_count: int) -> np.ndarray:
-        """The frames (rings, columns) nearest to an even grid of azimuths, (j + ½)/columns of a turn from the start.
+    def grid_lights(self, columns: int, frame_count: int) -> tuple[np.ndarray, StageLights]:
+        """The frames (N,) of an even grid, and its lights, each where the lamp was in its own frame.
 
-        Raises InvalidStage where a film of `frame_count` frames does not go so far, or has fewer frames a turn than
-        columns: one of them would be two lights.
+        They are nearest to the azimuths (j + ½)/columns of a turn from the start. Names are `frame_000123`, so that
+        they sort as frames follow. Raises InvalidStage where a film of `frame_count` frames does not go so far, or has
+        fewer frames a turn than columns: one of them would be two lights.
         """
-        counted = self._revolutions(np.arange(frame_count))
+        counted = self.rotation.revolutions(np.arange(frame_count))
         inside = np.flatnonzero((counted >= 0) & (counted < self.rings))
         if len(inside) == 0 or counted[-1] < self.rings - 1 / columns or counted[0] > 1 / columns:
             reached = f"revolutions {counted[0]:.2f} to {counted[-1]:.2f}"
@@ -101,39 +103,13 @@ class RotatingArm:
             raise InvalidStage(
                 f"{len(inside) / self.rings:.1f} frames a turn are fewer than {columns} columns; take fewer columns"
             )
-        return chosen
-
-    def grid_lights(self, columns: int, frame_count: int) -> tuple[np.ndarray, StageLights]:
-        """The frames (N,) of an even grid, and its lights, each where the lamp was in its own frame.
-
-        Names are `frame_000123`. Raises as `frames_of_grid`.
-        """
-        frames = self.frames_of_grid(columns, frame_count).ravel()
-        names = tuple(frame_name(int(frame)) for frame in frames)
-        downward = self.step > 0 and not self.spiral
-        grid = (self.rings, columns) if downward else None
+        frames = chosen.ravel()
+        grid = (self.rings, columns) if self.step > 0 else None
+        names = tuple(f"frame_{frame:06d}" for frame in frames)
         return frames, StageLights.towards(self.directions(frames), names, grid=grid)
 
-    def _revolutions(self, frames: np.ndarray) -> np.ndarray:
-        return self.rotation.revolutions(np.asarray(frames, np.float64) + self.shutter / 2)
 
-    def _directions(self, counted: np.ndarray) -> np.ndarray:
-        inside = (counted >= 0) & (counted < self.rings)
-        lowered = np.clip(counted - 0.5, 0, self.rings - 1) if self.spiral else np.floor(counted)
-        inclination = np.where(inside, self.first_inclination + lowered * self.step, np.nan)
-        azimuth = self.start_azimuth + (-1 if self.clockwise else 1) * 2 * np.pi * counted
-        across = np.sin(inclination)
-        return np.stack([across * np.sin(azimuth), np.cos(inclination), across * np.cos(azimuth)], axis=-1)
-
-
-def frame_name(frame: int) -> str:
-    """What the light of a frame is called: its number, so that names sort as frames follow."""
-    return f"frame_{frame:06d}"
-
-
-def fit_rotation(
-    directions: np.ndarray, *, start_azimuth: float = 0.0, clockwise: bool = False, shutter: float = 0.5
-) -> SteadyRotation:
+def fit_rotation(directions: np.ndarray, *, start_azimuth: float = 0.0, clockwise: bool = False) -> SteadyRotation:
     """The rate and the start of a steady rotation, from where a mirrored ball shows the lamp in each frame.
 
     directions : (N, 3) of all frames in their order; NaN where it was not seen. The first pass of the start azimuth
@@ -149,7 +125,7 @@ def fit_rotation(
         raise InvalidStage(f"the lamp is seen in {len(seen)} frames; its rotation is found from {FEWEST} or more")
     x, _, z = directions[seen].T
     phasor = (z + 1j * x) if not clockwise else (z - 1j * x)
-    time = seen + shutter / 2
+    time = seen + _MID_EXPOSURE
 
     def likeness(rates: np.ndarray) -> np.ndarray:
         return np.abs(np.exp(-2j * np.pi * rates[:, None] * time) @ phasor) / np.abs(phasor).sum()
@@ -179,15 +155,15 @@ def fit_rotation(
     return SteadyRotation(float(rate), float(start + np.ceil((time[0] - start) * rate - 1e-6) / rate))
 
 
-def fit_rings(directions: np.ndarray, rotation: SteadyRotation, shutter: float = 0.5) -> tuple[float, float, int]:
-    """The first inclination, the step and the number of rings, from where a mirrored ball shows the lamp.
+def fit_rings(directions: np.ndarray, rotation: SteadyRotation) -> tuple[float, float]:
+    """The first inclination and the step of the rings, from where a mirrored ball shows the lamp.
 
     directions : (N, 3) of all frames; NaN where it was not seen
 
-    The median of each ring stands for it, and a line through the medians is fitted by least squares. The number counts
-    complete rings. Raises InvalidStage where fewer than two rings were seen.
+    The median of each complete ring stands for it, and a line through the medians is fitted by least squares. Raises
+    InvalidStage where fewer than two rings were seen.
     """
-    counted = rotation.revolutions(np.arange(len(directions)) + shutter / 2)
+    counted = rotation.revolutions(np.arange(len(directions)))
     inclination = np.arccos(np.clip(directions[:, 1], -1, 1))
     complete = int(np.floor(counted[-1] + 1 / max(len(directions), 1)))
     rows = [(k, inclination[(np.floor(counted) == k) & np.isfinite(inclination)]) for k in range(complete)]
@@ -195,4 +171,4 @@ def fit_rings(directions: np.ndarray, rotation: SteadyRotation, shutter: float =
     if len(seen) < 2:
         raise InvalidStage(f"the lamp is seen on {len(seen)} rings; its step is found from two or more")
     step, first = np.polyfit([k for k, _ in seen], [i for _, i in seen], 1)
-    return float(first), float(step), complete
+    return float(first), float(step)

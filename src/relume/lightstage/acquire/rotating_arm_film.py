@@ -1,7 +1,7 @@
 """The film of a spinning stage, as a video or as a folder of frames, made into a stage that can be relit.
 
-Video frames are 8-bit sRGB as players show them; those of the grid are written as PNG beside a `stage.json`, one pass
-through the film, so that nothing has to be held in memory. PyAV is imported at first use.
+Video frames are 8-bit sRGB as players show them; those of the grid are written as PNG, one pass through the film, so
+that nothing has to be held in memory. PyAV is imported at first use.
 """
 
 from __future__ import annotations
@@ -9,17 +9,16 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from relume.capture.exposure.folder import name_order
-from relume.errors import BallNotFound, InvalidStage, OutputNotWritten, UnreadableFile
+from relume.errors import BallNotFound, InvalidStage, UnreadableFile
 from relume.image import files
 from relume.image.photograph import Photograph
-from relume.lightstage.acquire.ball_highlights import HighlightSearch, MirrorBall, find_highlight
+from relume.lightstage.acquire.ball_highlights import MirrorBall, find_highlight
 from relume.lightstage.acquire.rotating_arm import RotatingArm
-from relume.lightstage.acquire.stage_file import STAGE_FILE, LightEntry, Stage, StageCamera, write_stage_file
+from relume.lightstage.acquire.stage_file import LightEntry, Stage
 from relume.lightstage.field.lights import StageLights
 
 FRAMES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr", ".hdr")
@@ -42,21 +41,16 @@ def video_frames(path: str | os.PathLike[str]) -> Iterator[np.ndarray]:
             for frame in container.decode(video=0):
                 yield frame.to_ndarray(format="rgb24")
     except (OSError, FFmpegError) as error:
-        raise UnreadableFile(f"{path}: cannot be read as a video: {_reason(error)}; copy it again") from None
+        reason = " ".join(str(getattr(error, "strerror", None) or error).split())
+        raise UnreadableFile(f"{path}: cannot be read as a video: {reason}; copy it again") from None
 
 
-def lamp_directions(
-    pictures: Iterable[np.ndarray], ball: MirrorBall, search: HighlightSearch = HighlightSearch()
-) -> np.ndarray:
-    """Where a mirrored ball shows the lamp in each frame, (N, 3) unit, NaN where it shows none.
-
-    pictures : (H, W, 3) of all frames in their order, as `video_frames` gives them; `fit_rotation` finds
-        rate and start from what comes out
-    """
+def lamp_directions(pictures: Iterable[np.ndarray], ball: MirrorBall) -> np.ndarray:
+    """Where a mirrored ball shows the lamp in each frame (H, W, 3) of a film: (N, 3) unit, NaN where it shows none."""
     directions = []
     for picture in pictures:
         try:
-            point = find_highlight(picture, ball.outline, search=search)
+            point = find_highlight(picture, ball.outline)
         except BallNotFound:
             directions.append(np.full(3, np.nan))
         else:
@@ -66,64 +60,40 @@ def lamp_directions(
 
 def frame_paths(folder: str | os.PathLike[str]) -> tuple[Path, ...]:
     """The frames in a folder in the order of their names, 9 before 10; raises InvalidStage where there are none."""
-    if not Path(folder).is_dir():
-        raise InvalidStage(f"{folder}: no such folder; name the folder of the frames, or the video")
     found = [path for path in Path(folder).iterdir() if path.suffix.lower() in FRAMES and not path.name.startswith(".")]
     if not found:
         raise InvalidStage(f"{folder}: no frames; it holds none of {', '.join(FRAMES)}")
     return tuple(sorted(found, key=name_order))
 
 
-def stage_of_frames(
-    paths: Sequence[Path], course: RotatingArm, columns: int, view: StageCamera | None = None, encoding: str = "srgb"
-) -> Stage:
-    """The stage of a folder of frames, for a stage file beside them; no picture is read or copied.
+def stage_of_frames(paths: Sequence[Path], course: RotatingArm, columns: int) -> Stage:
+    """The stage of a film's frames, all in one folder and in their order, `columns` lights a ring; none is read.
 
-    paths : all frames of the film in their order, in one folder
-    columns : lights a ring
     Raises InvalidStage where the film does not go round the stage.
     """
     frames, lights = course.grid_lights(columns, len(paths))
-    return _stage([paths[frame].name for frame in frames], lights, view, encoding)
+    return _stage([paths[frame].name for frame in frames], lights)
 
 
-def unpack_video(
-    video: str | os.PathLike[str],
-    folder: str | os.PathLike[str],
-    course: RotatingArm,
-    columns: int,
-    view: StageCamera | None = None,
-) -> Path:
-    """Write the frames of a stage's grid as PNG to a folder, and its stage file last; gives that file's path.
+def unpack_video(video: str | os.PathLike[str], folder: Path, course: RotatingArm, columns: int) -> Stage:
+    """Write the frames of a stage's grid, `columns` lights a ring, as PNG to a folder, and give the stage of them.
 
-    folder : made where it is missing; without a stage file it is not complete
-    columns : lights a ring
     Raises InvalidStage where the film does not go round the stage, UnreadableFile, OutputNotWritten.
     """
     frame_count = sum(1 for _ in video_frames(video))
     frames, lights = course.grid_lights(columns, frame_count)
-    place = Path(folder)
-    try:
-        place.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputNotWritten(f"{place}: cannot be made: {error.strerror}; choose another place") from error
     names = {int(frame): f"{name}.png" for frame, name in zip(frames, lights.names, strict=True)}
     for index, pixels in enumerate(video_frames(video)):
         if index in names:
-            files.write(place / names[index], Photograph(pixels, names[index]))
-    write_stage_file(place / STAGE_FILE, _stage(list(names.values()), lights, view, "srgb"))
-    return place / STAGE_FILE
+            files.write(folder / names[index], Photograph(pixels, names[index]))
+    return _stage(list(names.values()), lights)
 
 
-def _stage(names: list[str], lights: StageLights, view: StageCamera | None, encoding: str) -> Stage:
+def _stage(names: list[str], lights: StageLights) -> Stage:
     entries = tuple(
         LightEntry({"": (file,)}, (x, y, z), name=name, solid_angle=float(angle))
         for file, name, (x, y, z), angle in zip(
             names, lights.names, lights.directions.tolist(), lights.solid_angles, strict=True
         )
     )
-    return Stage(entries, {} if view is None else {"front": view}, lights.grid, encoding)
-
-
-def _reason(error: Any) -> str:
-    return " ".join(str(getattr(error, "strerror", None) or error).split())
+    return Stage(entries, grid=lights.grid)

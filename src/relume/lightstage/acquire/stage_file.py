@@ -21,15 +21,12 @@ the frame is `sphere.directions`'.
 
 from __future__ import annotations
 
-import json
-import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from relume.image.files import write_text
 from relume.lightstage.field.lights import StageLights
 from relume.scene.cameras.camera import Camera
 
@@ -100,7 +97,7 @@ class Stage:
     subject : the point, metres, from which lights with a position are looked at
     target : in the pictures; None where there is none
     angular_diameter : of a light, radians; None where not given
-    others : keys at the top that mean nothing here, kept for `write_stage_file`
+    others : keys at the top that mean nothing here
     """
 
     lights: tuple[LightEntry, ...]
@@ -140,41 +137,9 @@ class Stage:
         return self.grid if level and np.all(np.diff(heights.mean(axis=1)) < 0) else None
 
 
-def stage_file_text(stage: Stage) -> str:
-    """A stage as the text of a stage file."""
-    table: dict[str, Any] = dict(stage.others)
-    table["lights"] = [_light_table(entry) for entry in stage.lights]
-    if stage.cameras:
-        table["cameras"] = {
-            name: {
-                "position": list(view.position),
-                "look_at": list(view.look_at),
-                "hfov_deg": float(np.degrees(view.field_of_view)),
-            }
-            for name, view in stage.cameras.items()
-        }
-    if stage.grid is not None:
-        table["grid"] = {"inclination": stage.grid[0], "azimuth": stage.grid[1]}
-    if stage.angular_diameter is not None:
-        table["light"] = {"angular_diameter_deg": float(np.degrees(stage.angular_diameter))}
-    table["encoding"], table["subject"] = stage.encoding, list(stage.subject)
-    if stage.target is not None:
-        table["target"] = {"rectangle": list(stage.target.rectangle), "reflectance": stage.target.reflectance}
-    return json.dumps(table, indent=1, ensure_ascii=False) + "\n"
-
-
-def write_stage_file(path: str | os.PathLike[str], stage: Stage) -> None:
-    """Write a stage file, whole or not at all; raises OutputNotWritten."""
-    write_text(path, stage_file_text(stage))
-
-
-def _light_table(entry: LightEntry) -> dict[str, Any]:
-    given = {camera: names[0] if len(names) == 1 else list(names) for camera, names in entry.files.items()}
-    table: dict[str, Any] = {"file": given[""]} if "" in given else {"files": given}
-    for key in ("name", "direction", "position", "solid_angle", "exposure"):
-        value = getattr(entry, key)
-        if value is not None:
-            table[key] = list(value) if isinstance(value, tuple) else value
-    if entry.irradiance != (1.0, 1.0, 1.0):
-        table["irradiance"] = list(entry.irradiance)
-    return table
+def stage_towards(
+    names: Sequence[str], directions: np.ndarray, cameras: Mapping[str, StageCamera] | None = None
+) -> Stage:
+    """The stage of one picture a light, in directions (N, 3)."""
+    pairs = zip(names, directions.tolist(), strict=True)
+    return Stage(tuple(LightEntry({"": (name,)}, tuple(direction)) for name, direction in pairs), cameras or {})

@@ -21,7 +21,7 @@ _HELD_PICTURES = 96
 _DARKNESS = 0.4
 """A value below this share of the lesser of two on opposite sides is dark: bars are painted black."""
 _REACH = 1.7
-"""How far these two lights may be, times the typical spacing of lights √(4π/N); it takes the next in each direction of a
+"""How far these two lights may be, times the typical spacing of lights √(4π/N): the next in each direction of a
 grid."""
 _FAINTEST = 0.2
 """A pixel shows nothing unless those two are this bright relative to the pictures' level: what is nearly black is full
