@@ -33,7 +33,7 @@ def mi() -> Iterator[Any]:
 
 
 def guide_of(mi: Any, balls: list[Sphere], place: tuple[float, float, float], up: tuple[float, float, float]) -> Any:
-    from relume.renderers.mitsuba.transport.guide import Guide
+    from relume.renderers.mitsuba.transport.aim import Guide
 
     guide = Guide(balls)
     return guide, guide.cones(mi.Point3f(*place), mi.Vector3f(*up))

@@ -52,7 +52,7 @@ def jit():
 
 
 def made(mi, material):
-    return ward(mi, material) if isinstance(material, Ward) else layered(material)
+    return ward(material) if isinstance(material, Ward) else layered(material)
 
 
 def seen_from(mi, cosine, count=COUNT):

@@ -22,6 +22,17 @@ def warn_of_unsupported(material: Material, whose: str) -> None:
         )
 
 
+def extra_lobes(material: Material) -> dict[str, bool]:
+    """Which lobes a material has beside its base, its plain gloss and its transmission."""
+    tints = (material.specular, material.specular_color)
+    return {
+        "clearcoat": bool(np.any(np.asarray(material.clearcoat) > 0)),
+        "sheen": bool(np.any(np.asarray(material.sheen_color) > 0)),
+        "anisotropy": material.anisotropy > 0,
+        "specular": any(bool(np.any(np.asarray(tint) != 1)) for tint in tints),
+    }
+
+
 def unsupported_features(material: Material) -> tuple[str, ...]:
     """The names of what is set of a material beyond base colour, metallic, roughness, transmission and ior."""
     clear = bool(np.any(material.through))
@@ -29,11 +40,7 @@ def unsupported_features(material: Material) -> tuple[str, ...]:
         "its normal map": material.normal is not None,
         "emission": material.emits,
         "alpha": bool(np.any(np.asarray(material.alpha) < 1)),
-        "clearcoat": bool(np.any(np.asarray(material.clearcoat) > 0)),
-        "sheen": bool(np.any(np.asarray(material.sheen_color) > 0)),
-        "anisotropy": material.anisotropy > 0,
-        "specular": bool(np.any(np.asarray(material.specular) != 1))
-        or bool(np.any(np.asarray(material.specular_color) != 1)),
+        **extra_lobes(material),
         "thinness": material.thin and clear,
         "what fills the body": material.medium is not None,
         "dispersion": material.dispersion > 0 and clear,

@@ -19,8 +19,7 @@ def denoised(change: Change) -> Change:
     the filter knows no negative light. All are cleaned as they would be if the matte had no edges, and matted again:
     the matte has next to no noise, and its edges stay as they are. What is exactly 0 stays so.
     """
-    albedo = np.ascontiguousarray(np.clip(change.albedo, 0, 1), np.float32)
-    normal = np.ascontiguousarray(change.normal, np.float32)
+    albedo, normal = np.clip(change.albedo, 0, 1), change.normal
     cover = change.matte[..., None]
     objects = _clean(_unmatted(change.objects, change.matte), albedo, normal)
     added, taken = (
@@ -63,9 +62,5 @@ def smoothed(picture: np.ndarray, normal: np.ndarray, parts: np.ndarray) -> np.n
     normal : (H, W, 3), world
     parts : (H, W) int, another number for each surface
     """
-    import mitsuba_oidn
-
     guide = (0.2 + 0.6 * (parts % 4) / 3).astype(np.float32)
-    albedo = np.ascontiguousarray(np.broadcast_to(guide[..., None], picture.shape))
-    light = np.ascontiguousarray(np.maximum(picture, 0), np.float32)
-    return np.asarray(mitsuba_oidn.denoise(light, albedo, np.ascontiguousarray(normal, np.float32), hdr=True))
+    return _clean(np.maximum(picture, 0), np.broadcast_to(guide[..., None], picture.shape), normal)

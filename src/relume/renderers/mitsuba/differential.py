@@ -15,19 +15,16 @@ import numpy as np
 
 from relume.errors import UnsupportedScene
 from relume.renderers.mitsuba.distant import require_inside
-from relume.renderers.mitsuba.path_tracer import MATTE_SAMPLES, PASSES, Mitsuba, _mitsuba
+from relume.renderers.mitsuba.path_tracer import MATTE_SAMPLES, PASS_RAYS, PASSES, Mitsuba, PathTracing, _mitsuba
 from relume.renderers.mitsuba.scene import why_not
 from relume.renderers.progressive.accumulation import NO_SESSION, RenderSession, accumulate, pass_seed
 from relume.renderers.progressive.convergence import ChangeError, Target
 from relume.renderers.progressive.fingerprint import fingerprint, render_key
-from relume.renderers.renderer import Moments, Renderer, subtracted
+from relume.renderers.renderer import Moments, subtracted
 from relume.renderers.results import Change, Progress, Render
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.shutter import Shutter
 from relume.scene.scene import Scene
-
-PASS_RAYS = 4_000_000
-"""Samples traced at once: about two seconds of two cores, so that a first Ctrl-C is answered in time."""
 
 FEW_RAYS = 500_000
 """Samples of a pass below which starting it takes longer than tracing it."""
@@ -36,7 +33,7 @@ FEWEST_PASSES = 8
 
 
 @dataclass(frozen=True)
-class Differential(Renderer):
+class Differential(PathTracing):
     """Path tracing of what objects change, estimated as such; its plain renders are those of `Mitsuba`.
 
     samples : rays a pixel, at most; 256 shows little noise on what the light reaches directly
@@ -47,16 +44,6 @@ class Differential(Renderer):
         random numbers and subtracts them
     threads : all cores unless given; the pixels do not depend on it
     """
-
-    samples: int = 256
-    noise: float | None = None
-    depth: int = 12
-    variant: str | None = None
-    threads: int | None = None
-
-    def __post_init__(self) -> None:
-        # The same limits, in the same words.
-        self._plain()
 
     def _plain(self) -> Mitsuba:
         return Mitsuba(self.samples, self.noise, self.depth, self.variant, self.threads)
@@ -109,21 +96,21 @@ class Differential(Renderer):
                 return estimator.traced(samples, own)
 
             # The passes.
+            target = None if self.noise is None else Target(self.noise, ChangeError(backdrop))
             sums = accumulate(
                 trace,
                 passes=passes,
                 seed=seed,
                 scattered=("objects", "difference"),
-                target=None if self.noise is None else Target(self.noise, ChangeError(backdrop)),
+                target=target,
                 key=self._key(scene, camera, seed, plate, moments, times) if watch.checkpoint is not None else None,
                 watch=watch,
                 progress=progress,
             )
-            goal = None if self.noise is None else Target(self.noise, ChangeError(backdrop))
-            if goal is not None and sums.passes == passes and not goal.reached(sums):
+            if target is not None and sums.passes == passes and not target.reached(sums):
                 warnings.warn(
                     f"the noise asked for, {self.noise:g}, was not reached with {self.samples} samples a pixel: it is "
-                    f"{goal.error(sums):.2g}; give more samples",
+                    f"{target.error(sums):.2g}; give more samples",
                     stacklevel=2,
                 )
             # Depth, normals and albedo, which need few samples.

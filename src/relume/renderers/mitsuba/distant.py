@@ -18,6 +18,7 @@ from relume.scene.distant import Distant, Dome, Enclosure, Infinite
 from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Mesh, Polygon, Shape, Sphere
+from relume.sphere.bilinear_kernels import padded
 from relume.sphere.mappings.mapping import LatLong
 
 ROWS = 96
@@ -136,35 +137,30 @@ def _outermost(shape: Shape) -> np.ndarray:
 
 def distant_shape(mi: Any, scene: Scene) -> Any:
     """The walls as a Mitsuba mesh that shines inwards with the probe's map and reflects nothing."""
-    light = as_latlong(scene.light)
-    built = walls(scene.distant, scene.probe)
-    pixels = light.radiance.astype(np.float32)
-    half = pixels.shape[1] // 2
+    built, pixels = walls(scene.distant, scene.probe), as_latlong(scene.light).radiance
     # One more pixel round the seam and over the poles, so that bilinear look-up is that of `EnvironmentMap`.
-    tall = np.concatenate([np.roll(pixels[:1], half, 1), pixels, np.roll(pixels[-1:], half, 1)])
-    padded = np.concatenate([tall[:, -1:], tall, tall[:, :1]], axis=1)
+    bitmap = mi.Bitmap(np.ascontiguousarray(padded(pixels)[..., :3]))
     rows, columns = pixels.shape[:2]
     place = (built.uv * [columns, rows] + 1) / [columns + 2, rows + 2]
+    radiance = {"type": "bitmap", "bitmap": bitmap, "raw": True, "wrap_mode": "clamp"}
+    parts = {"emitter": {"type": "area", "radiance": radiance}, "bsdf": {"type": "diffuse", "reflectance": 0.0}}
+    return triangles(mi, Mesh(built.vertices, built.faces, Diffuse((0.0, 0.0, 0.0)), uv=place, name="distant"), parts)
+
+
+def triangles(mi: Any, mesh: Mesh, parts: dict[str, Any]) -> Any:
+    """Triangles as a Mitsuba mesh, with the surface, emitter and medium that `parts` says; `uv` as Mitsuba has it."""
     properties = mi.Properties()
-    properties["emitter"] = mi.load_dict(
-        {
-            "type": "area",
-            "radiance": {
-                "type": "bitmap",
-                "bitmap": mi.Bitmap(np.ascontiguousarray(padded)),
-                "raw": True,
-                "wrap_mode": "clamp",
-            },
-        }
-    )
-    properties["bsdf"] = mi.load_dict({"type": "diffuse", "reflectance": 0.0})
-    mesh = mi.Mesh(
-        "distant", len(built.vertices), len(built.faces), props=properties,
-        has_vertex_normals=False, has_vertex_texcoords=True,
+    for name, words in parts.items():
+        properties[name] = mi.load_dict(words)
+    arrays = {"vertex_positions": mesh.vertices, "vertex_normals": mesh.normals, "vertex_texcoords": mesh.uv}
+    built = mi.Mesh(
+        mesh.name, len(mesh.vertices), len(mesh.faces), props=properties,
+        has_vertex_normals=mesh.normals is not None, has_vertex_texcoords=mesh.uv is not None,
     )  # fmt: skip
-    parameters = mi.traverse(mesh)
-    parameters["vertex_positions"] = np.ravel(built.vertices)
-    parameters["faces"] = np.ravel(built.faces).astype(np.uint32)
-    parameters["vertex_texcoords"] = np.ravel(place).astype(np.float32)
+    parameters = mi.traverse(built)
+    parameters["faces"] = np.ravel(mesh.faces).astype(np.uint32)
+    for name, values in arrays.items():
+        if values is not None:
+            parameters[name] = np.ravel(values).astype(np.float32)
     parameters.update()
-    return mesh
+    return built

@@ -15,7 +15,8 @@ from importlib import import_module
 from typing import Any
 
 from relume.renderers.directional_albedo import COSINES, NARROWEST, NARROWEST_SHEEN, ggx_shares, sheen_shares
-from relume.renderers.mitsuba.textures import any_above_zero, texture
+from relume.renderers.mitsuba.textures import texture
+from relume.renderers.unsupported_features import extra_lobes
 from relume.scene.materials.materials import Material
 
 # The stubs of Mitsuba are of no variant in particular.
@@ -30,14 +31,14 @@ RAREST = 0.02
 
 def layered(material: Material) -> Any:
     """The opaque part of a material, one-sided; for the variants with `_ad_` in their names."""
-    return _layered_class(mi.variant())(mi.Properties(), material)
+    return surface_class(Layered, mi.variant())(mi.Properties(), material)
 
 
 @lru_cache
-def _layered_class(variant: str) -> type:
+def surface_class(methods: type, variant: str) -> type:
     """The class for a variant of Mitsuba: its base class is another in each, and takes no second one beside it."""
-    methods = {name: each for name, each in vars(_Layers).items() if callable(each)}
-    return type(mi.BSDF)("Layered", (mi.BSDF,), methods)
+    every = {name: each for part in (Surface, methods) for name, each in vars(part).items() if callable(each)}
+    return type(mi.BSDF)(methods.__name__, (mi.BSDF,), every)
 
 
 def _shares(table: Any) -> Any:
@@ -55,8 +56,43 @@ def _largest(colour: Any) -> Any:
     return dr.maximum(dr.maximum(colour[0], colour[1]), colour[2])
 
 
-class _Layers:
-    """The methods of the class, which are the same for every variant: `mi` means the one that is in use."""
+class Surface:
+    """What surfaces of diffuse and glossy lobes have in common, whatever the variant: `mi` means the one in use."""
+
+    # f·cos θo and the density of the directions.
+    evaluated: Any
+
+    def set_kinds(self, diffuse: Any, glossy: Any) -> None:
+        front = mi.BSDFFlags.FrontSide
+        self.m_components = [diffuse | front, glossy | front]
+        self.m_flags = diffuse | glossy | front
+
+    def drawn(self, wo: Any, value: Any, density: Any, glossy: Any, active: Any) -> tuple[Any, Any]:
+        """Mitsuba's record of a direction that was drawn for one of the lobes, and its weight."""
+        sampled = dr.zeros(mi.BSDFSample3f)
+        sampled.wo, sampled.pdf, sampled.eta = wo, density, 1.0
+        sampled.sampled_component = dr.select(glossy, mi.UInt32(1), mi.UInt32(0))
+        sampled.sampled_type = dr.select(
+            glossy, mi.UInt32(+mi.BSDFFlags.GlossyReflection), mi.UInt32(+mi.BSDFFlags.DiffuseReflection)
+        )
+        there = active & (density > 0)
+        return sampled, dr.select(there, value / dr.maximum(density, 1e-20), 0)
+
+    def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+        return self.evaluated(si, wo, active)[0]
+
+    def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+        return self.evaluated(si, wo, active)[1]
+
+    def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
+        return self.evaluated(si, wo, active)
+
+    def to_string(self) -> str:
+        return f"{type(self).__name__}[]"
+
+
+class Layered(Surface):
+    """Sheen over coat over gloss over base."""
 
     def __init__(self, properties: Any, material: Material) -> None:
         mi.BSDF.__init__(self, properties)
@@ -73,15 +109,11 @@ class _Layers:
         self.rotation = dr.opaque(mi.Float, material.anisotropy_rotation)
         self.gloss_table = _shares(ggx_shares(float(material.ior)))
         self.steps = material.ior >= 1.0001
-        self.turned = material.anisotropy > 0
-        self.coated = any_above_zero(material.clearcoat)
-        self.fibrous = any_above_zero(material.sheen_color)
+        there = extra_lobes(material)
+        self.turned, self.coated, self.fibrous = there["anisotropy"], there["clearcoat"], there["sheen"]
         self.coat_table: Any = _shares(ggx_shares(COAT_IOR)) if self.coated else None
         self.sheen_table: Any = _shares(sheen_shares()) if self.fibrous else None
-        front = mi.BSDFFlags.FrontSide
-        kinds = (mi.BSDFFlags.DiffuseReflection | front, mi.BSDFFlags.GlossyReflection | front)
-        self.m_components = [*kinds]
-        self.m_flags = kinds[0] | kinds[1]
+        self.set_kinds(mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.GlossyReflection)
 
     def number(self, field: str, si: Any, active: Any) -> Any:
         return self.textures[field].eval_1(si, active)
@@ -239,29 +271,7 @@ class _Layers:
             on_fibres = (sample1 >= p_gloss + p_coat) & (sample1 < p_gloss + p_coat + p_fibres)
             wo[on_fibres] = mi.warp.square_to_uniform_hemisphere(sample2)
         value, density = self.evaluated(si, wo, active, shares_of_samples)
-        sampled = dr.zeros(mi.BSDFSample3f)
-        sampled.wo = wo
-        sampled.pdf = density
-        sampled.eta = 1.0
-        even = sample1 >= p_gloss + p_coat
-        sampled.sampled_component = dr.select(even, mi.UInt32(0), mi.UInt32(1))
-        sampled.sampled_type = dr.select(
-            even, mi.UInt32(+mi.BSDFFlags.DiffuseReflection), mi.UInt32(+mi.BSDFFlags.GlossyReflection)
-        )
-        there = active & (density > 0)
-        return sampled, dr.select(there, value / dr.maximum(density, 1e-20), 0)
-
-    def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-        return self.evaluated(si, wo, active)[0]
-
-    def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-        return self.evaluated(si, wo, active)[1]
-
-    def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
-        return self.evaluated(si, wo, active)
+        return self.drawn(wo, value, density, sample1 < p_gloss + p_coat, active)
 
     def eval_diffuse_reflectance(self, si: Any, active: Any = True) -> Any:
         return self.colour("base_color", si, active)
-
-    def to_string(self) -> str:
-        return "Layered[]"

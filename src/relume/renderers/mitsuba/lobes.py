@@ -41,25 +41,25 @@ class Arriving:
     weight: np.ndarray
     points: int
 
-    def reflected(self, material: Diffuse | Material, *, variant: str | None = None) -> np.ndarray:
+    def reflected(self, material: Diffuse | Material) -> np.ndarray:
         """(N, 3) radiance that points of this material send to the viewer."""
-        return self._summed(self._response(material, variant))
+        return self._summed(self._response(material))
 
-    def gloss_and_base(self, material: Material, *, variant: str | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def gloss_and_base(self, material: Material) -> tuple[np.ndarray, np.ndarray]:
         """(N, 3) radiance of a material's colourless gloss, and (N, 3) of the diffuse base under it for an albedo of 1.
 
         material : whose base colour is not used; its gloss must be alike in red and green
         """
         # One look at the BSDF is enough where red has a white base and green a black one.
-        response = self._response(replace(material, base_color=(1.0, 0.0, 0.0)), variant)
+        response = self._response(replace(material, base_color=(1.0, 0.0, 0.0)))
         return self._summed(response[:, 1:2]), self._summed(response[:, :1] - response[:, 1:2])
 
     def _summed(self, response: np.ndarray) -> np.ndarray:
         return (response * self.weight).reshape(self.points, -1, 3).sum(1, dtype=np.float64)
 
-    def _response(self, material: Diffuse | Material, variant: str | None) -> np.ndarray:
+    def _response(self, material: Diffuse | Material) -> np.ndarray:
         """(N·K, 3): the BSDF times the cosine at the light."""
-        with _mitsuba(variant, None) as mi:
+        with _mitsuba(None, None) as mi:
             import drjit as dr
 
             surface = bsdf(mi, material)
@@ -70,20 +70,12 @@ class Arriving:
             return np.array(surface.eval(mi.BSDFContext(), si, mi.Vector3f(self.towards_light.T))).T
 
 
-def arriving(
-    scene: Scene,
-    points: np.ndarray,
-    normals: np.ndarray,
-    viewers: np.ndarray,
-    *,
-    seed: int = 0,
-    variant: str | None = None,
-) -> Arriving:
+def arriving(scene: Scene, points: np.ndarray, normals: np.ndarray, viewers: np.ndarray, *, seed: int = 0) -> Arriving:
     """Draw directions at points (N, 3) with unit normals (N, 3) that are seen from `viewers`, (3,) or (N, 3), metres.
 
     Other local surfaces hide light and send none. Raises UnsupportedScene in Mitsuba's scalar variants.
     """
-    with _mitsuba(variant, None) as mi:
+    with _mitsuba(None, None) as mi:
         if "_ad_" not in mi.variant():
             raise UnsupportedScene(
                 "the scalar variant of Mitsuba cannot find a gloss; install LLVM 16 or newer, or give the gloss"

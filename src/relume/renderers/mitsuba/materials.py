@@ -9,16 +9,18 @@ from typing import Any
 import numpy as np
 
 from relume.errors import UnsupportedScene
-from relume.renderers.mitsuba.textures import any_above_zero, rgb, texture_words
-from relume.renderers.mitsuba.ward import ward
+from relume.renderers.mitsuba.textures import rgb, texture_words
+from relume.renderers.unsupported_features import extra_lobes
 from relume.scene.materials.materials import Diffuse, Material, Ward
+from relume.scene.materials.media import Medium
+from relume.scene.shapes.shapes import AnyMaterial
 
 SMOOTH = 0.03
 """Below this roughness glass is smooth: α < 0.001, finer than any picture shows."""
 
 
-def bsdf(mi: Any, material: Diffuse | Material | Ward, *, media: bool = False) -> Any:
-    """The surface of a material as a BSDF or the dictionary of one.
+def bsdf(mi: Any, material: AnyMaterial, *, media: bool = False) -> Any:
+    """The surface of a material as a BSDF or the dictionary of one; of one that `scene.why_not` has nothing against.
 
     media : whether the integrator follows light through what fills the body (`Material.medium`). Where it does not, a
         body that scatters is a diffuse one of the same colour, and one that only absorbs is clear: both with a warning.
@@ -32,7 +34,10 @@ def bsdf(mi: Any, material: Diffuse | Material | Ward, *, media: bool = False) -
                 f"the scalar variant of Mitsuba cannot shade the Ward surface {material.name!r}; "
                 "install LLVM 16 or newer, or use a metal with anisotropy"
             )
-        return {"type": "twosided", "bsdf": ward(mi, material)}
+        from relume.renderers.mitsuba.ward import ward
+
+        return {"type": "twosided", "bsdf": ward(material)}
+    assert isinstance(material, Material)
     if lost := not_rendered(material, media=media, scalar=not _is_jit(mi)):
         warnings.warn(f"not rendered of material {material.name!r}: {', '.join(lost)}", stacklevel=2)
     medium = material.medium
@@ -45,26 +50,17 @@ def bsdf(mi: Any, material: Diffuse | Material | Ward, *, media: bool = False) -
 
 def not_rendered(material: Material, *, media: bool, scalar: bool) -> tuple[str, ...]:
     """What of a material Mitsuba's BSDFs here leave out or replace, each in a few words."""
-    lost = []
-    if material.dispersion > 0 and np.any(material.through):
-        lost.append("dispersion (render the three of rl.scene.dispersed for it)")
+    lost, there = [], extra_lobes(material)
     if np.any(material.through):
-        upper = {
-            "clearcoat": any_above_zero(material.clearcoat),
-            "sheen": any_above_zero(material.sheen_color),
-            "specular": np.any(np.asarray(material.specular) != 1) or np.any(np.asarray(material.specular_color) != 1),
-        }
-        lost += [f"{name} over what light goes through" for name, there in upper.items() if there]
+        if material.dispersion > 0:
+            lost.append("dispersion (render the three of rl.scene.dispersed for it)")
+        upper = ("clearcoat", "sheen", "specular")
+        lost += [f"{name} over what light goes through" for name in upper if there[name]]
     if material.medium is not None and not media:
         lost.append("subsurface scattering (drawn diffuse)" if material.scattering_distance else "volume attenuation")
     if scalar:
-        layers = {
-            "clearcoat": any_above_zero(material.clearcoat),
-            "sheen": any_above_zero(material.sheen_color),
-            "specular": np.any(np.asarray(material.specular) != 1) or np.any(np.asarray(material.specular_color) != 1),
-            "anisotropy": material.anisotropy > 0,
-        }
-        lost += [f"{name} (the scalar variant has none)" for name, there in layers.items() if there]
+        layers = ("clearcoat", "sheen", "specular", "anisotropy")
+        lost += [f"{name} (the scalar variant has none)" for name in layers if there[name]]
     return tuple(lost)
 
 
@@ -75,9 +71,14 @@ def emission(mi: Any, material: Any) -> dict[str, Any] | None:
     return {"type": "area", "radiance": texture_words(mi, material.emission)}
 
 
-def interior(material: Any) -> dict[str, Any] | None:
+def filling(material: AnyMaterial) -> Medium | None:
+    """What fills a body of this material; None where it is empty."""
+    return material.medium if isinstance(material, Material) else None
+
+
+def interior(material: AnyMaterial) -> dict[str, Any] | None:
     """Mitsuba's medium inside a shape of this material, for its volumetric integrators; None where it is clear."""
-    medium = material.medium if isinstance(material, Material) else None
+    medium = filling(material)
     if medium is None:
         return None
     # Mitsuba's colours end at 1; its scale does not.
@@ -129,8 +130,8 @@ def _opaque(mi: Any, material: Material) -> dict[str, Any]:
 
 
 def _opaque_side(mi: Any, material: Material) -> Any:
-    plain = np.ndim(material.metallic) == 0 and np.ndim(material.roughness) == 0
-    bare = not (any_above_zero(material.clearcoat) or any_above_zero(material.sheen_color) or material.anisotropy > 0)
+    plain, there = np.ndim(material.metallic) == 0 and np.ndim(material.roughness) == 0, extra_lobes(material)
+    bare = not (there["clearcoat"] or there["sheen"] or there["anisotropy"])
     if plain and bare and material.metallic == 1 and material.roughness == 0:
         return {
             "type": "conductor",

@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from relume.renderers.mitsuba.scene import fills, matte_dictionary, scene_dictionary, surfaces_dictionary
+from relume.renderers.mitsuba.materials import filling
+from relume.renderers.mitsuba.scene import matte_dictionary, scene_dictionary, surfaces_dictionary
 from relume.renderers.mitsuba.variant import choose_variant
 from relume.renderers.progressive.accumulation import NO_SESSION, RenderSession, accumulate, pass_seed
 from relume.renderers.progressive.convergence import StandardError, Target
@@ -28,7 +29,8 @@ from relume.scene.lights import SphereLight
 from relume.scene.scene import Scene
 
 PASS_RAYS = 4_000_000
-"""Rays traced at once; 4 million keep a pass under about half a gigabyte."""
+"""Rays traced at once: under about half a gigabyte, and about two seconds of two cores, so that a first Ctrl-C is
+answered in time."""
 PASSES = 16
 """Passes at least, where the samples allow it: the scatter of 16 estimates a pixel's variance to a third of itself."""
 MATTE_SAMPLES = 64
@@ -40,7 +42,26 @@ FAIR = 1000
 
 
 @dataclass(frozen=True)
-class Mitsuba(Renderer):
+class PathTracing(Renderer):
+    """The settings that both path tracers have, and their limits."""
+
+    samples: int = 256
+    noise: float | None = None
+    depth: int = 12
+    variant: str | None = None
+    threads: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.samples < 2 or self.depth < 1 or (self.noise is not None and not self.noise > 0):
+            raise ValueError(
+                f"samples {self.samples}, depth {self.depth}, noise {self.noise}; expected at least 2, 1 and above 0"
+            )
+        if self.threads is not None and self.threads < 1:
+            raise ValueError(f"threads is {self.threads}; expected at least 1, or none for all cores")
+
+
+@dataclass(frozen=True)
+class Mitsuba(PathTracing):
     """Unidirectional path tracing with multiple importance sampling of the light.
 
     samples : rays a pixel, at most; 256 shows little noise on what the light reaches directly
@@ -53,20 +74,7 @@ class Mitsuba(Renderer):
     passes : exactly this many passes of the `samples` are traced, to repeat what a render with `noise` traced
     """
 
-    samples: int = 256
-    noise: float | None = None
-    depth: int = 12
-    variant: str | None = None
-    threads: int | None = None
     passes: int | None = None
-
-    def __post_init__(self) -> None:
-        if self.samples < 2 or self.depth < 1 or (self.noise is not None and not self.noise > 0):
-            raise ValueError(
-                f"samples {self.samples}, depth {self.depth}, noise {self.noise}; expected at least 2, 1 and above 0"
-            )
-        if self.threads is not None and self.threads < 1:
-            raise ValueError(f"threads is {self.threads}; expected at least 1, or none for all cores")
 
     def render(
         self,
@@ -104,7 +112,7 @@ class Mitsuba(Renderer):
 
     def _integrator(self, scene: Scene) -> dict[str, Any]:
         """Mitsuba's path tracer, or the one that also goes through what fills bodies and through lamps."""
-        media = [medium for shape in (*scene.local, *scene.objects) if (medium := fills(shape.material)) is not None]
+        media = [medium for shape in (*scene.local, *scene.objects) if (medium := filling(shape.material)) is not None]
         if not media and not any(isinstance(light, SphereLight) for light in scene.lights):
             return {"type": "path", "max_depth": self.depth + 1, "rr_depth": 8}
         if any(any(medium.scattering) for medium in media):

@@ -6,25 +6,25 @@ Mitsuba's `envmap` is half a turn away from our lat-long and its rows align corn
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from relume.errors import UnsupportedScene
 from relume.light.reflection.convolution import as_latlong
-from relume.renderers.mitsuba.distant import distant_shape, require_inside
+from relume.renderers.mitsuba.distant import distant_shape, require_inside, triangles
 from relume.renderers.mitsuba.materials import bsdf, emission, interior
 from relume.renderers.mitsuba.textures import rgb
 from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Infinite
 from relume.scene.lights import AmbientLight, Light, PointLight, SphereLight, SquareLaw
-from relume.scene.materials.materials import Diffuse, Material, Ward
-from relume.scene.materials.media import Medium
 from relume.scene.materials.reflective import Reflective
 from relume.scene.materials.whitted import WhittedMaterial
 from relume.scene.scene import Scene
-from relume.scene.shapes.shapes import AnyMaterial, Mesh, Patches, Plane, Polygon, Shape, Sphere
+from relume.scene.shapes.shapes import Patches, Plane, Polygon, Shape, Sphere
 from relume.scene.shapes.tessellation import tessellated, triangulated
+from relume.sphere.bilinear_kernels import padded
 from relume.sphere.environment_map import EnvironmentMap
 
 FAR = 1e5
@@ -42,8 +42,10 @@ def scene_dictionary(mi: Any, scene: Scene, camera: Camera, *, media: bool = Fal
     require_inside(scene.distant, scene.probe, scene.objects)
     # Of a black map no direction is likelier than another, and it adds nothing to other lights.
     if np.any(scene.light.radiance) or not scene.lights:
-        near = not isinstance(scene.distant, Infinite)
-        dictionary["light"] = distant_shape(mi, scene) if near else _envmap(mi, scene.light)
+        if isinstance(scene.distant, Infinite):
+            dictionary["light"] = {"type": "envmap", "bitmap": mi.Bitmap(envmap_pixels(scene.light)), "scale": 1.0}
+        else:
+            dictionary["light"] = distant_shape(mi, scene)
     for index, light in enumerate(scene.lights):
         dictionary[f"light_{index:04d}"] = _light(light)
     return dictionary
@@ -53,19 +55,9 @@ def surfaces_dictionary(mi: Any, scene: Scene, camera: Camera, *, media: bool = 
     """Its surfaces without any light: for depth, normals and albedo, which the distant scene has none of."""
     dictionary: dict[str, Any] = {"type": "scene", "sensor": sensor(mi, camera)}
     for index, shape in enumerate((*scene.local, *scene.objects)):
-        material = shape.material
-        inside = interior(material) if media else None
-        dictionary[f"shape_{index:04d}"] = _shape(mi, shape, _bsdf(mi, material, media), emission(mi, material), inside)
+        surface, inside = bsdf(mi, shape.material, media=media), interior(shape.material) if media else None
+        dictionary[f"shape_{index:04d}"] = _shape(mi, shape, surface, emission(mi, shape.material), inside)
     return dictionary
-
-
-def fills(material: AnyMaterial) -> Medium | None:
-    """What fills a body of this material; None where it is empty."""
-    return material.medium if isinstance(material, Material) else None
-
-
-def _envmap(mi: Any, light: EnvironmentMap) -> dict[str, Any]:
-    return {"type": "envmap", "bitmap": mi.Bitmap(envmap_pixels(light)), "scale": 1.0}
 
 
 def why_not(scene: Scene) -> str | None:
@@ -155,16 +147,13 @@ def envmap_pixels(light: EnvironmentMap) -> np.ndarray:
     Twice the rows: the odd ones stand at our pixel centres, the even ones half-way, at the means of their
     neighbours, where bilinear interpolation would be anyway; the first and last are the poles.
     """
-    latlong = as_latlong(light)
-    pixels = latlong.radiance.astype(np.float32)
-    half = pixels.shape[1] // 2
-    over_top, over_bottom = np.roll(pixels[:1], half, axis=1), np.roll(pixels[-1:], half, axis=1)
-    tall = np.concatenate([over_top, pixels, over_bottom])
-    rows = np.empty((2 * len(pixels) + 1, *pixels.shape[1:]), np.float32)
-    rows[1::2] = pixels
+    # A row more at each pole is the other side's.
+    tall = padded(as_latlong(light).radiance)[:, 1:-1, :3]
+    rows = np.empty((2 * len(tall) - 3, *tall.shape[1:]), np.float32)
+    rows[1::2] = tall[1:-1]
     rows[0::2] = 0.5 * (tall[:-1] + tall[1:])
     # Mitsuba's left edge looks along −Z, which is our middle.
-    return np.ascontiguousarray(np.roll(rows, half, axis=1))
+    return np.ascontiguousarray(np.roll(rows, tall.shape[1] // 2, axis=1))
 
 
 def _light(light: Light) -> dict[str, Any]:
@@ -205,35 +194,8 @@ def _shape(
         pose[:3, :3], pose[:3, 3] = shape.radius * upright, shape.centre
         return {"type": "sphere", "to_world": mi.ScalarTransform4f(pose)} | parts
     if isinstance(shape, Patches):
-        return _mesh(mi, tessellated(shape), parts)
-    return _mesh(mi, triangulated(shape) if isinstance(shape, Polygon) else shape, parts)
-
-
-def _mesh(mi: Any, mesh: Mesh, parts: dict[str, Any]) -> Any:
-    properties = mi.Properties()
-    for name, words in parts.items():
-        properties[name] = mi.load_dict(words)
-    built = mi.Mesh(
-        mesh.name,
-        len(mesh.vertices),
-        len(mesh.faces),
-        props=properties,
-        has_vertex_normals=mesh.normals is not None,
-        has_vertex_texcoords=mesh.uv is not None,
-    )
-    parameters = mi.traverse(built)
-    parameters["vertex_positions"] = np.ravel(mesh.vertices).astype(np.float32)
-    parameters["faces"] = np.ravel(mesh.faces).astype(np.uint32)
-    if mesh.normals is not None:
-        parameters["vertex_normals"] = np.ravel(mesh.normals).astype(np.float32)
-    if mesh.uv is not None:
-        # Mitsuba's images begin with the upper row at v = 0; ours have the lower left corner at (0, 0).
-        parameters["vertex_texcoords"] = np.ravel(mesh.uv * [1, -1] + [0, 1]).astype(np.float32)
-    parameters.update()
-    return built
-
-
-def _bsdf(mi: Any, material: AnyMaterial, media: bool) -> Any:
-    """Of a material that `why_not` has nothing against."""
-    assert isinstance(material, Diffuse | Material | Ward)
-    return bsdf(mi, material, media=media)
+        shape = tessellated(shape)
+    elif isinstance(shape, Polygon):
+        shape = triangulated(shape)
+    # Mitsuba's images begin with the upper row at v = 0; ours have the lower left corner at (0, 0).
+    return triangles(mi, shape if shape.uv is None else replace(shape, uv=shape.uv * [1, -1] + [0, 1]), parts)

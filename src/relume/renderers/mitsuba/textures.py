@@ -14,11 +14,6 @@ def rgb(colour: Colour | np.ndarray) -> dict[str, Any]:
     return {"type": "rgb", "value": [float(channel) for channel in colour]}
 
 
-def any_above_zero(value: Any) -> bool:
-    """Whether a number, a colour or an image is above 0 anywhere."""
-    return bool(np.any(np.asarray(value) > 0))
-
-
 def texture_words(mi: Any, value: Any) -> Any:
     """What a plugin's parameter is set to: a number, a colour, or a bitmap of linear values that repeats.
 
@@ -29,7 +24,7 @@ def texture_words(mi: Any, value: Any) -> Any:
         return float(array)
     if array.ndim == 1:
         return rgb(array)
-    return {"type": "bitmap", "bitmap": _bitmap(mi, array), "raw": True}
+    return _bitmap_words(mi, array)
 
 
 def texture(mi: Any, value: Any) -> Any:
@@ -40,8 +35,9 @@ def texture(mi: Any, value: Any) -> Any:
     if array.ndim == 1:
         # An image of one pixel is bounded by nothing: `rgb` would have to be below 1.
         array = array[None, None]
-    return mi.load_dict({"type": "bitmap", "bitmap": _bitmap(mi, array), "raw": True})
+    return mi.load_dict(_bitmap_words(mi, array))
 
 
-def _bitmap(mi: Any, image: np.ndarray) -> Any:
-    return mi.Bitmap(np.ascontiguousarray(image if image.ndim == 3 else image[..., None]))
+def _bitmap_words(mi: Any, image: np.ndarray) -> dict[str, Any]:
+    bitmap = mi.Bitmap(np.ascontiguousarray(image if image.ndim == 3 else image[..., None]))
+    return {"type": "bitmap", "bitmap": bitmap, "raw": True}

@@ -1,16 +1,25 @@
-"""Samples of light in Dr.Jit: directions towards it, and rays from it towards what bounds the objects.
+"""Directions in Dr.Jit: towards light, from light towards what bounds the objects, and from real surfaces towards
+those, which alone can change anything.
 
 Imported only where something is rendered: it imports Mitsuba.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+
+from relume.scene.shapes.shapes import Solid, bounding_sphere
+
+MOST_CONES = 8
+"""Cones that every direction is held against; more objects than that share their nearest neighbour's."""
+WIDEST = 0.999999
+"""Of the sine of a cone's half angle: from within a bounding sphere every direction of a hemisphere leads to it."""
 
 Spheres = list[tuple[Any, float]]
 """Centres and radii of what bounds objects."""
@@ -34,6 +43,13 @@ class Sample:
     valid: Any
 
 
+def beside(axis: Any, less: Any, turn: Any) -> Any:
+    """The unit vector whose cosine to an axis is 1 − less, this share of a turn round it; nothing cancels near it."""
+    flat = dr.safe_sqrt(less * (2 - less))
+    sine, cosine = dr.sincos(2 * np.pi * turn)
+    return mi.Frame3f(axis).to_world(mi.Vector3f(flat * cosine, flat * sine, 1 - less))
+
+
 def aimed(spheres: Spheres, which: Any, point: Any, place: Any) -> tuple[Any, Any]:
     """A direction from a place into the cone of one of several spheres, and its density over all of them."""
     cones = []
@@ -47,10 +63,7 @@ def aimed(spheres: Spheres, which: Any, point: Any, place: Any) -> tuple[Any, An
     for index, (direction, width) in enumerate(cones):
         mine = which >= index / len(cones)
         axis, less = dr.select(mine, direction, axis), dr.select(mine, width, less)
-    down = point.x * less
-    flat = dr.safe_sqrt(down * (2 - down))
-    sine, cosine = dr.sincos(2 * np.pi * point.y)
-    direction = mi.Frame3f(axis).to_world(mi.Vector3f(flat * cosine, flat * sine, 1 - down))
+    direction = beside(axis, point.x * less, point.y)
     density = mi.Float(0)
     for axis, less in cones:
         inside = 0.5 * dr.squared_norm(direction - axis) <= less
@@ -77,3 +90,72 @@ def parallel(spheres: Spheres, which: Any, point: Any, towards: Any, radiance: A
         behind = dr.maximum(behind, dr.norm(offset) + r)
     # Begun before all of the spheres.
     return mi.Ray3f(through + behind * towards, -towards), radiance / density, density > 0
+
+
+class Guide:
+    """Cones about the spheres that bound the objects."""
+
+    def __init__(self, objects: Sequence[Solid]) -> None:
+        self.spheres = [(mi.Point3f(*map(float, c)), float(r)) for c, r in _grouped(objects)]
+
+    def cones(self, place: Any, normal: Any) -> list[tuple[Any, Any, Any]]:
+        """Of each sphere seen from a place: axis, 1 − cos of the half angle, and its share of the samples."""
+        found = []
+        total = mi.Float(0)
+        for centre, radius in self.spheres:
+            away = centre - place
+            square = dr.squared_norm(away)
+            distance = dr.sqrt(dr.maximum(square, 1e-20))
+            sine = dr.minimum(radius / distance, WIDEST)
+            less = sine * sine / (1 + dr.sqrt(1 - sine * sine))
+            axis = away / distance
+            # Light that comes along the surface counts little; the cone's upper edge shows whether any comes at all.
+            height = dr.dot(axis, normal)
+            cosine = dr.sqrt(1 - sine * sine)
+            upper = dr.select(height > cosine, 1, height * cosine + dr.safe_sqrt(1 - height * height) * sine)
+            share = less * dr.maximum(upper, 0)
+            found.append((axis, less, share))
+            total += share
+        return [(axis, less, dr.select(total > 0, share / total, 0)) for axis, less, share in found]
+
+    def sample(self, cones: list[tuple[Any, Any, Any]], choice: Any, point: Any) -> Any:
+        """A unit vector into one of the cones."""
+        axis, less = mi.Vector3f(0, 1, 0), mi.Float(0)
+        low = mi.Float(0)
+        for direction, width, share in cones:
+            mine = (choice >= low) & (share > 0)
+            axis, less = dr.select(mine, direction, axis), dr.select(mine, width, less)
+            low += share
+        return beside(axis, point.x * less, point.y)
+
+    def density(self, cones: list[tuple[Any, Any, Any]], direction: Any) -> Any:
+        """Per steradian, of `sample`."""
+        density = mi.Float(0)
+        for axis, less, share in cones:
+            # |d − a|²/2 = 1 − cos, without what cancels in it.
+            inside = 0.5 * dr.squared_norm(direction - axis) <= less
+            density += dr.select(inside & (share > 0), share / (2 * np.pi * dr.maximum(less, 1e-12)), 0)
+        return density
+
+
+def _grouped(objects: Sequence[Solid]) -> list[tuple[np.ndarray, float]]:
+    """A bounding sphere an object; where they are many, one for each of a few groups that lie together."""
+    spheres = [bounding_sphere(solid) for solid in objects]
+    groups = [spheres]
+    while len(groups) < MOST_CONES and len(spheres) > MOST_CONES:
+        # The widest group is cut in half across its longest side.
+        widest = max(groups, key=lambda group: np.ptp([c for c, _ in group], axis=0).max())
+        centres = np.array([c for c, _ in widest])
+        order = np.argsort(centres[:, np.ptp(centres, axis=0).argmax()], kind="stable")
+        groups.remove(widest)
+        half = len(widest) // 2
+        groups += [[widest[i] for i in order[:half]], [widest[i] for i in order[half:]]]
+    return spheres if len(spheres) <= MOST_CONES else [_around(group) for group in groups]
+
+
+def _around(spheres: list[tuple[np.ndarray, float]]) -> tuple[np.ndarray, float]:
+    """A sphere that holds all of them, about the middle of their box."""
+    low = np.min([c - r for c, r in spheres], axis=0)
+    high = np.max([c + r for c, r in spheres], axis=0)
+    centre = (low + high) / 2
+    return centre, max(float(np.linalg.norm(c - centre)) + r for c, r in spheres)

@@ -12,10 +12,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from relume.renderers.mitsuba.materials import emission
-from relume.renderers.mitsuba.scene import _bsdf, _shape
+from relume.renderers.mitsuba.materials import bsdf, emission, filling
+from relume.renderers.mitsuba.scene import _shape
+from relume.renderers.mitsuba.transport.aim import Guide
 from relume.renderers.mitsuba.transport.caustics import caustics
-from relume.renderers.mitsuba.transport.guide import Guide
 from relume.renderers.mitsuba.transport.lens import Lens
 from relume.renderers.mitsuba.transport.light import SceneLight
 from relume.renderers.mitsuba.transport.media import Media
@@ -52,8 +52,9 @@ class Estimator:
     def __init__(self, scene: Scene, camera: Camera, depth: int) -> None:
         local, objects = _built(scene.local), _built(scene.objects)
         materials = [solid.material for solid in scene.objects]
-        media = [m.medium if isinstance(m, Material) else None for m in materials]
-        smooth = [_sends_on(shape.bsdf()) for shape in objects.shapes()]
+        media = [filling(material) for material in materials]
+        # Which of them send light on in one direction.
+        smooth = [bool(mi.has_flag(shape.bsdf().flags(), mi.BSDFFlags.Delta)) for shape in objects.shapes()]
         light = SceneLight(scene)
         self.pierced = any(is_pierced(solid.material) for solid in scene.objects)
         # Where there are holes, what is followed from the light could not be seen through them.
@@ -85,13 +86,8 @@ class Estimator:
         ray, added, real = self._primary(numbers)
         on_object = added.is_valid() & (added.t < real.t)
         difference = mi.Color3f(0)
-        met, weight, density, bounces, parted = (
-            added,
-            self._solid(ray, added),
-            mi.Float(0),
-            mi.UInt32(0),
-            mi.Bool(False),
-        )
+        met, weight = added, self._solid(ray, added)
+        density, bounces, parted = mi.Float(0), mi.UInt32(0), mi.Bool(False)
         begun = on_object
         if world.local is not None:
             on_real = real.is_valid() & ~on_object
@@ -190,10 +186,9 @@ class Estimator:
         dr.eval(values)
         shape, planes = (height, self.camera.width), {}
         for name, value in values.items():
-            channels = [np.array(dr.block_sum(c, samples)) / samples for c in _channels(value)]
-            planes[name] = (
-                channels[0].reshape(shape) if len(channels) == 1 else np.stack(channels, -1).reshape(*shape, 3)
-            )
+            channels = [value] if isinstance(value, mi.Float) else [value.x, value.y, value.z]
+            means = [(np.array(dr.block_sum(channel, samples)) / samples).reshape(shape) for channel in channels]
+            planes[name] = means[0] if len(means) == 1 else np.stack(means, axis=-1)
         return planes
 
     def _lit(self, count: int, seed: int) -> Planes:
@@ -220,15 +215,10 @@ def _built(shapes: tuple[Shape, ...]) -> Any:
     if not shapes:
         return None
     parts = {
-        f"shape_{index:06d}": _shape(mi, shape, _bsdf(mi, shape.material, media=True), emission(mi, shape.material))
+        f"shape_{index:06d}": _shape(mi, shape, bsdf(mi, shape.material, media=True), emission(mi, shape.material))
         for index, shape in enumerate(shapes)
     }
     return mi.load_dict({"type": "scene", **parts}, optimize=False)
-
-
-def _sends_on(surface: Any) -> bool:
-    """Whether a surface sends light on in one direction."""
-    return bool(mi.has_flag(surface.flags(), mi.BSDFFlags.Delta))
 
 
 def _sticks_out(scene: Scene) -> bool:
@@ -254,7 +244,3 @@ def _corners(shape: Shape) -> np.ndarray:
         return np.array([[i * x, shape.height, j * z] for i in (-1, 1) for j in (-1, 1)])
     low, high = bounds([shape])
     return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
-
-
-def _channels(value: Any) -> list[Any]:
-    return [value] if isinstance(value, mi.Float) else [value.x, value.y, value.z]

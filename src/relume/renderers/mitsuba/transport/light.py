@@ -5,7 +5,6 @@ Imported only where something is rendered: it imports Mitsuba.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import drjit as dr
@@ -13,24 +12,92 @@ import mitsuba as mi
 import numpy as np
 
 from relume.errors import UnsupportedScene
-from relume.renderers.mitsuba.transport.aim import Sample, Spheres
-from relume.renderers.mitsuba.transport.lamps import (
-    cap,
-    distance_to,
-    emit_point,
-    emit_sphere,
-    emit_sun,
-    sample_point,
-    sample_sphere,
-    sample_sun,
-)
-from relume.renderers.mitsuba.transport.light_map import LightMap
+from relume.renderers.mitsuba.transport.aim import Sample, Spheres, aimed, beside, parallel
+from relume.renderers.mitsuba.transport.light_map import FAR, LightMap
 from relume.scene.lights import DistantLight, PointLight, SphereLight, SquareLaw
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import bounding_sphere
+from relume.sphere.directions import normalised
 
 BRIGHT = 4.0
 """Of the map's mean radiance: what is brighter is followed from the light where objects are smooth."""
+
+
+class _SphereLamp:
+    """A sphere that shines."""
+
+    def __init__(self, light: SphereLight) -> None:
+        # Python's own numbers: one of NumPy's times a symbolic one would be evaluated.
+        self.centre, self.radius = mi.Point3f(*map(float, light.position)), float(light.radius)
+        self.radiance = mi.Color3f(*map(float, light.radiance))
+
+    def distance(self, place: Any, direction: Any) -> Any:
+        """How far along a ray it begins; infinity where it is missed or left from within."""
+        away = self.centre - place
+        along = dr.dot(away, direction)
+        square = self.radius**2 - dr.squared_norm(away - along * direction)
+        distance = along - dr.sqrt(dr.maximum(square, 0))
+        return dr.select((square > 0) & (distance > 0), distance, dr.inf)
+
+    def solid_angle(self, place: Any) -> Any:
+        """Its solid angle as a place sees it: 2π(1 − cos α), exact for small α too."""
+        square = self.radius**2 / dr.squared_norm(self.centre - place)
+        return 2 * np.pi * square / (1 + dr.safe_sqrt(1 - square))
+
+    def sample(self, place: Any, point: Any, active: Any) -> Sample:
+        """Evenly over its solid angle."""
+        away = self.centre - place
+        square = self.radius**2 / dr.squared_norm(away)
+        outside = square < 1
+        # 1 − cos, so that nothing cancels for a small lamp.
+        direction = beside(dr.normalize(away), point.x * square / (1 + dr.safe_sqrt(1 - square)), point.y)
+        along = dr.dot(away, direction)
+        distance = along - dr.safe_sqrt(self.radius**2 - dr.squared_norm(away - along * direction))
+        angle = self.solid_angle(place)
+        weight = dr.select(outside, self.radiance * angle, 0)
+        return Sample(direction, dr.maximum(distance, 0), weight, 1 / angle, outside)
+
+    def emit(self, spheres: Spheres, which: Any, point: Any, aim: Any, active: Any) -> tuple[Any, Any, Any]:
+        normal = mi.warp.square_to_uniform_sphere(point)
+        place = self.centre + self.radius * normal
+        direction, density = aimed(spheres, which, aim, place)
+        cosine = dr.dot(normal, direction)
+        valid = (cosine > 0) & (density > 0)
+        flux = self.radiance * (4 * np.pi * self.radius**2) * cosine / density
+        return mi.Ray3f(place, direction), dr.select(valid, flux, 0), valid
+
+
+class _PointLamp:
+    """A point that shines by the square law."""
+
+    def __init__(self, light: PointLight) -> None:
+        if not isinstance(light.falloff, SquareLaw):
+            raise UnsupportedScene("points of light fall with the square of the distance here; use the square law")
+        self.place = mi.Point3f(*map(float, light.position))
+        self.intensity = mi.Color3f(*map(float, light.intensity))
+
+    def sample(self, place: Any, point: Any, active: Any) -> Sample:
+        way = self.place - place
+        distance = dr.norm(way)
+        return Sample(way / distance, distance, self.intensity / dr.square(distance), mi.Float(0), mi.Bool(True))
+
+    def emit(self, spheres: Spheres, which: Any, point: Any, aim: Any, active: Any) -> tuple[Any, Any, Any]:
+        direction, density = aimed(spheres, which, aim, self.place)
+        return mi.Ray3f(self.place, direction), self.intensity / density, density > 0
+
+
+class _Sun:
+    """Parallel light."""
+
+    def __init__(self, light: DistantLight) -> None:
+        self.direction = mi.Vector3f(*map(float, normalised(light.towards)))
+        self.irradiance = mi.Color3f(*map(float, light.irradiance))
+
+    def sample(self, place: Any, point: Any, active: Any) -> Sample:
+        return Sample(self.direction, mi.Float(FAR), self.irradiance, mi.Float(0), mi.Bool(True))
+
+    def emit(self, spheres: Spheres, which: Any, point: Any, aim: Any, active: Any) -> tuple[Any, Any, Any]:
+        return parallel(spheres, which, aim, self.direction, self.irradiance)
 
 
 class SceneLight:
@@ -38,17 +105,27 @@ class SceneLight:
 
     def __init__(self, scene: Scene) -> None:
         self.map = LightMap(scene) if np.any(scene.light.radiance) else None
-        # Python's own numbers: one of NumPy's times a symbolic one would be evaluated.
-        self.spheres = tuple(
-            replace(light, radius=float(light.radius)) for light in scene.lights if isinstance(light, SphereLight)
-        )
-        self.points = tuple(light for light in scene.lights if isinstance(light, PointLight))
-        self.suns = tuple(light for light in scene.lights if isinstance(light, DistantLight))
-        for light in self.points:
-            if not isinstance(light.falloff, SquareLaw):
-                raise UnsupportedScene("points of light fall with the square of the distance here; use the square law")
+        spheres = [light for light in scene.lights if isinstance(light, SphereLight)]
+        points = [light for light in scene.lights if isinstance(light, PointLight)]
+        suns = [light for light in scene.lights if isinstance(light, DistantLight)]
+        self.spheres = [_SphereLamp(light) for light in spheres]
+        beyond: list[Any] = [] if self.map is None else [self.map]
+        self.sources: list[Any] = [*beyond, *self.spheres, *map(_PointLamp, points), *map(_Sun, suns)]
         middle = np.mean([bounding_sphere(s)[0] for s in scene.objects], axis=0) if scene.objects else np.zeros(3)
-        self.shares = self._shares(scene, middle)
+        # How often each is sampled: as the irradiance that it gives where the objects are.
+        given = [float(scene.light.total().mean()) for _ in beyond]
+        for sphere in spheres:
+            away = max(float(np.linalg.norm(np.array(sphere.position) - middle)), float(sphere.radius))
+            given.append(np.pi * float(np.mean(sphere.radiance)) * (float(sphere.radius) / away) ** 2)
+        for point in points:
+            away = max(float(np.linalg.norm(np.array(point.position) - middle)), 1e-3)
+            given.append(float(np.mean(point.intensity)) / away**2)
+        given += [float(np.mean(sun.irradiance)) for sun in suns]
+        self.shares = np.array(given, np.float64)
+        if self.shares.any():
+            # None is forgotten, however dark it is where the objects are.
+            self.shares = self.shares / self.shares.sum() + 0.02
+            self.shares = self.shares / self.shares.sum()
         # Between what cones find well and what blinds: a few times the mean.
         self.bright = BRIGHT * float(scene.light.total().mean()) / (4 * np.pi)
         self.emitting = self.shares.copy()
@@ -56,23 +133,6 @@ class SceneLight:
             self.emitting[0] *= self.map.prepare_emission(self.bright)
         if self.emitting.any():
             self.emitting /= self.emitting.sum()
-
-    def _shares(self, scene: Scene, place: np.ndarray) -> np.ndarray:
-        """How often each is sampled: as the irradiance that it gives where the objects are."""
-        given = [] if self.map is None else [float(scene.light.total().mean())]
-        for sphere in self.spheres:
-            away = max(float(np.linalg.norm(np.array(sphere.position) - place)), sphere.radius)
-            given.append(np.pi * float(np.mean(sphere.radiance)) * (sphere.radius / away) ** 2)
-        for point in self.points:
-            away = max(float(np.linalg.norm(np.array(point.position) - place)), 1e-3)
-            given.append(float(np.mean(point.intensity)) / away**2)
-        given += [float(np.mean(sun.irradiance)) for sun in self.suns]
-        # None is forgotten, however dark it is where the objects are.
-        shares = np.array(given, np.float64)
-        if not shares.any():
-            return shares
-        shares = shares / shares.sum() + 0.02
-        return shares / shares.sum()
 
     @property
     def even(self) -> bool:
@@ -89,11 +149,11 @@ class SceneLight:
         direction, distance = mi.Vector3f(0, 1, 0), mi.Float(0)
         weight, density, valid = mi.Color3f(0), mi.Float(0), mi.Bool(False)
         low = 0.0
-        for index, source in enumerate(self._sources()):
+        for index, source in enumerate(self.sources):
             share = float(self.shares[index])
             mine = active & (choice >= low) & ((choice < low + share) | (index == len(self.shares) - 1))
             low += share
-            found = source(place, point, mine)
+            found = source.sample(place, point, mine)
             direction = dr.select(mine, found.direction, direction)
             distance = dr.select(mine, found.distance, distance)
             weight = dr.select(mine, found.weight / share, weight)
@@ -123,11 +183,11 @@ class SceneLight:
             weight = _weight(density, looks * chance * float(self.shares[0]))
             total += dr.select(far, radiance * weight, 0)
         for index, sphere in enumerate(self.spheres):
-            distance = distance_to(place, direction, sphere)
+            distance = sphere.distance(place, direction)
             share = float(self.shares[index + (self.map is not None)])
-            weight = _weight(density, looks * share / cap(place, sphere))
+            weight = _weight(density, looks * share / sphere.solid_angle(place))
             met = active & (distance < surface) & (distance > beyond) & ~mi.Bool(dim)
-            total += dr.select(met, mi.Color3f(*map(float, sphere.radiance)) * weight, 0)
+            total += dr.select(met, sphere.radiance * weight, 0)
         return total
 
     def dimmed(self, radiance: Any) -> Any:
@@ -141,35 +201,22 @@ class SceneLight:
         which, first, second, third, fourth = (rng.next_float32() for _ in range(5))
         ray, flux, valid = dr.zeros(mi.Ray3f), mi.Color3f(0), mi.Bool(False)
         low = 0.0
-        for index, source in enumerate(self._emitters()):
+        for index, source in enumerate(self.sources):
             share = float(self.emitting[index])
             if share == 0:
                 continue
             mine = active & (choice >= low) & ((choice < low + share) | (index == len(self.emitting) - 1))
             low += share
-            begin, sent, fine = source(spheres, which, mi.Point2f(first, second), mi.Point2f(third, fourth), mine)
+            point, aim = mi.Point2f(first, second), mi.Point2f(third, fourth)
+            begin, sent, fine = source.emit(spheres, which, point, aim, mine)
             ray, flux = dr.select(mine, begin, ray), dr.select(mine, sent / share, flux)
             valid = dr.select(mine, fine, valid)
         return ray, flux, active & valid
-
-    def _emitters(self) -> list[Any]:
-        found: list[Any] = [] if self.map is None else [self.map.emit]
-        found += [lambda k, w, a, b, m, s=s: emit_sphere(k, w, a, b, s) for s in self.spheres]
-        found += [lambda k, w, a, b, m, s=s: emit_point(k, w, b, s) for s in self.points]
-        found += [lambda k, w, a, b, m, s=s: emit_sun(k, w, b, s) for s in self.suns]
-        return found
 
     def wall(self, place: Any, direction: Any, active: Any) -> Any:
         """How far the distant scene is along a ray."""
         assert self.map is not None  # what is dark has no walls to stick out of
         return self.map.reach(place, direction, active)[0]
-
-    def _sources(self) -> list[Any]:
-        found: list[Any] = [] if self.map is None else [self.map.sample]
-        found += [lambda p, u, a, s=s: sample_sphere(p, u, s) for s in self.spheres]
-        found += [lambda p, u, a, s=s: sample_point(p, s) for s in self.points]
-        found += [lambda p, u, a, s=s: sample_sun(s) for s in self.suns]
-        return found
 
 
 def _weight(density: Any, other: Any) -> Any:

@@ -14,9 +14,13 @@ import mitsuba as mi
 import numpy as np
 
 from relume.light.reflection.convolution import as_latlong
+from relume.renderers.mitsuba.distant import triangles
 from relume.renderers.mitsuba.transport.aim import Sample, Spheres, aimed, parallel
 from relume.scene.distant import Box, Dome, Enclosure, Infinite
+from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Scene
+from relume.scene.shapes.shapes import Mesh
+from relume.sphere.bilinear_kernels import padded
 from relume.sphere.mappings.mapping import LatLong
 
 UNIFORM_SHARE = 0.02
@@ -29,47 +33,34 @@ class LightMap:
     """The probe's map over its distant scene."""
 
     def __init__(self, scene: Scene) -> None:
-        light = as_latlong(scene.light)
-        pixels = light.radiance.astype(np.float32)
-        rows, columns = pixels.shape[:2]
-        half = columns // 2
         # A row more at each pole is the other side's, as in `EnvironmentMap.lookup`.
-        tall = np.concatenate([np.roll(pixels[:1], half, 1), pixels, np.roll(pixels[-1:], half, 1)])
-        self.rows, self.columns = rows, columns
-        colours = mi.TensorXf(np.ascontiguousarray(tall))
+        self.tall = padded(as_latlong(scene.light).radiance)[:, 1:-1, :3]
+        self.rows, self.columns = len(self.tall) - 2, self.tall.shape[1]
+        colours = mi.TensorXf(np.ascontiguousarray(self.tall))
         self.texture = mi.Texture2f(  # pyright: ignore[reportCallIssue]
             colours, wrap_mode=dr.WrapMode.Repeat, use_accel=False
         )
-        flux = _between(tall).mean(-1) * LatLong().solid_angles(rows)
-        self.tall, self.flux = tall, flux.sum()
-        chance = flux / max(flux.sum(), 1e-300)
-        self.chances = mi.DiscreteDistribution2D(chance.astype(np.float32))
-        density = chance / LatLong().solid_angles(rows)
-        self.density = mi.Float(np.ascontiguousarray(density, np.float32).ravel())
+        self.flux, self.chances, self.density = _by_flux(self.tall)
         self.distant = scene.distant
         self.probe = mi.Point3f(*map(float, scene.probe))
-        self.enclosure = _enclosure(scene.distant) if isinstance(scene.distant, Enclosure) else None
+        self.enclosure = None
+        if isinstance(scene.distant, Enclosure):
+            mesh = Mesh(scene.distant.vertices, scene.distant.faces, Diffuse((0.0, 0.0, 0.0)), name="distant")
+            self.enclosure = mi.load_dict({"type": "scene", "mesh": triangles(mi, mesh, {})})
 
     def prepare_emission(self, bright: float) -> float:
         """The share of the map's flux that is brighter than `bright`, whose pixels are then drawn by `emit`."""
         scale = np.maximum(1 - bright / np.maximum(self.tall.mean(-1), 1e-30), 0)
-        flux = _between(self.tall * scale[..., None]).mean(-1) * LatLong().solid_angles(self.rows)
-        if not flux.any():
+        if not scale.any():
             return 0.0
-        self.bright, self.emissions = bright, mi.DiscreteDistribution2D((flux / flux.sum()).astype(np.float32))
-        self.emission = mi.Float(
-            np.ascontiguousarray(flux / flux.sum() / LatLong().solid_angles(self.rows), np.float32).ravel()
-        )
-        return float(flux.sum() / max(float(self.flux), 1e-300))
+        flux, self.emissions, self.emission = _by_flux(self.tall * scale[..., None])
+        self.bright = bright
+        return flux / max(self.flux, 1e-300)
 
     def emit(self, spheres: Spheres, which: Any, point: Any, aim: Any, active: Any) -> tuple[Any, Any, Any]:
         """A ray from the bright part of the distant scene."""
         pixel, _, within = self.emissions.sample(point, active)
-        top, bottom = dr.cos(pixel.y * (np.pi / self.rows)), dr.cos((pixel.y + 1) * (np.pi / self.rows))
-        up = dr.lerp(top, bottom, within.y)
-        sine, cosine = dr.sincos((pixel.x + within.x) / self.columns * (2 * np.pi) - np.pi)
-        flat = dr.safe_sqrt(1 - up**2)
-        outward = mi.Vector3f(flat * sine, up, -flat * cosine)
+        outward = _outward(*self._within(pixel, within))
         radiance = self.lookup(outward, active)
         radiance *= dr.maximum(1 - self.bright / dr.maximum(dr.mean(radiance), 1e-30), 0)
         density = dr.gather(
@@ -93,16 +84,19 @@ class LightMap:
             valid &= first > nearest
         return mi.Ray3f(place, direction), dr.select(valid, flux, 0), valid
 
+    def _within(self, pixel: Any, within: Any) -> tuple[Any, Any]:
+        """Even in solid angle within a pixel: the cosine over its row, and the azimuth as a share of a turn."""
+        top, bottom = dr.cos(pixel.y * (np.pi / self.rows)), dr.cos((pixel.y + 1) * (np.pi / self.rows))
+        return dr.lerp(top, bottom, within.y), (pixel.x + within.x) / self.columns
+
     def lookup(self, direction: Any, active: Any) -> Any:
-        u = dr.atan2(direction.x, -direction.z) * dr.inv_two_pi + 0.5
-        v = dr.acos(dr.clip(direction.y, -1, 1)) * dr.inv_pi
+        u, v = _image_point(direction)
         found = self.texture.eval(mi.Point2f(u, (v * self.rows + 1) / (self.rows + 2)), active)
         return mi.Color3f(*found)
 
     def chance(self, direction: Any, active: Any) -> Any:
         """Density per steradian at the probe."""
-        u = dr.atan2(direction.x, -direction.z) * dr.inv_two_pi + 0.5
-        v = dr.acos(dr.clip(direction.y, -1, 1)) * dr.inv_pi
+        u, v = _image_point(direction)
         column = dr.clip(mi.Int32(u * self.columns), 0, self.columns - 1)
         row = dr.clip(mi.Int32(v * self.rows), 0, self.rows - 1)
         found = dr.gather(mi.Float, self.density, mi.UInt32(row * self.columns + column), active)
@@ -112,13 +106,8 @@ class LightMap:
         evenly = point.x < UNIFORM_SHARE
         x = dr.select(evenly, point.x / UNIFORM_SHARE, (point.x - UNIFORM_SHARE) / (1 - UNIFORM_SHARE))
         pixel, _, within = self.chances.sample(mi.Point2f(dr.minimum(x, 0.9999999), point.y), active)
-        # Even in solid angle within the pixel: in its azimuth and in the cosine over its row.
-        top, bottom = dr.cos(pixel.y * (np.pi / self.rows)), dr.cos((pixel.y + 1) * (np.pi / self.rows))
-        up = dr.select(evenly, 1 - 2 * point.y, dr.lerp(top, bottom, within.y))
-        turn = dr.select(evenly, x, (pixel.x + within.x) / self.columns) * (2 * np.pi) - np.pi
-        sine, cosine = dr.sincos(turn)
-        flat = dr.safe_sqrt(1 - up**2)
-        ray = mi.Vector3f(flat * sine, up, -flat * cosine)
+        up, turn = self._within(pixel, within)
+        ray = _outward(dr.select(evenly, 1 - 2 * point.y, up), dr.select(evenly, x, turn))
         radiance = self.lookup(ray, active)
         density = self.chance(ray, active)
         if isinstance(self.distant, Infinite):
@@ -177,17 +166,29 @@ class LightMap:
         return dr.select(hit, dr.maximum(met.t, 1e-6), FAR), dr.select(hit, surface.n, direction)
 
 
+def _image_point(direction: Any) -> tuple[Any, Any]:
+    u = dr.atan2(direction.x, -direction.z) * dr.inv_two_pi + 0.5
+    return u, dr.acos(dr.clip(direction.y, -1, 1)) * dr.inv_pi
+
+
+def _outward(up: Any, turn: Any) -> Any:
+    """The direction of a height and a share of a turn from the map's left edge."""
+    sine, cosine = dr.sincos(turn * (2 * np.pi) - np.pi)
+    flat = dr.safe_sqrt(1 - up**2)
+    return mi.Vector3f(flat * sine, up, -flat * cosine)
+
+
+def _by_flux(tall: np.ndarray) -> tuple[float, Any, Any]:
+    """A map's flux, its pixels to be drawn by their share of it, and the density of that per steradian."""
+    areas = LatLong().solid_angles(len(tall) - 2)
+    flux = _between(tall).mean(-1) * areas
+    chance = flux / max(flux.sum(), 1e-300)
+    density = np.ascontiguousarray(chance / areas, np.float32).ravel()
+    return float(flux.sum()), mi.DiscreteDistribution2D(chance.astype(np.float32)), mi.Float(density)
+
+
 def _between(tall: np.ndarray) -> np.ndarray:
     """The mean of the bilinear look-up over each pixel: it takes an eighth of each neighbour's side."""
     wide = np.concatenate([tall[:, -1:], tall, tall[:, :1]], axis=1).astype(np.float64)
     down = 0.125 * wide[:-2] + 0.75 * wide[1:-1] + 0.125 * wide[2:]
     return 0.125 * down[:, :-2] + 0.75 * down[:, 1:-1] + 0.125 * down[:, 2:]
-
-
-def _enclosure(distant: Enclosure) -> Any:
-    mesh = mi.Mesh("distant", len(distant.vertices), len(distant.faces))
-    parameters = mi.traverse(mesh)
-    parameters["vertex_positions"] = np.ravel(distant.vertices).astype(np.float32)
-    parameters["faces"] = np.ravel(distant.faces).astype(np.uint32)
-    parameters.update()
-    return mi.load_dict({"type": "scene", "mesh": mesh})

@@ -12,7 +12,7 @@ import mitsuba
 import numpy as np
 
 from relume.renderers.mitsuba.path_tracer import FAIR, WALK
-from relume.renderers.mitsuba.transport.guide import Guide
+from relume.renderers.mitsuba.transport.aim import Guide
 from relume.renderers.mitsuba.transport.light import SceneLight
 from relume.renderers.mitsuba.transport.media import Media
 from relume.renderers.mitsuba.transport.random_numbers import Numbers, two
