@@ -7,7 +7,7 @@ from relume.image.files import read_photograph, read_radiance
 from relume.image.radiance import RadianceMap
 from relume.project.insertion.render_change import Previews
 from relume.renderers.progressive.accumulation import RenderSession, accumulate
-from relume.renderers.progressive.accumulators import Sums
+from relume.renderers.progressive.convergence import Sums
 from relume.virtual_camera.film.film import Film
 
 PLATE = np.full((4, 6, 3), 2.0, np.float32)

@@ -17,9 +17,8 @@ import pytest
 from relume.errors import CannotResume, Interrupted, OutputNotWritten
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.progressive.accumulation import RenderSession, accumulate, forget, pass_seed
-from relume.renderers.progressive.accumulators import Sums
 from relume.renderers.progressive.checkpoint import Checkpoint, previous, read_checkpoint, write_checkpoint
-from relume.renderers.progressive.convergence import ChangeError, StandardError, Target
+from relume.renderers.progressive.convergence import ChangeError, Sums, Target, standard_error
 from relume.renderers.progressive.fingerprint import program
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse
@@ -118,7 +117,7 @@ def test_a_render_that_was_done_is_not_traced_again_until_it_is_forgotten(tmp_pa
 
 
 def test_a_stop_at_a_noise_is_resumed_with_what_was_confirmed(tmp_path):
-    target = Target(0.08, StandardError(), confirmations=3)
+    target = Target(0.08, standard_error, confirmations=3)
     straight = accumulate(trace, passes=500, seed=5, target=target)
     assert 6 < straight.passes < 500
     watch = RenderSession(tmp_path / "p")
@@ -513,7 +512,7 @@ def test_an_estimate_from_few_passes_is_not_too_small():
 @pytest.mark.parametrize(("noise", "confirmations"), [(0.0, 1), (-1.0, 1), (0.1, 0), (float("nan"), 1)])
 def test_a_target_that_cannot_be_is_refused(noise, confirmations):
     with pytest.raises(ValueError, match="expected above 0, and 1 or more"):
-        Target(noise, StandardError(), confirmations)
+        Target(noise, standard_error, confirmations)
 
 
 @pytest.mark.parametrize("decoder", ["imagecodecs", "rawpy"])

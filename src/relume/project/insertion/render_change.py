@@ -19,7 +19,7 @@ from relume.project.shot_file.shot import Shot
 from relume.project.stages import Steps
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.progressive.accumulation import RenderSession, forget
-from relume.renderers.progressive.accumulators import Sums
+from relume.renderers.progressive.convergence import Sums
 from relume.renderers.progressive.fingerprint import without_threads
 from relume.renderers.progressive.graceful_shutdown import HardStop
 from relume.renderers.renderer import Moments, Renderer

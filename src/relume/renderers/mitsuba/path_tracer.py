@@ -19,7 +19,7 @@ from relume.renderers.mitsuba.materials import filling
 from relume.renderers.mitsuba.scene import matte_dictionary, scene_dictionary, surfaces_dictionary
 from relume.renderers.mitsuba.variant import choose_variant
 from relume.renderers.progressive.accumulation import NO_SESSION, RenderSession, accumulate, pass_seed
-from relume.renderers.progressive.convergence import StandardError, Target
+from relume.renderers.progressive.convergence import Target, standard_error
 from relume.renderers.progressive.fingerprint import render_key
 from relume.renderers.raytrace.alpha_coverage import coverage, is_pierced
 from relume.renderers.renderer import Renderer
@@ -98,7 +98,7 @@ class Mitsuba(PathTracing):
                 lambda s: {"radiance": _cells_mean(_traced(mi, world, path, s), side)},
                 passes=self.passes or max(self.samples // side**2, 2),
                 seed=seed,
-                target=Target(self.noise or 1, StandardError(), confirmations=1) if early else None,
+                target=Target(self.noise or 1, standard_error, confirmations=1) if early else None,
                 key=render_key(scene, camera, self, seed) if watch.checkpoint is not None else None,
                 watch=watch,
                 progress=progress,

@@ -15,9 +15,8 @@ from threading import Lock
 import numpy as np
 
 from relume.errors import Interrupted
-from relume.renderers.progressive.accumulators import Sums
 from relume.renderers.progressive.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint, write_checkpoint
-from relume.renderers.progressive.convergence import Target
+from relume.renderers.progressive.convergence import Sums, Target
 from relume.renderers.progressive.graceful_shutdown import HardStop, StopFlag, interruptible
 from relume.renderers.results import Progress
 

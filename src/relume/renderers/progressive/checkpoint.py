@@ -114,12 +114,12 @@ def _left_behind(path: Path) -> Iterator[Path]:
 
 
 def _differences(was: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
-    names = [name for name in dict.fromkeys([*was, *now]) if was.get(name) != now.get(name)]
-    return [_difference(name, was.get(name, "none"), now.get(name, "none")) for name in names]
-
-
-def _difference(name: str, was: str, now: str) -> str:
-    return f"{name} ({was}, now {now})" if max(len(was), len(now)) <= _READABLE else name
+    words = []
+    for name in dict.fromkeys([*was, *now]):
+        before, after = was.get(name, "none"), now.get(name, "none")
+        if was.get(name) != now.get(name):
+            words.append(f"{name} ({before}, now {after})" if max(len(before), len(after)) <= _READABLE else name)
+    return words
 
 
 def _read(path: Path) -> Checkpoint | None:

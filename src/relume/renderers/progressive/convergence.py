@@ -1,20 +1,73 @@
-"""When a render has few enough errors left: its noise estimated from the scatter of its own passes."""
+"""Sums of a render's passes and of their squares, and when they have few enough errors left, by the passes' scatter."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
 from math import gamma, pi, sqrt
 
 import numpy as np
-
-from relume.renderers.progressive.accumulators import Sums
 
 LEAST = 4
 """Passes before an estimate is believed; from fewer it is off by more than half."""
 HELD = 0.99
 """The share of a change that its error is asked of. The rest is spread so thinly, over a whole floor often, that its
 pixels would only dilute the error."""
+
+
+_SQUARES = "squares of "
+
+
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """Passes added up in their order.
+
+    totals : float64 by name
+    squares : float64 by name, of the passes' squares; only of planes whose variance is asked for
+    passes : how many were added
+    """
+
+    totals: Mapping[str, np.ndarray] = field(default_factory=dict)
+    squares: Mapping[str, np.ndarray] = field(default_factory=dict)
+    passes: int = 0
+
+    def plus(self, planes: Mapping[str, np.ndarray], scattered: Collection[str] | None = None) -> Sums:
+        """One pass more; new arrays, so that another thread may write the old ones to disk meanwhile.
+
+        planes : by name
+        scattered : those whose squares are added too; all unless given
+        Raises ValueError for other names than before.
+        """
+        if self.passes and planes.keys() != self.totals.keys():
+            raise ValueError(f"a pass of {sorted(planes)} after passes of {sorted(self.totals)}; expected the same")
+        wide = {name: np.asarray(plane, np.float64) for name, plane in planes.items()}
+        varied = [name for name in wide if scattered is None or name in scattered]
+        if not self.passes:
+            return Sums({n: p.copy() for n, p in wide.items()}, {n: wide[n] ** 2 for n in varied}, 1)
+        return Sums(
+            {name: self.totals[name] + plane for name, plane in wide.items()},
+            {name: self.squares[name] + wide[name] ** 2 for name in varied},
+            self.passes + 1,
+        )
+
+    def mean(self, name: str) -> np.ndarray:
+        """The mean of a plane over the passes, float64."""
+        return self.totals[name] / self.passes
+
+    def variance(self, name: str) -> np.ndarray:
+        """The variance of that mean, float64, from the scatter of the passes; 0 after a single one."""
+        scatter = np.maximum(self.squares[name] / self.passes - self.mean(name) ** 2, 0)
+        return scatter / max(self.passes - 1, 1)
+
+    def planes(self) -> dict[str, np.ndarray]:
+        """All of it by name, for a file."""
+        return {**self.totals, **{_SQUARES + name: plane for name, plane in self.squares.items()}}
+
+    @staticmethod
+    def from_planes(planes: Mapping[str, np.ndarray], passes: int) -> Sums:
+        """What `planes` gave."""
+        squares = {n.removeprefix(_SQUARES): p for n, p in planes.items() if n.startswith(_SQUARES)}
+        return Sums({n: p for n, p in planes.items() if not n.startswith(_SQUARES)}, squares, passes)
 
 
 @dataclass(frozen=True)
@@ -44,41 +97,31 @@ class Target:
         return self.error(sums) < self.noise
 
 
-@dataclass(frozen=True)
-class StandardError:
-    """The mean over a plane of the standard error of its pixels, as a share of the plane's mean.
-
-    plane : its name in the sums
-    """
-
-    plane: str = "radiance"
-
-    def __call__(self, sums: Sums) -> float:
-        error = np.sqrt(sums.variance(self.plane)).mean()
-        return float(error / max(sums.mean(self.plane).mean(), 1e-30))
+def standard_error(sums: Sums) -> float:
+    """The mean standard error of the radiance of pixels, as a share of the mean radiance."""
+    return float(np.sqrt(sums.variance("radiance")).mean() / max(sums.mean("radiance").mean(), 1e-30))
 
 
 @dataclass(frozen=True, eq=False)
 class ChangeError:
     """The mean absolute error to be expected of a composite, as a share of its radiance, where objects change it.
 
-    backdrop : (H, W, 3), what is seen without the objects: the plate, in the render's unit
-    names : the planes of objects (premultiplied), signed difference (premultiplied by the rest) and matte in the sums
+    backdrop : (H, W, 3), what is seen without the objects: the plate, in the render's unit. The sums hold the planes
+        objects (premultiplied), difference (signed, premultiplied by the rest) and matte
 
     It is asked of the fewest pixels that together hold 99 % of the change, so that neither a larger picture nor a floor
     that hardly changes makes it smaller. 0 where nothing changes at all.
     """
 
     backdrop: np.ndarray
-    names: tuple[str, str, str] = ("objects", "difference", "matte")
 
     def __call__(self, sums: Sums) -> float:
-        objects, difference, matte = (sums.mean(name) for name in self.names)
+        objects, difference, matte = (sums.mean(name) for name in ("objects", "difference", "matte"))
         change = np.abs(objects).sum(axis=-1) + np.abs(difference).sum(axis=-1)
         held = _fewest(change, HELD)
         if not held.any():
             return 0.0
-        variance = sums.variance(self.names[0]) + sums.variance(self.names[1])
+        variance = sums.variance("objects") + sums.variance("difference")
         # A normal error is √(2/π) of its standard deviation on average.
         error = sqrt(2 / pi) * np.sqrt(variance[held]).mean() / _shortfall(sums.passes)
         radiance = objects + difference + (1 - matte[..., None]) * self.backdrop
