@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from relume.image.files.logluv.codes import CELL, GRID, LOWEST, NEUTRAL, SIGN, LogScale, colours, lines, scale_of
+from relume.image.radiance import RadianceMap
 
 _FAR = 8.0  # u′ and v′ beyond are as good as this
 
@@ -84,3 +85,11 @@ def _nearest(u: float, v: float) -> int:
     middle_u, middle_v = starts + (along + 0.5) * CELL, LOWEST + (np.arange(len(counts)) + 0.5) * CELL
     best = int(np.argmin((u - middle_u) ** 2 + (v - middle_v) ** 2))
     return int(firsts[best] + along[best])
+
+
+def some_map(unit: str = "relative", attributes: dict[str, str] | None = None) -> RadianceMap:
+    """40 × 70 pixels of random light over six stops, a part of which is even along its rows."""
+    generator = np.random.default_rng(3)
+    pixels = generator.uniform(0.02, 1, (40, 70, 3)) * 2.0 ** generator.uniform(-4, 2, (40, 70, 1))
+    pixels[:, :30] = pixels[:1, :1]
+    return RadianceMap(pixels.astype(np.float32), unit=unit, attributes=attributes or {})

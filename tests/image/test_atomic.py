@@ -42,6 +42,18 @@ def test_a_failing_disk_is_told_in_one_line_and_leaves_the_old_file(tmp_path):
     assert os.listdir(tmp_path) == ["a.txt"]
 
 
+def test_a_disk_that_cannot_be_flushed_leaves_the_old_file(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    write_text(tmp_path / "a.txt", "old")
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OutputNotWritten, match=r"a\.txt: cannot be written: No space"):
+        write_text(tmp_path / "a.txt", "new")
+    assert (tmp_path / "a.txt").read_text() == "old"
+    assert os.listdir(tmp_path) == ["a.txt"]
+
+
 def test_a_missing_folder_is_named(tmp_path):
     with pytest.raises(OutputNotWritten, match=re.escape(f"{tmp_path / 'out'} does not exist; create it")):
         write_text(tmp_path / "out" / "a.txt", "x")

@@ -16,9 +16,8 @@ from relume.image.files.gain_map.metadata import GainMapMetadata
 from relume.image.files.metadata import icc_profile
 from relume.image.files.photographs import jpeg_segments
 from relume.image.files.photographs.jpeg_segments import APP2, segment
-from relume.image.primaries import REC709, Primaries, adaptation, between
+from relume.image.primaries import P3, REC709, Primaries, adaptation, between
 
-P3 = Primaries((0.68, 0.32), (0.265, 0.69), (0.15, 0.06), (0.3127, 0.3290))
 ADOBE = Primaries((0.64, 0.33), (0.21, 0.71), (0.15, 0.06), (0.3127, 0.3290))
 D50 = (0.3457, 0.3585)
 SRGB_CURVE = b"para" + struct.pack(

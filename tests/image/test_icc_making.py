@@ -11,9 +11,7 @@ from PIL import Image, ImageCms
 from relume.image.colour import decode_srgb, encode_srgb
 from relume.image.files.metadata import icc_profile
 from relume.image.files.metadata.icc_profile import screen_profile
-from relume.image.primaries import REC709, Primaries, between
-
-P3 = Primaries((0.680, 0.320), (0.265, 0.690), (0.150, 0.060), REC709.white)
+from relume.image.primaries import P3, REC709, between
 
 
 def opened(data: bytes) -> ImageCms.ImageCmsProfile:

@@ -4,12 +4,12 @@ import ctypes
 import warnings
 from pathlib import Path
 
-import cv2
 import numpy as np
 import PIL
 import pytest
 
 import naive_logluv
+from other_programs import by_opencv
 from relume.image.files import read_radiance as read
 from relume.image.files import write
 from relume.image.files.encodings import LogLuv
@@ -19,13 +19,6 @@ from relume.image.primaries import REC709
 from relume.image.radiance import RadianceMap
 
 TO_XYZ = REC709.to_xyz()
-
-
-def some_map(unit="relative"):
-    generator = np.random.default_rng(3)
-    pixels = generator.uniform(0.02, 1, (40, 70, 3)) * 2.0 ** generator.uniform(-4, 2, (40, 70, 1))
-    pixels[:, :30] = pixels[:1, :1]
-    return RadianceMap(pixels.astype(np.float32), unit=unit)
 
 
 def libtiff():
@@ -83,7 +76,7 @@ def write_by_libtiff(path, xyz, bits):
 
 @pytest.mark.parametrize("bits", [16, 24, 32])
 def test_libtiff_reads_and_writes_the_same(tmp_path, bits):
-    image = some_map()
+    image = naive_logluv.some_map()
     path = tmp_path / "a.tif"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore" if bits == 16 else "error")
@@ -108,11 +101,9 @@ def test_libtiff_has_the_same_cells(tmp_path):
 
 @pytest.mark.parametrize("bits", [24, 32])
 def test_opencv_reads_the_same(tmp_path, bits):
-    write(tmp_path / "a.tif", some_map("cd/m²"), LogLuv(bits))
+    write(tmp_path / "a.tif", naive_logluv.some_map("cd/m²"), LogLuv(bits))
     (scale,) = read_folders(tmp_path / "a.tif")[0].values[37439]
-    picture = cv2.imread(str(tmp_path / "a.tif"), cv2.IMREAD_UNCHANGED)
-    assert picture is not None
-    theirs = picture[..., ::-1] * scale
+    theirs = by_opencv(tmp_path / "a.tif") * scale
     ours = read(tmp_path / "a.tif").radiance
     # OpenCV's matrix has a D65 of .31271 .32902.
     assert np.all(np.abs(theirs - ours) <= 1e-3 * np.abs(ours).max(axis=-1, keepdims=True))

@@ -13,6 +13,7 @@ import OpenImageIO as oiio
 import pytest
 from PIL import Image, ImageCms
 
+from other_programs import attributes_by_openimageio
 from relume.errors import UnreadableFile
 from relume.image.files import ReadOptions, read_facts, read_photograph, read_radiance, write
 from relume.image.photograph import Exposure, Photograph, Settings
@@ -38,14 +39,6 @@ def tags_by_pillow(path):
         return told, exif.get_ifd(0x8825), image.info.get("icc_profile")
 
 
-def by_openimageio(path, *names):
-    source = oiio.ImageInput.open(str(path))
-    assert source is not None, oiio.geterror()
-    told = [source.spec().getattribute(name) for name in names]
-    source.close()
-    return told
-
-
 @cache
 def profile():
     """The same each time: a profile holds the second it was made in."""
@@ -62,7 +55,7 @@ def test_make_and_model_are_written_as_they_were(tmp_path, suffix):
     write(path, Photograph(GREY, camera="NIKON CORPORATION NIKON D700", settings=SETTINGS))
     told, *_ = tags_by_pillow(path)
     assert (told[0x010F], told[0x0110]) == ("NIKON CORPORATION", "NIKON D700")
-    assert by_openimageio(path, "Make", "Model") == ["NIKON CORPORATION", "NIKON D700"]
+    assert attributes_by_openimageio(path, "Make", "Model") == ["NIKON CORPORATION", "NIKON D700"]
     again = read_photograph(path)
     assert (again.camera, again.settings) == ("NIKON CORPORATION NIKON D700", SETTINGS)
     assert read_facts(path).settings == SETTINGS
@@ -106,7 +99,7 @@ def test_owner_rights_words_and_place_are_seen_by_other_programs(tmp_path, suffi
     assert (told[0x013B], told[0x8298], told[0x010E]) == (SETTINGS.owner, SETTINGS.copyright, SETTINGS.comments)
     assert (place[1], place[2], place[3]) == ("S", (33, 51, 24.4224), "E")
     assert place[4] == pytest.approx((151, 12, 55.0692), abs=1e-9)
-    assert by_openimageio(path, "Artist", "Copyright", "ImageDescription", "GPS:LatitudeRef") == [
+    assert attributes_by_openimageio(path, "Artist", "Copyright", "ImageDescription", "GPS:LatitudeRef") == [
         SETTINGS.owner, SETTINGS.copyright, SETTINGS.comments, "S"
     ]  # fmt: skip
     assert read_photograph(path).settings == SETTINGS
@@ -138,7 +131,7 @@ def test_a_profile_is_written_as_it_was_embedded(tmp_path, suffix, pieces):
     embedded = len(embedded).to_bytes(4) + embedded[4:]
     write(tmp_path / f"a{suffix}", Photograph(GREY, profile=embedded))
     assert tags_by_pillow(tmp_path / f"a{suffix}")[2] == embedded
-    assert bytes(by_openimageio(tmp_path / f"a{suffix}", "ICCProfile")[0]) == embedded
+    assert bytes(attributes_by_openimageio(tmp_path / f"a{suffix}", "ICCProfile")[0]) == embedded
     again = read_photograph(tmp_path / f"a{suffix}")
     assert again.profile == embedded
     write(tmp_path / f"b{suffix}", replace(again, profile=None))
@@ -188,7 +181,7 @@ def test_what_is_outside_is_an_alpha_of_0_in_other_programs(tmp_path, suffix, ki
     np.testing.assert_array_equal(again.pixels, pixels)
     np.testing.assert_array_equal(again.outside, outside)
     write(tmp_path / f"b{suffix}", Photograph(pixels, outside=np.zeros((40, 30), bool)))
-    assert by_openimageio(tmp_path / f"b{suffix}", "oiio:UnassociatedAlpha") == [None]
+    assert attributes_by_openimageio(tmp_path / f"b{suffix}", "oiio:UnassociatedAlpha") == [None]
     assert read_photograph(tmp_path / f"b{suffix}").outside is None
 
 
@@ -244,7 +237,7 @@ def test_a_radiance_map_keeps_the_same_facts_by_the_same_names(tmp_path, suffix)
     elif suffix == ".hdr":
         assert b"\nLATLONG= -33.856784 151.2153\n" in path.read_bytes()
     else:
-        told = by_openimageio(path, "latitude", "longitude", "cameraMake", "relume:copyright")
+        told = attributes_by_openimageio(path, "latitude", "longitude", "cameraMake", "relume:copyright")
         assert [told[0], told[1]] == pytest.approx([-33.856784, 151.2153], rel=1e-6)
         assert told[2:] == ["NIKON CORPORATION", "© 2026"]
 

@@ -1,59 +1,58 @@
-"""Primaries: matrices as the standards print them, neutrals that stay neutral, and triangles that are none."""
+"""Primaries: matrices as the standards print them, neutrals that stay neutral, and triangles that are none; whites."""
 
 import numpy as np
 import pytest
 
-from relume.image.primaries import EQUAL_ENERGY, REC709, Primaries, adaptation, between, converted, mixed
+from relume.image.colour import luminance
+from relume.image.primaries import (
+    BT2020,
+    EQUAL_ENERGY,
+    REC709,
+    Primaries,
+    adaptation,
+    between,
+    converted,
+    daylight_chromaticity,
+    gains_from_temperature,
+    linear_white,
+    mixed,
+    planckian_chromaticity,
+)
 from relume.image.radiance import RadianceMap
 
-REC2020 = Primaries((0.708, 0.292), (0.170, 0.797), (0.131, 0.046), (0.3127, 0.3290))
 # XYZ of ASTM E308, of which Lindbloom's tables are made.
 D50, D65 = ((x / (x + 1 + z), 1 / (x + 1 + z)) for x, z in ((0.96422, 0.82521), (0.95047, 1.08883)))
 PROPHOTO = Primaries((0.7347, 0.2653), (0.1596, 0.8404), (0.0366, 0.0001), D50)
 ACES = Primaries((0.7347, 0.2653), (0, 1), (0.0001, -0.077), (0.32168, 0.33767))
 
 
-def test_rec_709_to_xyz_is_that_of_iec_61966():
-    printed = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
-    np.testing.assert_allclose(REC709.to_xyz(), printed, rtol=0, atol=6e-5)
+@pytest.mark.parametrize(
+    ("made", "digits", "printed"),
+    [
+        (REC709.to_xyz(), 4, "0.4124 0.3576 0.1805  0.2126 0.7152 0.0722  0.0193 0.1192 0.9505"),
+        (between(REC709, BT2020), 4, "0.6274 0.3293 0.0433  0.0691 0.9195 0.0114  0.0164 0.0880 0.8956"),
+        (between(BT2020, REC709), 4, "1.6605 -0.5876 -0.0728  -0.1246 1.1329 -0.0083  -0.0182 -0.1006 1.1187"),
+        (
+            adaptation(D50, D65),
+            7,
+            "0.9555766 -0.0230393 0.0631636  -0.0282895 1.0099416 0.0210077  0.0122982 -0.0204830 1.3299098",
+        ),
+        (PROPHOTO.to_xyz(), 7, "0.7976749 0.1351917 0.0313534  0.2880402 0.7118741 0.0000857  0 0 0.8252100"),
+        (ACES.to_xyz(), 10, "0.9525523959 0 0.0000936786  0.3439664498 0.7281660966 -0.0721325464  0 0 1.0088251844"),
+    ],
+    ids=["IEC 61966", "BT.2087", "BT.2407", "Lindbloom's Bradford", "Lindbloom's ProPhoto", "ST 2065-1"],
+)
+def test_matrices_are_as_they_are_printed(made, digits, printed):
+    bound = {4: 6e-5, 7: 2e-7, 10: 2e-10}[digits]
+    np.testing.assert_allclose(made, np.array(printed.split(), float).reshape(3, 3), rtol=0, atol=bound)
 
 
-def test_rec_709_to_2020_is_that_of_bt_2087():
-    printed = [[0.6274, 0.3293, 0.0433], [0.0691, 0.9195, 0.0114], [0.0164, 0.0880, 0.8956]]
-    np.testing.assert_allclose(between(REC709, REC2020), printed, rtol=0, atol=6e-5)
-
-
-def test_rec_2020_to_709_is_that_of_bt_2407():
-    printed = [[1.6605, -0.5876, -0.0728], [-0.1246, 1.1329, -0.0083], [-0.0182, -0.1006, 1.1187]]
-    np.testing.assert_allclose(between(REC2020, REC709), printed, rtol=0, atol=6e-5)
-
-
-def test_the_bradford_matrix_is_lindblooms():
-    printed = [
-        [0.9555766, -0.0230393, 0.0631636],
-        [-0.0282895, 1.0099416, 0.0210077],
-        [0.0122982, -0.0204830, 1.3299098],
-    ]
-    np.testing.assert_allclose(adaptation(D50, D65), printed, rtol=0, atol=2e-7)
+def test_an_adaptation_has_its_way_back():
     np.testing.assert_allclose(adaptation(D50, D65) @ adaptation(D65, D50), np.eye(3), rtol=0, atol=1e-14)
 
 
-def test_prophoto_to_xyz_is_lindblooms():
-    printed = [[0.7976749, 0.1351917, 0.0313534], [0.2880402, 0.7118741, 0.0000857], [0, 0, 0.8252100]]
-    np.testing.assert_allclose(PROPHOTO.to_xyz(), printed, rtol=0, atol=2e-7)
-
-
-def test_aces_to_xyz_is_that_of_st_2065_1():
-    printed = [
-        [0.9525523959, 0, 0.0000936786],
-        [0.3439664498, 0.7281660966, -0.0721325464],
-        [0, 0, 1.0088251844],
-    ]
-    np.testing.assert_allclose(ACES.to_xyz(), printed, rtol=0, atol=2e-10)
-
-
-@pytest.mark.parametrize("given", [REC709, REC2020, PROPHOTO, ACES])
-@pytest.mark.parametrize("wanted", [REC709, REC2020, PROPHOTO, ACES])
+@pytest.mark.parametrize("given", [REC709, BT2020, PROPHOTO, ACES])
+@pytest.mark.parametrize("wanted", [REC709, BT2020, PROPHOTO, ACES])
 def test_white_stays_white_and_the_way_back_is_the_inverse(given, wanted):
     there = between(given, wanted)
     np.testing.assert_allclose(there.sum(1), 1, rtol=0, atol=1e-12)
@@ -61,7 +60,7 @@ def test_white_stays_white_and_the_way_back_is_the_inverse(given, wanted):
 
 
 def test_white_has_a_luminance_of_one():
-    for primaries in (REC709, REC2020, PROPHOTO, ACES):
+    for primaries in (REC709, BT2020, PROPHOTO, ACES):
         assert primaries.to_xyz()[1].sum() == pytest.approx(1, abs=1e-12)
 
 
@@ -75,22 +74,22 @@ def test_the_same_white_needs_no_adaptation():
 
 
 def test_a_white_that_differs_in_its_last_digit_still_goes_to_white():
-    nearly = Primaries(REC2020.red, REC2020.green, REC2020.blue, (0.3128, 0.3291))
+    nearly = Primaries(BT2020.red, BT2020.green, BT2020.blue, (0.3128, 0.3291))
     np.testing.assert_allclose(between(nearly, REC709).sum(1), 1, rtol=0, atol=1e-12)
 
 
 def test_a_saturated_colour_gets_a_negative_channel_and_is_not_clipped():
     image = RadianceMap(np.array([[[0, 2, 0]]], np.float32), unit="cd/m²", attributes={"camera": "box"})
-    found = converted(image, REC2020, REC709)
+    found = converted(image, BT2020, REC709)
     np.testing.assert_allclose(found.radiance, [[[-1.1752, 2.2658, -0.2012]]], rtol=0, atol=2e-4)
     assert (found.unit, found.attributes, found.radiance.dtype) == ("cd/m²", {"camera": "box"}, np.float32)
 
 
 def test_variance_goes_with_the_squares():
     image = RadianceMap(np.ones((1, 1, 3), np.float32), variance=np.array([[[1, 4, 9]]], np.float32))
-    found = converted(image, REC2020, REC709).variance
+    found = converted(image, BT2020, REC709).variance
     assert found is not None
-    matrix = between(REC2020, REC709)
+    matrix = between(BT2020, REC709)
     draws = np.random.default_rng(2).normal(1, [1, 2, 3], (400_000, 3)) @ matrix.T
     np.testing.assert_allclose(found[0, 0], draws.var(0), rtol=0.01)
 
@@ -114,7 +113,7 @@ def test_numbers_and_text_come_back():
 def test_three_digits_are_close_and_four_thousandths_are_not():
     assert Primaries((0.64, 0.33), (0.30, 0.60), (0.15, 0.06), (0.313, 0.329)).is_close(REC709)
     assert not Primaries((0.644, 0.33), (0.30, 0.60), (0.15, 0.06), (0.3127, 0.329)).is_close(REC709)
-    assert not REC2020.is_close(REC709)
+    assert not BT2020.is_close(REC709)
 
 
 @pytest.mark.parametrize("count", [0, 6, 9])
@@ -142,3 +141,53 @@ def test_other_than_eight_numbers_are_refused(count):
 def test_a_triangle_that_holds_no_white_is_refused(numbers):
     with pytest.raises(ValueError, match=r"the primaries are .*; white must lie within the triangle"):
         Primaries.of(numbers)
+
+
+@pytest.mark.parametrize(
+    ("kelvin", "xy"),
+    [(5003, (0.3457, 0.3585)), (5503, (0.3324, 0.3474)), (6504, (0.3127, 0.3290)), (7504, (0.2990, 0.3149))],
+)
+def test_daylight_is_that_of_the_cie_illuminants(kelvin: float, xy: tuple[float, float]) -> None:
+    """D50, D55, D65 and D75, CIE 15:2018, table 1."""
+    assert daylight_chromaticity(kelvin) == pytest.approx(xy, abs=1.5e-4)
+
+
+@pytest.mark.parametrize(
+    ("kelvin", "xy"), [(2000, (0.5267, 0.4133)), (2856, (0.4476, 0.4074)), (4000, (0.3805, 0.3768))]
+)
+def test_black_bodies_are_where_planck_puts_them(kelvin: float, xy: tuple[float, float]) -> None:
+    """Illuminant A among them; Krystek's fit is good to 1e-4 in (u, v), some 4e-4 in y."""
+    assert planckian_chromaticity(kelvin) == pytest.approx(xy, abs=4e-4)
+
+
+def test_white_is_the_primaries_own() -> None:
+    assert linear_white((0.3127, 0.3290)) == pytest.approx([1, 1, 1], abs=1e-12)
+    # A primary's chromaticity is that channel alone, at the luminance of its weight's inverse.
+    assert linear_white((0.64, 0.33)) == pytest.approx([1 / 0.2126, 0, 0], abs=2e-3)
+
+
+@pytest.mark.parametrize("kelvin", [2000.0, 3200.0, 3999.0, 4000.0, 5600.0, 6504.0, 12000.0, 25000.0])
+def test_gains_make_that_light_neutral_and_keep_its_luminance(kelvin: float) -> None:
+    chromaticity = daylight_chromaticity(kelvin) if kelvin >= 4000 else planckian_chromaticity(kelvin)
+    white = linear_white(chromaticity)
+    made = white * gains_from_temperature(kelvin)
+    assert made == pytest.approx(np.full(3, made[0]), rel=1e-12)
+    assert float(luminance(made)) == pytest.approx(float(luminance(white)), rel=1e-12)
+
+
+def test_daylight_needs_nothing_and_lamps_need_blue() -> None:
+    assert gains_from_temperature(6504) == pytest.approx((1, 1, 1), abs=1e-3)
+    red, green, blue = gains_from_temperature(3200)
+    assert red < green < blue and blue > 2.5
+    red, green, blue = gains_from_temperature(10000)
+    assert blue < green < red
+
+
+def test_temperatures_beyond_the_loci_are_refused() -> None:
+    for kelvin in (1999.0, 25001.0, float("nan")):
+        with pytest.raises(ValueError, match="2000 to 25000"):
+            gains_from_temperature(kelvin)
+    with pytest.raises(ValueError, match="4000"):
+        daylight_chromaticity(3000)
+    with pytest.raises(ValueError, match="1000"):
+        planckian_chromaticity(20000)

@@ -11,24 +11,10 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
+from other_programs import by_opencv, by_openimageio
 from relume.image.files import ReadOptions, read_radiance, write
 from relume.image.files.encodings import RadianceHDR
 from relume.image.radiance import RadianceMap
-
-
-def opencv(path: Path) -> np.ndarray:
-    pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    assert pixels is not None
-    return np.asarray(pixels)[..., ::-1]
-
-
-def openimageio(path: Path) -> np.ndarray:
-    source = oiio.ImageInput.open(str(path))
-    assert source is not None, oiio.geterror()
-    pixels = source.read_image("float")
-    source.close()
-    assert pixels is not None
-    return pixels
 
 
 def write_opencv(path: Path, pixels: np.ndarray) -> None:
@@ -54,7 +40,7 @@ def scene() -> np.ndarray:
     return pixels.astype(np.float32)
 
 
-@pytest.mark.parametrize("reader", [opencv, openimageio])
+@pytest.mark.parametrize("reader", [by_opencv, by_openimageio])
 @pytest.mark.parametrize("width", [200, 7])
 @pytest.mark.parametrize("compressed", [True, False])
 def test_others_read_the_values_that_are_read_here(tmp_path, scene, reader, width, compressed):

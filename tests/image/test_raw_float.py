@@ -218,17 +218,6 @@ def test_some_values_that_no_light_has_do_not_hide_the_order(tmp_path, square):
             assert bits(files.read_radiance(path).radiance) == bits(square)
 
 
-def test_what_is_not_kept_is_said(tmp_path, square):
-    image = RadianceMap(square, unit="cd/m²", attributes={"camera": "box"})
-    with pytest.warns(UserWarning, match="the unit cd/m²; the attributes camera"):
-        files.write(tmp_path / "probe.float", image)
-
-
-def test_a_map_without_pixels_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="0 x 3 pixels"):
-        files.write(tmp_path / "probe.float", RadianceMap(np.zeros((3, 0, 3), np.float32)))
-
-
 @pytest.mark.parametrize("name", ["probe.float", "probe.float.gz"])
 def test_a_file_that_ends_early_is_refused_or_read_as_far_as_it_goes(tmp_path, name):
     radiance = np.random.default_rng(5).lognormal(0, 2, (90, 70, 3)).astype(np.float32)
@@ -252,12 +241,12 @@ def packed(data: bytes) -> bytearray:
     return bytearray(gzip.compress(data, mtime=0))
 
 
-def test_gzip_that_unpacks_to_more_than_it_claims_stops_there(tmp_path):
-    data = packed(bytes(12 * 1000 * 1000))
-    data[-4:] = struct.pack("<I", 48)
-    path = tmp_path / "bomb.float.gz"
-    path.write_bytes(data)
-    with pytest.raises(FormatError, match="48 bytes unpacked, as they claim, found more"):
+def test_gzip_cut_short_before_a_trailer_that_is_right_is_refused(tmp_path, square):
+    stored = zlib.compressobj(0, wbits=31)
+    data = stored.compress(square.astype("<f4").tobytes()) + stored.flush()
+    path = tmp_path / "probe.float.gz"
+    path.write_bytes(data[:100] + data[-4:])
+    with pytest.raises(FormatError, match="expected 192 bytes, found the end of the file"):
         files.read_radiance(path)
 
 
@@ -272,23 +261,6 @@ def test_gzip_that_claims_too_much_is_refused_before_it_is_unpacked(tmp_path, mo
             files.read_radiance(path)
 
 
-def test_gzip_that_unpacks_to_less_than_it_claims_is_refused(tmp_path):
-    data = packed(bytes(48))
-    data[-4:] = struct.pack("<I", 108)
-    (tmp_path / "probe.float.gz").write_bytes(data)
-    with pytest.raises(FormatError, match="length check"):
-        files.read_radiance(tmp_path / "probe.float.gz")
-
-
-def test_gzip_cut_short_before_a_trailer_that_is_right_is_refused(tmp_path, square):
-    stored = zlib.compressobj(0, wbits=31)
-    data = stored.compress(square.astype("<f4").tobytes()) + stored.flush()
-    path = tmp_path / "probe.float.gz"
-    path.write_bytes(data[:100] + data[-4:])
-    with pytest.raises(FormatError, match="expected 192 bytes, found the end of the file"):
-        files.read_radiance(path)
-
-
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
@@ -297,6 +269,11 @@ def test_gzip_cut_short_before_a_trailer_that_is_right_is_refused(tmp_path, squa
         (lambda data: data + data, "more; unpack it with gunzip"),
         (lambda data: b"PK\3" + data[3:], "expected 1f 8b 08, found 50 4b 03; name it .float"),
         (lambda data: data[:12], "expected 1f 8b 08"),
+        (
+            lambda _: bytes(packed(bytes(12 * 10**6)))[:-4] + struct.pack("<I", 48),
+            "48 bytes unpacked, as they claim, found more",
+        ),
+        (lambda data: data[:-4] + struct.pack("<I", 300), "length check"),
     ],
 )
 def test_damaged_gzip_is_told_in_one_line(tmp_path, square, damage, message):

@@ -1,16 +1,17 @@
-"""The folders of a TIFF: every byte order and width, and nothing believed that the file cannot hold."""
+"""The folders of a TIFF in every byte order and width, and its layout: nothing believed that the file cannot hold."""
 
 import io
 import struct
 
 import numpy as np
-import OpenImageIO as oiio
 import pytest
 from PIL import Image
 
+from other_programs import attributes_by_openimageio, by_openimageio
 from relume.errors import FormatError, OutputNotWritten
 from relume.image.files.read_options import ReadOptions
-from relume.image.files.tiff.directories import folder_at, folders_in, read_folders
+from relume.image.files.tiff.directories import Folder, folder_at, folders_in, read_folders
+from relume.image.files.tiff.layout import layout_of, pages_of
 from relume.image.files.tiff.writing import write_tiff
 
 KINDS = [("<", False), (">", False), ("<", True), (">", True)]
@@ -195,13 +196,8 @@ def test_other_readers_open_what_is_written(tmp_path):
     with Image.open(path) as image:
         assert np.asarray(image).tolist() == [[1, 2, 3], [4, 5, 6]]
         assert image.getexif().get_ifd(0x8769)[0x829A] == pytest.approx(1 / 60)
-    source = oiio.ImageInput.open(str(path))
-    assert source is not None
-    assert source.spec().getattribute("ExposureTime") == pytest.approx(1 / 60)
-    assert source.spec().getattribute("Software") == "relume"
-    pixels = source.read_image("uint8")
-    assert pixels is not None and pixels.ravel().tolist() == [1, 2, 3, 4, 5, 6]
-    source.close()
+    assert attributes_by_openimageio(path, "ExposureTime", "Software") == [pytest.approx(1 / 60), "relume"]
+    assert (255 * by_openimageio(path).ravel()).round().tolist() == [1, 2, 3, 4, 5, 6]
     (first,) = read_folders(path)
     assert [first.integers(tag) for tag in (273, 279)] == [(8, 12), (3, 3)]
     with open(path, "rb") as file:
@@ -241,3 +237,63 @@ def test_a_picture_of_more_than_4_gib_is_a_bigtiff(tmp_path, monkeypatch):
 def test_a_tiff_is_written_whole_or_not_at_all(tmp_path):
     with pytest.raises(OutputNotWritten, match="does not exist"):
         write_tiff(tmp_path / "none" / "a.tif", TAGS, [b"\1\2\3"])
+
+
+# Layout: which rows a file holds, and that no picture is claimed that its bytes cannot make
+
+
+# 10 x 12 pixels of three bytes in three strips of four rows, 120 bytes each.
+STRIPS = {256: (10,), 257: (12,), 258: (8, 8, 8), 262: (2,), 277: (3,), 278: (4,), 273: (8, 128, 248), 279: (120,) * 3}
+
+
+def layout(tags=(), size=1000):
+    return layout_of("a.tif", Folder("<", {**STRIPS, **dict(tags)}), size, ReadOptions())
+
+
+@pytest.mark.parametrize(("size", "rows"), [(368, 12), (367, 11), (338, 11), (337, 10), (248, 8), (100, 3), (8, 0)])
+def test_of_plain_strips_every_whole_row_counts(size, rows):
+    assert layout().rows_within(size) == rows
+
+
+@pytest.mark.parametrize(("size", "rows"), [(368, 12), (367, 8), (248, 8), (247, 4), (8, 0)])
+def test_of_packed_strips_only_whole_strips_count(size, rows):
+    assert layout({259: (8,)}.items()).rows_within(size) == rows
+
+
+def test_a_row_counts_where_all_planes_and_tiles_have_it():
+    planar = {284: (2,), 273: tuple(range(8, 368, 40)), 279: (40,) * 9}
+    assert layout(planar.items()).rows_within(367) == 11
+    assert layout(planar.items()).rows_within(327) == 7  # the second strip of the third plane
+    tiles = {322: (8,), 323: (8,), 324: (8, 200, 392, 584), 325: (192,) * 4, 273: (), 279: ()}
+    told = layout(tiles.items())
+    assert (told.across, told.down, told.rows_within(776), told.rows_within(775), told.rows_within(250)) == (
+        2, 2, 12, 12, 2)  # fmt: skip
+
+
+def test_rows_of_a_strip_may_be_more_than_the_picture_has():
+    told = layout({278: (2**32 - 1,), 273: (8,), 279: (360,)}.items())
+    assert (told.block, told.across, told.down) == ((10, 12), 1, 1)
+
+
+def test_a_missing_length_of_one_strip_is_the_rest_of_the_file():
+    assert layout({278: (12,), 273: (8,), 279: ()}.items(), size=368).lengths == (360,)
+
+
+@pytest.mark.parametrize(
+    ("tags", "said"),
+    [
+        ({279: (120, 120)}, "3 byte counts of strips, found 2"),
+        ({279: (100, 100, 100)}, "strips that hold 360 bytes of pixels, found 300 bytes, uncompressed"),
+        ({258: (8, 8, 16)}, r"tag 258 \(bits\): expected the same of every sample"),
+        ({257: (0,)}, r"tag 257 \(height\): expected a number above 0"),
+        ({256: b"10"}, r"tag 256 \(width\)"),
+    ],
+)
+def test_what_breaks_the_format_is_told_by_its_tag(tags, said):
+    with pytest.raises(FormatError, match=said):
+        layout(tags.items())
+
+
+def test_smaller_copies_and_masks_are_no_pages():
+    folders = [Folder("<", {254: (kind,)}) for kind in (0, 0, 1, 4, 2)]
+    assert pages_of(folders) == 3

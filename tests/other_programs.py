@@ -1,0 +1,37 @@
+"""Pictures as OpenCV and OpenImageIO read them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+
+def by_opencv(path: Path) -> np.ndarray:
+    """(H, W, 3), as stored, red first."""
+    import cv2
+
+    pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert pixels is not None
+    return np.asarray(pixels)[..., ::-1]
+
+
+def by_openimageio(path: Path) -> np.ndarray:
+    """(H, W, channels) float32."""
+    import OpenImageIO as oiio
+
+    pixels = oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)
+    assert pixels is not None, oiio.geterror()
+    return pixels
+
+
+def attributes_by_openimageio(path: Path, *names: str) -> list[Any]:
+    """What a file tells under these names, None for each that it has not."""
+    import OpenImageIO as oiio
+
+    source = oiio.ImageInput.open(str(path))
+    assert source is not None, oiio.geterror()
+    told = [source.spec().getattribute(name) for name in names]
+    source.close()
+    return told
