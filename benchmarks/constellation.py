@@ -18,9 +18,8 @@ from relume.image.files import read_radiance
 from relume.light.constellations.cells import cells_of
 from relume.light.constellations.constellation import Constellation, constellation, irradiance_error
 from relume.light.constellations.k_means import KMeans
-from relume.light.constellations.median_cut import MedianCut
+from relume.light.constellations.rectangles import MedianCut, VarianceMinimisation
 from relume.light.constellations.residual import key_lights
-from relume.light.constellations.variance_minimisation import VarianceMinimisation
 from relume.light.suns.extraction import extract_sun
 from relume.sphere.environment_files import as_environment
 from relume.sphere.environment_map import EnvironmentMap

@@ -18,8 +18,7 @@ from relume.image import files
 from relume.image.colour import luminance
 from relume.light.constellations.constellation import constellation
 from relume.light.constellations.k_means import KMeans
-from relume.light.constellations.median_cut import MedianCut
-from relume.light.constellations.variance_minimisation import VarianceMinimisation
+from relume.light.constellations.rectangles import MedianCut, VarianceMinimisation
 from relume.report.light_plot import light_plot, lights_plot
 from relume.sphere.environment_files import as_environment
 from relume.sphere.environment_map import EnvironmentMap

@@ -18,7 +18,7 @@ from relume.image.radiance import SATURATED, RadianceMap
 from relume.light.constellations.constellation import constellation
 from relume.light.constellations.k_means import KMeans
 from relume.light.constellations.placement import placed_in_box
-from relume.light.constellations.variance_minimisation import VarianceMinimisation
+from relume.light.constellations.rectangles import VarianceMinimisation
 from relume.renderers.environment_probe import Arrival, splatted
 from relume.sphere.directions import rotation_about
 from relume.sphere.environment_files import as_environment, as_radiance_map

@@ -9,8 +9,7 @@ from relume.image.files import read_radiance
 from relume.light.constellations.cells import cells_of
 from relume.light.constellations.constellation import Constellation, constellation, irradiance_error, together
 from relume.light.constellations.k_means import KMeans, _assigned, _groups
-from relume.light.constellations.median_cut import MedianCut
-from relume.light.constellations.variance_minimisation import VarianceMinimisation
+from relume.light.constellations.rectangles import MedianCut, VarianceMinimisation
 from relume.sphere.environment_files import as_environment
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_points

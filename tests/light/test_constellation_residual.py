@@ -7,8 +7,8 @@ from lights import constant, lone, spread, sunny
 from relume.image.radiance import OUTSIDE, SATURATED
 from relume.light.constellations.constellation import irradiance_error
 from relume.light.constellations.k_means import KMeans
+from relume.light.constellations.rectangles import VarianceMinimisation
 from relume.light.constellations.residual import glow_level, key_lights
-from relume.light.constellations.variance_minimisation import VarianceMinimisation
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.names import mapping_named
 

@@ -1,8 +1,8 @@
 from .constellations.constellation import Constellation as Constellation
 from .constellations.k_means import KMeans as KMeans
-from .constellations.median_cut import MedianCut as MedianCut
+from .constellations.rectangles import MedianCut as MedianCut
+from .constellations.rectangles import VarianceMinimisation as VarianceMinimisation
 from .constellations.residual import key_lights as key_lights
-from .constellations.variance_minimisation import VarianceMinimisation as VarianceMinimisation
 from .conversion.file_formats import FormatChange as FormatChange
 from .conversion.file_formats import change_format as change_format
 from .conversion.file_formats import require_radiance as require_radiance

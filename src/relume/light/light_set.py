@@ -13,8 +13,8 @@ from relume.errors import RelumeError, SunNotFound, UnreadableFile
 from relume.image.radiance import SATURATED
 from relume.light.constellations.constellation import Constellation, constellation, irradiance_error, together
 from relume.light.constellations.k_means import Regions
-from relume.light.constellations.median_cut import MedianCut
 from relume.light.constellations.placement import PlacedLights, chosen, placed_in_box
+from relume.light.constellations.rectangles import MedianCut
 from relume.light.constellations.residual import key_lights
 from relume.light.constellations.triangulation import triangulated
 from relume.light.suns.extraction import Sun, extract_sun

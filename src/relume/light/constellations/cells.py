@@ -12,9 +12,8 @@ import numpy as np
 
 from relume._kernel import in_threads, kernel
 from relume.image.colour import LUMINANCE_WEIGHTS
-from relume.light.suns.fill import shown
 from relume.sphere.environment_map import EnvironmentMap
-from relume.sphere.mappings.mapping import LatLong, pixel_directions
+from relume.sphere.mappings.mapping import LatLong, pixel_directions, shown
 
 MOST_ROWS = 512
 """Cells from pole to pole, at most: 0.35° each, far less than what a light stands for."""

@@ -65,7 +65,7 @@ def constellation(light: EnvironmentMap, count: int = 64, method: Regions | None
     Raises ValueError when no light is asked for. Source: Debevec 2005; Viriyothai & Debevec 2009.
     """
     from relume.light.constellations.cells import cells_of
-    from relume.light.constellations.median_cut import MedianCut
+    from relume.light.constellations.rectangles import MedianCut
 
     if count < 1:
         raise ValueError(f"a constellation of {count} lights; expected 1 or more, like 64")

@@ -9,7 +9,7 @@ import numpy as np
 
 from relume._kernel import in_threads, kernel
 from relume.light.constellations.cells import Cells
-from relume.light.constellations.median_cut import MedianCut
+from relume.light.constellations.rectangles import MedianCut
 
 MOST_ROWS = 256
 """Cells from pole to pole that centres are found for, at most; finer ones change the irradiance by nothing."""

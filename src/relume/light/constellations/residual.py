@@ -7,7 +7,7 @@ the lights' light is moved, by no more than the extent of the bright spots they 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -94,4 +94,4 @@ def _carrying(lights: Constellation, total: np.ndarray) -> Constellation:
     """The lights with exactly this light: pixels of the map above the level were rounded."""
     sums = lights.total()
     irradiance = lights.irradiance * np.where(sums > 0, np.maximum(total, 0) / np.maximum(sums, 1e-300), 1)
-    return Constellation(lights.directions, irradiance, lights.angular_radii, lights.solid_angles, lights.labels)
+    return replace(lights, irradiance=irradiance)

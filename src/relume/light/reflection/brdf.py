@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from relume.light.reflection.lobes import check_alpha
+from relume.light.reflection.lobes import check_alpha, check_glossiness
 from relume.light.reflection.weights import Even, Weight
 
 
@@ -85,8 +85,7 @@ class PhongReflectance:
     name: ClassVar[str] = "phong"
 
     def __post_init__(self) -> None:
-        if not 0 <= self.n < np.inf:
-            raise ValueError(f"n of {self.name} is {self.n}; expected a glossiness of 0 or more")
+        check_glossiness(self.name, self.n)
 
     @property
     def width(self) -> float:

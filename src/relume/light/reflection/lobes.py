@@ -16,28 +16,37 @@ from typing import ClassVar
 import numpy as np
 
 
-def _check_k(name: str, k: float) -> None:
-    if not 0 <= k < np.inf:
-        raise ValueError(f"k of {name} is {k}; expected a reflectance of 0 or more")
-
-
 def check_alpha(name: str, alpha: float) -> None:
     """Refuse a width of microfacets that is not above 0 and at most 1."""
     if not 0 < alpha <= 1:
         raise ValueError(f"alpha of {name} is {alpha}; expected above 0 and at most 1")
 
 
+def check_glossiness(name: str, n: float) -> None:
+    """Refuse an exponent of a cosine that is not a number from 0 on."""
+    if not 0 <= n < np.inf:
+        raise ValueError(f"n of {name} is {n}; expected a glossiness of 0 or more")
+
+
+class _Lobe:
+    """What all lobes have."""
+
+    name: ClassVar[str]
+    k: float
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.k < np.inf:
+            raise ValueError(f"k of {self.name} is {self.k}; expected a reflectance of 0 or more")
+
+
 @dataclass(frozen=True)
-class Lambert:
+class Lambert(_Lobe):
     """Diffuse reflection, f_d(x) = k·max(0, x) (§6.1, example 1)."""
 
     k: float = 1.0
     name: ClassVar[str] = "lambert"
     mirror: ClassVar[float] = 0.0
     width: ClassVar[float] = 1.0
-
-    def __post_init__(self) -> None:
-        _check_k(self.name, self.k)
 
     def __call__(self, cosine: np.ndarray) -> np.ndarray:
         return self.k * np.maximum(cosine, 0)
@@ -48,16 +57,13 @@ class Lambert:
 
 
 @dataclass(frozen=True)
-class SelfLuminous:
+class SelfLuminous(_Lobe):
     """A material that glows with the scene's mean light, f_d(x) = k for all x (§6.1, example 2)."""
 
     k: float = 1.0
     name: ClassVar[str] = "self-luminous"
     mirror: ClassVar[float] = 0.0
     width: ClassVar[float] = 3.0
-
-    def __post_init__(self) -> None:
-        _check_k(self.name, self.k)
 
     def __call__(self, cosine: np.ndarray) -> np.ndarray:
         return np.full(np.shape(cosine), float(self.k))
@@ -68,16 +74,13 @@ class SelfLuminous:
 
 
 @dataclass(frozen=True)
-class Mirror:
+class Mirror(_Lobe):
     """The perfect mirror, f_s(x) = 1 at x = 1 alone: the table is the illumination map (§6.2, example 1)."""
 
     k: float = 1.0
     name: ClassVar[str] = "mirror"
     width: ClassVar[float] = 0.0
     integral: ClassVar[float] = 0.0
-
-    def __post_init__(self) -> None:
-        _check_k(self.name, self.k)
 
     def __call__(self, cosine: np.ndarray) -> np.ndarray:
         return np.zeros(np.shape(cosine))
@@ -88,7 +91,7 @@ class Mirror:
 
 
 @dataclass(frozen=True)
-class Phong:
+class Phong(_Lobe):
     """Conventional Phong highlights, f_s(x) = k·xⁿ for x > 0 (§6.2, example 2).
 
     n : the glossiness; 0 is a lit hemisphere, 50 satin, 1000 nearly a mirror
@@ -101,9 +104,8 @@ class Phong:
     name: ClassVar[str] = "phong"
 
     def __post_init__(self) -> None:
-        _check_k(self.name, self.k)
-        if not 0 <= self.n < np.inf:
-            raise ValueError(f"n of {self.name} is {self.n}; expected a glossiness of 0 or more")
+        super().__post_init__()
+        check_glossiness(self.name, self.n)
         if not 0 <= self.varnish < np.inf:
             raise ValueError(f"varnish of {self.name} is {self.varnish}; expected a share of 0 or more")
 
@@ -128,7 +130,39 @@ VARNISH = 0.5
 
 
 @dataclass(frozen=True)
-class GGXLobe:
+class _OfFacets(_Lobe):
+    """A lobe about R whose form is a BRDF's seen along the normal, scaled to the integral k."""
+
+    alpha: float
+    k: float = 1.0
+    mirror: ClassVar[float] = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_alpha(self.name, self.alpha)
+
+    def _shape(self, cosine: np.ndarray) -> np.ndarray:
+        """The form, of any size."""
+        raise NotImplementedError
+
+    def __call__(self, cosine: np.ndarray) -> np.ndarray:
+        return self._scale * self._shape(cosine)
+
+    @cached_property
+    def _scale(self) -> float:
+        return self.k / _integral(self._shape, self.width)
+
+    @property
+    def width(self) -> float:
+        return self.alpha
+
+    @property
+    def integral(self) -> float:
+        return self.k
+
+
+@dataclass(frozen=True)
+class GGXLobe(_OfFacets):
     """The GGX distribution as a lobe about R, seen along the normal (N = V = R), scaled to the integral k.
 
     The usual two-dimensional approximation of game engines; `relume.light.reflection.glossy` has the whole BRDF.
@@ -136,14 +170,7 @@ class GGXLobe:
     alpha : the microfacets' width, the square of the perceptual roughness (Walter et al. 2007)
     """
 
-    alpha: float
-    k: float = 1.0
     name: ClassVar[str] = "ggx"
-    mirror: ClassVar[float] = 0.0
-
-    def __post_init__(self) -> None:
-        _check_k(self.name, self.k)
-        check_alpha(self.name, self.alpha)
 
     def _shape(self, cosine: np.ndarray) -> np.ndarray:
         x, a2 = np.maximum(cosine, 0), self.alpha**2
@@ -151,61 +178,24 @@ class GGXLobe:
         masking = 2 * x / np.maximum(x + np.sqrt(a2 + (1 - a2) * x**2), 1e-30)
         return a2 / (np.pi * (half * (a2 - 1) + 1) ** 2) * masking / 4
 
-    def __call__(self, cosine: np.ndarray) -> np.ndarray:
-        return self._scale * self._shape(cosine)
-
-    @cached_property
-    def _scale(self) -> float:
-        return self.k / _integral(self._shape, self.width)
-
-    @property
-    def width(self) -> float:
-        return self.alpha
-
-    @property
-    def integral(self) -> float:
-        return self.k
-
 
 @dataclass(frozen=True)
-class WardLobe:
+class WardLobe(_OfFacets):
     """Ward's isotropic gaussian (Ward 1992, eq. 4) as a lobe about R, seen along the normal, scaled to the integral k.
 
     alpha : standard deviation of the surface slope
     """
 
-    alpha: float
-    k: float = 1.0
     name: ClassVar[str] = "ward"
-    mirror: ClassVar[float] = 0.0
-
-    def __post_init__(self) -> None:
-        _check_k(self.name, self.k)
-        check_alpha(self.name, self.alpha)
 
     def _shape(self, cosine: np.ndarray) -> np.ndarray:
         x = np.maximum(cosine, 0)
         tangent2 = (1 - x) / (1 + x)  # tan² of half the angle between N = V and L
         return np.sqrt(x) * np.exp(-tangent2 / self.alpha**2)
 
-    def __call__(self, cosine: np.ndarray) -> np.ndarray:
-        return self._scale * self._shape(cosine)
-
-    @cached_property
-    def _scale(self) -> float:
-        return self.k / _integral(self._shape, self.width)
-
-    @property
-    def width(self) -> float:
-        return self.alpha
-
-    @property
-    def integral(self) -> float:
-        return self.k
-
 
 @dataclass(frozen=True)
-class Cosine:
+class Cosine(_Lobe):
     """Any function of the cosine: called with an array from −1 to 1, it returns an array of the same shape.
 
     function : f(x), finite and not below 0
@@ -219,7 +209,7 @@ class Cosine:
     mirror: ClassVar[float] = 0.0
 
     def __post_init__(self) -> None:
-        _check_k(self.name, self.k)
+        super().__post_init__()
         values = np.asarray(self.function(np.linspace(-1, 1, 2001)))
         if values.shape != (2001,) or not np.all(np.isfinite(values)) or values.min() < 0:
             found = (

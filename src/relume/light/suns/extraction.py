@@ -15,8 +15,9 @@ from relume.image.colour import LUMINANCE_WEIGHTS, luminance
 from relume.image.radiance import SATURATED
 from relume.light.constellations.constellation import Constellation
 from relume.light.constellations.residual import glow_level
-from relume.light.suns.fill import directions_of, extents_of, filled, shown
 from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.inpainting import mean_by_distance
+from relume.sphere.mappings.mapping import LatLong, shown
 
 FINEST = np.pi / 512
 """Radians: pixels that are no farther than that from touching are of one source."""
@@ -24,6 +25,10 @@ PLATEAU = 4
 """Times the largest pixel: so much of the very same, highest value is no chance; it clipped, or was drawn."""
 LEAST = 0.01
 """Of the map's light: a source with less is a glint or a star, not what lights the place."""
+RING = 3
+"""Pixels round a patch that it is filled from."""
+MOST_ROUND = 2000
+"""Pixels of the ring, at most; more make a fill no smoother."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +102,7 @@ def extract_sun(
         if float(np.sum(values[patch] * areas[patch])) < LEAST * whole:
             continue
         # A ring of compression artefacts may have a channel far above the level; the fill must be no source itself.
-        fill = np.minimum(np.minimum(filled(light, patch, bright), np.float32(level)), light.radiance[patch])
+        fill = np.minimum(np.minimum(_filled(light, patch, bright), np.float32(level)), light.radiance[patch])
         sun, reach = _sun(light, patch, fill, whole)
         if reach > widest:
             wide = max(wide, reach)
@@ -123,7 +128,7 @@ def _patches(light: EnvironmentMap, bright: np.ndarray) -> list[tuple[np.ndarray
     rows, columns = np.nonzero(bright)
     if not len(rows):
         return []
-    directions, extents = directions_of(light, (rows, columns)), extents_of(light, (rows, columns))
+    directions, extents = _directions_of(light, (rows, columns)), _extents_of(light, (rows, columns))
     # Of large maps, and round the poles of a lat-long, many pixels lie in one little cube: they count as one.
     cubes = np.floor(directions / FINEST).astype(np.int64) + 1024
     _, cube, held = np.unique(cubes @ [2**22, 2**11, 1], return_inverse=True, return_counts=True)
@@ -148,7 +153,7 @@ def _sun(
     excess = values.astype(np.float64) - fill
     flux = excess * areas[:, None]
     strength = flux @ LUMINANCE_WEIGHTS
-    moment = strength @ directions_of(light, patch)
+    moment = strength @ _directions_of(light, patch)
     length, amount = float(np.linalg.norm(moment)), float(strength.sum())
     disc = amount / max(float((excess @ LUMINANCE_WEIGHTS).max()), 1e-300)
     clipped = light.clipped is not None and bool(np.any(light.clipped[patch] == SATURATED))
@@ -173,3 +178,54 @@ def _why_no_sun(highest: float, level: float, wide: float, contrast: float) -> s
         f"no sun stands out: nothing is {contrast:g} times brighter than the rest; it may have clipped, or be hidden; "
         "make a constellation of the map instead"
     )
+
+
+def _filled(light: EnvironmentMap, patch: tuple[np.ndarray, np.ndarray], bright: np.ndarray) -> np.ndarray:
+    """Radiance (M, 3) float32 for the pixels of a patch, from those round it that are not bright.
+
+    patch : rows and columns
+    bright : (rows, columns), what belongs to a source, this or another
+
+    Each pixel is the mean of the ring, weighted by 1/distance⁴ on the sphere (Shepard 1968): near the rim it is what is
+    there, so that no edge shows, and a horizon goes through. Black where nothing surrounds it.
+    """
+    ring = _ring(light, patch, bright)
+    if not len(ring[0]):
+        return np.zeros((len(patch[0]), 3), np.float32)
+    step = -(-len(ring[0]) // MOST_ROUND)
+    ring = (ring[0][::step], ring[1][::step])
+    around, inside = _directions_of(light, ring), _directions_of(light, patch)
+    return mean_by_distance(inside, around, light.radiance[ring], power=4).astype(np.float32)
+
+
+def _directions_of(
+    light: EnvironmentMap, pixels: tuple[np.ndarray, np.ndarray], down: float = 0.5, right: float = 0.5
+) -> np.ndarray:
+    """The unit directions (M, 3) of some pixels given by row and column: of their middles, or of other points."""
+    rows, columns = light.radiance.shape[:2]
+    points = np.stack([(pixels[1] + right) / columns, (pixels[0] + down) / rows], axis=-1)
+    return light.mapping.directions(light.mapping.shown(points))
+
+
+def _extents_of(light: EnvironmentMap, pixels: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """The longer side of each pixel on the sphere, a chord (M,): near the rims of discs they are long and thin."""
+    high = _directions_of(light, pixels, down=0.99) - _directions_of(light, pixels, down=0.01)
+    wide = _directions_of(light, pixels, right=0.99) - _directions_of(light, pixels, right=0.01)
+    return np.maximum(np.linalg.norm(high, axis=-1), np.linalg.norm(wide, axis=-1))
+
+
+def _ring(
+    light: EnvironmentMap, patch: tuple[np.ndarray, np.ndarray], bright: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The pixels round a patch, in its image; in a lat-long round the seam too."""
+    rows, columns = bright.shape
+    near = np.zeros_like(bright)
+    for down in range(-RING, RING + 1):
+        for across in range(-RING, RING + 1):
+            row, column = patch[0] + down, patch[1] + across
+            if isinstance(light.mapping, LatLong):
+                column = column % columns
+            inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+            near[row[inside], column[inside]] = True
+    row, column = np.nonzero(near & ~bright & shown(light.mapping.solid_angles(rows)))
+    return row, column

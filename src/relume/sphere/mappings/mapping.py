@@ -95,6 +95,14 @@ def pixel_directions(mapping: Mapping, size: int) -> np.ndarray:
     return np.where(np.isnan(directions), (0.0, 0.0, -1.0), directions)
 
 
+def shown(areas: np.ndarray) -> np.ndarray:
+    """Where an image shows something: its solid angles are not 0, nor what rounding leaves of a disc's rim.
+
+    A pixel whose corner the rim meets in one point, as by 3² + 4² = 5², may have 1e-15 of another's.
+    """
+    return areas > 1e-12 * areas.max()
+
+
 def refuse_size(size: int, name: str, factor: int = 1) -> None:
     """Raise ValueError where a `name` map cannot have `size` rows: they are a multiple of `factor`, and not 0."""
     if size < factor or size % factor:
