@@ -19,11 +19,9 @@ from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Mesh, Sphere
 from relume.sphere.directions import normalised, rotation_about
 from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.cubes import Strip, face_solid_angles
 from relume.sphere.mappings.discs import MirrorBall
-from relume.sphere.mappings.mapping import LatLong, pixel_points
-from relume.sphere.mip_cube import Cube
-from relume.sphere.mip_cube import directions as cube_directions
-from relume.sphere.mip_cube import solid_angles as cube_solid_angles
+from relume.sphere.mappings.mapping import LatLong, pixel_directions, pixel_points
 
 
 def surfaces(count=400, seed=0, least=0.05):
@@ -108,8 +106,8 @@ def test_section_4_1_the_area_of_a_cubes_sample_falls_towards_its_corners():
     # The paper says 1 + u² + v² = 1/z²; the solid angle itself goes as its power 3/2 (A31).
     size = 64
     v, u = np.meshgrid(*[(np.arange(size) + 0.5) / size * 2 - 1] * 2, indexing="ij")
-    np.testing.assert_allclose(cube_solid_angles(size)[0] * (1 + u**2 + v**2) ** 1.5 * (size / 2) ** 2, 1, rtol=3e-4)
-    assert cube_solid_angles(size).sum() == pytest.approx(4 * np.pi, rel=1e-12)
+    np.testing.assert_allclose(face_solid_angles(size) * (1 + u**2 + v**2) ** 1.5 * (size / 2) ** 2, 1, rtol=3e-4)
+    assert 6 * face_solid_angles(size).sum() == pytest.approx(4 * np.pi, rel=1e-12)
 
 
 def test_section_4_2_the_normal_of_a_mirrored_sphere_is_projected_onto_its_photograph():
@@ -183,7 +181,7 @@ def test_section_5_2_six_views_of_a_luminous_patch_light_a_surface_as_the_patch_
     lamp = Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), glowing)
     prepared = Prefiltered(background=False).prepared(Scene(constant(64), objects=(lamp,)))
     size = 64
-    middles = cube_directions(size)
+    middles = np.split(pixel_directions(Strip(), size), 6, axis=1)
     faces = np.empty((6, size, size, 3), np.float32)
     for face, forward in enumerate(np.repeat(np.eye(3), 2, axis=0) * np.array([1, -1] * 3)[:, None]):
         up = np.array([0, 0, 1]) if forward[1] else np.array([0, 1, 0])
@@ -193,7 +191,8 @@ def test_section_5_2_six_views_of_a_luminous_patch_light_a_surface_as_the_patch_
         column, row = np.moveaxis(camera.project(middles[face]), -1, 0)
         faces[face] = picture[row.astype(int), column.astype(int)]
     directions = LatLong().directions(pixel_points(LatLong(), 128))
-    light = EnvironmentMap(Cube(faces).lookup(directions).astype(np.float32))
+    strip = EnvironmentMap(np.concatenate(list(faces), axis=1), Strip())
+    light = EnvironmentMap(strip.lookup(directions).astype(np.float32))
     D = reflection_map(light, Lambert(), 64)
     assert D.lookup(np.array([0.0, 1, 0]))[0] == pytest.approx(5 * 0.5541264, rel=0.01)
     assert D.lookup(np.array([0.0, -1, 0]))[0] == pytest.approx(0, abs=1e-3)

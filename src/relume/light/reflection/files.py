@@ -14,15 +14,17 @@ import numpy as np
 
 from relume.image import files
 from relume.image.files import ktx2
+from relume.light.harmonics.spherical_harmonics import project_sh
 from relume.light.reflection.brdf import Reflectance
 from relume.light.reflection.glossy import glossy_map
-from relume.light.reflection.irradiance_harmonics import as_json, irradiance_harmonics
+from relume.light.reflection.irradiance_harmonics import as_json
 from relume.light.reflection.lobes import GGXLobe, Lambert, Lobe, Phong
 from relume.light.reflection.reflection_map import Normalisation, reflection_map, rows_for
 from relume.light.reflection.storage import as_layers, as_picture
 from relume.sphere.audit import six_digits
 from relume.sphere.environment_map import EnvironmentMap
-from relume.sphere.mip_cube import Cube, cube_of, mips
+from relume.sphere.mappings.cubes import Strip
+from relume.sphere.mip_cube import faces_of, mips, mirrored_strip
 
 MOST_ROWS, MOST_GLOSSY_ROWS, LARGEST_CUBE = 8192, 1024, 4096
 """Beyond them the tables take more memory than machines have."""
@@ -142,7 +144,7 @@ def write_reflection_maps(
         progress("views", (index + 1) / len(wanted.glossy))
 
     # Harmonics and cubes.
-    files.write_text(folder / "harmonics.json", as_json(irradiance_harmonics(light), light.unit))
+    files.write_text(folder / "harmonics.json", as_json(project_sh(light)))
     written.append(folder / "harmonics.json")
     for index, (name, levels) in enumerate(_cubes(light, wanted)):
         written += _write_cube(folder / f"{name}.{wanted.cube_format}", levels, wanted.mirror)
@@ -150,21 +152,21 @@ def write_reflection_maps(
     return WrittenReflectionMaps(tuple(written), bounds, tuple(notes))
 
 
-def _cubes(light: EnvironmentMap, wanted: ReflectionFiles) -> Iterator[tuple[str, tuple[Cube, ...]]]:
+def _cubes(light: EnvironmentMap, wanted: ReflectionFiles) -> Iterator[tuple[str, tuple[EnvironmentMap, ...]]]:
     """Names and levels of the cubes, each made when it is asked for."""
     if wanted.cube is None:
         return
-    yield "light", mips(cube_of(light, wanted.cube))
+    yield "light", mips(light.remapped(Strip(), wanted.cube))
     if wanted.roughness_cubes:
         diffuse = reflection_map(light, Lambert(), wanted.rows)
-        yield "diffuse", mips(cube_of(diffuse.light, min(wanted.cube, DIFFUSE_CUBE)))
+        yield "diffuse", mips(diffuse.light.remapped(Strip(), min(wanted.cube, DIFFUSE_CUBE)))
         yield "specular", roughness_levels(light, wanted.cube)
     else:
         for name, lobe in wanted.tables.items():
-            yield name, mips(cube_of(reflection_map(light, lobe, wanted.rows).light, wanted.cube))
+            yield name, mips(reflection_map(light, lobe, wanted.rows).light.remapped(Strip(), wanted.cube))
 
 
-def roughness_levels(light: EnvironmentMap, size: int) -> tuple[Cube, ...]:
+def roughness_levels(light: EnvironmentMap, size: int) -> tuple[EnvironmentMap, ...]:
     """The specular cube that engines look up by roughness: a mirror at level 0, the roughest surface at the last.
 
     Cubes of `size`, size/2, … 1 texels an edge, level i for the perceptual roughness i / (levels − 1), α its square.
@@ -173,16 +175,16 @@ def roughness_levels(light: EnvironmentMap, size: int) -> tuple[Cube, ...]:
     """
     if size < 1 or size & (size - 1):
         raise ValueError(f"the cube is {size} texels along an edge; roughness levels need a power of two, as 256")
-    levels, last = [cube_of(light, size)], size.bit_length() - 1
+    levels, last = [light.remapped(Strip(), size)], size.bit_length() - 1
     for level in range(1, last + 1):
         lobe, texels = GGXLobe((level / last) ** 2), size >> level
         rows = min(rows_for(lobe, light.size), max(_FEWEST_ROWS, _ROWS_A_TEXEL * texels))
-        levels.append(cube_of(reflection_map(light, lobe, rows).light, texels))
+        levels.append(reflection_map(light, lobe, rows).light.remapped(Strip(), texels))
     return tuple(levels)
 
 
-def _write_cube(path: Path, levels: tuple[Cube, ...], mirror: str | None) -> list[Path]:
-    faces = [(level if mirror is None else level.mirrored(mirror)).faces for level in levels]
+def _write_cube(path: Path, levels: tuple[EnvironmentMap, ...], mirror: str | None) -> list[Path]:
+    faces = [faces_of(level if mirror is None else mirrored_strip(level, mirror)) for level in levels]
     if path.suffix == ".hdr":
         return ktx2.write_cube_hdr(path, faces, unit=levels[0].unit)
     ktx2.write_cube(path, faces)

@@ -12,8 +12,7 @@ import json
 
 import numpy as np
 
-from relume.light.harmonics.spherical_harmonics import cosine_factors, project_sh
-from relume.sphere.environment_map import EnvironmentMap
+from relume.light.harmonics.spherical_harmonics import SphericalHarmonics, cosine_factors
 
 ORDER = ((0, 0), (1, -1), (1, 0), (1, 1), (2, -2), (2, -1), (2, 0), (2, 1), (2, 2))
 COSINE = np.repeat(cosine_factors(2), [1, 3, 5])
@@ -24,31 +23,22 @@ _FACTORS = np.sqrt(np.array([1, 3, 3, 3, 15, 15, 5 / 4, 15, 15 / 4]) / (4 * np.p
 _POLYNOMIALS = ("1", "y", "z", "x", "x*y", "y*z", "(3*z*z - 1)", "x*z", "(x*x - y*y)")
 
 
-def irradiance_harmonics(light: EnvironmentMap) -> np.ndarray:
-    """The coefficients L_lm = ∫ L Y_lm dω of the light's radiance, (9, 3), in its unit times steradians.
+def as_json(light: SphericalHarmonics) -> str:
+    """A readable document of harmonics of degree 2, with all that an engine's author needs to use them.
 
-    Summed over the directions of the pixels' middles by their solid angles, as `EnvironmentMap.irradiance` does.
+    Irradiance is in lux where the unit is cd/m². Raises ValueError for another unit or degree.
     """
-    return project_sh(light, 2).coefficients
-
-
-def as_json(coefficients: np.ndarray, unit: str) -> str:
-    """A readable document of the coefficients (9, 3), with all that an engine's author needs to use them.
-
-    unit : of the radiance they were made from, "relative" or "cd/m²" (irradiance is then in lux)
-
-    Raises ValueError for another unit or shape.
-    """
-    if unit not in ("relative", "cd/m²"):
-        raise ValueError(f'unit is "{unit}"; expected "relative" or "cd/m²"')
-    radiance = _checked(coefficients)
-    irradiance = COSINE[:, None] * radiance
+    if light.unit not in ("relative", "cd/m²"):
+        raise ValueError(f'unit is "{light.unit}"; expected "relative" or "cd/m²"')
+    if light.degree != 2:
+        raise ValueError(f"harmonics of degree {light.degree}; expected 2, nine coefficients")
+    irradiance = COSINE[:, None] * light.coefficients
     terms = [
         {
             "l": degree,
             "m": order,
             "polynomial": f"{_FACTORS[row]:.8f}" + (f" * {_POLYNOMIALS[row]}" if row else ""),
-            "radiance": _rounded(radiance[row]),
+            "radiance": _rounded(light.coefficients[row]),
             "irradiance": _rounded(irradiance[row]),
         }
         for row, (degree, order) in enumerate(ORDER)
@@ -65,18 +55,12 @@ def as_json(coefficients: np.ndarray, unit: str) -> str:
         "irradiance": "A_l L_lm with A_0 = pi, A_1 = 2 pi / 3, A_2 = pi / 4; irradiance(normal) is the sum of "
         "irradiance * polynomial(normal); a matte surface reflects albedo / pi times that",
         "unit": {
-            "radiance": "cd/m² · sr" if unit == "cd/m²" else "relative · sr",
-            "irradiance": "lx" if unit == "cd/m²" else "relative · sr",
+            "radiance": "cd/m² · sr" if light.unit == "cd/m²" else "relative · sr",
+            "irradiance": "lx" if light.unit == "cd/m²" else "relative · sr",
         },
         "terms": terms,
     }
     return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
-
-
-def _checked(coefficients: np.ndarray) -> np.ndarray:
-    if np.shape(coefficients) != (9, 3):
-        raise ValueError(f"coefficients have shape {np.shape(coefficients)}; expected (9, 3), as from a light")
-    return np.asarray(coefficients, np.float64)
 
 
 def _rounded(values: np.ndarray) -> list[float]:
