@@ -31,8 +31,7 @@ from relume.lightstage.field.field import Pictures
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.cosine import compress_cosine
 from relume.lightstage.relighting.low_rank import compress_low_rank
-from relume.lightstage.relighting.relighting import weighted_sum
-from relume.lightstage.relighting.sequences import weighted_sums
+from relume.lightstage.relighting.relighting import weighted_sum, weighted_sums
 from relume.sphere.environment_files import as_environment
 from relume.sphere.mappings.mapping import pixel_directions
 

@@ -9,8 +9,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from relume.lightstage.relighting.interactive_basis import InteractiveBasis, flux_of, turn
-from relume.report.relighting_viewer import AMOUNTS, turning_part
+from relume.report.relighting_viewer import AMOUNTS, InteractiveBasis, flux_of, turn, turning_part
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
 

@@ -23,8 +23,13 @@ from relume.lightstage.novel_view.projection import Subject, check_mesh_matches
 from relume.lightstage.relighting.cosine import compress_cosine
 from relume.lightstage.relighting.interpolation import Barycentric, NearestLight, reached, unreached_share
 from relume.lightstage.relighting.low_rank import compress_low_rank
-from relume.lightstage.relighting.relighting import MEMORY, Progress, weighted_sum, weighted_sum_per_pixel
-from relume.lightstage.relighting.sequences import weighted_sums
+from relume.lightstage.relighting.relighting import (
+    MEMORY,
+    Progress,
+    weighted_sum,
+    weighted_sum_per_pixel,
+    weighted_sums,
+)
 from relume.lightstage.relighting.specular_spikes import (
     relight_spiky,
     relight_spiky_sequence,

@@ -1,4 +1,8 @@
-"""A part of a page on which a light map is turned by hand and the subject follows: WebGL, without a server."""
+"""A part of a page on which a light map is turned by hand and the subject follows: WebGL, without a server.
+
+A relit picture is a sum of K pictures, and the amount of picture k is ∫ L(ω) c_k(ω) dω with a function c_k over the
+sphere (a low-rank basis of the field). Turning the light turns only the arguments of c_k, which is quick anywhere.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +10,22 @@ import base64
 import html
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
+from relume.image.bilinear import bilinear
 from relume.image.colour import encode_srgb
 from relume.image.files.photographs.png import encode
-from relume.lightstage.relighting.interactive_basis import InteractiveBasis, flux_of
+from relume.lightstage.relighting.interpolation import Smooth
+from relume.lightstage.relighting.low_rank import LowRank
+from relume.sphere.directions import rotation_about
 from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, pixel_directions
 
+ROWS = 48
+"""Of the functions c_k: 3.75 degrees, finer than stages' lights stand."""
+LIGHT_ROWS = 64
 # Amounts are found as `InteractiveBasis.amounts` finds them; the sum of pictures is the graphics card's.
 AMOUNTS = """
 function turn(yaw, pitch) {
@@ -123,6 +135,59 @@ async function start() {
 }
 start();
 """
+
+
+@dataclass(frozen=True, eq=False)
+class InteractiveBasis:
+    """What a page needs to relight a subject.
+
+    codes : (K, H, W, 3) uint8; picture k is lowest[k] + step[k] · codes[k]
+    lowest, step : (K,) float32
+    functions : (ROWS, 2·ROWS, K) float32, c_k on a lat-long map
+    """
+
+    codes: np.ndarray
+    lowest: np.ndarray
+    step: np.ndarray
+    functions: np.ndarray
+
+    def amounts(self, light: EnvironmentMap, yaw: float, pitch: float) -> np.ndarray:
+        """∫ L c_k dω, (K, 3), of a lat-long light turned by `yaw` about +Y after `pitch` about +X, radians."""
+        flux = flux_of(light)
+        turned = pixel_directions(LatLong(), flux.shape[0]) @ turn(yaw, pitch).T
+        rows, columns = self.functions.shape[:2]
+        x, y = np.moveaxis(LatLong().image_points(turned) * [columns, rows], -1, 0)
+        # Round the seam; the rows of the poles go on over them.
+        values = bilinear(np.pad(self.functions, ((0, 0), (1, 1), (0, 0)), mode="wrap"), x + 1, y)
+        return np.einsum("hwk,hwc->kc", values, flux)
+
+    def picture(self, amounts: np.ndarray) -> np.ndarray:
+        """The relit picture (H, W, 3) float32."""
+        scaled = (amounts * self.step[:, None]).astype(np.float32)
+        return np.einsum("khwc,kc->hwc", self.codes, scaled, dtype=np.float32) + self.lowest @ amounts
+
+
+def interactive_basis(basis: LowRank) -> InteractiveBasis:
+    """The basis in 8 bits, and its functions of direction; glints, which no small basis holds, are left out."""
+    pictures = np.asarray(basis.basis, np.float32)
+    lowest = pictures.min(axis=(1, 2, 3))
+    step = np.maximum((pictures.max(axis=(1, 2, 3)) - lowest) / 255, np.finfo(np.float32).tiny)
+    codes = np.rint((pictures - lowest[:, None, None, None]) / step[:, None, None, None]).astype(np.uint8)
+    directions = pixel_directions(LatLong(), ROWS)
+    weights = Smooth().weights(basis.lights, directions.reshape(-1, 3))
+    functions = (weights @ np.asarray(basis.coefficients, np.float64).T).reshape(ROWS, 2 * ROWS, -1)
+    return InteractiveBasis(codes, lowest, step, functions.astype(np.float32))
+
+
+def flux_of(light: EnvironmentMap) -> np.ndarray:
+    """Radiance × solid angle (LIGHT_ROWS, 2·LIGHT_ROWS, 3) of a map made as small as a page can carry."""
+    small = light.remapped(LatLong(), LIGHT_ROWS)
+    return small.radiance.astype(np.float64) * small.mapping.solid_angles(LIGHT_ROWS)[..., None]
+
+
+def turn(yaw: float, pitch: float) -> np.ndarray:
+    """The rotation that tips by `pitch` about +X and then turns by `yaw` about +Y."""
+    return rotation_about((0.0, 1.0, 0.0), yaw) @ rotation_about((1.0, 0.0, 0.0), pitch)
 
 
 def turning_part(stage: InteractiveBasis, lights: Mapping[str, EnvironmentMap]) -> str:

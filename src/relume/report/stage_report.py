@@ -11,12 +11,11 @@ import numpy as np
 from relume.image import files
 from relume.lightstage.field.field import Pictures, ReflectanceField
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.relighting.interactive_basis import interactive_basis
 from relume.lightstage.relighting.low_rank import compress_low_rank
 from relume.lightstage.relighting.mosaic import mosaic, mosaic_size
 from relume.report import plots
 from relume.report.page import figure, heading, note, page, paragraph, side_by_side, table, triple
-from relume.report.relighting_viewer import turning_part
+from relume.report.relighting_viewer import interactive_basis, turning_part
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
 

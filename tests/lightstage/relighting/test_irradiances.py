@@ -9,9 +9,9 @@ from relume.light.constellations.constellation import Constellation
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.interpolation import NearestLight, Smooth
 from relume.lightstage.relighting.irradiances import constellation_irradiances, irradiances, lamp_irradiances
-from relume.lightstage.relighting.stage_lighting import as_lighting
+from relume.lightstage.relighting.stage_lighting import StageLighting, as_lighting
 from relume.lightstage.relighting.voronoi_cells import even_directions
-from relume.scene.lights import DistantLight, PointLight, SphereLight
+from relume.scene.lights import DistantLight, PointLight, Unattenuated
 from relume.sphere.directions import rotation_about
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.discs import Angular
@@ -96,9 +96,12 @@ def test_a_lamp_twice_as_far_gives_a_quarter():
     np.testing.assert_allclose(near.sum(axis=0), 1.0, rtol=1e-9)
 
 
-def test_a_ball_of_light_gives_what_its_disc_shows():
-    found = lamp_irradiances(LIGHTS, SphereLight((0, 0, 2), 0.1, (5.0, 5.0, 5.0)))
-    np.testing.assert_allclose(found.sum(axis=0), np.pi * 5 * (0.1 / 2) ** 2, rtol=1e-9)
+def test_a_mesh_is_lit_as_strongly_as_the_field():
+    """With a mesh a lamp is a direction, without one shares of the lights: its fall with distance is the same."""
+    lighting = StageLighting(lamps=(PointLight((0, 2, 0), (1.0, 2.0, 3.0), Unattenuated()),))
+    directed = lighting.directed()
+    np.testing.assert_allclose(directed.irradiances, [[1, 2, 3]], rtol=1e-12)
+    np.testing.assert_allclose(lighting.irradiances(LIGHTS).sum(axis=0), directed.irradiances[0], rtol=1e-9)
 
 
 def test_a_wide_sun_spreads_over_more_lights_and_keeps_its_light():
@@ -118,7 +121,7 @@ def test_a_constellation_is_the_sum_of_its_lights(by):
 
 def test_a_lamp_inside_the_subject_is_refused():
     with pytest.raises(ValueError, match="holds the subject"):
-        lamp_irradiances(LIGHTS, SphereLight((0, 0, 0.05), 0.1, (1.0, 1.0, 1.0)))
+        lamp_irradiances(LIGHTS, PointLight((0, 0, 0), (1.0, 1.0, 1.0)))
 
 
 def test_light_that_is_no_light_is_refused():

@@ -7,8 +7,7 @@ import pytest
 
 from relume.lightstage.field.field import Noise, Pictures
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.relighting.relighting import weighted_sum
-from relume.lightstage.relighting.sequences import pictures_at_once, weighted_sums
+from relume.lightstage.relighting.relighting import pictures_at_once, weighted_sum, weighted_sums
 
 GENERATOR = np.random.default_rng(4)
 COUNT = 9

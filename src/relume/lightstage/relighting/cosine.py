@@ -8,6 +8,7 @@ that round to nothing in the whole tile are left out, and larger ones have furth
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -184,10 +185,7 @@ def compress_cosine(
     (height, width), count = field.shape, len(field.lights)
     grid = laid_out(field.lights)
     bands = row_bands(field, memory)
-    total = sum(float(np.abs(field.block(slice(0, count), rows)).sum(dtype=np.float64)) for rows in bands)
-    if not 0 < total < np.inf:
-        raise ValueError(f"the field's values sum to {total}; expected pictures that are not all black, and finite")
-    size = step * total / (count * height * width * 3)
+    size = step * total_of(field, bands) / (count * height * width * 3)
     tally, counts, kinds, digits = ErrorTally(field.lights), [np.zeros(1, np.int64)], [], []
     for rows in bands:
         values = field.block(slice(0, count), rows)
@@ -212,6 +210,15 @@ def row_bands(field: ReflectanceField, memory: int) -> tuple[slice, ...]:
     """Bands of whole tiles of all lights that fit into memory with what is made of them, a row of tiles at least."""
     row = len(field.lights) * field.shape[1] * 3 * 4 * 6
     return cut(field.shape[0], max(1, memory // (row * TILE)) * TILE)
+
+
+def total_of(field: ReflectanceField, bands: Sequence[slice]) -> float:
+    """The sum of a field's magnitudes; raises ValueError for one that is black or not finite."""
+    every = slice(0, len(field.lights))
+    total = sum(float(np.abs(field.block(every, rows)).sum(dtype=np.float64)) for rows in bands)
+    if not 0 < total < np.inf:
+        raise ValueError(f"the field's values sum to {total}; expected pictures that are not all black, and finite")
+    return total
 
 
 def _entries(rounded: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

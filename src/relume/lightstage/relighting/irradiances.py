@@ -12,7 +12,8 @@ import numpy as np
 from relume.light.constellations.constellation import Constellation
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.interpolation import Interpolation, Smooth
-from relume.scene.lights import DistantLight, PointLight, SphereLight
+from relume.lightstage.relighting.voronoi_cells import even_directions
+from relume.scene.lights import DistantLight, PointLight
 from relume.sphere.directions import normalised, required_rotation, rotation_between
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import pixel_points
@@ -49,49 +50,37 @@ def constellation_irradiances(lights: StageLights, light: Constellation, by: Int
 
 
 def lamp_irradiances(
-    lights: StageLights,
-    lamp: DistantLight | PointLight | SphereLight,
-    by: Interpolation = Smooth(),
-    *,
-    radius: float = 0.0,
-    subject: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    lights: StageLights, lamp: DistantLight | PointLight, by: Interpolation = Smooth(), *, radius: float = 0.0
 ) -> np.ndarray:
     """What each light of a stage gives of one lamp: (N, 3).
 
-    radius : angular, of the even disc that a lamp without a size is spread over, radians
-    subject : metres, where the subject's middle is; the field is one of distant light, so that a near lamp shines on
-        all of the subject from where it stands as seen from there, as strongly as there
+    radius : angular, of the even disc that the lamp is spread over, radians
+    The field is one of distant light, so that a near lamp shines on all of the subject as on its middle.
     Raises ValueError for a lamp that stands in the subject's middle.
     """
+    towards, irradiance = at_middle(lamp)
+    return by.weights(lights, _disc(towards, radius)).mean(axis=0)[:, None] * irradiance
+
+
+def at_middle(lamp: DistantLight | PointLight) -> tuple[np.ndarray, np.ndarray]:
+    """The unit direction (3,) from the subject's middle towards a lamp and the irradiance (3,) that it gives there.
+
+    Raises ValueError for a lamp that stands there.
+    """
     if isinstance(lamp, DistantLight):
-        return _shared(lights, normalised(lamp.towards), radius, by)[:, None] * np.asarray(lamp.irradiance, np.float64)
-    offset = np.asarray(lamp.position, np.float64) - subject
-    distance = float(np.linalg.norm(offset))
-    ball = lamp.radius if isinstance(lamp, SphereLight) else 0.0
-    if distance <= ball:
-        raise ValueError(f"a lamp at {lamp.position} that holds the subject at {subject}; move it away")
-    if isinstance(lamp, SphereLight):
-        # A sphere of even radiance L gives π L sin² of its angular radius to a surface that faces it.
-        irradiance = np.pi * np.asarray(lamp.radiance, np.float64) * (ball / distance) ** 2
-    else:
-        irradiance = np.asarray(lamp.intensity, np.float64) * lamp.falloff.at(np.array(distance))
-    wide = max(radius, float(np.arcsin(ball / distance)))
-    return _shared(lights, offset / distance, wide, by)[:, None] * irradiance
-
-
-def _shared(lights: StageLights, towards: np.ndarray, radius: float, by: Interpolation) -> np.ndarray:
-    """Shares (N,) of an even disc of light; they sum to 1."""
-    return by.weights(lights, _disc(towards, radius)).mean(axis=0)
+        return normalised(lamp.towards), np.asarray(lamp.irradiance, np.float64)
+    place = np.asarray(lamp.position, np.float64)
+    distance = float(np.linalg.norm(place))
+    if distance == 0:
+        raise ValueError(f"a lamp at {lamp.position} that holds the subject at (0.0, 0.0, 0.0); move it away")
+    return place / distance, np.asarray(lamp.intensity, np.float64) * lamp.falloff.at(np.array(distance))
 
 
 def _disc(towards: np.ndarray, radius: float) -> np.ndarray:
     """Directions (n, 3) spread evenly over the cap of an angular radius about a direction."""
     if radius == 0:
         return np.asarray(towards, np.float64)[None]
-    height = 1 - (1 - np.cos(radius)) * (np.arange(_DISC) + 0.5) / _DISC
-    ring, turn = np.sqrt(1 - height**2), np.pi * (3 - np.sqrt(5)) * np.arange(_DISC)
-    cap = np.stack([ring * np.cos(turn), height, ring * np.sin(turn)], axis=1)
-    return cap @ rotation_between((0.0, 1.0, 0.0), towards).T
+    return even_directions(_DISC, radius) @ rotation_between((0.0, 1.0, 0.0), towards).T
 
 
 def _parts(lights: StageLights, light: EnvironmentMap) -> tuple[np.ndarray, np.ndarray]:

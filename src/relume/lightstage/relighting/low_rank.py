@@ -15,7 +15,7 @@ import numpy as np
 from relume.image.radiance import RadianceMap
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.relighting.cosine import CompressionError, ErrorTally, row_bands
+from relume.lightstage.relighting.cosine import CompressionError, ErrorTally, row_bands, total_of
 from relume.lightstage.relighting.relighting import MEMORY, Progress, checked
 
 SPIKE = 30.0
@@ -102,10 +102,7 @@ def compress_low_rank(
     if not 0 < error < 1 or (rank is not None and not 1 <= rank <= count):
         raise ValueError(f"error is {error} and rank {rank}; expected an error within 0…1, a rank within 1…{count}")
     (height, width), bands, everything = field.shape, row_bands(field, memory), slice(0, len(field.lights))
-    total = sum(float(np.abs(field.block(everything, rows)).sum(dtype=np.float64)) for rows in bands)
-    if not 0 < total < np.inf:
-        raise ValueError(f"the field's values sum to {total}; expected pictures that are not all black, and finite")
-    above = np.float32(SPIKE * total / (count * height * width * 3))
+    above = np.float32(SPIKE * total_of(field, bands) / (count * height * width * 3))
 
     # The pictures without spikes, and their products with each other.
     products, found = np.zeros((count, count)), []

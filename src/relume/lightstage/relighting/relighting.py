@@ -43,6 +43,53 @@ def weighted_sum(
     return next(summed(field, given[None], threads=threads, memory=memory, progress=progress))
 
 
+def weighted_sums(
+    field: ReflectanceField,
+    irradiances: np.ndarray,
+    *,
+    threads: int | None = None,
+    memory: int = MEMORY,
+    progress: Progress | None = None,
+) -> Iterator[RadianceMap]:
+    """Pictures under each of the irradiances (K, N, 3), in their order, each the very bytes of `weighted_sum`'s.
+
+    memory : bytes for blocks, sums and pictures; where they do not hold all pictures, the field is read again for the
+        next of them
+    Raises ValueError as `weighted_sum` does, before the first picture.
+    """
+    given = np.asarray(irradiances, np.float64)
+    if given.ndim != 3 or len(given) == 0:
+        raise ValueError(f"irradiances are {given.shape}; expected (pictures, {len(field.lights)} lights, 3)")
+    for each in given:
+        checked(field.lights, each)
+    return (
+        picture
+        for part in cut(len(given), pictures_at_once(field, memory))
+        for picture in summed(
+            field, given[part], threads=threads, memory=memory, progress=within(progress, part, len(given))
+        )
+    )
+
+
+def pictures_at_once(field: ReflectanceField, memory: int) -> int:
+    """How many pictures of the field may be summed in one pass with so many bytes, at least 1.
+
+    Half of the memory is for pictures and their sums, the other half for the field's blocks.
+    """
+    planes = 1 if field.noise is None else 2
+    return max(1, memory // 2 // (field.shape[0] * field.shape[1] * 3 * 12 * planes))
+
+
+def within(progress: Progress | None, part: slice, count: int) -> Progress:
+    """What a pass over some of `count` pictures calls with its own progress."""
+
+    def report(done: float) -> None:
+        if progress:
+            progress((part.start + done * (part.stop - part.start)) / count)
+
+    return report
+
+
 def weighted_sum_per_pixel(
     field: ReflectanceField,
     labels: np.ndarray,

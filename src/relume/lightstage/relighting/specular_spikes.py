@@ -15,8 +15,7 @@ import numpy as np
 from relume.image.radiance import RadianceMap
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.relighting.relighting import MEMORY, Progress, checked, summed
-from relume.lightstage.relighting.sequences import pictures_at_once
+from relume.lightstage.relighting.relighting import MEMORY, Progress, checked, cut, pictures_at_once, summed, within
 
 SPIKE = 8.0
 """The greatest value over the mean: 4 for a matte surface that faces a light, 5 … 7 for skin, hundreds for a mirror. On
@@ -112,13 +111,7 @@ def _passes(
         for picture, one in zip(values, scale.astype(np.float32), strict=True):
             np.maximum(peak[rows], picture * one, out=peak[rows])
 
-    for begin in range(0, count, together):
-        part = slice(begin, min(begin + together, count))
-
-        def report(done: float, part: slice = part) -> None:
-            if progress:
-                progress((part.start + done * (part.stop - part.start)) / count)
-
+    for part in cut(count, together):
         # The first pass finds the spikes beside its pictures.
         extra = [even] if spiky is None else []
         pictures = list(
@@ -127,7 +120,7 @@ def _passes(
                 np.concatenate([*extra, smooth[part], barycentric[part]]),
                 threads=threads,
                 memory=memory - peak.nbytes,
-                progress=report,
+                progress=within(progress, part, count),
                 seen=seen if spiky is None else None,
             )
         )

@@ -11,7 +11,12 @@ from relume.light.constellations.constellation import Constellation
 from relume.lightstage.direct_light.light_directions import DirectedLight, quadtree_lights
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.interpolation import Interpolation, Smooth
-from relume.lightstage.relighting.irradiances import constellation_irradiances, irradiances, lamp_irradiances
+from relume.lightstage.relighting.irradiances import (
+    at_middle,
+    constellation_irradiances,
+    irradiances,
+    lamp_irradiances,
+)
 from relume.scene.lights import DistantLight, PointLight
 from relume.sphere.directions import required_rotation, rotation_about
 from relume.sphere.environment_map import EnvironmentMap
@@ -79,7 +84,8 @@ class StageLighting:
             radii = np.zeros(count) if light_set.angular_radii is None else light_set.angular_radii
             parts.append(DirectedLight(light_set.directions, light_set.irradiance, radii))
         for lamp in self.lamps:
-            parts.append(_one_direction(lamp, self.lamp_diameter / 2))
+            towards, irradiance = at_middle(lamp)
+            parts.append(DirectedLight(towards[None], irradiance[None], np.array([self.lamp_diameter / 2])))
         return DirectedLight.of(parts)
 
     def _turned_sets(self) -> Sequence[Constellation]:
@@ -98,14 +104,3 @@ def as_lighting(light: StageLighting | EnvironmentMap) -> StageLighting:
             "or a StageLighting"
         )
     return light
-
-
-def _one_direction(lamp: DistantLight | PointLight, radius: float) -> DirectedLight:
-    """A lamp as it shines on the subject's middle."""
-    if isinstance(lamp, DistantLight):
-        towards, irradiance = np.array(lamp.towards), np.array(lamp.irradiance, np.float64)
-    else:
-        towards = np.array(lamp.position)
-        irradiance = np.array(lamp.intensity, np.float64) / (towards @ towards)
-    unit = towards / np.linalg.norm(towards)
-    return DirectedLight(unit[None], irradiance[None], np.array([radius]))

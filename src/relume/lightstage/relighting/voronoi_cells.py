@@ -39,10 +39,13 @@ def voronoi_solid_angles(directions: np.ndarray, names: Sequence[str]) -> np.nda
     return areas * (4 * np.pi / areas.sum())
 
 
-def even_directions(count: int) -> np.ndarray:
-    """Unit directions (count, 3) spread evenly over the sphere, on a spiral with golden turns."""
+def even_directions(count: int, radius: float = np.pi) -> np.ndarray:
+    """Unit directions (count, 3) spread evenly over the sphere, on a spiral with golden turns.
+
+    radius : radians, of the cap about +Y that they are spread over instead
+    """
     index = np.arange(count)
-    height = 1 - (2 * index + 1) / count
+    height = 1 - (1 - np.cos(radius)) * (index + 0.5) / count
     turn = np.pi * (3 - np.sqrt(5)) * index
     ring = np.sqrt(1 - height**2)
     return np.stack([ring * np.cos(turn), height, ring * np.sin(turn)], axis=1)
