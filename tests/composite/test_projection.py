@@ -84,9 +84,10 @@ def test_what_the_camera_does_not_see_stays_whole():
     assert area(parts.unseen) == pytest.approx(1.7)
 
 
-def test_too_few_triangles_are_told():
+def test_too_few_triangles_are_told(monkeypatch):
+    monkeypatch.setattr("relume.surface.projection.MOST", 100)
     with pytest.warns(UserWarning, match="triangles do not follow the photograph"):
-        projected(Plane(GREY), CAMERA, most=100)
+        projected(Plane(GREY), CAMERA)
 
 
 def test_a_box_is_closed_and_faces_outwards():

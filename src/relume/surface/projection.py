@@ -43,20 +43,18 @@ class Projected:
     unseen: Mesh | None
 
 
-def projected(shape: Shape, camera: Camera, others: Sequence[Shape] = (), *, most: int = MOST) -> Projected:
+def projected(shape: Shape, camera: Camera, others: Sequence[Shape] = ()) -> Projected:
     """Split a real surface into what the photograph shows, with the photograph's texture coordinates, and the rest.
 
     others : the other real surfaces, which may hide this one
-    most : triangles at most; where they do not do, the texture is off by more than a tenth of a pixel and a warning
-        says so
+    Where `MOST` triangles do not do, the texture is off by more than a tenth of a pixel and a warning says so.
     A sphere becomes a mesh. Both sides of a plane or a polygon count; of a closed mesh the camera sees the front.
     """
     mesh = triangles_of_shape(shape)
     corners = np.asarray(mesh.vertices, np.float64)[mesh.faces]
     normals = None if mesh.normals is None else np.asarray(mesh.normals, np.float64)[mesh.faces]
     # Attributes travel with the corners, so that splitting treats them alike.
-    soup = corners if normals is None else np.concatenate([corners, normals], axis=-1)
-    soup = soup[np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=-1) > 0]
+    soup = _with_area(corners if normals is None else np.concatenate([corners, normals], axis=-1))
     outside = []
     for plane in _frustum(camera):
         soup, away = _cut(soup, plane)
@@ -64,7 +62,7 @@ def projected(shape: Shape, camera: Camera, others: Sequence[Shape] = (), *, mos
     # What lies in one plane does not hide itself, and a grazing ray would not be sure of that.
     hiding = [*others] if _flat(corners) else [mesh, *others]
     hidden_by = _Sight(camera, hiding) if hiding else None
-    soup = _split(soup, camera, hidden_by, most, mesh.name)
+    soup = _split(soup, camera, hidden_by, mesh.name)
     middle = soup[..., :3].mean(1)
     shown = _in_frame(camera, camera.project(middle))
     if hidden_by is not None:
@@ -106,7 +104,8 @@ def triangles_of_shape(shape: Shape) -> Mesh:
     return _globe(shape)
 
 
-def _globe(sphere: Sphere, rows: int = 128) -> Mesh:
+def _globe(sphere: Sphere) -> Mesh:
+    rows = 128
     polar = np.linspace(0, np.pi, rows + 1)[:, None]
     turn = np.linspace(0, 2 * np.pi, 2 * rows + 1)[None, :]
     normals = np.stack(
@@ -133,11 +132,8 @@ def _flat(corners: np.ndarray) -> bool:
 def _frustum(camera: Camera) -> list[tuple[np.ndarray, float]]:
     """(normal, offset) of five planes round all that the picture shows; inside is normal · x > offset."""
     x, y = np.linspace(0, camera.width, 65), np.linspace(0, camera.height, 65)
-    rim = np.concatenate(
-        [
-            np.stack(np.broadcast_arrays(x, level), -1) for level in (0.0, float(camera.height))
-        ] + [np.stack(np.broadcast_arrays(level, y), -1) for level in (0.0, float(camera.width))]
-    )  # fmt: skip
+    sides = [(x, 0.0), (x, float(camera.height)), (0.0, y), (float(camera.width), y)]
+    rim = np.concatenate([np.stack(np.broadcast_arrays(*side), -1) for side in sides])
     rays = camera.rays_through(rim) @ camera.rotation
     across, up = rays[:, 0] / -rays[:, 2], rays[:, 1] / -rays[:, 2]
     local = [
@@ -169,14 +165,13 @@ def _cut(soup: np.ndarray, plane: tuple[np.ndarray, float]) -> tuple[np.ndarray,
     lone = np.argmax(side * np.where(side.sum(1) > 0, -1, 1)[:, None] > 0, axis=1)
     balanced = side.sum(1) == 0
     lone = np.where(balanced, np.argmax(side > 0, axis=1), lone)
-    turn = (lone[:, None] + np.arange(3)) % 3
-    a, b, c = np.moveaxis(np.take_along_axis(triangles, turn[..., None], axis=1), 1, 0)
-    ha, hb, hc = np.moveaxis(np.take_along_axis(height, turn, axis=1), 1, 0)
-    ab = a + (ha / (ha - hb))[:, None] * (b - a)
-    ac = a + (ha / (ha - hc))[:, None] * (c - a)
+    a, b, c = _turned(triangles, lone)
+    ha, hb, hc = _turned(height[..., None], lone)
+    ab = a + ha / (ha - hb) * (b - a)
+    ac = a + ha / (ha - hc) * (c - a)
     tip = np.stack([a, ab, ac], axis=1)
     trunk = np.concatenate([np.stack([ab, b, c], axis=1), np.stack([ab, c, ac], axis=1)])
-    above = ha > 0
+    above = ha[:, 0] > 0
     twice = np.concatenate([above, above])
     inside, outside = np.concatenate([tip[above], trunk[~twice]]), np.concatenate([tip[~above], trunk[twice]])
     return (
@@ -205,7 +200,7 @@ class _Sight:
         return ~self.caster.occluded(self.eye, way / distance[:, None], np.maximum(distance - slack, 0))
 
 
-def _split(soup: np.ndarray, camera: Camera, sight: _Sight | None, most: int, name: str) -> np.ndarray:
+def _split(soup: np.ndarray, camera: Camera, sight: _Sight | None, name: str) -> np.ndarray:
     """Halve edges until texture and seams are right, each edge in both of its triangles, so that there are no gaps."""
     marks = np.zeros((0, 3), bool)
     while len(soup):
@@ -213,9 +208,9 @@ def _split(soup: np.ndarray, camera: Camera, sight: _Sight | None, most: int, na
         if not marks.any():
             return soup
         marks = _agreed(soup, marks, camera)
-        if len(soup) + marks.sum() > most:
+        if len(soup) + marks.sum() > MOST:
             warnings.warn(
-                f"{name!r}: {most} triangles do not follow the photograph to {STRAIGHT} pixels on this surface; "
+                f"{name!r}: {MOST} triangles do not follow the photograph to {STRAIGHT} pixels on this surface; "
                 "give it a size, or a simpler mesh",
                 stacklevel=3,
             )
@@ -272,24 +267,17 @@ def _edges(soup: np.ndarray, camera: Camera, sight: _Sight | None) -> np.ndarray
 
 def _halved(soup: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Triangles (N, 3, C) with one, two or three marked edges (N, 3), in two, three or four."""
-    count = edges.sum(1)
-    parts = []
-    one = count == 1
-    if one.any():
-        a, b, c = _turned(soup[one], np.argmax(edges[one], axis=1))
-        ab = 0.5 * (a + b)
-        parts += [(a, ab, c), (ab, b, c)]
-    two = count == 2
-    if two.any():
-        # The edge that stays whole goes last: from c to a.
-        a, b, c = _turned(soup[two], (np.argmin(edges[two], axis=1) + 1) % 3)
-        ab, bc = 0.5 * (a + b), 0.5 * (b + c)
-        parts += [(ab, b, bc), (a, ab, bc), (a, bc, c)]
-    three = count == 3
-    if three.any():
-        a, b, c = np.moveaxis(soup[three], 1, 0)
-        ab, bc, ca = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)
-        parts += [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+    one, two, three = (edges.sum(1) == count for count in (1, 2, 3))
+    a, b, c = _turned(soup[one], np.argmax(edges[one], axis=1))
+    ab = 0.5 * (a + b)
+    parts = [(a, ab, c), (ab, b, c)]
+    # The edge that stays whole goes last: from c to a.
+    a, b, c = _turned(soup[two], (np.argmin(edges[two], axis=1) + 1) % 3)
+    ab, bc = 0.5 * (a + b), 0.5 * (b + c)
+    parts += [(ab, b, bc), (a, ab, bc), (a, bc, c)]
+    a, b, c = np.moveaxis(soup[three], 1, 0)
+    ab, bc, ca = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)
+    parts += [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
     return np.concatenate([np.stack(part, axis=1) for part in parts])
 
 

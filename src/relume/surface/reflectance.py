@@ -105,7 +105,7 @@ def recover_reflectance(
     wanted = [Recovery()] * len(scene.local) if wanted is None else wanted
     scene = scene.without_objects()
     parts = _parts(scene, camera)
-    usable = [_usable(plate, parts, index) for index in range(len(wanted))]
+    usable = [trustworthy(parts == index, plate.clipped) for index in range(len(wanted))]
     _require_seen(plate, camera, scene, wanted, usable)
     looks = _Looks.of_scene(scene, camera, wanted)
 
@@ -249,10 +249,6 @@ def _parts(scene: Scene, camera: Camera) -> np.ndarray:
     rays = camera.rays()
     hits = RayCaster.of(scene.local).nearest(np.array(camera.position, np.float64), rays.reshape(-1, 3))
     return hits.shape.reshape(rays.shape[:2])
-
-
-def _usable(plate: RadianceMap, parts: np.ndarray, index: int) -> np.ndarray:
-    return trustworthy(parts == index, plate.clipped)
 
 
 def _alone(local: Sequence[Shape]) -> bool:
