@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.lightstage.driving.driving import Drive
-from relume.lightstage.driving.primaries import LampPrimaries
+from relume.lightstage.driving.driving import Drive, LampPrimaries
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.rti.hsh import HemisphericalHarmonics
 from relume.lightstage.rti.ptm import PolynomialTexture

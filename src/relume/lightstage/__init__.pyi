@@ -11,11 +11,10 @@ from .acquire.read_stage import read_stage as read_stage
 from .acquire.stage_file import TargetCard as TargetCard
 from .acquire.store_building import build_store as build_store
 from .driving.drive_file import write_drive as write_drive
+from .driving.driving import LampPrimaries as LampPrimaries
 from .driving.driving import drive as drive
-from .driving.primaries import LampPrimaries as LampPrimaries
 from .driving.subjects import MeasuredSubject as MeasuredSubject
 from .driving.subjects import SurfaceSubject as SurfaceSubject
-from .field.corrected import noise_of_repeats as noise_of_repeats
 from .field.field import Noise as Noise
 from .field.field import Pictures as Pictures
 from .field.field import ReflectanceField as ReflectanceField

@@ -13,13 +13,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.ndimage import gaussian_filter
+from scipy.ndimage import shift as shifted
 
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.lightstage.field.field import Derived, Noise, ReflectanceField
+from relume.lightstage.relighting.relighting import weighted_sum
 
 MOVED = 0.5
 """Pixels between two takes from which on their difference is edges rather than cloth; it is measured to 0.2 or so."""
-_ROWS = 64
 _ROUNDS = 30
 _REACH = 6
 
@@ -167,7 +169,7 @@ def displacement(black: np.ndarray, white: np.ndarray) -> float:
 
     shift = np.array(min(((down, across) for down in reach for across in reach), key=cost), np.float64)
     for _ in range(_ROUNDS):
-        moved = _shifted(second, shift)
+        moved = shifted(second, -shift, order=3, mode="nearest")
         difference = (moved - first)[edges]
         scale = 1.4826 * float(np.median(np.abs(difference))) + 1e-6
         weight = 1 / np.square(1 + np.square(difference / (3 * scale)))
@@ -196,28 +198,16 @@ def _mixed(black: np.ndarray, white: np.ndarray, tint: np.ndarray) -> np.ndarray
 
 
 def _summed(field: ReflectanceField) -> np.ndarray:
-    """The subject under all lights at once, (H, W, 3), a band of rows at a time."""
-    height = field.shape[0]
-    lights = slice(0, len(field.lights))
-    areas = field.lights.solid_angles.astype(np.float32)
-    bands = [slice(begin, min(begin + _ROWS, height)) for begin in range(0, height, _ROWS)]
-    return np.concatenate([np.einsum("n,nhwc->hwc", areas, field.block(lights, rows)) for rows in bands])
+    """The subject under all lights at once, (H, W, 3)."""
+    return weighted_sum(field, np.repeat(field.lights.solid_angles[:, None], 3, axis=1)).radiance
 
 
 def _detail(picture: np.ndarray) -> np.ndarray:
     """The logarithm of a picture without what is smooth in it, (H, W): light that changes smoothly leaves it alone."""
-    from scipy.ndimage import gaussian_filter
-
     mean = np.maximum(picture.mean(axis=-1, dtype=np.float64), 0)
     positive = mean[mean > 0]
     logarithm = np.log(mean + (0.05 * float(np.median(positive)) if positive.size else 1.0))
     return gaussian_filter(logarithm, 0.7) - gaussian_filter(logarithm, 4.0)
-
-
-def _shifted(picture: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    from scipy.ndimage import shift as moved
-
-    return moved(picture, -shift, order=3, mode="nearest")
 
 
 def _warn_moved(pixels: float) -> None:

@@ -21,7 +21,14 @@ from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.novel_view.projection import Subject, check_mesh_matches
 from relume.lightstage.relighting.cosine import compress_cosine
-from relume.lightstage.relighting.interpolation import Barycentric, NearestLight, reached, unreached_share
+from relume.lightstage.relighting.interpolation import (
+    Barycentric,
+    Interpolation,
+    NearestLight,
+    Smooth,
+    reached,
+    unreached_share,
+)
 from relume.lightstage.relighting.low_rank import compress_low_rank
 from relume.lightstage.relighting.relighting import (
     MEMORY,
@@ -115,8 +122,8 @@ def relight(
     Warns of light from where the stage has no lights, of a mesh that is not used and of pixels below 0.
     Raises ValueError for a mesh that does not match, and for too little memory.
     """
-    field, lighting = _field(stage), as_lighting(light)
-    warn_unreached(field.lights, [lighting])
+    field = _field(stage)
+    (lighting,), unit = _lightings(field, [light])
     model = None if settings.nearest else usable_mesh(field, mesh, settings)
     threads, memory = settings.threads, settings.memory
     if model is not None:
@@ -127,7 +134,7 @@ def relight(
     else:
         both = (lighting.irradiances(field.lights), lighting.irradiances(field.lights, Barycentric()))
         picture = relight_spiky(field, *both, threads=threads, memory=memory, progress=progress)
-    return replace(picture, unit=lighting.unit)
+    return replace(picture, unit=unit)
 
 
 def relight_sequence(
@@ -143,11 +150,8 @@ def relight_sequence(
     With `settings.compression` the field is made small first: pictures then differ by the error that is warned of.
     Raises ValueError as `relight`, and for lights in two units.
     """
-    field, several = _field(stage), [as_lighting(light) for light in lights]
-    if len({each.unit for each in several}) != 1:
-        raise ValueError(f"{len(several)} lights in several units; a sequence has one light or more, in one unit")
-    warn_unreached(field.lights, several)
-    unit = several[0].unit
+    field = _field(stage)
+    several, unit = _lightings(field, lights)
     pictures = _pictures(field, several, settings, progress)
     return (replace(picture, unit=unit) for picture in pictures)
 
@@ -167,12 +171,9 @@ def relight_per_pixel(
     Warns of light from where the stage has no lights. Raises ValueError for labels of another shape or number, and for
     lights in two units.
     """
-    field, several = _field(stage), [as_lighting(light) for light in lights]
-    if len({each.unit for each in several}) != 1:
-        raise ValueError(f"{len(several)} lights in several units; give one light or more, in one unit")
-    warn_unreached(field.lights, several)
-    by = (NearestLight(),) if settings.nearest else ()
-    given = np.stack([each.irradiances(field.lights, *by) for each in several])
+    field = _field(stage)
+    several, unit = _lightings(field, lights)
+    given = _irradiances(field, several, NearestLight() if settings.nearest else Smooth())
     if isinstance(labels, str | os.PathLike):
         levels, labels = np.unique(files.read_photograph(labels).pixels[..., 1], return_inverse=True)
         if len(levels) != len(several):
@@ -180,7 +181,23 @@ def relight_per_pixel(
                 f"the labels have {len(levels)} grey levels for {len(several)} lights; give one level each"
             )
     picture = weighted_sum_per_pixel(field, np.asarray(labels), given, memory=settings.memory, progress=progress)
-    return replace(picture, unit=several[0].unit)
+    return replace(picture, unit=unit)
+
+
+def _lightings(
+    field: ReflectanceField, lights: Sequence[StageLighting | EnvironmentMap]
+) -> tuple[list[StageLighting], str]:
+    """Lights for a field, and their unit; raises ValueError where they have several, warns where they are unreached."""
+    several = [as_lighting(light) for light in lights]
+    if len({each.unit for each in several}) != 1:
+        raise ValueError(f"{len(several)} lights in several units; give one light or more, in one unit")
+    warn_unreached(field.lights, several)
+    return several, several[0].unit
+
+
+def _irradiances(field: ReflectanceField, several: Sequence[StageLighting], by: Interpolation) -> np.ndarray:
+    """What each light of the field is given under each of several, (K, N, 3)."""
+    return np.stack([each.irradiances(field.lights, by) for each in several])
 
 
 def _pictures(
@@ -188,14 +205,12 @@ def _pictures(
 ) -> Iterator[RadianceMap]:
     threads, memory = settings.threads, settings.memory
     if settings.nearest or settings.compression:
-        by = (NearestLight(),) if settings.nearest else ()
-        given = np.stack([each.irradiances(field.lights, *by) for each in several])
+        given = _irradiances(field, several, NearestLight() if settings.nearest else Smooth())
         if settings.compression is None:
             return weighted_sums(field, given, threads=threads, memory=memory, progress=progress)
         return _relight_compressed(field, given, settings, progress)
-    smooth = np.stack([each.irradiances(field.lights) for each in several])
-    barycentric = np.stack([each.irradiances(field.lights, Barycentric()) for each in several])
-    return relight_spiky_sequence(field, smooth, barycentric, threads=threads, memory=memory, progress=progress)
+    both = (_irradiances(field, several, Smooth()), _irradiances(field, several, Barycentric()))
+    return relight_spiky_sequence(field, *both, threads=threads, memory=memory, progress=progress)
 
 
 def _relight_compressed(
@@ -257,7 +272,7 @@ def warn_unreached(lights: StageLights, several: Sequence[StageLighting]) -> Non
         warnings.warn(
             f"{most}{share:.0%} of the light comes from where the stage has no lights; the nearest lights give it "
             "instead, and shading and shadows are wrong for it",
-            stacklevel=3,
+            stacklevel=4,
         )
 
 

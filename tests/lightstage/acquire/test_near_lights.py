@@ -1,11 +1,10 @@
-"""Where near lights stand, from balls whose rays were made by hand, and what they do on a plane."""
+"""Where near lights stand, from balls whose rays were made by hand."""
 
 import numpy as np
 import pytest
 
 from relume.lightstage.acquire.ball_highlights import BallReadings
-from relume.lightstage.acquire.near_lights import light_places, points_on_plane
-from relume.scene.cameras.camera import Camera
+from relume.lightstage.acquire.near_lights import light_places
 from relume.sphere.directions import normalised
 
 LIGHTS = np.array([[0.5, 1.0, 0.8], [-0.7, 0.3, 0.9]])
@@ -45,11 +44,3 @@ def test_rays_that_run_apart_are_refused() -> None:
         light_places(swapped)
     with pytest.raises(ValueError, match="two balls or more"):
         light_places(swapped[:1])
-
-
-def test_pixels_of_a_plane_lie_on_it_and_are_seen_where_they_are() -> None:
-    camera = Camera(8, 6, 10.0, np.array([0.0, 1.0, 0.0]), np.eye(3))
-    floor = points_on_plane(camera, np.zeros(3), np.array([0.0, 2.0, 0.0]))
-    assert np.isnan(floor[:3]).all()
-    np.testing.assert_allclose(floor[3:, :, 1], 0, atol=1e-12)
-    assert camera.project(floor[4, 2]) == pytest.approx((2.5, 4.5))

@@ -16,8 +16,6 @@ from relume.lightstage.acquire.rotating_arm import (
     SteadyRotation,
     fit_rings,
     fit_rotation,
-)
-from relume.lightstage.acquire.rotating_arm_film import (
     frame_paths,
     lamp_directions,
     stage_of_frames,

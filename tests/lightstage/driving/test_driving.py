@@ -9,8 +9,7 @@ from scipy.optimize import lsq_linear
 
 from relume.errors import OutputNotWritten
 from relume.lightstage.driving.drive_file import drive_as_csv, drive_as_json, write_drive
-from relume.lightstage.driving.driving import Drive, bounded_least_squares, drive
-from relume.lightstage.driving.primaries import LampPrimaries
+from relume.lightstage.driving.driving import Drive, LampPrimaries, bounded_least_squares, drive
 from relume.lightstage.driving.subjects import MeasuredSubject, SurfaceSubject, voronoi_irradiances
 from relume.lightstage.field.field import Pictures
 from relume.lightstage.field.lights import StageLights

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from relume.lightstage.acquire.near_lights import points_on_plane
-from relume.lightstage.field.corrected import Corrected, _bands, estimate_noise, noise_of_repeats
-from relume.lightstage.field.fall_off import FlatField, NearLights, flat_field_of_board
+from relume.lightstage.field.corrected import Corrected, _bands, estimate_noise
+from relume.lightstage.field.fall_off import FlatField, NearLights, flat_field_of_board, points_on_plane
 from relume.lightstage.field.field import Noise, Pictures, whole
 from relume.lightstage.field.invalid_samples import PackedMask
 from relume.lightstage.field.lights import StageLights
@@ -99,12 +98,11 @@ def test_noise_through_gains_and_patterns_is_that_of_noisy_pictures() -> None:
     assert clean.noise.constant == pytest.approx(float(np.var(whole(noisy) - whole(clean))), rel=0.03)
 
 
-def noisy(constant: float, slope: float, seed: int = 0, texture: float = 0.0) -> Pictures:
-    """A smooth or textured subject of levels from 0.05 to 1 with noise of that variance, positive."""
+def noisy(constant: float, slope: float) -> Pictures:
+    """A smooth subject of levels from 0.05 to 1 with noise of that variance, positive."""
     ramp = np.linspace(0.05, 1, 128)[None, None, :, None] * np.linspace(0.6, 1, 6)[:, None, None, None]
-    grain = 1 + texture * np.random.default_rng(9).uniform(-1, 1, (96, 128, 1))
-    values = ramp * grain * np.ones(3)
-    values = values + np.sqrt(constant + slope * values) * np.random.default_rng(seed).standard_normal(values.shape)
+    values = ramp * np.ones((96, 128, 3))
+    values = values + np.sqrt(constant + slope * values) * np.random.default_rng(0).standard_normal(values.shape)
     return Pictures(np.maximum(values, 0).astype(np.float32), StageLights.towards(even_directions(6)))
 
 
@@ -134,13 +132,6 @@ def test_noise_of_large_pictures_is_read_off_bands_of_them(monkeypatch: pytest.M
     assert _bands(4000, 93).max() < 4000
 
 
-@pytest.mark.parametrize(("constant", "slope"), [(1e-4, 0.0), (1e-5, 4e-4)])
-def test_noise_is_read_off_two_takes_of_any_texture(constant: float, slope: float) -> None:
-    found = noise_of_repeats(noisy(constant, slope, 1, 0.5), noisy(constant, slope, 2, 0.5))
-    for level in (0.1, 0.5, 0.9):
-        assert found.constant + found.slope * level == pytest.approx(constant + slope * level, rel=0.1)
-
-
 def test_pictures_without_noise_have_that_of_their_rounding() -> None:
     clean = noisy(0.0, 0.0)
     assert estimate_noise(clean).constant < 1e-12
@@ -151,8 +142,6 @@ def test_dark_pictures_tell_no_noise() -> None:
     dark = Pictures(np.zeros((6, 20, 20, 3), np.float32), StageLights.towards(even_directions(6)))
     with pytest.raises(ValueError, match="the pictures are dark"):
         estimate_noise(dark)
-    with pytest.raises(ValueError, match="both takes are dark"):
-        noise_of_repeats(dark, dark)
 
 
 BOARD = (72, 96)
@@ -166,6 +155,14 @@ def near() -> np.ndarray:
     positions = 4.0 * normalised([[0, 0, 1], [1, 0, 1], [0.5, 1, 0.5]])
     points = points_on_plane(CAMERA, np.zeros(3), np.array([0, 0, 1.0]))
     return NearLights(positions, points, np.zeros(3)).pattern(slice(0, 3), slice(0, 72))
+
+
+def test_pixels_of_a_plane_lie_on_it_and_are_seen_where_they_are() -> None:
+    camera = Camera(8, 6, 10.0, np.array([0.0, 1.0, 0.0]), np.eye(3))
+    floor = points_on_plane(camera, np.zeros(3), np.array([0.0, 2.0, 0.0]))
+    assert np.isnan(floor[:3]).all()
+    np.testing.assert_allclose(floor[3:, :, 1], 0, atol=1e-12)
+    assert camera.project(floor[4, 2]) == pytest.approx((2.5, 4.5))
 
 
 def test_a_lamp_at_half_the_distance_is_four_times_as_bright() -> None:

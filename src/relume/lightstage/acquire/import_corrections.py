@@ -12,14 +12,13 @@ import numpy as np
 from relume.lightstage.acquire.calibration import Calibration, Target, calibrate
 from relume.lightstage.acquire.encoding import PhotographEncoding
 from relume.lightstage.acquire.import_lights import pictures_in
-from relume.lightstage.acquire.near_lights import points_on_plane
 from relume.lightstage.acquire.picture_folder import PictureFolder
 from relume.lightstage.acquire.read_stage import open_pictures
 from relume.lightstage.acquire.stage_file import TargetCard, stage_towards
 from relume.lightstage.field import invalid_samples
 from relume.lightstage.field.bar_shadow import bar_shadow
 from relume.lightstage.field.corrected import Corrected, estimate_noise
-from relume.lightstage.field.fall_off import FallOff, NearLights, flat_field_of_board
+from relume.lightstage.field.fall_off import FallOff, NearLights, flat_field_of_board, points_on_plane
 from relume.lightstage.field.field import Derived, Noise, ReflectanceField
 from relume.lightstage.novel_view.projection import Subject
 from relume.scene.shapes.meshes import read_meshes

@@ -26,8 +26,11 @@ from relume.lightstage.acquire.ball_highlights import (
 from relume.lightstage.acquire.light_files import LIST, read_directions, read_lp
 from relume.lightstage.acquire.near_lights import light_places
 from relume.lightstage.acquire.read_stage import PICTURES
-from relume.lightstage.acquire.rotating_arm import RotatingArm, SteadyRotation, fit_rings, fit_rotation
-from relume.lightstage.acquire.rotating_arm_film import (
+from relume.lightstage.acquire.rotating_arm import (
+    RotatingArm,
+    SteadyRotation,
+    fit_rings,
+    fit_rotation,
     frame_paths,
     lamp_directions,
     stage_of_frames,

@@ -1,8 +1,4 @@
-"""Lights that stand near: where they are, from several mirrored balls, and what they do at each point of a subject.
-
-The rays on which several balls mirror one lamp meet where it stands. At a point p a lamp at q shines from the direction
-(q − p)/|q − p| with an irradiance that goes as 1/|q − p|². Metres, world frame.
-"""
+"""Where near lights stand: the rays on which several mirrored balls show one lamp meet there. Metres, world frame."""
 
 from __future__ import annotations
 
@@ -13,8 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.lightstage.acquire.ball_highlights import BallReadings
-from relume.scene.cameras.camera import Camera
-from relume.sphere.directions import normalised
 
 PARALLEL = np.radians(0.5)
 """Rays that differ by less, the error of a highlight's place on a ball, do not determine how far away a light is."""
@@ -74,16 +68,3 @@ def _check_rays(ahead: np.ndarray, parallax: np.ndarray, names: Sequence[str] | 
             "treat it as a distant light",
             stacklevel=3,
         )
-
-
-def points_on_plane(camera: Camera, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """The points (H, W, 3) of a plane that a camera's pixels see, metres; NaN where they see none.
-
-    point, normal : of the plane, world
-    """
-    rays = camera.rays()
-    facing = rays @ normalised(normal)
-    height = float((np.asarray(point, np.float64) - camera.position) @ normalised(normal))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        along = np.where(height / facing > 0, height / facing, np.nan)
-    return camera.position + along[..., None] * rays

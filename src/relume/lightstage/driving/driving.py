@@ -3,7 +3,8 @@
 "If the required lighting is known beforehand, live-action performance can be captured … with correct photometric
 interactions" (course slides, section 10). Lamps stand at single directions, so the map cannot be had itself; what is
 matched is what a subject shows of it: irradiance over all normals, highlights of a given width, or the pixels of a
-subject whose reflectance field is known. Irradiance is in the map's unit times sr.
+subject whose reflectance field is known. Irradiance is in the map's unit times sr. Colours are linear Rec. 709 RGB, as
+the subject's irradiance; an intensity is a factor on the irradiance of one of a lamp's primaries.
 """
 
 from __future__ import annotations
@@ -12,11 +13,12 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import nnls
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from relume.lightstage.driving.primaries import LampPrimaries
 from relume.lightstage.driving.subjects import Subject, SurfaceSubject, voronoi_irradiances
 from relume.lightstage.field.lights import StageLights
 from relume.sphere.environment_map import EnvironmentMap
@@ -27,6 +29,68 @@ _FAINTEST = 0.01
 """The share of the mean intensity below which lamps are equally stiff."""
 _WARNED = 0.01
 """A share of the light from which on a warning is due: nobody sees less."""
+
+
+@dataclass(frozen=True, eq=False)
+class LampPrimaries:
+    """What every lamp of a stage is made of.
+
+    names : of the primaries, unique, like ("red", "green", "blue", "white")
+    irradiance : (P, 3) float64, linear RGB that a primary of intensity 1 gives a surface at the subject that faces the
+        lamp, in the unit of the map that will be shown times sr; a primary outside Rec. 709 has negative numbers
+    maximum : the highest intensity; infinite where none is known
+    """
+
+    names: tuple[str, ...]
+    irradiance: np.ndarray
+    maximum: float = np.inf
+
+    def __post_init__(self) -> None:
+        count = len(self.names)
+        if count == 0 or len(set(self.names)) != count or self.irradiance.shape != (count, 3):
+            raise ValueError(
+                f"primaries {', '.join(self.names) or 'without names'} with irradiance {self.irradiance.shape}; "
+                "expected each its own name and (primaries, 3) numbers"
+            )
+        if not np.all(np.isfinite(self.irradiance)) or np.any(self.irradiance.sum(axis=1) <= 0):
+            raise ValueError(
+                f"irradiance of the primaries is {self.irradiance.tolist()}; expected that each gives light"
+            )
+        if not self.maximum > 0:
+            raise ValueError(f"the highest intensity is {self.maximum}; expected a number above 0")
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @staticmethod
+    def white(maximum: float = np.inf) -> LampPrimaries:
+        """Lamps that can only be dimmed; intensity 1 is irradiance (1, 1, 1)."""
+        return LampPrimaries(("white",), np.ones((1, 3)), maximum)
+
+    @staticmethod
+    def rgb(maximum: float = np.inf) -> LampPrimaries:
+        """Lamps of any colour; intensities are the irradiance's own R, G and B."""
+        return LampPrimaries(("red", "green", "blue"), np.eye(3), maximum)
+
+    def nearest(self, colours: ArrayLike) -> np.ndarray:
+        """Intensities (…, P), at least 0 and without a maximum, whose colour is nearest to linear RGB (…, 3).
+
+        Nearest in the sum of squares, by non-negative least squares (Lawson & Hanson 1974, chapter 23).
+        """
+        wanted = np.asarray(colours, np.float64)
+        flat = wanted.reshape(-1, 3)
+        found = np.array([nnls(self.irradiance.T, colour)[0] for colour in flat]).reshape(len(flat), len(self))
+        return found.reshape(*wanted.shape[:-1], len(self))
+
+    def beyond_gamut(self, colours: ArrayLike, weights: ArrayLike) -> float:
+        """The share of colours (…, 3) that no mix of the primaries makes, 0 where all can be made.
+
+        The distance to the nearest mix over the length of the colour, both summed with weights (…).
+        """
+        wanted, weight = np.asarray(colours, np.float64), np.asarray(weights, np.float64)
+        total = float((weight * np.linalg.norm(wanted, axis=-1)).sum())
+        missed = np.linalg.norm(wanted - self.nearest(wanted) @ self.irradiance, axis=-1)
+        return float((weight * missed).sum()) / total if total > 0 else 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ a block is corrected when it is asked for.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
@@ -108,10 +108,10 @@ def estimate_noise(field: ReflectanceField, *, step: float = 0.0) -> Noise:
 
     step : of the codes the pictures were taken in (1/255 for 8 bit, times the scale), in the field's values; an even
         rounding error, of variance step²/12, is not below what the result says
-    Texture that stays in the smoothest quarter counts as noise: two takes say better (`noise_of_repeats`). Of merged
-    brackets the noise of the merge is found, as if it were one for all pixels of a level, and not the variance that a
-    merge gives for each. Large pictures are sampled in bands of rows, within half a gibibyte. Raises ValueError for
-    pictures of fewer than 8 × 8 pixels and where nothing is lit.
+    Texture that stays in the smoothest quarter counts as noise. Of merged brackets the noise of the merge is found, as
+    if it were one for all pixels of a level, and not the variance that a merge gives for each. Large pictures are
+    sampled in bands of rows, within half a gibibyte. Raises ValueError for pictures of fewer than 8 × 8 pixels and
+    where nothing is lit.
     """
     height, width = field.shape
     if min(height, width) < 8:
@@ -124,32 +124,9 @@ def estimate_noise(field: ReflectanceField, *, step: float = 0.0) -> Noise:
     smooth = _smooth_pixels(pictures.mean(axis=0))
     usable = smooth[None] & _above_black(pictures)
     if usable.sum() < 64:
-        raise ValueError("the pictures are dark, or nowhere smooth; give their noise, or two takes")
-    return _with_step(_fitted(levels[usable], detail[usable]), step)
-
-
-def noise_of_repeats(first: ReflectanceField, second: ReflectanceField, *, step: float = 0.0) -> Noise:
-    """The noise of a field that was taken twice with nothing changed: half the variance of the difference.
-
-    step : as of `estimate_noise`
-    Raises ValueError where the takes differ in size or in the number of lights.
-    """
-    if first.shape != second.shape or len(first.lights) != len(second.lights):
-        raise ValueError(
-            f"takes of {len(first.lights)} lights at {first.shape} and {len(second.lights)} at {second.shape}; "
-            "expected the same twice"
-        )
-    count, rows = len(first.lights), slice(0, first.shape[0])
-    levels, differences = [], []
-    for light in np.unique(np.linspace(0, count - 1, min(count, _SAMPLED_LIGHTS)).astype(int)):
-        one = first.block(slice(light, light + 1), rows).astype(np.float64)
-        other = second.block(slice(light, light + 1), rows).astype(np.float64)
-        usable = _above_black(one) & _above_black(other)
-        levels.append(((one + other) / 2)[usable])
-        differences.append(((one - other) / np.sqrt(2))[usable])
-    if sum(map(len, levels)) < 64:
-        raise ValueError("both takes are dark; give the noise")
-    return _with_step(_fitted(np.concatenate(levels), np.concatenate(differences)), step)
+        raise ValueError("the pictures are dark, or nowhere smooth; give their noise")
+    noise = _fitted(levels[usable], detail[usable])
+    return replace(noise, constant=max(noise.constant, step**2 / 12))
 
 
 def _bands(height: int, most: int) -> np.ndarray:
@@ -207,7 +184,3 @@ def _fitted(levels: np.ndarray, deviations: np.ndarray) -> Noise:
     weights = 1 / np.maximum(variances, 1e-3 * variances.max())
     constant, slope = nnls(np.stack([weights, middles * weights], axis=1), variances * weights)[0]
     return Noise(float(constant), float(slope))
-
-
-def _with_step(noise: Noise, step: float) -> Noise:
-    return Noise(max(noise.constant, step**2 / 12), noise.slope)

@@ -16,6 +16,8 @@ from typing import Protocol
 import numpy as np
 
 from relume.lightstage.field.field import ReflectanceField
+from relume.scene.cameras.camera import Camera
+from relume.sphere.directions import normalised
 
 _CELLS = 24
 """A board's pictures are read as the medians of this many cells across the longer side."""
@@ -72,6 +74,19 @@ class NearLights:
             raise ValueError(f"the light at {position.tolist()} stands in the subject; give metres, world")
         # Where no point is known the light is taken as it is at the centre.
         return np.where(np.isnan(square), 1.0, reference / square).astype(np.float32)
+
+
+def points_on_plane(camera: Camera, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """The points (H, W, 3) of a plane that a camera's pixels see, metres; NaN where they see none.
+
+    point, normal : of the plane, world
+    """
+    rays = camera.rays()
+    facing = rays @ normalised(normal)
+    height = float((np.asarray(point, np.float64) - camera.position) @ normalised(normal))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = np.where(height / facing > 0, height / facing, np.nan)
+    return camera.position + along[..., None] * rays
 
 
 def flat_field_of_board(board: ReflectanceField) -> FlatField:

@@ -16,6 +16,7 @@ from relume.image import files
 from relume.image.colour import decode_srgb
 from relume.image.radiance import RadianceMap
 from relume.lightstage.field.field import ReflectanceField
+from relume.lightstage.matting import kernel as matte_kernel
 from relume.lightstage.matting.environment_matte import EnvironmentMatte
 from relume.lightstage.relighting.irradiances import irradiances
 from relume.lightstage.relighting.relighting import weighted_sum
@@ -196,8 +197,6 @@ def _summed(
 
 def _means(table: np.ndarray, areas: np.ndarray) -> np.ndarray:
     """The mean (H, W, 3) of a backdrop over each of its areas (H, W, 4)."""
-    from relume.lightstage.matting import kernel as matte_kernel
-
     flat = np.ascontiguousarray(areas.reshape(-1, 4))
     means = np.empty((len(flat), 3))
     in_threads(lambda begin, end: matte_kernel.box_means(begin, end, table, flat, means), len(flat))

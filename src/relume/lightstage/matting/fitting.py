@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume._kernel import in_threads
+from relume.lightstage.matting import kernel as matte_kernel
 from relume.lightstage.matting.gray_code import Patterns
 
 _ROUNDS = 2
@@ -60,8 +61,6 @@ def search_along(patterns: Patterns, axis: str, steps: int = 4) -> Search:
 
 def fitted_alone(readings: np.ndarray, search: Search) -> np.ndarray:
     """The one box along an axis that explains readings (P, K) best: (P, 3) middle, width, summed squared misfit."""
-    from relume.lightstage.matting import kernel as matte_kernel
-
     fitted = np.empty((len(readings), 3), np.float32)
     in_threads(
         lambda begin, end: matte_kernel.fit_one(
@@ -79,8 +78,6 @@ def fitted_near(readings: np.ndarray, search: Search, fitted: np.ndarray, shape:
     Between two edges of the finest stripes readings place a narrow box no closer, but what a smooth surface
     shows moves evenly: the mean of opposite neighbours, where these agree, is where a pixel is expected.
     """
-    from relume.lightstage.matting import kernel as matte_kernel
-
     for _ in range(_ROUNDS):
         middle, width = fitted[:, 0].reshape(shape), fitted[:, 1].reshape(shape)
         expected, strength = _expected(middle, width)
@@ -133,8 +130,6 @@ def fitted_together(
     straight : (P, 4) what is seen where nothing is in the way, NaN where unknown
     Returns areas (2, P, 4), the first one's share (P,), and the summed squared misfit (P,).
     """
-    from relume.lightstage.matting import kernel as matte_kernel
-
     across, down = searches
     fitted = np.empty((len(readings), 10), np.float32)
     counts = np.array([len(across.pictures), len(down.pictures)])
