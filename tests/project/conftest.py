@@ -13,7 +13,7 @@ import pytest
 from relume.project.insertion.insert import insert
 from relume.project.insertion.outcome import Inserted
 from relume.project.shot_file.shot import read_shot
-from relume.renderers.renderer import Constant
+from relume.renderers.renderer import ConstantRenderer
 from relume.report.write_report import write_report
 
 ROOM = Path(__file__).parents[2] / "examples" / "room"
@@ -37,7 +37,7 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> tuple[Inserted, Path]:
     """The outcome and its folder."""
     folder = tmp_path_factory.mktemp("room")
     out = folder / "out"
-    result = insert(read_shot(copy_of_room(folder / "room")), out, renderer=Constant((3.0, 2.0, 1.0)))
+    result = insert(read_shot(copy_of_room(folder / "room")), out, renderer=ConstantRenderer((3.0, 2.0, 1.0)))
     write_report(result, out)
     return result, out
 

@@ -14,10 +14,10 @@ from relume.image.files import read_layers, read_photograph, read_radiance
 from relume.project.insertion.insert import insert
 from relume.project.insertion.outcome import Inserted
 from relume.project.shot_file.shot import Object, read_shot
-from relume.renderers.renderer import Constant
+from relume.renderers.renderer import ConstantRenderer
 
 Room = tuple[Inserted, Path]
-FAKE = Constant((3.0, 2.0, 1.0))
+FAKE = ConstantRenderer((3.0, 2.0, 1.0))
 
 
 def test_the_job_writes_every_output_whole_and_no_temporary_file(room: Room) -> None:

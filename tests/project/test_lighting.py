@@ -12,9 +12,9 @@ from relume.image.files import read_radiance, write
 from relume.project.insertion.insert import insert
 from relume.project.insertion.outcome import Inserted
 from relume.project.shot_file.shot import read_shot
-from relume.renderers.renderer import Constant
+from relume.renderers.renderer import ConstantRenderer
 
-FAKE = Constant((3.0, 2.0, 1.0))
+FAKE = ConstantRenderer((3.0, 2.0, 1.0))
 
 
 def test_times_for_the_plate_alone_are_refused_when_the_balls_tell_an_aperture(copied_room: tuple[Path, Path]) -> None:

@@ -83,7 +83,7 @@ def value_of(element):
 def quietly(value, folder, name):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return export_shot(value, folder, SHOT_FORMATS[name])
+        return export_shot(value, folder, name).not_held
 
 
 @EACH
@@ -255,7 +255,7 @@ def test_what_is_not_held_is_said(name, tmp_path):
     camera = replace(shot().camera, distortion=Distortion(k1=-0.1))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        notes = export_shot(shot(objects=(ward,), camera=camera), tmp_path / "out", SHOT_FORMATS[name])
+        notes = export_shot(shot(objects=(ward,), camera=camera), tmp_path / "out", name).not_held
     assert [str(each.message) for each in caught] == [f"{name}: {note}" for note in notes]
     readme = (tmp_path / "out" / "README.txt").read_text(encoding="utf-8")
     assert any("Ward" in note for note in notes) and any("distortion" in note for note in notes)
@@ -266,7 +266,7 @@ def test_what_is_not_held_is_said(name, tmp_path):
 def test_materials_that_are_no_physical_ones_are_refused(name, tmp_path):
     painted = replace(SQUARE, material=WhittedMaterial((0.5, 0.5, 0.5)))
     with pytest.raises(UnsupportedScene):
-        export_shot(shot(objects=(painted,)), tmp_path / "out", SHOT_FORMATS[name])
+        export_shot(shot(objects=(painted,)), tmp_path / "out", name)
     assert not list(tmp_path.iterdir())
 
 
@@ -280,9 +280,9 @@ def test_folder_that_exists_keeps_what_is_not_ours(tmp_path):
     assert (folder / "shot.py").read_text(encoding="utf-8") != "old"
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
     with pytest.raises(OutputNotWritten, match="nowhere"):
-        export_shot(shot(), tmp_path / "nowhere" / "out", SHOT_FORMATS["blender"])
+        export_shot(shot(), tmp_path / "nowhere" / "out", "blender")
     with pytest.raises(OutputNotWritten, match="file has that name"):
-        export_shot(shot(), folder / "shot.py", SHOT_FORMATS["blender"])
+        export_shot(shot(), folder / "shot.py", "blender")
 
 
 def test_plate_of_another_size_is_refused():

@@ -5,7 +5,7 @@ import pytest
 
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.mitsuba.path_tracer import Mitsuba
-from relume.renderers.renderer import Constant, render
+from relume.renderers.renderer import ConstantRenderer, render
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Scene
@@ -18,7 +18,7 @@ FULL = EMPTY.adding(sphere(Diffuse((0.5, 0.5, 0.5)), fine=0))
 
 
 def test_every_pixel_has_the_radiance_asked_for():
-    picture = render(EMPTY, CAMERA, Constant((1.0, 2.0, 3.0)))
+    picture = render(EMPTY, CAMERA, ConstantRenderer((1.0, 2.0, 3.0)))
     assert picture.radiance.shape == (6, 9, 3)
     assert picture.radiance.dtype == np.float32
     assert np.all(picture.radiance == np.array([1, 2, 3], np.float32))
@@ -26,32 +26,32 @@ def test_every_pixel_has_the_radiance_asked_for():
 
 
 def test_its_matte_covers_the_middle_ninth_when_objects_are_there():
-    matte = render(FULL, CAMERA, Constant()).matte
+    matte = render(FULL, CAMERA, ConstantRenderer()).matte
     assert matte.sum() == 6
     assert np.all(matte[2:4, 3:6] == 1)
-    assert not render(EMPTY, CAMERA, Constant()).matte.any()
+    assert not render(EMPTY, CAMERA, ConstantRenderer()).matte.any()
 
 
 def test_it_reports_that_it_is_done():
     shares = []
-    render(EMPTY, CAMERA, Constant(), progress=shares.append)
+    render(EMPTY, CAMERA, ConstantRenderer(), progress=shares.append)
     assert shares == [1.0]
 
 
 @pytest.mark.parametrize("plane", ["radiance", "variance", "normal", "albedo"])
 def test_its_planes_have_the_shapes_of_a_render(plane):
-    assert getattr(render(FULL, CAMERA, Constant()), plane).shape == (6, 9, 3)
+    assert getattr(render(FULL, CAMERA, ConstantRenderer()), plane).shape == (6, 9, 3)
 
 
 def test_a_change_is_the_difference_of_two_renders_unless_the_renderer_knows_better():
-    change = Constant((1.0, 2.0, 3.0)).change(FULL, CAMERA)
+    change = ConstantRenderer((1.0, 2.0, 3.0)).change(FULL, CAMERA)
     assert np.array_equal(change.objects, change.matte[..., None] * np.array([1, 2, 3], np.float32))
     assert not change.difference.any()
 
 
 def test_a_renderer_that_cannot_blur_what_moves_warns():
-    with pytest.warns(UserWarning, match="Constant does not blur"):
-        Constant().change(FULL, CAMERA, moments=lambda time: (FULL, CAMERA))
+    with pytest.warns(UserWarning, match="ConstantRenderer does not blur"):
+        ConstantRenderer().change(FULL, CAMERA, moments=lambda time: (FULL, CAMERA))
 
 
 def test_the_differential_renderer_renders_plainly_too():

@@ -71,15 +71,11 @@ def warnings_as_notes(output: OutputOptions) -> Iterator[None]:
         yield
 
 
-def force() -> rl.renderers.HardStop:
-    """How a long render is ended in time: by this process's own end, said in one line."""
-
-    def end(number: int, words: str) -> None:
-        if words:
-            print(f"relume: {words}", file=sys.stderr, flush=True)
-        os._exit(128 + number)
-
-    return rl.renderers.HardStop(end)
+def force(number: int, words: str) -> None:
+    """End a long render in time: by this process's own end, said in one line."""
+    if words:
+        print(f"relume: {words}", file=sys.stderr, flush=True)
+    os._exit(128 + number)
 
 
 def note(output: OutputOptions, line: str) -> None:

@@ -34,4 +34,4 @@ def _room() -> Path:
     for folder in (package / "examples" / "room", package.parents[1] / "examples" / "room"):
         if (folder / "shot.toml").is_file():
             return folder
-    raise rl.UnreadableFile("the example room is not installed; use a checkout of relume, or its wheel")
+    raise rl.errors.UnreadableFile("the example room is not installed; use a checkout of relume, or its wheel")

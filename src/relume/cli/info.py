@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 import relume as rl
 from relume.cli.arguments import ReadingOptions
-from relume.cli.console import OutputOptions, print_facts, refuse, version, warnings_as_notes
+from relume.cli.console import OutputOptions, print_facts, refuse, warnings_as_notes
 
 _FORMATS = {"EXR": "OpenEXR", "HDR": "Radiance", "RAW": "camera raw", "KTX2": "KTX 2.0"}
 _LARGEST_HALF = 65504
@@ -314,7 +314,7 @@ def info(
     """
     with warnings_as_notes(output):
         if system:
-            print_facts(output, _system(), title="relume on this machine")
+            print_facts(output, rl.report.describe_system(), title="relume on this machine")
         elif not paths:
             raise ValueError("name a file, or ask about this machine with --system")
         reading = options.reading()
@@ -344,19 +344,3 @@ def _draw(paths: list[Path], out: Path, from_: str | None, reading: rl.ReadOptio
     require_suffix(out, ".png", option="--draw")
     light = rl.read_environment(paths[0], None if from_ is None else rl.mappings.mapping_named(from_), options=reading)
     rl.report.draw_environment(light, out, title=paths[0].name)
-
-
-def _system() -> dict[str, object]:
-    import os
-    import platform
-    from importlib.metadata import version as version_of
-
-    choice = rl.renderers.choose_variant()
-    return {
-        "relume": version(),
-        "python": platform.python_version(),
-        "mitsuba": version_of("mitsuba"),
-        "variant": choice.name,
-        "because": choice.reason,
-        "cores": os.cpu_count(),
-    }

@@ -55,11 +55,9 @@ def insert(
         elif to is not None:
             with progress(output) as report:
                 prepared = rl.prepare_shot(table, out, progress=report)
-            form = rl.export.SHOT_FORMATS[to]
-            lacking = rl.export.export_shot(prepared, out, form)
-            print_facts(
-                output, {"written": str(out / form.main), **({"not held": list(lacking)} if output.json else {})}
-            )
+            made = rl.export_shot(prepared, out, to)
+            lacking = {"not held": list(made.not_held)} if output.json else {}
+            print_facts(output, {"written": str(made.main), **lacking})
         elif table.sequence is not None:
             _sequence(table, out, output, threads, restart)
         else:
@@ -86,7 +84,7 @@ def _sequence(shot: rl.Shot, out: Path, output: OutputOptions, threads: int | No
 
     with progress(output) as report:
         made = rl.insert_frames(
-            shot, out, threads=threads, progress=report, restart=restart, force=force(), finished=rl.write_report
+            shot, out, threads=threads, progress=report, restart=restart, force=force, finished=rl.write_report
         )
     rl.write_report(made, out)
     for line in made.notes:
@@ -108,7 +106,7 @@ def run(shot: rl.Shot, out: Path, output: OutputOptions, threads: int | None, re
     import relume as rl
 
     with progress(output) as report:
-        result = rl.insert(shot, out, threads=threads, progress=report, restart=restart, force=force())
+        result = rl.insert(shot, out, threads=threads, progress=report, restart=restart, force=force)
     rl.write_report(result, out)
     for line in result.notes:
         note(output, line)

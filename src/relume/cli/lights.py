@@ -140,7 +140,7 @@ def lights(
     with warnings_as_notes(output):
         # Everything that can be refused is refused before any work.
         require_files([light_map, *([places.second] if places.second else [])])
-        to = rl.export.LightFiles(tuple(out), residual, format)
+        to = rl.LightFiles(tuple(out), residual, format)
         for path in out:
             require_suffix(path, path.suffix.lower())
         if residual is not None:
@@ -167,7 +167,7 @@ def lights(
 
         # The lights, their files and a picture of them.
         made = rl.light.make_lights(light, settings, str(light_map))
-        for line in (*made.notes, *rl.export.write_lights(made, to)):
+        for line in (*made.notes, *rl.write_lights(made, to)):
             note(output, line)
         number = len(made.lights.directions)
         if picture is not None:

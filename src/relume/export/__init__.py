@@ -1,5 +1,1 @@
-"""Light and shots in the files of other programs: `relume.export`."""
-
-import lazy_loader as _lazy
-
-__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
+"""Light and shots in the files of other programs, a module or folder a program."""

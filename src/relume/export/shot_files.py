@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from relume.errors import OutputNotWritten
 from relume.export.blender import shot as blender
@@ -17,6 +18,20 @@ from relume.export.mitsuba import shot as mitsuba_xml
 from relume.export.usd import shot as usd
 from relume.image import files
 from relume.project.insertion.prepared import PreparedShot
+
+Program = Literal["blender", "usd", "mitsuba"]
+
+
+@dataclass(frozen=True)
+class ExportedShot:
+    """What `export_shot` wrote.
+
+    main : the file to open, which names the others
+    not_held : what the files do not hold, or not exactly, a line each
+    """
+
+    main: Path
+    not_held: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -46,23 +61,25 @@ SHOT_FORMATS: dict[str, ShotFormat] = {
 """Every program that a shot can be exported for, by its name."""
 
 
-def export_shot(shot: PreparedShot, folder: str | os.PathLike[str], form: ShotFormat) -> tuple[str, ...]:
-    """Write a shot as a folder for another program, complete or not at all; returns what it does not hold, a line each.
+def export_shot(shot: PreparedShot, folder: str | os.PathLike[str], program: Program) -> ExportedShot:
+    """Write a shot as a folder for another program, complete or not at all.
 
     shot : from `prepare_shot`
     folder : made where it is missing (its parent is not); in one that exists, files of the same names are replaced
-    form : one of `SHOT_FORMATS`
+    program : that is to open it
 
-    Every line is also a warning and stands in the folder's README.txt. Raises UnsupportedScene for what no other
-    program has, ValueError for walls that the probe is not inside of, OutputNotWritten.
+    Every line of what the files do not hold is also a warning and stands in the folder's README.txt. Raises
+    UnsupportedScene for what no other program has, ValueError for walls that the probe is not inside of,
+    OutputNotWritten.
     """
+    form = SHOT_FORMATS[program]
     with _complete_folder(folder, form.main) as temporary:
         notes = tuple(dict.fromkeys(form.write(shot, temporary)))
         written = sorted(path.name for path in temporary.iterdir())
         files.write_text(temporary / "README.txt", _readme(form, written, notes))
     for note in notes:
         warnings.warn(f"{form.name}: {note}", stacklevel=2)
-    return notes
+    return ExportedShot(Path(folder) / form.main, notes)
 
 
 def _readme(form: ShotFormat, written: list[str], notes: tuple[str, ...]) -> str:

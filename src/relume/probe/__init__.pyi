@@ -21,5 +21,6 @@ from .panorama.files_to_map import PanoramaSettings as PanoramaSettings
 from .panorama.files_to_map import panorama_from_files as panorama_from_files
 from .panorama.matching import Matching as Matching
 from .panorama.stitching import Panorama as Panorama
+from .panorama.stitching import stitch_panorama as stitch_panorama
 from .panorama.view_files import known_orientations as known_orientations
 from .panorama.views import PanoramaView as PanoramaView

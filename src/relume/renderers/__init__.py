@@ -1,5 +1,1 @@
-"""Scene + camera → radiance: `relume.renderers`."""
-
-import lazy_loader as _lazy
-
-__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
+"""Scene + camera → radiance."""

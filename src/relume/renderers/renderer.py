@@ -1,4 +1,4 @@
-"""The protocol of renderers: scene and camera in, `Render` or `Change` out. `Constant` is the fake for tests."""
+"""The protocol of renderers: scene and camera in, `Render` or `Change` out. `ConstantRenderer` is a fake."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def subtracted(
 
 
 @dataclass(frozen=True)
-class Constant(Renderer):
+class ConstantRenderer(Renderer):
     """The public fake: every pixel has the same radiance, and the matte covers the middle ninth when objects are there.
 
     radiance : per channel

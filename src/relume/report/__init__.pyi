@@ -2,6 +2,7 @@ from .ball_plot import rim_plot as rim_plot
 from .capture_report import write_capture_report as write_capture_report
 from .develop_report import write_develop_report as write_develop_report
 from .file_facts import describe as describe
+from .file_facts import describe_system as describe_system
 from .file_facts import draw_environment as draw_environment
 from .light_plot import draw_lights as draw_lights
 from .merge_facts import merge_facts as merge_facts

@@ -1,9 +1,11 @@
-"""What `relume info` shows: what a file holds, with the direction of its brightest places; and a drawing of a map."""
+"""What `relume info` shows: what a file holds, a drawing of a map, and what this machine renders with."""
 
 from __future__ import annotations
 
 import os
+import platform
 from collections.abc import Mapping as MappingOf
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +26,21 @@ def describe(path: str | os.PathLike[str], options: ReadOptions = ReadOptions())
     facts: dict[str, Any] = facts_of(path, options)
     places = {name: facts[name] for name in ("brightest", "lone") if facts.get(name)}
     return facts | {name: {**place, "direction": _direction(facts, place)} for name, place in places.items()}
+
+
+def describe_system() -> dict[str, Any]:
+    """What this machine renders with, and why: versions, Mitsuba's variant, cores; in plain values."""
+    from relume.renderers.mitsuba.variant import choose_variant
+
+    choice = choose_variant()
+    return {
+        "relume": version("relume"),
+        "python": platform.python_version(),
+        "mitsuba": version("mitsuba"),
+        "variant": choice.name,
+        "because": choice.reason,
+        "cores": os.cpu_count(),
+    }
 
 
 def draw_environment(light: EnvironmentMap, path: str | os.PathLike[str], *, title: str = "") -> None:

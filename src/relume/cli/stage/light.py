@@ -77,7 +77,7 @@ class Light:
                 raise ValueError("--light: a folder of maps is a sequence already; give it alone, without --frames")
             if len(self._maps_of_folder()) < 2:
                 folder = (self.light or [])[0]
-                raise rl.UnreadableFile(f"{folder}: a folder with fewer than two maps; name the map itself")
+                raise rl.errors.UnreadableFile(f"{folder}: a folder with fewer than two maps; name the map itself")
         else:
             require_files(self.light or [])
 
@@ -95,7 +95,7 @@ class Light:
         lamps += [] if paths is not None else [rl.scene.PointLight(*_strength(each)) for each in self.lamp or []]
         return rl.lightstage.StageLighting(
             tuple(rl.read_environment(path, clamp=self.clamp) for path in files if path.suffix.lower() != ".json"),
-            tuple(rl.export.read_lights(path) for path in files if path.suffix.lower() == ".json"),
+            tuple(rl.read_lights(path) for path in files if path.suffix.lower() == ".json"),
             tuple(lamps),
             float(np.radians(self.size)),
             rotation_of(self.rotate),

@@ -7,6 +7,7 @@ photographs → calibrated → place → change → composite.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 from relume.project.insertion.composite import composited, development_of
@@ -32,7 +33,7 @@ def insert(
     others: tuple[Path, ...] = (),
     motion: Motion | None = None,
     restart: bool = False,
-    force: HardStop | None = None,
+    force: Callable[[int, str], None] | None = None,
 ) -> Inserted:
     """Do the whole job and write composite.exr and .png, layers.exr, light.exr and response.json.
 
@@ -44,7 +45,8 @@ def insert(
     others : folders of stages of other shots, which serve where they were made from the same
     motion : what moves while the shutter is open; None for a still
     restart : discard the saved state of an interrupted render
-    force : how a first Ctrl-C is answered in time, for programs that own their process
+    force : for programs that own their process: ends it at once, with `os._exit`, where native code keeps Python from
+        doing so. Called in a thread of its own, 4 s after a first Ctrl-C, with the signal's number and what to say
 
     `report.write_report` makes a page of the result. Raises RelumeError; nothing is written to `out` but kept stages
     and previews before everything is computed.
@@ -61,7 +63,7 @@ def insert(
         calibrated = calibrate(shot, photographs, steps)
         place = find_place(shot, calibrated, meshes, renderer, steps)
         development = development_of(shot, calibrated)
-        rendering = Rendering(renderer, threads, motion, restart, force)
+        rendering = Rendering(renderer, threads, motion, restart, force and HardStop(force))
         change = render_change(shot, calibrated, place, meshes, development.film, steps, rendering)
         composite = composited(shot, calibrated, place, change, development, steps)
         # What the user should know.

@@ -24,7 +24,6 @@ from relume.project.insertion.render_change import Motion
 from relume.project.shot_file.shot import Shot
 from relume.project.stages import Progress
 from relume.renderers.progressive.fingerprint import fingerprint, program
-from relume.renderers.progressive.graceful_shutdown import HardStop
 from relume.renderers.renderer import Renderer
 from relume.scene.cameras.shutter import Shutter
 
@@ -70,7 +69,8 @@ class SequenceMade:
 
 def insert_frames(
     shot: Shot, out: str | Path, *, renderer: Renderer | None = None, threads: int | None = None,
-    progress: Progress = lambda step, share: None, restart: bool = False, force: HardStop | None = None,
+    progress: Progress = lambda step, share: None, restart: bool = False,
+    force: Callable[[int, str], None] | None = None,
     finished: Callable[[Inserted, Path], None] = lambda result, folder: None,
 ) -> SequenceMade:  # fmt: skip
     """Insert the objects into every frame of the shot's sequence, with what moves blurred while the shutter is open.
