@@ -11,7 +11,7 @@ import lights
 from relume.errors import UnsupportedScene
 from relume.renderers.environment_probe import environment, face_camera
 from relume.renderers.mitsuba.path_tracer import Mitsuba
-from relume.renderers.renderer import Constant, Renderer, render
+from relume.renderers.renderer import ConstantRenderer, Renderer, render
 from relume.renderers.whitted.whitted import Whitted
 from relume.scene.cameras.camera import Camera
 from relume.scene.lights import AmbientLight, DistantLight, Linear, PointLight
@@ -26,13 +26,13 @@ from relume.sphere.mappings.mapping import LatLong, pixel_directions
 from relume.sphere.mappings.squares import EqualArea
 
 BLACK = lights.constant(4, 0.0)
-DARK = Constant((0.0, 0.0, 0.0))
+DARK = ConstantRenderer((0.0, 0.0, 0.0))
 GLOWING = WhittedMaterial(ambient=(1.0, 1.0, 1.0))
 HERE = (0.3, 0.4, 0.5)
 
 
 def test_the_same_light_from_all_sides_stays_the_same():
-    light = environment(Scene(BLACK), HERE, Constant((1.0, 2.0, 3.0)), size=48)
+    light = environment(Scene(BLACK), HERE, ConstantRenderer((1.0, 2.0, 3.0)), size=48)
     np.testing.assert_allclose(light.radiance, np.broadcast_to([1, 2, 3], (48, 96, 3)), rtol=1e-5)
 
 
