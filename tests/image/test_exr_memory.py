@@ -9,7 +9,8 @@ SCRIPT = """
 import sys
 import numpy as np
 import OpenEXR
-from relume.image.files import encodings, exr
+from relume.image.files import encodings
+from relume.image.files.exr import maps as exr
 from relume.image.radiance import RadianceMap
 
 def peak():

@@ -220,7 +220,8 @@ def painted(
         variance[changed] = np.where(np.isinf(factor), np.inf, np.nan_to_num(scaled, nan=0.0, posinf=np.inf))
     if picture.clipped is not None:
         clipped = picture.clipped.copy()
-        clipped[changed] = _marks_left(clipped[changed], factor)
+        # What was painted bears no mark; a pixel that keeps something of the old radiance stays the bound that it was.
+        clipped[changed] = np.where(np.isinf(factor).all(-1), 0, clipped[changed])
     return Repainted(
         replace(picture, radiance=result, variance=variance, clipped=clipped),
         changed,
@@ -237,8 +238,3 @@ def _codes(picture: RadianceMap, cut: Slice, bits: int) -> np.ndarray:
         return codes
     # 255 × 257 is 65535: every program turns 8 bits into 16 so, and 16 into 8 by rounding back.
     return codes * 257 if bits > cut.bits else (codes + 128) // 257
-
-
-def _marks_left(marks: np.ndarray, factor: np.ndarray) -> np.ndarray:
-    """A painted pixel is what was painted; one that keeps something of the old radiance stays the bound that it was."""
-    return np.where(np.isinf(factor).all(-1), 0, marks).astype(np.uint8)

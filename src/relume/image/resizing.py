@@ -69,7 +69,7 @@ def _weights(old: int, new: int) -> sparse.csr_array:
     # Place everything relative to the first pixel touched: differences of squares stay exact.
     start = (begin - first)[:, None] - np.arange(reach + 1)
     if smoothing < 1e-9:
-        below = _ramp(start + pixel) - _ramp(start)
+        below = np.maximum(start + pixel, 0) - np.maximum(start, 0)
         weights = (below[:, :-1] - below[:, 1:]) / pixel
     else:
         half = smoothing / 2
@@ -85,11 +85,6 @@ def _weights(old: int, new: int) -> sparse.csr_array:
     return sparse.csr_array(sparse.coo_array((weights.ravel(), (rows, reflected.ravel())), (new, old)).tocsr())
 
 
-def _ramp(x: np.ndarray) -> np.ndarray:
-    """The length of what lies below x and above 0."""
-    return np.maximum(x, 0)
-
-
 def _square(x: np.ndarray) -> np.ndarray:
-    """The integral of `_ramp`."""
+    """The integral of what of x lies above 0."""
     return np.maximum(x, 0) ** 2 / 2

@@ -47,7 +47,8 @@ def _photograph(
             f"{path}: three values a pixel, no sensor's mosaic (linear raw); develop it to 16-bit TIFF"
         )
     stored = raw.raw_image_visible
-    index = _filters(raw)
+    # LibRaw's colour of each photosite from the corner of the lit part: in eight rows X-Trans differs from Bayer.
+    index = np.array([[raw.raw_color(sizes.top_margin + y, sizes.left_margin + x) for x in range(8)] for y in range(8)])
     names = raw.color_desc.decode("ascii")
     pattern = np.array([["RGB".find(names[i]) for i in row] for row in index])
     if not np.array_equal(index, np.tile(index[:2, :2], (4, 4))) or not is_bayer(pattern[:2, :2]):
@@ -82,12 +83,6 @@ def _photograph(
         focal_length=exif.focal_length_of(tags or {}, width, height),
         settings=settings,
     )
-
-
-def _filters(raw: rawpy.RawPy) -> np.ndarray:
-    """(8, 8) LibRaw's colour of each photosite from the corner of the lit part, by which X-Trans differs from Bayer."""
-    top, left = raw.sizes.top_margin, raw.sizes.left_margin
-    return np.array([[raw.raw_color(top + y, left + x) for x in range(8)] for y in range(8)])
 
 
 def _upright(stored: np.ndarray, flip: int) -> np.ndarray:

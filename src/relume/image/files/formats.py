@@ -202,7 +202,7 @@ def write_layers(
 
     if Path(path).suffix.lower() != ".exr":
         raise ValueError(f'{path} ends in "{Path(path).suffix}"; layers are written to .exr')
-    exr.write_layers(path, layers, unit=unit, attributes=attributes)
+    exr.write_layers(path, layers, unit, attributes or {})
 
 
 def read_layers(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> dict[str, np.ndarray]:

@@ -141,12 +141,13 @@ def _header(path: str | os.PathLike[str], file: BinaryIO) -> _Header:
         match = word.match(head, at) if gap else None
         if match is None:
             expected = "a number" if name == "scale" else "a positive whole number"
-            raise _damaged(path, f"byte {at}", f"the {name}, {expected}", _shown(head[at : at + 24]))
+            raise FormatError(path, "PFM", f"byte {at}", f"the {name}, {expected}", _shown(head[at : at + 24]))
         values.append(match[0])
         at = match.end()
     scale = float(values[2])
     if not 0 < abs(scale) <= float(np.finfo(np.float32).max):
-        raise _damaged(path, "the scale", "a number other than 0, whose sign is the byte order", _shown(values[2]))
+        expected = "a number other than 0, whose sign is the byte order"
+        raise FormatError(path, "PFM", "the scale", expected, _shown(values[2]))
     comments = b"\n".join(comment.strip() for comment in _COMMENT.findall(head[:at])).decode("utf-8", "replace")
     order, channels = "<" if scale < 0 else ">", 3 if head[1:2] == b"F" else 1
     return _Header(int(values[0]), int(values[1]), channels, order, abs(scale), comments.strip(), at)
@@ -209,10 +210,6 @@ def _write_rows(file: FileIO, rows: np.ndarray) -> None:
 def _write_all(file: FileIO, data: memoryview) -> None:
     while data:
         data = data[file.write(data) :]
-
-
-def _damaged(path: str | os.PathLike[str], where: str, expected: str, found: str) -> FormatError:
-    return FormatError(path, "PFM", where, expected, found)
 
 
 def _shown(found: bytes) -> str:

@@ -86,7 +86,8 @@ def subtype(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) 
     if _is_packed(path):
         with suppress(zlib.error):  # reading will say what is wrong
             data = zlib.decompressobj(_WINDOW).decompress(data, _CHUNK)
-    orders = [options.float_order] if options.float_order else _sensible(np.frombuffer(data, "<f4", len(data) // 4))
+    shares = _shares(np.frombuffer(data, "<f4", len(data) // 4))
+    orders = [options.float_order] if options.float_order else [o for o, share in shares.items() if share >= _MOST]
     words = [f"{orders[0]}-endian"] if len(orders) == 1 else []
     words.append("colour" if channels == 3 else "grey")
     words += ["gzip"] if _is_packed(path) else []
@@ -206,7 +207,9 @@ def _order(path: str | os.PathLike[str], values: np.ndarray) -> str:
     (guess,) = orders
     (other,) = shares.keys() - {guess}
     different = len(np.unique(bits[bits != 0]))
-    few = different < _MANY and _any_number(bits if other == "little" else bits.byteswap())
+    # Any value that is a normal number in the other order: not 0, infinite, NaN, or so small that floats lose digits.
+    exponents = (bits if other == "little" else bits.byteswap()) >> 23 & 255
+    few = different < _MANY and np.any((exponents > 0) & (exponents < 255))
     if shares[guess] < _CLEAR or shares[other] >= _UNCLEAR or few:
         sense = f"{shares[guess]:.0%} make sense so, {shares[other]:.0%} the other way"
         evidence = f"of its values, {different} different ones, {sense}"
@@ -214,17 +217,6 @@ def _order(path: str | os.PathLike[str], values: np.ndarray) -> str:
             f"{path}: {guess}-endian by a guess: {evidence}; give --float-order {guess} or {other}", stacklevel=5
         )
     return guess
-
-
-def _any_number(bits: np.ndarray) -> bool:
-    """Whether any value is a normal number, not 0, infinite, NaN, or so small that floats lose digits."""
-    exponents = bits >> 23 & 255
-    return bool(np.any((exponents > 0) & (exponents < 255)))
-
-
-def _sensible(values: np.ndarray) -> list[str]:
-    """The byte orders in which nearly all values that are not 0 are finite and of a magnitude that light has."""
-    return [order for order, share in _shares(values).items() if share >= _MOST]
 
 
 def _shares(values: np.ndarray) -> dict[str, float]:

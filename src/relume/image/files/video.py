@@ -68,7 +68,7 @@ class Movie:
             )
         height, width = frame.shape[:2]
         even = np.pad(frame, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
-        with self._telling():
+        with self._as_output_error():
             if self._shape is None:
                 self._open(even.shape[1], even.shape[0])
             self._shape = frame.shape
@@ -80,8 +80,12 @@ class Movie:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
+            if error is None and self._container is None:
+                raise ValueError(f"{self.path}: a movie without frames; add at least one")
             if error is None:
-                self._finish()
+                with self._as_output_error():
+                    self._container.mux(self._stream.encode())
+                    self._container.close()
         except BaseException:
             self._abandon()
             raise
@@ -99,13 +103,6 @@ class Movie:
         codec = self._stream.codec_context
         codec.color_primaries = codec.color_trc = codec.colorspace = _BT709
 
-    def _finish(self) -> None:
-        if self._container is None:
-            raise ValueError(f"{self.path}: a movie without frames; add at least one")
-        with self._telling():
-            self._container.mux(self._stream.encode())
-            self._container.close()
-
     def _abandon(self) -> None:
         """Close and remove the temporary file; the block's own error, an OSError too, is not the file's."""
         with contextlib.suppress(Exception):
@@ -115,7 +112,7 @@ class Movie:
             self._place.__exit__(_Abandoned, _Abandoned(), None)
 
     @contextlib.contextmanager
-    def _telling(self) -> Any:
+    def _as_output_error(self) -> Any:
         """What PyAV raises, as OutputNotWritten."""
         from av.error import FFmpegError
 

@@ -45,10 +45,13 @@ def header_of(attributes: Mapping[str, str]) -> dict[str, Any]:
 
     A number that its type cannot hold to the last digit is stored in both places, and comes back as it was.
     """
+    import OpenEXR
+
+    layouts = {"latlong": OpenEXR.ENVMAP_LATLONG, "cube": OpenEXR.ENVMAP_CUBE}
     header = dict[str, Any]()
     for name, text in attributes.items():
-        if name == "envmap" and text in ("latlong", "cube"):
-            header[name] = _environment(text)
+        if name == "envmap" and text in layouts:
+            header[name] = layouts[text]
             continue
         theirs, kind = EXR.get(name, ("", str))
         value = _typed(str(text), kind) if theirs else None
@@ -72,12 +75,6 @@ def storable(path: str | os.PathLike[str], attributes: Mapping[str, str]) -> dic
 
 def _clean(text: str) -> str:
     return text.encode("utf-8", "replace").decode("utf-8")
-
-
-def _environment(text: str) -> Any:
-    import OpenEXR
-
-    return OpenEXR.ENVMAP_CUBE if text == "cube" else OpenEXR.ENVMAP_LATLONG
 
 
 def _typed(text: str, kind: type) -> Any:

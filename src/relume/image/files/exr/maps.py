@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -73,34 +73,20 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: OpenEXR = 
     layers = {"radiance": image.radiance, "variance": image.variance, "clipped": image.clipped}
     present = {name: layer for name, layer in layers.items() if layer is not None}
     halves = {name for name, layer in present.items() if encoding.half and exr_half.holds(path, name, layer)}
-    _write_layers(path, present, image.unit, image.attributes, halves)
+    write_layers(path, present, image.unit, image.attributes, halves)
 
 
 def write_layers(
     path: str | os.PathLike[str],
     layers: Mapping[str, np.ndarray],
-    *,
-    unit: str = "relative",
-    attributes: Mapping[str, str] | None = None,
+    unit: str,
+    attributes: Mapping[str, str],
+    halves: Collection[str] = (),
 ) -> None:
-    """Write named layers of one size as the parts of one file.
-
-    layers : name → (H, W, 3), stored as R, G, B, or (H, W), stored as Y; float32 whatever they were
-    unit : of the three-channel layers, "relative" or "cd/m²"
-    attributes : strings stored with every layer
+    """As `formats.write_layers`; those named in `halves` are stored as half, all others as float32.
 
     Raises ValueError for no layer, another shape, sizes that differ, or values beyond float32; OutputNotWritten.
     """
-    _write_layers(path, layers, unit, attributes or {}, set())
-
-
-def _write_layers(
-    path: str | os.PathLike[str],
-    layers: Mapping[str, np.ndarray],
-    unit: str,
-    attributes: Mapping[str, str],
-    halves: set[str],
-) -> None:
     sizes = {np.shape(layer)[:2] for layer in layers.values()}
     if len(sizes) != 1:
         raise ValueError(f"layers have the sizes {sorted(sizes)}; a file holds layers of one size: write several files")

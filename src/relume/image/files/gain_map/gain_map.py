@@ -24,7 +24,6 @@ from relume.image.files.gain_map.metadata import LARGEST_SCALE, SCALE, UNIT
 from relume.image.files.metadata import xmp
 from relume.image.files.photographs import jpeg_segments
 from relume.image.files.read_options import ReadOptions, refuse_absurd_amount, refuse_absurd_size
-from relume.image.files.signatures import one_line
 from relume.image.radiance import RadianceMap
 
 _PICTURES = ("base picture", "gain map")
@@ -43,7 +42,7 @@ def is_present(path: str | os.PathLike[str]) -> bool:
 
 def subtype(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> str:
     """A few words: "gain map of 2.2 stops, XMP, grey, 1020 x 768"; raises UnreadableFile."""
-    with _opened(path) as file:
+    with open(path, "rb") as file:
         layout = _layout(path, file, options)
     stops = max(layout.metadata.high)
     colours = "grey" if layout.map.channels == 1 else "colour"
@@ -58,7 +57,7 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
     Raises UnreadableFile for a file without a gain map, damaged ones, and those whose base is the bright picture: that
     has a curve which 8 bits of sRGB are not.
     """
-    with _opened(path) as file:
+    with open(path, "rb") as file:
         layout = _layout(path, file, options)
         headers = (layout.base, layout.map)
         ends = (layout.base_end, layout.map_end)
@@ -115,13 +114,6 @@ def write_rendition(path: str | os.PathLike[str], bright: np.ndarray, base: np.n
         temporary.write_bytes(data)
     if losses:
         warnings.warn(f"{path}: {losses}", stacklevel=3)
-
-
-def _opened(path: str | os.PathLike[str]) -> BinaryIO:
-    try:
-        return open(path, "rb")
-    except OSError as error:
-        raise UnreadableFile(f"{path}: cannot be opened: {one_line(error)}; check its permissions") from None
 
 
 def _layout(path: str | os.PathLike[str], file: BinaryIO, options: ReadOptions) -> Layout:

@@ -53,7 +53,11 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
     # The pixels, in Rec. 709.
     width, height = header.size
     radiance = (np.zeros if options.salvage else np.empty)((height, width, 3), np.float32)
-    matrix = _to_rec709(header)
+    given = header.primaries
+    if header.xyz:
+        matrix = _from_xyz(given.white if given else EQUAL_ENERGY)
+    else:
+        matrix = None if given is None or given.is_close(REC709) else between(given, REC709)
     whole = decode(
         path,
         data,
@@ -68,10 +72,10 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
     _refuse_overflow(path, radiance, header, matrix)
     # The metadata, and warnings of what was converted or is missing.
     attributes = dict(header.attributes)
-    if header.primaries is not None and not header.primaries.is_close(REC709):
-        attributes["primaries"] = header.primaries.text
+    if given is not None and not given.is_close(REC709):
+        attributes["primaries"] = given.text
         if not header.xyz:
-            what = f"{header.primaries.text} (x, y of R, G, B, white)"
+            what = f"{given.text} (x, y of R, G, B, white)"
             warnings.warn(f"{path}: its primaries are {what}; converted to Rec. 709", stacklevel=5)
     if header.gamma:
         what = f"a GAMMA of {header.gamma[:20]}"
@@ -100,10 +104,15 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: RadianceHD
     pieces, unfit, dark = encoded(
         image.radiance, matrix=_FROM_REC709 if encoding.xyz else None, compressed=encoding.compressed
     )
+    pixels = image.radiance[..., 0].size
     if unfit:
-        raise ValueError(_cannot_hold(unfit, image.radiance[..., 0].size, xyz=encoding.xyz))
+        what = "pixels are negative in X, Y or Z" if encoding.xyz else "pixels are negative"
+        remedy = "write .exr" if encoding.xyz else "write .exr, or XYZE where they are colours beyond Rec. 709"
+        raise ValueError(
+            f"{unfit} of {pixels} {what}, NaN, infinite or above 1.7e38; a .hdr file holds none of these: {remedy}"
+        )
     if dark:
-        what = f"{dark} of {image.radiance[..., 0].size} pixels are darker than {DARKEST:.2g} and become 0"
+        what = f"{dark} of {pixels} pixels are darker than {DARKEST:.2g} and become 0"
         warnings.warn(f"{path}: {what}; .exr keeps them", stacklevel=3)
     warn_of_losses(path, image, kept_attributes(image))
     with replacing(path) as temporary, open(temporary, "wb") as file:
@@ -137,14 +146,6 @@ def _from_xyz(white: tuple[float, float]) -> np.ndarray:
 _FROM_REC709 = np.linalg.inv(_from_xyz(EQUAL_ENERGY))
 
 
-def _to_rec709(header: Header) -> np.ndarray | None:
-    """What the decoded channels are mixed by; None where they are Rec. 709 already."""
-    given = header.primaries
-    if header.xyz:
-        return _from_xyz(given.white if given else EQUAL_ENERGY)
-    return None if given is None or given.is_close(REC709) else between(given, REC709)
-
-
 def _refuse_overflow(
     path: str | os.PathLike[str], radiance: np.ndarray, header: Header, matrix: np.ndarray | None
 ) -> None:
@@ -156,9 +157,3 @@ def _refuse_overflow(
     if beyond:
         where = "its pixels, without exposure and in Rec. 709"
         raise FormatError(path, FORMAT, where, "values within float32", f"{beyond} beyond", "mend its EXPOSURE lines")
-
-
-def _cannot_hold(unfit: int, pixels: int, *, xyz: bool) -> str:
-    what = "pixels are negative in X, Y or Z" if xyz else "pixels are negative"
-    remedy = "write .exr" if xyz else "write .exr, or XYZE where they are colours beyond Rec. 709"
-    return f"{unfit} of {pixels} {what}, NaN, infinite or above 1.7e38; a .hdr file holds none of these: {remedy}"

@@ -26,20 +26,18 @@ _ESCAPED = re.compile(r"_x([0-9A-F]*)_")
 _BREAKS = {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}  # else XML reads them as spaces
 
 
-def packet(attributes: Mapping[str, str], others: str = "") -> bytes:
-    """An XMP packet that holds `attributes` under "relume:", every name and value as it is.
-
-    others : XML attributes of other namespaces, ready made, with the declarations of those
-    """
+def packet(attributes: Mapping[str, str]) -> bytes:
+    """An XMP packet that holds `attributes` under "relume:", every name and value as it is."""
     ours = "".join(
-        f"\n   relume:{_escaped(_NAME, name) or '_x_'}={_quoted(value)}" for name, value in attributes.items()
+        f"\n   relume:{_escaped(_NAME, name) or '_x_'}={quoteattr(_escaped(_VALUE, value), _BREAKS)}"
+        for name, value in attributes.items()
     )
     declared = f' xmlns:relume="{NAMESPACE}"' if attributes else ""
     return (
         '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?>\n'  # ISO 16684-1, 7.3.2
         '<x:xmpmeta xmlns:x="adobe:ns:meta/">\n'
         f' <rdf:RDF xmlns:rdf="{_RDF}">\n'
-        f'  <rdf:Description rdf:about=""{declared}{others and " " + others}{ours}/>\n'
+        f'  <rdf:Description rdf:about=""{declared}{ours}/>\n'
         " </rdf:RDF>\n"
         "</x:xmpmeta>\n"
         '<?xpacket end="w"?>'
@@ -117,10 +115,6 @@ def _refuse_document_type(*_: object) -> None:
 
 def _joined(name: str) -> str:
     return name.replace("}", "", 1)
-
-
-def _quoted(value: str) -> str:
-    return quoteattr(_escaped(_VALUE, value), _BREAKS)
 
 
 def _escaped(pattern: re.Pattern[str], text: str) -> str:

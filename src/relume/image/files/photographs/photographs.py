@@ -77,9 +77,9 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
     )
 
 
-def read_png(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> np.ndarray:
+def read_png(path: str | os.PathLike[str]) -> np.ndarray:
     """The values of a PNG as stored, (H, W, 1 to 4) uint8 or uint16, alpha included; raises UnreadableFile."""
-    form_of(path, "PNG", options)  # checks the header before anything it claims is allocated
+    form_of(path, "PNG", ReadOptions())  # checks the header before anything it claims is allocated
     return png.decoded(path, png.chunks(path))
 
 

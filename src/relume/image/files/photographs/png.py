@@ -139,7 +139,8 @@ def chunks(path: str | os.PathLike[str]) -> Chunks:
         computed = zlib.crc32(data[place + 4 : end])
         (stored,) = struct.unpack_from(">I", data, end)
         if computed != stored:
-            raise FormatError(path, "PNG", _where(name, place), f"the checksum {stored:08x}", f"{computed:08x}")
+            where = f"the chunk {name.decode('latin-1')!r} at byte {place}"
+            raise FormatError(path, "PNG", where, f"the checksum {stored:08x}", f"{computed:08x}")
         if name == b"IEND":
             return Chunks(packed, ahead, None)
         if name == b"IDAT":
@@ -215,10 +216,6 @@ def _refuse_name(path: str | os.PathLike[str], name: bytes, place: int) -> None:
     if first != (name == b"IHDR") or not name.isalpha() or (name[:1].isupper() and name not in (*_KNOWN, b"IHDR")):
         expected = "IHDR" if first else "a kind of chunk that PNG knows here"
         raise FormatError(path, "PNG", f"byte {place + 4}", expected, repr(name.decode("latin-1")))
-
-
-def _where(name: bytes, place: int) -> str:
-    return f"the chunk {name.decode('latin-1')!r} at byte {place}"
 
 
 def encode(pixels: np.ndarray, exif: bytes = b"", profile: bytes | None = None, *, drawing: bool = True) -> bytes:

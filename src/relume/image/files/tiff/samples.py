@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
@@ -51,7 +51,10 @@ def pieces(path: str | os.PathLike[str], order: str, layout: Layout, rows: int) 
         size = os.fstat(file.fileno()).st_size
         for begin in range(0, len(blocks), together):
             part = blocks[begin : begin + together]
-            stored = [_stored(file, layout, index, size) for index in part]
+            stored = []
+            for index in part:
+                file.seek(min(layout.places[index], size))
+                stored.append(file.read(max(min(layout.lengths[index], size - layout.places[index]), 0)))
 
             def work(first: int, _end: int, part: list[int] = part, stored: list[bytes] = stored) -> Piece:
                 return _unpacked(path, order, layout, rows, part[first], stored[first])
@@ -70,11 +73,6 @@ def _place_of(layout: Layout, index: int) -> tuple[int, int, int]:
     """The plane, the top row and the left column of a strip or tile."""
     plane, place = divmod(index, layout.across * layout.down)
     return plane, place // layout.across * layout.block[1], place % layout.across * layout.block[0]
-
-
-def _stored(file: BinaryIO, layout: Layout, index: int, size: int) -> bytes:
-    file.seek(min(layout.places[index], size))
-    return file.read(max(min(layout.lengths[index], size - layout.places[index]), 0))
 
 
 def _unpacked(path: str | os.PathLike[str], order: str, layout: Layout, rows: int, index: int, stored: bytes) -> Piece:
