@@ -12,6 +12,7 @@ from relume.image.radiance import OUTSIDE, SATURATED
 from relume.light.constellations.constellation import Constellation
 from relume.light.constellations.residual import glow_level
 from relume.light.light_set import LightSet
+from relume.report.page import triple
 from relume.report.plots import block_means, borders, encoded_figure, in_squares
 from relume.sphere.audit import AXES, Audit
 from relume.sphere.environment_map import EnvironmentMap
@@ -98,7 +99,7 @@ def _in_words(measured: Audit) -> str:
     facts = measured.facts()
     lines = [f"total {facts['total']}   peak {facts['peak']} towards {facts['peak direction']}"]
     up, down = measured.irradiance[2], measured.irradiance[3]
-    lines.append("irradiance from above " + _three(up) + ", from below " + _three(down))
+    lines.append(f"irradiance from above {triple(up)}, from below {triple(down)}")
     marked = {SATURATED: measured.clipped, OUTSIDE: measured.unseen}
     lines += [f"{marked[code]:.3g} sr {words}" for code, _, words in _MARKS if marked[code]]
     return "\n".join(lines)
@@ -106,10 +107,6 @@ def _in_words(measured: Audit) -> str:
 
 def _signed(stops: int) -> str:
     return f"{stops:+d}".replace("-", "−") if stops else "0"
-
-
-def _three(values: np.ndarray) -> str:
-    return "(" + ", ".join(f"{value:.4g}" for value in values) + ")"
 
 
 def draw_lights(path: Path, made: LightSet, title: str = "") -> None:

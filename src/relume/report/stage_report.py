@@ -158,14 +158,10 @@ def _gap_note(lights: StageLights) -> str:
     )
 
 
-def square_side(field: ReflectanceField, wide: int = WIDE, memory: int = MEMORY) -> int:
-    """Pixels along the smallest squares whose averages are few enough for a page.
-
-    wide : averages along the longer side, at most
-    memory : bytes of the averages under all lights, at most
-    """
-    side = -(-max(field.shape) // wide)
-    while side < max(field.shape) and len(field.lights) * _squares(field.shape, side) * 3 * 4 > memory:
+def square_side(field: ReflectanceField) -> int:
+    """Pixels along the smallest squares whose averages are few enough for a page: `WIDE` and `MEMORY`."""
+    (height, width), side = field.shape, -(-max(field.shape) // WIDE)
+    while side < max(height, width) and len(field.lights) * -(-height // side) * -(-width // side) * 3 * 4 > MEMORY:
         side += 1
     return side
 
@@ -177,11 +173,6 @@ def reduced(field: ReflectanceField, side: int) -> Pictures:
     for light in range(len(field.lights)):
         values[light] = plots.block_means(field.block(slice(light, light + 1), slice(0, field.shape[0]))[0], side)
     return Pictures(values, field.lights)
-
-
-def _squares(shape: tuple[int, int], side: int) -> int:
-    """How many squares of this side cover a picture."""
-    return -(-shape[0] // side) * -(-shape[1] // side)
 
 
 def _size_note(shape: tuple[int, int], side: int) -> str:

@@ -107,6 +107,7 @@ def recover_reflectance(
     parts = _parts(scene, camera)
     usable = [trustworthy(parts == index, plate.clipped) for index in range(len(wanted))]
     _require_seen(plate, camera, scene, wanted, usable)
+    unknown = [i for i, wish in enumerate(wanted) if not isinstance(wish.albedo, KnownMaterial)]
     looks = _Looks.of_scene(scene, camera, wanted)
 
     # The gloss of each surface.
@@ -122,15 +123,13 @@ def recover_reflectance(
     # The model in grey, and in black: what is left when nothing is diffuse is gloss, and all that is not recovered.
     grey = np.full((*plate.radiance.shape[:2], 3), 0.5, np.float32)
     black = [(0.0, 0.0, 0.0)] * len(wanted)
-    no_gloss = all(gloss is None for gloss in glosses) and not any(isinstance(w.albedo, KnownMaterial) for w in wanted)
     even = [(0.5, 0.5, 0.5)] * len(wanted)
     fine = not _alone(scene.local) or any(gloss is not None and gloss.roughness < WIDE for gloss in glosses)
     work = _Work(renderer, camera, scene, seed, fine)
-    unknown = [i for i, wish in enumerate(wanted) if not isinstance(wish.albedo, KnownMaterial)]
     recovered, inside = np.isin(parts, unknown), np.isin(work.parts, unknown)
     first = work.render(looks.shapes(grey, even, glosses))
     dark = np.zeros_like(first.radiance)
-    if not no_gloss:
+    if len(unknown) < len(wanted) or any(gloss is not None for gloss in glosses):
         dark = work.render(looks.shapes(0 * grey, black, glosses)).radiance
     sheen = work.enlarged(smoothed(dark, first.normal, work.parts), inside)
 
@@ -145,8 +144,8 @@ def recover_reflectance(
     progress(0.5)
     iterations, change = 1, 0.0
     while True:
-        for index in range(len(wanted)):
-            _require_lit(scene.local, wanted, index, light, usable[index])
+        for index in unknown:
+            _require_lit(scene.local, index, light, usable[index])
         raw = np.pi * (plate.radiance - sheen) / np.maximum(light, 1e-30)
         albedo, colours = _albedo(raw, light, parts, usable, wanted)
         if _alone(scene.local) or iterations >= ITERATIONS or (iterations > 1 and change < STEADY):
@@ -271,11 +270,7 @@ def _lit(light: np.ndarray, usable: np.ndarray) -> np.ndarray:
     return np.all(light > 0.02 * middle, axis=-1)
 
 
-def _require_lit(
-    local: Sequence[Shape], wanted: Sequence[Recovery], index: int, light: np.ndarray, usable: np.ndarray
-) -> None:
-    if isinstance(wanted[index].albedo, KnownMaterial):
-        return
+def _require_lit(local: Sequence[Shape], index: int, light: np.ndarray, usable: np.ndarray) -> None:
     if not np.all(np.median(light[usable], axis=0) > 0):
         raise ValueError(
             f"no light arrives at {_called(local, index)} in the model, so its reflectance cannot be recovered; "

@@ -12,13 +12,12 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from relume.lightstage.field.field import Noise, ReflectanceField
+from relume.lightstage.field.field import Derived, ReflectanceField
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.relighting import cut
 from relume.lightstage.surface.chromaticity import amounts, fitted_ramp, median_chromaticity, ramp, ramped
 from relume.lightstage.surface.photometric_stereo import lambertian_lobes, towards_camera
 from relume.lightstage.surface.shadow_map import bright_level, brightness, lit, shows_surface
-from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
 
 PIXELS = 4096
@@ -71,12 +70,12 @@ class Separation:
     @property
     def diffuse(self) -> Part:
         """The diffuse reflectance field D = R − S, worked out where it is asked for."""
-        return Part(self, "diffuse")
+        return Part(self.field, self, "diffuse")
 
     @property
     def specular(self) -> Part:
         """The specular reflectance field S = max(μs, 0) s, worked out where it is asked for."""
-        return Part(self, "specular")
+        return Part(self.field, self, "specular")
 
     def specular_block(self, values: np.ndarray, lights: slice, rows: slice) -> np.ndarray:
         """S (lights, rows, W, 3) of the field's own values there, in the lights' colour."""
@@ -90,34 +89,23 @@ class Separation:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class Part(Derived):
     """One part of a separation, as a reflectance field of its own.
 
     Its noise is not known: separating magnifies the field's by up to 1/sin of the angle between the two
     chromaticities, which differs from pixel to pixel.
     """
 
+    field: ReflectanceField
     separation: Separation
     kind: Literal["diffuse", "specular"]
 
     @property
-    def lights(self) -> StageLights:
-        return self.separation.field.lights
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        return self.separation.field.shape
-
-    @property
-    def camera(self) -> Camera | None:
-        return self.separation.field.camera
-
-    @property
-    def noise(self) -> Noise | None:
+    def noise(self) -> None:
         return None
 
     def block(self, lights: slice, rows: slice) -> np.ndarray:
-        values = self.separation.field.block(lights, rows)
+        values = self.field.block(lights, rows)
         specular = self.separation.specular_block(values, lights, rows)
         return specular if self.kind == "specular" else values - specular
 

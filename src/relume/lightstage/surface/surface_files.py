@@ -17,13 +17,12 @@ from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.polarised import PolarisedPair
 from relume.lightstage.surface.material_export import write_material
 from relume.lightstage.surface.separation import separate
-from relume.lightstage.surface.surface_maps import SurfaceMaps, surface_maps
+from relume.lightstage.surface.surface_maps import MAPS, SurfaceMaps, surface_maps
 from relume.scene.cameras.camera import Camera
 from relume.scene.shapes.shapes import Mesh
 
 SOOT = 0.01
 """An albedo below that of soot and black velvet."""
-LAYERS = ("normal", "albedo", "specular_energy", "specular_reflectance", "roughness", "weight")
 
 
 def measure_surface(field: ReflectanceField, crossed: ReflectanceField | None = None) -> SurfaceMaps:
@@ -69,13 +68,13 @@ def write_surface(
         place.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputNotWritten(f"{place}: cannot be made a folder ({error.strerror}); choose another") from None
-    files.write_layers(place / "maps.exr", {name: getattr(maps, name) for name in LAYERS})
+    files.write_layers(place / "maps.exr", {name: getattr(maps, name) for name in MAPS})
     for name, picture in maps.pictures().items():
         # Albedo as the eye expects it; numbers of directions and shares as they are.
         shown = encode_srgb(picture) if name == "albedo" else picture
         codes = np.rint(255 * np.clip(shown, 0, 1)).astype(np.uint8)
         files.write(place / f"{name}.png", Photograph(codes))
-    written = [place / "maps.exr", *(place / f"{name}.png" for name in LAYERS)]
+    written = [place / "maps.exr", *(place / f"{name}.png" for name in MAPS)]
     if meshes and camera is not None:
         write_material(place / "subject.glb", meshes, camera, maps)
         written.append(place / "subject.glb")

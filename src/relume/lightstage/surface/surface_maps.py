@@ -24,6 +24,8 @@ LOWEST, HIGHEST = 0.03, 1.0
 and come out at the lowest bound or by chance."""
 COARSE, HALVINGS = 12, 4
 """Candidates at first, even in log α, and times that the search closes in about the best by half."""
+MAPS = ("normal", "albedo", "specular_energy", "specular_reflectance", "roughness", "weight")
+"""The first two have three channels, the others one."""
 DIELECTRIC = 0.04
 """What a dielectric reflects at normal incidence: glass, skin and paint."""
 
@@ -50,16 +52,11 @@ class SurfaceMaps:
 
     def pictures(self) -> dict[str, np.ndarray]:
         """Pictures (H, W, 3) float32 to look at, values 0 to 1 (Fig. 14): normals hold (X, Y, Z)/2 + ½."""
-        known = self.weight[..., None] > 0
-        grey = {
-            "specular_energy": self.specular_energy,
-            "specular_reflectance": self.specular_reflectance,
-            "roughness": self.roughness,
-            "weight": self.weight,
-        }
-        shown = {name: np.repeat(np.clip(map_, 0, 1)[..., None], 3, axis=-1) for name, map_ in grey.items()}
-        normal = np.where(known, self.normal / 2 + 0.5, 0).astype(np.float32)
-        return {"normal": normal, "albedo": np.clip(self.albedo, 0, 1), **shown}
+        normal = np.where(self.weight[..., None] > 0, self.normal / 2 + 0.5, 0).astype(np.float32)
+        shown = {"normal": normal, "albedo": np.clip(self.albedo, 0, 1)}
+        for name in MAPS[2:]:
+            shown[name] = np.repeat(np.clip(getattr(self, name), 0, 1)[..., None], 3, axis=-1)
+        return shown
 
 
 def surface_maps(parts: Separated) -> SurfaceMaps:
