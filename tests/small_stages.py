@@ -23,14 +23,27 @@ def camera(width: int = SIZE[0], height: int = SIZE[1]) -> Camera:
     return Camera.looking_at(np.array(CAMERA["position"]), np.zeros(3), width=width, height=height, focal_length=focal)
 
 
-def normals() -> np.ndarray:
-    """Of the unit ball at the origin, (H, W, 3); 0 beside it."""
-    view = camera()
+def grid_directions(rows: int, columns: int, first: float = 0.0) -> np.ndarray:
+    """Directions (rows · columns, 3): inclination from +Y, azimuth from +Z towards +X and `first` steps on."""
+    inclination, azimuth = np.meshgrid(
+        np.pi * (np.arange(rows) + 0.5) / rows, 2 * np.pi * (np.arange(columns) + first) / columns, indexing="ij"
+    )
+    ring = np.sin(inclination)
+    return np.stack([ring * np.sin(azimuth), np.cos(inclination), ring * np.cos(azimuth)], axis=-1).reshape(-1, 3)
+
+
+def normals(view: Camera | None = None, least: float = 0.0) -> np.ndarray:
+    """Of the unit ball at the origin, (H, W, 3); 0 beside it.
+
+    view : the camera; the stage's own unless given
+    least : what is left of half a chord, squared, below which a pixel is beside it
+    """
+    view = camera() if view is None else view
     rays = view.rays()
     along = rays @ view.position
     inside = along**2 - view.position @ view.position + 1
     points = view.position + (-along - np.sqrt(np.maximum(inside, 0)))[..., None] * rays
-    return np.where((inside > 0)[..., None], points, 0.0)
+    return np.where((inside > least)[..., None], points, 0.0)
 
 
 def lit(direction: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.report.stage_report import doubts_of, levels_of, reduced, square_side, write_stage_report
 from relume.sphere.environment_map import EnvironmentMap
+from small_stages import grid_directions
 
 LIGHTS = StageLights.towards(even_directions(60), tuple(f"lamp {i}" for i in range(60)))
 NORMALS = np.stack([*np.meshgrid(np.linspace(-0.6, 0.6, 12), np.linspace(0.6, -0.6, 10)), np.zeros((10, 12))], axis=-1)
@@ -57,10 +58,7 @@ def test_even_lights_leave_no_gap(count: int) -> None:
 
 
 def test_a_grid_by_inclination_and_azimuth_leaves_no_gap() -> None:
-    inclination, azimuth = np.meshgrid((np.arange(24) + 0.5) * np.pi / 24, np.arange(12) * np.pi / 6, indexing="ij")
-    ring = np.sin(inclination)
-    grid = np.stack([ring * np.sin(azimuth), np.cos(inclination), ring * np.cos(azimuth)], axis=-1).reshape(-1, 3)
-    field = Pictures(np.ones((288, 1, 1, 3), np.float32), StageLights.towards(grid))
+    field = Pictures(np.ones((288, 1, 1, 3), np.float32), StageLights.towards(grid_directions(24, 12)))
     assert doubts_of(field, np.ones(288)) == ()
 
 

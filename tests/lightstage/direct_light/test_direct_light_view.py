@@ -16,7 +16,7 @@ from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse
 from relume.scene.shapes.shapes import Mesh
-from small_stages import ALBEDO, camera, lit
+from small_stages import ALBEDO, camera, lit, normals
 
 LIGHTS = even_directions(40)
 SETTINGS = DirectLightSettings(alpha=0.3)
@@ -47,21 +47,13 @@ def parallel(*direction: float) -> DirectedLight:
     return DirectedLight(unit[None], np.ones((1, 3)), np.zeros(1))
 
 
-def normals_seen(view: Camera) -> np.ndarray:
-    rays = view.rays()
-    along = rays @ view.position
-    inside = along**2 - view.position @ view.position + 1
-    points = view.position + (-along - np.sqrt(np.maximum(inside, 0)))[..., None] * rays
-    return np.where((inside > 0.2)[..., None], points, 0.0)
-
-
 def test_light_between_the_lights_shades_the_ball_as_it_would_there(field, ball):
     new, light = from_the_side(30), parallel(0.3, 0.5, 0.8)
     found = direct_light_view(SourceView(field), light, new, ball, settings=SETTINGS)
-    normals = normals_seen(new)
-    inner = normals.any(axis=-1) & (found.alpha == 1)
+    shown = normals(new, least=0.2)
+    inner = shown.any(axis=-1) & (found.alpha == 1)
     assert inner.sum() > 60
-    expected = np.maximum(normals @ light.directions[0], 0)[..., None] * ALBEDO / np.pi
+    expected = np.maximum(shown @ light.directions[0], 0)[..., None] * ALBEDO / np.pi
     difference = np.abs(found.picture.radiance - expected)[inner]
     assert np.median(difference) < 0.01 * expected[inner].mean()
     # Rims of a ball 20 pixels across: their pixels in the source see other than what their middles show.

@@ -17,6 +17,7 @@ from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.lightstage.surface.chromaticity import ramp, ramped
 from relume.lightstage.surface.torrance_sparrow import grooved_reflection, half_vector
 from relume.sphere.directions import normalised
+from small_stages import grid_directions
 
 LIGHTS = StageLights.towards(even_directions(600))
 WHITE = np.full(3, 3**-0.5)
@@ -151,8 +152,7 @@ def test_weights_of_the_nearest_lights_sum_to_one_and_a_light_is_itself(count: i
 
 def test_what_is_linear_is_interpolated_as_it_is() -> None:
     """On a grid too, whose rings of coplanar lights make thin triangles."""
-    polar, turn = np.meshgrid((np.arange(12) + 0.5) / 12 * np.pi, (np.arange(24) + 0.5) / 12 * np.pi, indexing="ij")
-    grid = np.stack([np.sin(polar) * np.sin(turn), np.cos(polar), np.sin(polar) * np.cos(turn)], -1).reshape(-1, 3)
+    grid = grid_directions(12, 24, 0.5)
     directions = even_directions(4000)
     near, weights, real = LightTriangles.of(StageLights.towards(grid)).weights(directions)
     assert real.all()

@@ -15,6 +15,7 @@ from relume.lightstage.relighting.interpolation import (
     unreached_share,
 )
 from relume.lightstage.relighting.voronoi_cells import even_directions
+from small_stages import grid_directions
 
 LIGHTS = StageLights.towards(even_directions(60))
 BETWEEN = even_directions(501)
@@ -64,12 +65,9 @@ def test_no_barycentric_share_is_below_zero(lights: StageLights) -> None:
 
 
 def test_barycentric_shares_are_found_on_a_grid_and_change_without_a_jump() -> None:
-    inclination, azimuth = np.pi * (np.arange(6) + 0.5) / 6, 2 * np.pi * np.arange(12) / 12
-    ring = np.sin(inclination)[:, None] * np.stack([np.sin(azimuth), np.cos(azimuth)])[:, None, :]
-    grid = np.stack([ring[0], np.repeat(np.cos(inclination)[:, None], 12, 1), ring[1]], axis=-1).reshape(-1, 3)
     path = np.linspace(0.0, np.pi, 4001)
     towards = np.stack([np.sin(path) * 0.8, np.cos(path), np.sin(path) * 0.6], axis=1)
-    shares = Barycentric().weights(StageLights.towards(grid), towards)
+    shares = Barycentric().weights(StageLights.towards(grid_directions(6, 12)), towards)
     # Lights of the first ring are 0.13 radians apart, over which a share falls from 1 to 0; a step is 8e-4.
     assert np.abs(np.diff(shares, axis=0)).max() < 0.01
 

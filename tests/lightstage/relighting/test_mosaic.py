@@ -8,16 +8,11 @@ from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.mosaic import function_lights, mosaic, reflectance_function, sampled_points
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.scene.cameras.camera import Camera
+from small_stages import grid_directions
 
 
 def grid(rows: int = 6, columns: int = 12) -> StageLights:
-    """Inclination from +Y, azimuth from +Z towards +X."""
-    polar, azimuth = np.meshgrid(
-        np.pi * (np.arange(rows) + 0.5) / rows, 2 * np.pi * (np.arange(columns) + 0.5) / columns, indexing="ij"
-    )
-    ring = np.sin(polar)
-    directions = np.stack([ring * np.sin(azimuth), np.cos(polar), ring * np.cos(azimuth)], axis=-1)
-    return StageLights.towards(directions.reshape(-1, 3), grid=(rows, columns))
+    return StageLights.towards(grid_directions(rows, columns, 0.5), grid=(rows, columns))
 
 
 def camera_at(*position: float) -> Camera:

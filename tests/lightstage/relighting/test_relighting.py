@@ -1,13 +1,19 @@
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 
-from relume.lightstage.field.field import Noise, Pictures
+from relume.lightstage.field.field import Derived, Noise, Pictures
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.relighting.relighting import planned, weighted_sum, weighted_sum_per_pixel
+from relume.lightstage.relighting.relighting import (
+    pictures_at_once,
+    planned,
+    weighted_sum,
+    weighted_sum_per_pixel,
+    weighted_sums,
+)
 
 GENERATOR = np.random.default_rng(3)
 COUNT, ROWS, COLUMNS = 13, 11, 300
@@ -15,32 +21,21 @@ LIGHTS = StageLights.towards(GENERATOR.normal(size=(COUNT, 3)))
 VALUES = GENERATOR.random((COUNT, ROWS, COLUMNS, 3), np.float32)
 FIELD = Pictures(VALUES, LIGHTS)
 E1, E2 = GENERATOR.random((2, COUNT, 3))
+FEW = Pictures(GENERATOR.random((9, 20, 30, 3), np.float32), LIGHTS.chosen(np.arange(9)), noise=Noise(1e-4, 1e-3))
+SEVERAL = GENERATOR.random((7, 9, 3))
 
 
 @dataclass(frozen=True, eq=False)
-class Lazy:
-    """The same field, known only by its blocks."""
+class Lazy(Derived):
+    """The same field, known only by its blocks; it counts how many of its values were asked for."""
 
     field: Pictures
-
-    @property
-    def lights(self):
-        return self.field.lights
-
-    @property
-    def shape(self):
-        return self.field.shape
-
-    @property
-    def camera(self):
-        return None
-
-    @property
-    def noise(self):
-        return self.field.noise
+    asked: list[int] = field(default_factory=list)
 
     def block(self, lights, rows):
-        return self.field.block(lights, rows)
+        found = self.field.block(lights, rows)
+        self.asked.append(found.size)
+        return found
 
 
 def test_a_picture_is_the_sum_of_each_lights_picture_times_its_irradiance():
@@ -178,3 +173,36 @@ def test_too_little_memory_is_told_with_what_is_needed():
 def test_wrong_labels_are_refused(labels, said):
     with pytest.raises(ValueError, match=said):
         weighted_sum_per_pixel(FIELD, labels, np.stack([E1, E2]))
+
+
+def test_each_picture_has_the_bytes_it_has_alone():
+    for picture, irradiances in zip(weighted_sums(FEW, SEVERAL), SEVERAL, strict=True):
+        alone = weighted_sum(FEW, irradiances)
+        np.testing.assert_array_equal(picture.radiance, alone.radiance)
+        np.testing.assert_array_equal(picture.variance, alone.variance)
+
+
+def test_all_pictures_are_made_in_one_pass_over_the_field():
+    counted = Lazy(FEW)
+    assert len(list(weighted_sums(counted, SEVERAL))) == 7
+    assert sum(counted.asked) == FEW.values.size
+
+
+def test_where_memory_is_short_the_field_is_read_again_and_nothing_changes():
+    counted, memory = Lazy(FEW), 300_000
+    assert pictures_at_once(counted, memory) == 3
+    told: list[float] = []
+    found = list(weighted_sums(counted, SEVERAL, memory=memory, progress=told.append))
+    assert sum(counted.asked) == 3 * FEW.values.size
+    assert told == sorted(told) and told[-1] == 1
+    for picture, whole in zip(found, weighted_sums(FEW, SEVERAL), strict=True):
+        np.testing.assert_array_equal(picture.radiance, whole.radiance)
+
+
+def test_a_wrong_light_is_refused_before_the_first_picture():
+    with pytest.raises(ValueError, match=r"\(pictures, 9 lights, 3\)"):
+        weighted_sums(FEW, SEVERAL[0])
+    broken = SEVERAL.copy()
+    broken[6, 2] = np.inf
+    with pytest.raises(ValueError, match='"2" is not a finite number'):
+        weighted_sums(FEW, broken)

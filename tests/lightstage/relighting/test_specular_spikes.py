@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from relume.image.radiance import RadianceMap
-from relume.lightstage.field.field import Noise, Pictures
+from relume.lightstage.field.field import Derived, Noise, Pictures
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.interpolation import Barycentric, Smooth
 from relume.lightstage.relighting.relighting import weighted_sum
@@ -43,17 +43,14 @@ def variance_of(picture: RadianceMap) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Piecewise:
+class Piecewise(Derived):
     """The field, read in blocks."""
 
-    lights: StageLights = LIGHTS
-    shape: tuple[int, int] = (4, 5)
-    camera: None = None
-    noise: Noise | None = FIELD.noise
+    field: Pictures = FIELD
     chunks: tuple[int, int] = (7, 2)
 
     def block(self, lights: slice, rows: slice) -> np.ndarray:
-        return FIELD.block(lights, rows)
+        return self.field.block(lights, rows)
 
 
 def test_mirrors_are_spikes_and_matte_surfaces_are_not() -> None:
@@ -63,13 +60,8 @@ def test_mirrors_are_spikes_and_matte_surfaces_are_not() -> None:
     three = np.zeros((60, 1, 3), np.float32)
     three[[3, 9, 20], 0] = [[1.0], [0.8], [0.8]]
     assert [each.tolist() for each in spiky_and_mirror_pixels(three, LIGHTS)] == [[True], [False]]
-    assert find_spikes(
-        np.array([[8.1, 0, 0], [7.9, 0, 0], [0, 0, 0]]), np.array([[1.0, 0, 0], [1, 0, 0], [0, 0, 0]])
-    ).tolist() == [
-        True,
-        False,
-        False,
-    ]
+    peak, mean = np.array([[8.1, 0, 0], [7.9, 0, 0], [0, 0, 0]]), np.array([[1.0, 0, 0], [1, 0, 0], [0, 0, 0]])
+    assert find_spikes(peak, mean).tolist() == [True, False, False]
 
 
 def test_spikes_take_the_sum_that_is_never_below_zero_and_the_rest_the_smooth_one() -> None:
@@ -78,12 +70,8 @@ def test_spikes_take_the_sum_that_is_never_below_zero_and_the_rest_the_smooth_on
     least = Smooth().weights(LIGHTS, even_directions(500))[:, [17, 40]].argmin(axis=0)
     power[least] = [[1.0, 2, 3], [3, 2, 1]]
     smooth, barycentric = shared(power)
-    picture, first, second = (
-        relight_spiky(FIELD, smooth, barycentric),
-        weighted_sum(FIELD, smooth),
-        weighted_sum(FIELD, barycentric),
-    )
-    pictures = (picture, first, second)
+    picture, first = relight_spiky(FIELD, smooth, barycentric), weighted_sum(FIELD, smooth)
+    pictures = (picture, first, weighted_sum(FIELD, barycentric))
     for found, one, other in ([each.radiance for each in pictures], [variance_of(each) for each in pictures]):
         np.testing.assert_array_equal(found[MIRRORS], other[MIRRORS])
         np.testing.assert_array_equal(found[~MIRRORS], one[~MIRRORS])
