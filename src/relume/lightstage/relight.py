@@ -21,14 +21,7 @@ from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.novel_view.projection import Subject, check_mesh_matches
 from relume.lightstage.relighting.cosine import compress_cosine
-from relume.lightstage.relighting.interpolation import (
-    Barycentric,
-    Interpolation,
-    NearestLight,
-    Smooth,
-    reached,
-    unreached_share,
-)
+from relume.lightstage.relighting.interpolation import Barycentric, NearestLight, Smooth, reached, unreached_share
 from relume.lightstage.relighting.low_rank import compress_low_rank
 from relume.lightstage.relighting.relighting import (
     MEMORY,
@@ -122,8 +115,7 @@ def relight(
     Warns of light from where the stage has no lights, of a mesh that is not used and of pixels below 0.
     Raises ValueError for a mesh that does not match, and for too little memory.
     """
-    field = _field(stage)
-    (lighting,), unit = _lightings(field, [light])
+    field, (lighting,), unit = _prepared(stage, [light])
     model = None if settings.nearest else usable_mesh(field, mesh, settings)
     threads, memory = settings.threads, settings.memory
     if model is not None:
@@ -150,9 +142,17 @@ def relight_sequence(
     With `settings.compression` the field is made small first: pictures then differ by the error that is warned of.
     Raises ValueError as `relight`, and for lights in two units.
     """
-    field = _field(stage)
-    several, unit = _lightings(field, lights)
-    pictures = _pictures(field, several, settings, progress)
+    field, several, unit = _prepared(stage, lights)
+    threads, memory = settings.threads, settings.memory
+    by = NearestLight() if settings.nearest else Smooth()
+    given = np.stack([each.irradiances(field.lights, by) for each in several])
+    if settings.compression is not None:
+        pictures = _relight_compressed(field, given, settings, progress)
+    elif settings.nearest:
+        pictures = weighted_sums(field, given, threads=threads, memory=memory, progress=progress)
+    else:
+        barycentric = np.stack([each.irradiances(field.lights, Barycentric()) for each in several])
+        pictures = relight_spiky_sequence(field, given, barycentric, threads=threads, memory=memory, progress=progress)
     return (replace(picture, unit=unit) for picture in pictures)
 
 
@@ -171,9 +171,9 @@ def relight_per_pixel(
     Warns of light from where the stage has no lights. Raises ValueError for labels of another shape or number, and for
     lights in two units.
     """
-    field = _field(stage)
-    several, unit = _lightings(field, lights)
-    given = _irradiances(field, several, NearestLight() if settings.nearest else Smooth())
+    field, several, unit = _prepared(stage, lights)
+    by = NearestLight() if settings.nearest else Smooth()
+    given = np.stack([each.irradiances(field.lights, by) for each in several])
     if isinstance(labels, str | os.PathLike):
         levels, labels = np.unique(files.read_photograph(labels).pixels[..., 1], return_inverse=True)
         if len(levels) != len(several):
@@ -184,33 +184,16 @@ def relight_per_pixel(
     return replace(picture, unit=unit)
 
 
-def _lightings(
-    field: ReflectanceField, lights: Sequence[StageLighting | EnvironmentMap]
-) -> tuple[list[StageLighting], str]:
-    """Lights for a field, and their unit; raises ValueError where they have several, warns where they are unreached."""
+def _prepared(
+    stage: ReflectanceField | str | os.PathLike[str], lights: Sequence[StageLighting | EnvironmentMap]
+) -> tuple[ReflectanceField, list[StageLighting], str]:
+    """The field, the lights for it and their unit; raises ValueError for two units, warns of light it cannot show."""
+    field = read_stage(stage) if isinstance(stage, str | os.PathLike) else stage
     several = [as_lighting(light) for light in lights]
     if len({each.unit for each in several}) != 1:
         raise ValueError(f"{len(several)} lights in several units; give one light or more, in one unit")
     warn_unreached(field.lights, several)
-    return several, several[0].unit
-
-
-def _irradiances(field: ReflectanceField, several: Sequence[StageLighting], by: Interpolation) -> np.ndarray:
-    """What each light of the field is given under each of several, (K, N, 3)."""
-    return np.stack([each.irradiances(field.lights, by) for each in several])
-
-
-def _pictures(
-    field: ReflectanceField, several: Sequence[StageLighting], settings: RelightSettings, progress: Progress | None
-) -> Iterator[RadianceMap]:
-    threads, memory = settings.threads, settings.memory
-    if settings.nearest or settings.compression:
-        given = _irradiances(field, several, NearestLight() if settings.nearest else Smooth())
-        if settings.compression is None:
-            return weighted_sums(field, given, threads=threads, memory=memory, progress=progress)
-        return _relight_compressed(field, given, settings, progress)
-    both = (_irradiances(field, several, Smooth()), _irradiances(field, several, Barycentric()))
-    return relight_spiky_sequence(field, *both, threads=threads, memory=memory, progress=progress)
+    return field, several, several[0].unit
 
 
 def _relight_compressed(
@@ -222,7 +205,7 @@ def _relight_compressed(
     warnings.warn(
         f"the field is compressed to {small.byte_count / 1e6:.3g} MB: pictures differ from exact ones by "
         f"{small.error.random:.1%} under light from everywhere, by up to {small.error.worst:.1%} under one light",
-        stacklevel=4,
+        stacklevel=3,
     )
     return (small.relight(each) for each in given)
 
@@ -274,10 +257,6 @@ def warn_unreached(lights: StageLights, several: Sequence[StageLighting]) -> Non
             "instead, and shading and shadows are wrong for it",
             stacklevel=4,
         )
-
-
-def _field(stage: ReflectanceField | str | os.PathLike[str]) -> ReflectanceField:
-    return read_stage(stage) if isinstance(stage, str | os.PathLike) else stage
 
 
 def _relight_on(

@@ -13,23 +13,21 @@ BALLS = [np.array([-0.2, 0.0, 0.0]), np.array([0.25, 0.05, 0.0]), np.array([0.0,
 
 def readings(places: np.ndarray, lights: np.ndarray) -> BallReadings:
     on_ball = np.repeat(places[None], len(lights), axis=0)
-    return BallReadings(np.zeros((len(lights), 2)), on_ball, normalised(lights - on_ball))
+    return BallReadings(on_ball, normalised(lights - on_ball))
 
 
 def test_rays_that_meet_tell_the_place() -> None:
-    found = light_places([readings(ball, LIGHTS) for ball in BALLS])
-    np.testing.assert_allclose(found.positions, LIGHTS, atol=1e-12)
-    np.testing.assert_allclose(found.residuals, 0, atol=1e-12)
-    to_first, to_second = normalised(LIGHTS[0] - BALLS[0]), normalised(LIGHTS[0] - BALLS[1])
-    assert found.parallax[0] >= np.arccos(to_first @ to_second) - 1e-12
+    positions, distances = light_places([readings(ball, LIGHTS) for ball in BALLS], ["a", "b"])
+    np.testing.assert_allclose(positions, LIGHTS, atol=1e-12)
+    np.testing.assert_allclose(distances, 0, atol=1e-12)
 
 
 def test_the_residual_is_the_distance_to_rays_that_pass_each_other() -> None:
-    first = BallReadings(np.zeros((1, 2)), np.array([[0.0, -1, 0.01]]), np.array([[0.0, 1, 0]]))
-    second = BallReadings(np.zeros((1, 2)), np.array([[-1.0, 0, -0.01]]), np.array([[1.0, 0, 0]]))
-    found = light_places([first, second])
-    np.testing.assert_allclose(found.positions, [[0, 0, 0]], atol=1e-12)
-    np.testing.assert_allclose(found.residuals, [0.01])
+    first = BallReadings(np.array([[0.0, -1, 0.01]]), np.array([[0.0, 1, 0]]))
+    second = BallReadings(np.array([[-1.0, 0, -0.01]]), np.array([[1.0, 0, 0]]))
+    positions, distances = light_places([first, second], ["a"])
+    np.testing.assert_allclose(positions, [[0, 0, 0]], atol=1e-12)
+    np.testing.assert_allclose(distances, [0.01])
 
 
 def test_parallel_rays_are_told_by_name() -> None:
@@ -39,8 +37,8 @@ def test_parallel_rays_are_told_by_name() -> None:
 
 
 def test_rays_that_run_apart_are_refused() -> None:
-    swapped = [BallReadings(np.zeros((1, 2)), ball[None], normalised(-(LIGHTS[:1] - ball[None]))) for ball in BALLS]
-    with pytest.raises(ValueError, match="light 1: the balls' rays run apart"):
-        light_places(swapped)
+    swapped = [BallReadings(ball[None], normalised(-(LIGHTS[:1] - ball[None]))) for ball in BALLS]
+    with pytest.raises(ValueError, match="a: the balls' rays run apart"):
+        light_places(swapped, ["a"])
     with pytest.raises(ValueError, match="two balls or more"):
-        light_places(swapped[:1])
+        light_places(swapped[:1], ["a"])

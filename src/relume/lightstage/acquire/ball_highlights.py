@@ -94,12 +94,10 @@ class MirrorBall:
 class BallReadings:
     """What a ball shows of the lights, a row a picture.
 
-    points : (N, 2) pixels, where the lamp is mirrored
-    places : (N, 3) there on the ball, metres, world
+    places : (N, 3) where the lamp is mirrored on the ball, metres, world
     directions : (N, 3) unit, from there towards the light
     """
 
-    points: np.ndarray
     places: np.ndarray
     directions: np.ndarray
 
@@ -111,13 +109,11 @@ def read_ball(pictures: Iterable[np.ndarray], ball: MirrorBall, names: Sequence[
     names : of the pictures, for messages
     Raises BallNotFound where a picture shows no lamp in the ball.
     """
-    points = []
-    for index, picture in enumerate(pictures):
-        name = f"picture {index + 1}" if names is None else names[index]
-        points.append(find_highlight(picture, ball.outline, name))
-    found = np.array(points).reshape(-1, 2)
-    places, directions = ball.reflections(found)
-    return BallReadings(found, places, directions)
+    points = [
+        find_highlight(picture, ball.outline, f"picture {index + 1}" if names is None else names[index])
+        for index, picture in enumerate(pictures)
+    ]
+    return BallReadings(*ball.reflections(np.array(points).reshape(-1, 2)))
 
 
 def find_highlight(picture: np.ndarray, outline: Outline, name: str = "picture") -> tuple[float, float]:

@@ -50,12 +50,6 @@ class Target:
         if self.normals is not None and self.normals.shape not in ((3,), (*self.pixels.shape, 3)):
             raise ValueError(f"normals are {self.normals.shape}; expected (3,) or {(*self.pixels.shape, 3)}")
 
-    @property
-    def rows(self) -> slice:
-        """The rows of the pictures that it is seen in."""
-        seen = np.flatnonzero(self.pixels.any(axis=1))
-        return slice(int(seen[0]), int(seen[-1]) + 1)
-
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
@@ -168,7 +162,9 @@ def _readings(field: ReflectanceField, target: Target) -> tuple[np.ndarray, int]
     """The target's pixels (N, P, 3) under each light, and P; one picture in memory at a time."""
     if target.pixels.shape != field.shape:
         raise ValueError(f"the target's mask is {target.pixels.shape}; expected the pictures' {field.shape}")
-    rows, inside = target.rows, target.pixels[target.rows]
+    seen = np.flatnonzero(target.pixels.any(axis=1))
+    rows = slice(int(seen[0]), int(seen[-1]) + 1)
+    inside = target.pixels[rows]
     readings = np.stack(
         [field.block(slice(i, i + 1), rows)[0][inside].astype(np.float64) for i in range(len(field.lights))]
     )

@@ -18,7 +18,7 @@ from relume.lightstage.acquire.stage_file import TargetCard, stage_towards
 from relume.lightstage.field import invalid_samples
 from relume.lightstage.field.bar_shadow import bar_shadow
 from relume.lightstage.field.corrected import Corrected, estimate_noise
-from relume.lightstage.field.fall_off import FallOff, NearLights, flat_field_of_board, points_on_plane
+from relume.lightstage.field.fall_off import FlatField, NearLights, flat_field_of_board, points_on_plane
 from relume.lightstage.field.field import Derived, Noise, ReflectanceField
 from relume.lightstage.novel_view.projection import Subject
 from relume.scene.shapes.meshes import read_meshes
@@ -161,7 +161,7 @@ def _fall_off(
     mesh: Path | None,
     subject: np.ndarray,
     encoding: PhotographEncoding,
-) -> FallOff | None:
+) -> FlatField | NearLights | None:
     """The patterns by which the lights are made even."""
     if corrections.board is not None:
         return flat_field_of_board(_board(corrections.board, field, encoding))

@@ -191,10 +191,10 @@ def stage_of_balls(
         cameras["front"] = StageCamera((x, y, z), (x, y, z - 1), field_of_view)
     # Several such balls place the lamps; else their mean direction counts.
     if len(balls) > 1 and metric:
-        places = light_places(readings, names)
-        pairs = zip(names, (places.positions - middle).tolist(), strict=True)
+        positions, distances = light_places(readings, names)
+        pairs = zip(names, (positions - middle).tolist(), strict=True)
         entries = [LightEntry({"": (name,)}, position=tuple(place)) for name, place in pairs]
-        return Stage(tuple(entries), cameras), replace(found, ray_miss=float(places.residuals.max()))
+        return Stage(tuple(entries), cameras), replace(found, ray_miss=float(distances.max()))
     directions = readings[0].directions if len(balls) == 1 else unit_mean(readings)
     return stage_towards(names, directions, cameras), found
 

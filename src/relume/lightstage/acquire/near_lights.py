@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,31 +13,16 @@ PARALLEL = np.radians(0.5)
 """Rays that differ by less, the error of a highlight's place on a ball, do not determine how far away a light is."""
 
 
-@dataclass(frozen=True, eq=False)
-class LightPlaces:
-    """Where lights stand, and how well their rays meet there.
-
-    positions : (N, 3) metres
-    residuals : (N,) metres, root mean square distance from each position to its rays
-    parallax : (N,) radians, the largest angle between two rays of a light
-    """
-
-    positions: np.ndarray
-    residuals: np.ndarray
-    parallax: np.ndarray
-
-
-def light_places(readings: Sequence[BallReadings], names: Sequence[str] | None = None) -> LightPlaces:
-    """The points nearest to the rays that the balls mirror, by least squares.
+def light_places(readings: Sequence[BallReadings], names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """The points (N, 3) nearest to the rays that balls mirror, by least squares, and how far they are from their rays.
 
     readings : of two balls or more, in metres and one world; one row a light
-    names : of the lights, for messages
-    Raises ValueError for fewer than two balls and for rays that meet behind the balls. Warns of lights whose rays are
-    nearly parallel: their distance is a guess.
+    The distances (N,) are root mean squares, metres. Raises ValueError for fewer than two balls and for rays that meet
+    behind the balls. Warns of lights whose rays are nearly parallel: their distance is a guess.
     """
-    if len(readings) < 2 or len({len(reading.points) for reading in readings}) != 1:
+    if len(readings) < 2 or len({len(reading.places) for reading in readings}) != 1:
         raise ValueError(
-            f"{len(readings)} balls with {[len(reading.points) for reading in readings]} readings; a place needs two "
+            f"{len(readings)} balls with {[len(reading.places) for reading in readings]} readings; a place needs two "
             "balls or more, and as many readings of each"
         )
     places = np.stack([reading.places for reading in readings], axis=1)
@@ -50,20 +34,19 @@ def light_places(readings: Sequence[BallReadings], names: Sequence[str] | None =
     residuals = np.sqrt(((across @ offset[..., None])[..., 0] ** 2).sum(axis=-1).mean(axis=1))
     parallax = np.arccos(np.clip((rays[:, :, None] * rays[:, None]).sum(axis=-1), -1, 1)).max(axis=(1, 2))
     _check_rays((offset * rays).sum(axis=-1).min(axis=1), parallax, names)
-    return LightPlaces(positions, residuals, parallax)
+    return positions, residuals
 
 
-def _check_rays(ahead: np.ndarray, parallax: np.ndarray, names: Sequence[str] | None) -> None:
+def _check_rays(ahead: np.ndarray, parallax: np.ndarray, names: Sequence[str]) -> None:
     """Refuse rays that run apart, and warn of those that are too parallel for a distance."""
-    light_names = [f"light {i + 1}" for i in range(len(ahead))] if names is None else list(names)
     measurable = parallax >= PARALLEL
     apart = measurable & (ahead <= 0)
     if np.any(apart):
-        odd = light_names[int(np.argmax(apart))]
+        odd = names[int(np.argmax(apart))]
         raise ValueError(f"{odd}: the balls' rays run apart; check the balls' circles, their order and their radii")
     if not measurable.all():
         warnings.warn(
-            f"{light_names[int(np.argmin(measurable))]}: the balls' rays are parallel within half a degree "
+            f"{names[int(np.argmin(measurable))]}: the balls' rays are parallel within half a degree "
             f"({(~measurable).sum()} such lights), so that its distance is a guess; put the balls farther apart, or "
             "treat it as a distant light",
             stacklevel=3,

@@ -19,7 +19,7 @@ from scipy.optimize import nnls
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from relume.lightstage.driving.subjects import Subject, SurfaceSubject, voronoi_irradiances
+from relume.lightstage.driving.subjects import MeasuredSubject, SurfaceSubject, voronoi_irradiances
 from relume.lightstage.field.lights import StageLights
 from relume.sphere.environment_map import EnvironmentMap
 
@@ -125,7 +125,7 @@ def drive(
     lights: StageLights,
     light: EnvironmentMap,
     primaries: LampPrimaries | None = None,
-    subject: Subject = SurfaceSubject(),
+    subject: SurfaceSubject | MeasuredSubject = SurfaceSubject(),
     *,
     closeness: float = 0.1,
 ) -> Drive:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
@@ -19,23 +18,6 @@ from relume.lightstage.relighting.interpolation import Interpolation, NearestLig
 from relume.lightstage.relighting.irradiances import irradiances
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
-
-
-class Subject(Protocol):
-    """What is to look as under a map."""
-
-    @property
-    def weights(self) -> np.ndarray:
-        """How much each of the M things seen counts: (M,), their sum 1."""
-        ...
-
-    def lit_by(self, lights: StageLights) -> np.ndarray:
-        """What is seen per unit irradiance of each light: (M, N), or (M, N, 3) where it differs by channel."""
-        ...
-
-    def under(self, light: EnvironmentMap) -> np.ndarray:
-        """What is seen under a map: (M, 3)."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -61,13 +43,16 @@ class SurfaceSubject:
 
     @property
     def weights(self) -> np.ndarray:
+        """How much each of the M things seen counts: (M,), their sum 1."""
         return LatLong().solid_angles(self.rows).ravel() / (4 * np.pi)
 
     def lit_by(self, lights: StageLights) -> np.ndarray:
+        """What is seen per unit irradiance of each light, (M, N)."""
         towards = pixel_directions(LatLong(), self.rows).reshape(-1, 3)
         return self.lobe(np.clip(towards @ lights.directions.T, -1, 1))
 
     def under(self, light: EnvironmentMap) -> np.ndarray:
+        """What is seen under a map, (M, 3)."""
         source = cut_up(as_latlong(light), self.lobe.width / 2)
         return convolved(source, self.lobe, self.rows)[0].reshape(-1, 3)
 
@@ -101,7 +86,7 @@ class MeasuredSubject:
         return np.full(count, 1 / count)
 
     def lit_by(self, lights: StageLights) -> np.ndarray:
-        """A lamp lights the subject as its field's lights do, each by its share in the lamp's direction."""
+        """(M, N, 3): a lamp lights the subject as its field's lights do, each by its share in the lamp's direction."""
         shares = self.by.weights(self.field.lights, lights.directions)
         return np.moveaxis(np.tensordot(self._values, shares, (1, 1)), 1, 2)
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.optimize import nnls
 
-from relume.lightstage.field.fall_off import FallOff
+from relume.lightstage.field.fall_off import FlatField, NearLights
 from relume.lightstage.field.field import Derived, Noise, ReflectanceField
 from relume.lightstage.field.filling import filled
 from relume.lightstage.field.invalid_samples import Mask
@@ -45,7 +45,7 @@ class Corrected(Derived):
 
     field: ReflectanceField
     gains: np.ndarray | None = None
-    flat: FallOff | None = None
+    flat: FlatField | NearLights | None = None
     mask: Mask | None = None
     measured_noise: Noise | None = None
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 
@@ -23,14 +22,6 @@ _CELLS = 24
 """A board's pictures are read as the medians of this many cells across the longer side."""
 _DARK = 0.02
 """A cell is part of the board where it is this bright relative to the brightest tenth."""
-
-
-class FallOff(Protocol):
-    """How bright each light is at each pixel, relative to its mean over the picture (or to a point)."""
-
-    def pattern(self, lights: slice, rows: slice) -> np.ndarray:
-        """Relative irradiances (lights, rows, columns) float32, above 0."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +38,7 @@ class FlatField:
     shape: tuple[int, int]
 
     def pattern(self, lights: slice, rows: slice) -> np.ndarray:
+        """Relative irradiances (lights, rows, columns) float32, above 0; their mean over the picture is 1."""
         terms = _terms(*_coordinates(self.shape, rows))
         return np.exp(np.einsum("nt,tyx->nyx", self.coefficients[lights], terms)).astype(np.float32)
 
@@ -65,6 +57,7 @@ class NearLights:
     centre: np.ndarray
 
     def pattern(self, lights: slice, rows: slice) -> np.ndarray:
+        """Irradiances (lights, rows, columns) float32 relative to those at the centre."""
         return np.stack([self._of_one(position, self.points[rows]) for position in self.positions[lights]])
 
     def _of_one(self, position: np.ndarray, points: np.ndarray) -> np.ndarray:

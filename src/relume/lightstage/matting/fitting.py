@@ -8,7 +8,9 @@ edge of a stripe is placed between the texels (Zongker et al. 1999).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -59,16 +61,16 @@ def search_along(patterns: Patterns, axis: str, steps: int = 4) -> Search:
     return Search(cumulative, (np.stack(sums) / (end - begin)).astype(np.float32), middle, wide, pictures)
 
 
+def _for_all(loop: Callable[..., None], pixels: np.ndarray, *arguments: Any, chunk: int = 4096) -> None:
+    """Call a kernel on every core for all of its pixels, whose array is its first argument behind the range."""
+    in_threads(lambda begin, end: loop(begin, end, pixels, *arguments), len(pixels), chunk=chunk)
+
+
 def fitted_alone(readings: np.ndarray, search: Search) -> np.ndarray:
     """The one box along an axis that explains readings (P, K) best: (P, 3) middle, width, summed squared misfit."""
     fitted = np.empty((len(readings), 3), np.float32)
-    in_threads(
-        lambda begin, end: matte_kernel.fit_one(
-            begin, end, readings, search.cumulative, search.table, search.middles, search.widths, fitted
-        ),
-        len(readings),
-        chunk=4096,
-    )
+    boxes = search.table, search.middles, search.widths
+    _for_all(matte_kernel.fit_one, readings, search.cumulative, *boxes, fitted)
     return fitted
 
 
@@ -82,13 +84,7 @@ def fitted_near(readings: np.ndarray, search: Search, fitted: np.ndarray, shape:
         middle, width = fitted[:, 0].reshape(shape), fitted[:, 1].reshape(shape)
         expected, strength = _expected(middle, width)
         drawn = fitted.copy()
-        in_threads(
-            lambda begin, end, expected=expected.ravel(), strength=strength.ravel(), drawn=drawn: matte_kernel.fit_near(
-                begin, end, readings, search.cumulative, expected, strength, drawn
-            ),
-            len(readings),
-            chunk=4096,
-        )
+        _for_all(matte_kernel.fit_near, readings, search.cumulative, expected.ravel(), strength.ravel(), drawn)
         fitted = drawn
     return fitted
 
@@ -135,22 +131,13 @@ def fitted_together(
     counts = np.array([len(across.pictures), len(down.pictures)])
     sums, alone = (across.cumulative, down.cumulative), single[pixels]
     boxes = (across.table, down.table), (across.middles, down.middles), (across.widths, down.widths)
-    in_threads(
-        lambda begin, end: matte_kernel.fit_two(begin, end, readings, sums, boxes, counts, alone, straight, fitted),
-        len(readings),
-        chunk=256,
-    )
+    _for_all(matte_kernel.fit_two, readings, sums, boxes, counts, alone, straight, fitted, chunk=256)
     numbers = np.full(shape, -1)
     numbers.flat[pixels] = np.arange(len(pixels))
     for _ in range(_SWEEPS):
         before, fitted = fitted, np.empty_like(fitted)
-        in_threads(
-            lambda begin, end, before=before, fitted=fitted: matte_kernel.fit_among(
-                begin, end, pixels, numbers, readings, sums, boxes, counts, single, before, _TOGETHER, fitted
-            ),
-            len(readings),
-            chunk=256,
-        )
+        fixed = numbers, readings, sums, boxes, counts, single
+        _for_all(matte_kernel.fit_among, pixels, *fixed, before, _TOGETHER, fitted, chunk=256)
     return np.stack([fitted[:, :4], fitted[:, 4:8]]), fitted[:, 8], fitted[:, 9]
 
 
