@@ -9,9 +9,11 @@ from scipy.optimize import minimize
 from relume.errors import BallNotFound
 from relume.image.files import read_photograph
 from relume.lightstage.acquire.ball_highlights import (
+    BallReadings,
     MirrorBall,
     find_ball,
     find_highlight,
+    light_places,
     outline_of_mask,
     read_ball,
     unit_mean,
@@ -191,3 +193,38 @@ def test_the_mean_of_balls_is_a_unit_direction() -> None:
     mean = unit_mean(readings)
     assert np.linalg.norm(mean) == pytest.approx(1)
     np.testing.assert_allclose(np.cross(mean[0], readings[0].directions[0] + readings[1].directions[0]), 0, atol=1e-12)
+
+
+LIGHTS = np.array([[0.5, 1.0, 0.8], [-0.7, 0.3, 0.9]])
+BALLS = [np.array([-0.2, 0.0, 0.0]), np.array([0.25, 0.05, 0.0]), np.array([0.0, -0.2, 0.1])]
+
+
+def readings(places: np.ndarray, lights: np.ndarray) -> BallReadings:
+    on_ball = np.repeat(places[None], len(lights), axis=0)
+    return BallReadings(on_ball, normalised(lights - on_ball))
+
+
+def test_rays_that_meet_tell_the_place() -> None:
+    positions, distances = light_places([readings(ball, LIGHTS) for ball in BALLS], ["a", "b"])
+    np.testing.assert_allclose(positions, LIGHTS, atol=1e-12)
+    np.testing.assert_allclose(distances, 0, atol=1e-12)
+
+
+def test_the_residual_is_the_distance_to_rays_that_pass_each_other() -> None:
+    first = BallReadings(np.array([[0.0, -1, 0.01]]), np.array([[0.0, 1, 0]]))
+    second = BallReadings(np.array([[-1.0, 0, -0.01]]), np.array([[1.0, 0, 0]]))
+    positions, distances = light_places([first, second], ["a"])
+    np.testing.assert_allclose(positions, [[0, 0, 0]], atol=1e-12)
+    np.testing.assert_allclose(distances, [0.01])
+
+
+def test_parallel_rays_are_told_by_name() -> None:
+    far = np.array([[0.0, 0.0, 1000.0], [0.5, 1.0, 0.8]])
+    with pytest.warns(UserWarning, match="b.png: the balls' rays are parallel within half a degree"):
+        light_places([readings(ball, far) for ball in BALLS], ["b.png", "c.png"])
+
+
+def test_rays_that_run_apart_are_refused() -> None:
+    swapped = [BallReadings(ball[None], normalised(-(LIGHTS[:1] - ball[None]))) for ball in BALLS]
+    with pytest.raises(ValueError, match="a: the balls' rays run apart"):
+        light_places(swapped, ["a"])

@@ -8,6 +8,7 @@ camera.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -22,6 +23,8 @@ from relume.probe.ball.unwrapping import CAMERA_FROM_PIXELS
 from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
 
+PARALLEL = np.radians(0.5)
+"""Rays that differ by less, the error of a highlight's place on a ball, do not determine how far away a light is."""
 # How the lamp is separated from the rest that a ball mirrors.
 _SMEAR = 0.01
 """Blur in radii of the ball before the brightest place is sought; a lamp's plateau is wider than the sparks of dust and
@@ -219,3 +222,33 @@ def _rim(piece: np.ndarray) -> np.ndarray:
 def unit_mean(readings: Sequence[BallReadings]) -> np.ndarray:
     """Directions (N, 3) from several balls, for lights so far away that all see them alike: the mean of theirs."""
     return normalised(np.sum([reading.directions for reading in readings], axis=0))
+
+
+def light_places(readings: Sequence[BallReadings], names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """The points (N, 3) nearest to the rays that several balls mirror, by least squares, and how far they miss them.
+
+    readings : in metres and one world; one row a light
+    The misses (N,) are root mean squares, metres. Raises ValueError for rays that meet behind the balls. Warns of
+    lights whose rays are nearly parallel: their distance is a guess.
+    """
+    places = np.stack([reading.places for reading in readings], axis=1)
+    rays = np.stack([reading.directions for reading in readings], axis=1)
+    # Σ (I − d dᵀ)(p − o) = 0: the squared distances to all rays are least.
+    across = np.eye(3) - rays[..., :, None] * rays[..., None, :]
+    positions = np.linalg.solve(across.sum(axis=1), (across @ places[..., None]).sum(axis=1))[..., 0]
+    offset = positions[:, None] - places
+    residuals = np.sqrt(((across @ offset[..., None])[..., 0] ** 2).sum(axis=-1).mean(axis=1))
+    parallax = np.arccos(np.clip((rays[:, :, None] * rays[:, None]).sum(axis=-1), -1, 1)).max(axis=(1, 2))
+    measurable = parallax >= PARALLEL
+    apart = measurable & ((offset * rays).sum(axis=-1).min(axis=1) <= 0)
+    if np.any(apart):
+        odd = names[int(np.argmax(apart))]
+        raise ValueError(f"{odd}: the balls' rays run apart; check the balls' circles, their order and their radii")
+    if not measurable.all():
+        warnings.warn(
+            f"{names[int(np.argmin(measurable))]}: the balls' rays are parallel within half a degree "
+            f"({(~measurable).sum()} such lights), so that its distance is a guess; put the balls farther apart, or "
+            "treat it as a distant light",
+            stacklevel=3,
+        )
+    return positions, residuals

@@ -19,12 +19,12 @@ from relume.lightstage.acquire.ball_highlights import (
     BallReadings,
     MirrorBall,
     find_ball,
+    light_places,
     outline_of_mask,
     read_ball,
     unit_mean,
 )
 from relume.lightstage.acquire.light_files import LIST, read_directions, read_lp
-from relume.lightstage.acquire.near_lights import light_places
 from relume.lightstage.acquire.read_stage import PICTURES
 from relume.lightstage.acquire.rotating_arm import (
     RotatingArm,
@@ -88,13 +88,13 @@ class FilmCourse:
         if self.rings < 1 or self.columns < 1 or (self.frames is not None and not 0 < self.frames < np.inf):
             raise ValueError(f"{self.rings} rings of {self.columns} lights, {self.frames} frames a turn; expected ≥ 1")
 
-    def arm(self, pictures: Iterable[np.ndarray] | None = None, ball: MirrorBall | None = None) -> RotatingArm:
+    def arm(self, pictures: Iterable[np.ndarray], ball: MirrorBall | None) -> RotatingArm:
         """The course of the arm; where `frames` is None it is found from the ball in the film's pictures."""
         band = float(np.pi / self.rings)
         if self.frames is not None:
             rotation = SteadyRotation(1 / self.frames, self.start)
             return RotatingArm(rotation, self.rings, band / 2, band, self.azimuth, self.clockwise)
-        if pictures is None or ball is None:
+        if ball is None:
             raise ValueError("the film's frames a turn are not given; give them, or the circle of a ball in the film")
         directions = lamp_directions(pictures, ball)
         rotation = fit_rotation(directions, start_azimuth=self.azimuth, clockwise=self.clockwise)
@@ -126,12 +126,8 @@ class BallFindings:
     ray_miss: float | None = None
 
 
-def stage_of_list(folder: Path, listed: Path, leave_out: Sequence[Path] = ()) -> Stage:
-    """The pictures of a folder under lights that an .lp or a plain list of directions names, in their order.
-
-    leave_out : pictures that are of no light
-    Raises InvalidStage where pictures and directions differ in number.
-    """
+def stage_of_list(folder: Path, listed: Path, leave_out: Sequence[Path]) -> Stage:
+    """The pictures of a folder, but for some, under lights that an .lp or a plain list of directions names in order."""
     if listed.suffix.lower() == LIST:
         named = read_lp(listed)
         names = [Path(name.replace("\\", "/")).name for name in named.names]
@@ -145,19 +141,14 @@ def stage_of_list(folder: Path, listed: Path, leave_out: Sequence[Path] = ()) ->
 def stage_of_balls(
     folder: Path,
     balls: Sequence[Ball],
-    elsewhere: Sequence[Path] = (),
-    field_of_view: float | None = None,
-    leave_out: Sequence[Path] = (),
+    elsewhere: Sequence[Path],
+    field_of_view: float | None,
+    leave_out: Sequence[Path],
 ) -> tuple[Stage, BallFindings]:
-    """The pictures of a folder under lights found in mirrored balls, and what the balls showed.
+    """The pictures of a folder, but for some, under lights found in mirrored balls, and what the balls showed.
 
-    balls : each is found in the pictures, or given by its circle
-    elsewhere : folders of pictures of the balls under the same lights in the same order, one for all or one for each;
-        none where the balls are in the subject's own pictures
-    field_of_view : of the camera, across, radians; None for one far away. Where it is given and the balls are in
-        metres, the origin is the mean of their centres, and the stage has a camera
-    leave_out : pictures that are of no light
-    Raises InvalidStage, BallNotFound, ValueError.
+    Arguments as of `ImportSettings`. Where the field of view is given and the balls are in metres, the origin is the
+    mean of their centres, and the stage has a camera.
     """
     paths = pictures_in(folder, leave_out)
     names = [path.name for path in paths]
@@ -180,9 +171,7 @@ def stage_of_balls(
         _disagreement(readings) if len(balls) > 1 else (),
     )
     # Balls in metres before a known camera place that camera.
-    metric = field_of_view is not None and all(
-        isinstance(ball, BallCircle) and ball.metres is not None for ball in balls
-    )
+    metric = field_of_view is not None and in_metres(balls)
     middle, cameras = np.mean([mirror.centre for mirror in mirrors], axis=0), {}
     if metric:
         assert field_of_view is not None
@@ -199,13 +188,13 @@ def stage_of_balls(
     return stage_towards(names, directions, cameras), found
 
 
-def camera_ahead(stage: Stage, source: Path, field_of_view: float, distance: float) -> Stage:
-    """The stage with a camera on +Z that looks at the origin along −Z.
+def in_metres(balls: Sequence[Ball]) -> bool:
+    """Whether the own radius of every ball is known."""
+    return all(isinstance(ball, BallCircle) and ball.metres is not None for ball in balls)
 
-    field_of_view : across, radians
-    distance : metres
-    Raises ValueError where the stage has a camera.
-    """
+
+def camera_ahead(stage: Stage, source: Path, field_of_view: float, distance: float) -> Stage:
+    """The stage with a camera on +Z that looks at the origin along −Z; raises ValueError where it has one."""
     if stage.cameras:
         raise ValueError(f"{source} has a camera of its own; leave the field of view and the camera's distance out")
     return replace(stage, cameras={"front": StageCamera((0.0, 0.0, distance), (0.0, 0.0, 0.0), field_of_view)})
@@ -216,25 +205,22 @@ def filmed_stage(
     source: Path,
     out: Path,
     course: FilmCourse,
-    ball: Ball | None = None,
-    field_of_view: float | None = None,
-    leave_out: Sequence[Path] = (),
+    ball: Ball | None,
+    field_of_view: float | None,
+    leave_out: Sequence[Path],
 ) -> Iterator[tuple[Stage, Path]]:
     """The stage of a filmed rotating arm, and where its frames are: those of a video lie beside `out` meanwhile.
 
     source : a video, or the folder of its frames
-    ball : in the film, where the course's `frames` are to be found from it
-    field_of_view : of the camera, across, radians, for the ball; None for one far away
     Raises InvalidStage where the film does not go round the stage, UnreadableFile, OutputNotWritten.
     """
     if source.is_dir():
         passed = {path.resolve() for path in leave_out}
         paths = [path for path in frame_paths(source) if path.resolve() not in passed]
-        frames = lambda: map(_pixels, paths)  # noqa: E731
-        mirror = None if ball is None else mirror_ball(ball, frames, field_of_view)
-        yield stage_of_frames(paths, course.arm(frames(), mirror), course.columns), source
+        arm = _arm(course, ball, lambda: map(_pixels, paths), field_of_view)
+        yield stage_of_frames(paths, arm, course.columns), source
         return
-    arm = _arm_of_video(source, course, ball, field_of_view)
+    arm = _arm(course, ball, lambda: video_frames(source), field_of_view)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         place = tempfile.TemporaryDirectory(prefix=f".{out.name}.frames_", dir=out.parent)
@@ -245,10 +231,10 @@ def filmed_stage(
 
 
 def measure_film(
-    video: Path, course: FilmCourse, ball: Ball | None = None, field_of_view: float | None = None
+    video: Path, course: FilmCourse, ball: Ball | None, field_of_view: float | None
 ) -> tuple[int, int, tuple[int, int]]:
     """Frames, lights and (rows, columns) of a video, from looking at all its frames and keeping none."""
-    arm = _arm_of_video(video, course, ball, field_of_view)
+    arm = _arm(course, ball, lambda: video_frames(video), field_of_view)
     count, shape = 0, (0, 0)
     for frame in video_frames(video):
         count, shape = count + 1, (frame.shape[0], frame.shape[1])
@@ -257,7 +243,10 @@ def measure_film(
 
 def mirror_ball(ball: Ball, pictures: Callable[[], Iterable[np.ndarray]], field_of_view: float | None) -> MirrorBall:
     """A ball as the camera sees it, given or sought in the pictures; raises ValueError and BallNotFound."""
-    camera = None if field_of_view is None else _camera(next(iter(pictures())).shape, field_of_view)
+    camera = None
+    if field_of_view is not None:
+        height, width = next(iter(pictures())).shape[:2]
+        camera = Camera(width, height, float(width / 2 / np.tan(field_of_view / 2)), np.zeros(3), np.eye(3))
     if isinstance(ball, Path):
         return MirrorBall(outline_of_mask(files.read_photograph(ball).pixels, ball.name), camera)
     if isinstance(ball, BallCircle):
@@ -305,14 +294,11 @@ def _disagreement(readings: Sequence[BallReadings]) -> tuple[float, ...]:
     return tuple(float(np.arccos(np.clip((each.directions * mean).sum(-1), -1, 1)).max()) for each in readings)
 
 
-def _arm_of_video(video: Path, course: FilmCourse, ball: Ball | None, field_of_view: float | None) -> RotatingArm:
-    mirror = None if ball is None else mirror_ball(ball, lambda: video_frames(video), field_of_view)
-    return course.arm(video_frames(video), mirror)
-
-
-def _camera(shape: tuple[int, ...], field_of_view: float) -> Camera:
-    height, width = shape[:2]
-    return Camera(width, height, float(width / 2 / np.tan(field_of_view / 2)), np.zeros(3), np.eye(3))
+def _arm(
+    course: FilmCourse, ball: Ball | None, frames: Callable[[], Iterable[np.ndarray]], field_of_view: float | None
+) -> RotatingArm:
+    mirror = None if ball is None else mirror_ball(ball, frames, field_of_view)
+    return course.arm(frames(), mirror)
 
 
 def _pixels(path: Path) -> np.ndarray:

@@ -17,11 +17,11 @@ from relume.lightstage.acquire.import_corrections import Corrections, correct
 from relume.lightstage.acquire.import_lights import (
     VIDEOS,
     Ball,
-    BallCircle,
     BallFindings,
     FilmCourse,
     camera_ahead,
     filmed_stage,
+    in_metres,
     measure_film,
     stage_of_balls,
     stage_of_list,
@@ -79,9 +79,6 @@ class ImportSettings:
             )
         if self.ball_pictures and (film_ball or not self.balls):
             raise ValueError('pictures of balls without balls; give each ball\'s circle, or "find", and no film')
-        metric = bool(self.balls and not film_ball) and all(
-            isinstance(ball, BallCircle) and ball.metres is not None for ball in self.balls
-        )
         if self.field_of_view is not None and not 0 < self.field_of_view < np.pi:
             degrees = np.degrees(self.field_of_view)
             raise ValueError(f"the field of view is {degrees:g} degrees; give more than 0 and less than 180")
@@ -90,7 +87,7 @@ class ImportSettings:
                 raise ValueError(f"the camera's distance is {self.camera_distance}; give metres above 0")
             if self.field_of_view is None:
                 raise ValueError("the camera's distance without its field of view; give both")
-            if metric:
+            if self.balls and not film_ball and in_metres(self.balls):
                 raise ValueError("balls in metres place the camera; leave the camera's distance or the metres out")
         elif self.field_of_view is not None and not self.balls:
             raise ValueError("the field of view without balls or the camera's distance; give the distance too")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +54,6 @@ def read_stage(path: str | os.PathLike[str], camera: str | None = None, *, kept:
 def find_stage_file(path: str | os.PathLike[str]) -> tuple[Stage, Path]:
     """The stage that a folder or file describes, and its stage file or `.lp`; no picture is looked at.
 
-    path : as of `read_stage`, but for a store
     Raises InvalidStage where there is neither.
     """
     source = _source(Path(path))
@@ -100,13 +99,20 @@ def open_pictures(
     folder = source if source.is_dir() else source.parent
     view, key = _view(stage, camera, source)
     paths = tuple(tuple(folder / name for name in entry.files[key]) for entry in stage.lights)
-    _require_there([path for names in paths for path in names], source)
+    wanted = [path for names in paths for path in names]
+    missing = [path for path in wanted if not path.is_file()]
+    if missing:
+        raise InvalidStage(
+            f"{source}: {len(missing)} of {len(wanted)} pictures are missing, the first {missing[0]}; add them, or "
+            "leave out their lights"
+        )
     _warn_of_unnamed(stage, folder, source, known)
     exposures = tuple(entry.exposure for entry in stage.lights if entry.exposure is not None)
     if exposures and len(exposures) != len(stage.lights):
         silent = next(entry.label for entry in stage.lights if entry.exposure is None)
         raise InvalidStage(f'{source}: the light "{silent}" has no "exposure", but others have; give it to all')
-    shape = _shape_of(paths[0][0])
+    first = paths[0][0]
+    width, height = (files.read_radiance(first) if files.has_radiance(first) else files.read_photograph(first)).size
     try:
         lights = stage.stage_lights()
     except ValueError as error:
@@ -115,8 +121,8 @@ def open_pictures(
         lights,
         paths,
         np.array([entry.irradiance for entry in stage.lights], np.float64),
-        shape,
-        None if view is None else view.camera(shape[1], shape[0]),
+        (height, width),
+        None if view is None else view.camera(width, height),
         encoding=PhotographEncoding.named(stage.encoding, folder),
         exposures=exposures or None,
         kept=kept,
@@ -178,16 +184,6 @@ def _view(stage: Stage, camera: str | None, source: Path) -> tuple[StageCamera |
     return stage.cameras.get(chosen), chosen
 
 
-def _require_there(paths: Iterable[Path], source: Path) -> None:
-    wanted = list(paths)
-    missing = [path for path in wanted if not path.is_file()]
-    if missing:
-        raise InvalidStage(
-            f"{source}: {len(missing)} of {len(wanted)} pictures are missing, the first {missing[0]}; add them, or "
-            "leave out their lights"
-        )
-
-
 def _warn_of_unnamed(stage: Stage, folder: Path, source: Path, known: Collection[Path]) -> None:
     meant = {path.resolve() for path in known}
     named = {folder / name for entry in stage.lights for names in entry.files.values() for name in names}
@@ -200,10 +196,3 @@ def _warn_of_unnamed(stage: Stage, folder: Path, source: Path, known: Collection
             "are passed over",
             stacklevel=4,
         )
-
-
-def _shape_of(path: Path) -> tuple[int, int]:
-    """Rows and columns of a picture as it is read, upright."""
-    picture = files.read_radiance(path) if files.has_radiance(path) else files.read_photograph(path)
-    width, height = picture.size
-    return height, width

@@ -168,11 +168,9 @@ def chunk_sizes(path: Path, grid: tuple[int, ...], groups: range | None = None) 
     """Bytes of the files of every chunk, 0 where there is none; of these groups of lights, all unless given."""
     chosen = range(grid[0]) if groups is None else groups
     found = np.zeros((len(chosen), *grid[1:]), np.int64)
-    for place, index in enumerate(chosen):
-        for down in range(grid[1]):
-            for across in range(grid[2]):
-                file = path / "values" / "c" / str(index) / str(down) / str(across) / "0"
-                found[place, down, across] = file.stat().st_size if file.is_file() else 0
+    for place, down, across in np.ndindex(found.shape):
+        file = path / "values" / "c" / str(chosen[place]) / str(down) / str(across) / "0"
+        found[place, down, across] = file.stat().st_size if file.is_file() else 0
     return found
 
 
