@@ -15,8 +15,7 @@ from camera_curves import CurveCamera, camera_curves, exposure_error, mixed_scen
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.response.calibration import ResponseMethod, recover_response
 from relume.capture.response.debevec_malik import DebevecMalik
-from relume.capture.response.mitsunaga_nayar import MitsunagaNayar
-from relume.capture.response.robertson import Robertson
+from relume.capture.response.other_methods import MitsunagaNayar, Robertson
 from relume.image.photograph import Photograph
 from synthetic import STOPS
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from relume.capture.clipping_report import clipping_report, solid_angles
+from relume.capture.brackets.result import clipping_report, solid_angles
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 
 

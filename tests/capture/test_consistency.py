@@ -9,10 +9,17 @@ import numpy as np
 import pytest
 
 from relume.capture.exposure.bracket import Bracket, read_bracket
+from relume.capture.exposure.comparison import (
+    STRANGE,
+    brightness_chain,
+    log_ratio,
+    matched,
+    reduced,
+    similarity,
+    structure,
+)
 from relume.capture.exposure.consistency import Doubt, check
 from relume.capture.exposure.folder import expand
-from relume.capture.exposure.relative_brightness import brightness_chain, log_ratio, matched, reduced
-from relume.capture.exposure.scene_similarity import STRANGE, similarity, structure
 from relume.capture.exposure.validation import compare
 from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph, Settings

@@ -179,24 +179,18 @@ def test_a_response_of_another_depth_is_refused():
 
 
 def bounds_of(photograph: Photograph, side: int, shift: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    shape = (-(-photograph.pixels.shape[0] // side), -(-photograph.pixels.shape[1] // side), 3)
-    bounds, middle = np.empty((2, *shape), np.float32), np.empty(shape, photograph.pixels.dtype)
-    measured = np.empty(shape[:2], bool)
     curve = np.exp((np.arange(256) - 255.0) / 50)
-    square_bounds(
-        photograph,
+    bounds, middle, measured = square_bounds(
+        (photograph,),
         np.stack([curve] * 3).astype(np.float32),
         np.full((3, 256), 0.03, np.float32),
         np.array([[6, 249]] * 3),
-        log_time=math.log(2.0),
+        np.log([2.0]),
         side=side,
         shift=shift,
         crosstalk=0.0,
-        bounds=bounds,
-        middle=middle,
-        measured=measured,
     )
-    return bounds, middle, measured
+    return bounds[0], middle[0], measured[0]
 
 
 def test_the_bounds_of_a_square_by_hand():

@@ -13,9 +13,8 @@ from handheld import FINE, MARGIN, luminance, stack, unplaced
 from moving_scenes import CAMERA, known_response, moving_scene
 from relume.capture.brackets.merging import merge_brackets
 from relume.capture.brackets.photographs import _warn_of_an_odd_frame
-from relume.capture.brackets.result import MergeResult
+from relume.capture.brackets.result import MergeResult, clipping_report
 from relume.capture.brackets.settings import MergeSettings
-from relume.capture.clipping_report import clipping_report
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.exposure.consistency import NOTHING_TO_DO, Doubt
 from relume.capture.ghosts.deghosting import Deghosted
@@ -111,7 +110,7 @@ def test_a_photograph_alone_is_measured_by_a_known_response(scene):
     found = merge_brackets(alone, profile=known_response())
     assert found.brackets[0].deghosted is None and found.warnings == ()
     assert np.median(ratios(found.brackets[0].picture, scene)) == pytest.approx(1, abs=0.01)
-    with pytest.raises(NotABracket, match="no two photographs differ in exposure"):
+    with pytest.raises(NotABracket, match="one photograph, so the camera's response cannot be recovered"):
         merge_brackets(alone)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from relume.capture.response.mitsunaga_nayar import MitsunagaNayar
+from relume.capture.response.other_methods import MitsunagaNayar
 from relume.capture.response.sampling import Observations
 from relume.errors import NotABracket
 

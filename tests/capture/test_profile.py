@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from relume.capture.raw.noise import SensorNoise
-from relume.capture.raw.sensor import Sensor
+from relume.capture.raw.sensor import Sensor, SensorNoise
 from relume.capture.response.calibration import recover_response
 from relume.capture.response.camera_profile import CameraProfile, profile_of, read_profile, write_profile
 from relume.image.response import Response

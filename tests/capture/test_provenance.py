@@ -5,7 +5,7 @@ from datetime import datetime
 
 import numpy as np
 
-from relume.capture.provenance import provenance
+from relume.capture.brackets.lens_steps import provenance
 from relume.image.files import read_photograph, write
 from relume.image.files.metadata.exif import tags
 from relume.image.files.metadata.exif_attributes import attributes_of

@@ -16,8 +16,7 @@ from relume.capture.brackets.result import MergeResult
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.lens.vignetting import Vignetting, corrected
 from relume.capture.raw.merging import calibrate_raw, merge_raw
-from relume.capture.raw.noise import SensorNoise
-from relume.capture.raw.sensor import Sensor
+from relume.capture.raw.sensor import Sensor, SensorNoise
 from relume.capture.response.camera_profile import CameraProfile
 from relume.capture.scale.absolute import Scale, apply_scale, scale_from_saturation
 from relume.capture.scale.luminaire import ChannelGains, apply_balance

@@ -11,8 +11,7 @@ import pytest
 from dng_files import RGGB, sensed, write_dng
 from relume.capture.raw.kernel import Frame, accumulate, concluded
 from relume.capture.raw.merging import RawCalibration, calibrate_raw, merge_raw
-from relume.capture.raw.noise import SensorNoise, fitted_noise, noise_between, noise_within
-from relume.capture.raw.sensor import Sensor
+from relume.capture.raw.sensor import Sensor, SensorNoise, fitted_noise, noise_between, noise_within
 from relume.errors import NotABracket, UnreadableFile
 from relume.image.files import read_raw
 from relume.image.photograph import Exposure, RawPhotograph

@@ -6,8 +6,7 @@ import pytest
 from camera_curves import EXPOSURE, CurveCamera, camera_curves, exposure_error, mixed_scene
 from relume.capture.response.calibration import Calibration, recover_response
 from relume.capture.response.debevec_malik import DebevecMalik
-from relume.capture.response.mitsunaga_nayar import MitsunagaNayar
-from relume.capture.response.robertson import Robertson
+from relume.capture.response.other_methods import MitsunagaNayar, Robertson
 
 
 def errors(count: int, electrons: float | None, method=DebevecMalik()) -> np.ndarray:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from relume.capture.response.robertson import Robertson
+from relume.capture.response.other_methods import Robertson
 from relume.capture.response.sampling import Observations
 
 

@@ -15,12 +15,10 @@ from moving_scenes import known_response
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.brackets.shoot import targets
 from relume.capture.lens.vignetting import Vignetting
-from relume.capture.raw.noise import SensorNoise
-from relume.capture.raw.sensor import Sensor
+from relume.capture.raw.sensor import Sensor, SensorNoise
 from relume.capture.response.camera_profile import CameraProfile, read_profile, write_profile
 from relume.capture.response.debevec_malik import DebevecMalik
-from relume.capture.response.mitsunaga_nayar import MitsunagaNayar
-from relume.capture.response.robertson import Robertson
+from relume.capture.response.other_methods import MitsunagaNayar, Robertson
 from relume.capture.scale.absolute import THIRD_OF_A_STOP
 from relume.capture.scale.readings import (
     DarkPlace,

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
-from relume.probe.ball.agreement import agreement
 from relume.probe.ball.blending import Probe, blend_views
 from relume.probe.ball.registration import spread_directions
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
+from relume.probe.ball.weights import agreement
 from relume.sphere.inpainting import continued
 from relume.sphere.mappings.mapping import LatLong, pixel_directions, pixel_points
 from synthetic import CENTRE, lobes, photograph_ball, unit

@@ -82,7 +82,8 @@ def test_each_lamp_is_where_it_was(both, towards):
 def test_a_direction_is_looked_up_where_the_ray_tracer_saw_it(front):
     generator = np.random.default_rng(2)
     around = unit(generator.normal(size=(5000, 3)))
-    radiance, cosine = front.lookup(around)
+    looked = front.see(around)
+    radiance, cosine = looked.radiance, looked.incidence
     # Half the ball's visible normals face the camera by more than 45°, which shows all but a cone of 90° behind it.
     seen = cosine > 0.3
     error = np.abs(np.log(radiance[seen] / lobes(around[seen])))
@@ -93,13 +94,13 @@ def test_a_direction_is_looked_up_where_the_ray_tracer_saw_it(front):
 def test_the_cosine_says_how_squarely_the_ball_shows_a_direction(front):
     towards = front.towards_camera
     assert angle_between(towards, FRONT - CENTRE) < 0.05
-    assert front.lookup(towards[None])[1] == pytest.approx(1.0, abs=1e-4)
+    assert front.see(towards[None]).incidence == pytest.approx(1.0, abs=1e-4)
     # Seen from far, a direction at angle β from the camera's is mirrored at normal angle β/2; at 20 radii, nearly.
     axis = np.cross(towards, [0.0, 1.0, 0.0])
     for beta, cosine in [(40.0, 0.937), (90.0, 0.69), (140.0, 0.312)]:
-        got = front.lookup(turned(towards[None], axis, beta))[1]
+        got = front.see(turned(towards[None], axis, beta)).incidence
         assert got == pytest.approx(cosine, abs=0.015)
-    assert front.lookup(-towards[None])[1] == pytest.approx(0.0, abs=1e-6)
+    assert front.see(-towards[None]).incidence == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("aim", [(0.0, 0.05, 0.0), (0.045, 0.02, 0.0), (-0.06, 0.09, 0.0)])
@@ -116,9 +117,9 @@ def test_the_cone_fit_gives_axis_and_distance_wherever_the_ball_lies(aim):
     assert angle_between(found.axis, true_axis) < 0.15
     assert angle_between(found.towards_camera, camera - CENTRE) < 1e-5
     around = unit(np.random.default_rng(5).normal(size=(3000, 3)))
-    radiance, cosine = found.lookup(around)
-    seen = cosine > 0.35
-    assert np.median(np.abs(np.log(radiance[seen] / lobes(around[seen])))) < 0.02
+    looked = found.see(around)
+    seen = looked.incidence > 0.35
+    assert np.median(np.abs(np.log(looked.radiance[seen] / lobes(around[seen])))) < 0.02
 
 
 def test_an_unknown_focal_length_is_found_from_the_ball(front):
@@ -157,7 +158,7 @@ def test_poses_that_are_right_stay(both):
 def test_neither_camera_is_seen_in_the_blended_light():
     # The photographer is a black disc of 0.15 m, 8.6° to either side of the camera a metre away.
     views = [view(camera, camera_blob=0.15) for camera in (FRONT, SIDE)]
-    dark = views[0].lookup(unit(FRONT - CENTRE)[None])[0]
+    dark = views[0].see(unit(FRONT - CENTRE)[None]).radiance
     assert dark.max() < 0.05  # it is in the picture,
     light = blend_views(views, size=SIZE).light.radiance
     truth = lobes(directions())
@@ -202,9 +203,9 @@ def test_near_walls_are_found_and_accounted_for():
     around = unit(np.random.default_rng(7).normal(size=(4000, 3)))
     error = {}
     for nearness in (0.0, probe.nearness):
-        radiance, cosine = views[0].lookup(around, nearness)
-        seen = cosine > 0.3
-        error[nearness] = np.sqrt((np.log(radiance[seen] / lobes(around[seen])) ** 2).mean())
+        looked = views[0].see(around, nearness)
+        seen = looked.incidence > 0.3
+        error[nearness] = np.sqrt((np.log(looked.radiance[seen] / lobes(around[seen])) ** 2).mean())
     assert error[probe.nearness] < 0.5 * error[0.0]
 
 
@@ -230,4 +231,4 @@ def test_saturated_light_is_reported_as_a_solid_angle(front, side):
     expected = 2 * np.pi * (1 - np.cos(reach))
     assert blend_views(views, size=SIZE).clipped_solid_angle == pytest.approx(expected, rel=0.05)
     assert blend_views([front, side], size=SIZE).clipped_solid_angle == 0.0
-    assert views[0].saturated(np.stack([lamp, -lamp])).tolist() == [True, False]
+    assert (views[0].see(np.stack([lamp, -lamp])).saturated > 0.5).tolist() == [True, False]

@@ -14,7 +14,7 @@ from relume.capture.lens.vignetting import Vignetting
 from relume.errors import NotAPanorama
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
 from relume.probe.panorama.balance import Balancing, balance
-from relume.probe.panorama.blending import fill
+from relume.probe.panorama.seams import fill
 from relume.probe.panorama.stitching import Panorama, stitch_panorama
 from relume.probe.panorama.views import FACES, PanoramaView, orientation
 from relume.sphere.directions import normalised

@@ -92,9 +92,9 @@ def test_a_ball_cut_by_the_picture_is_refused_unless_it_is_picked():
     view = unwrap_ball(cut, camera=camera, centre=CENTRE, focal_length=3400.0, outline=picked)
     assert picked.cut(cut.size) == pytest.approx(0.086, abs=0.01)
     right, left = np.array([0.98, 0.1, 0.1]), np.array([-0.98, 0.1, -0.1])
-    assert view.lookup(unit(right))[1] > 0.5
-    assert view.lookup(unit(np.array([-0.9, 0.0, -0.35])))[1] == 0
-    assert np.isfinite(view.lookup(unit(left))[0]).all()
+    assert view.see(unit(right)).incidence > 0.5
+    assert view.see(unit(np.array([-0.9, 0.0, -0.35]))).incidence == 0
+    assert np.isfinite(view.see(unit(left)).radiance).all()
 
 
 def test_points_picked_by_hand_are_taken_exactly_or_followed():

@@ -34,7 +34,7 @@ def at_angle(view: BallView, degrees: float, around: float = 0.3) -> np.ndarray:
 )
 def test_from_far_away_a_ball_shows_twice_the_arcsine(radius, degrees):
     view = ball_view(1e5, focal_length=1e7, size=(240, 240))  # 100 pixels in radius
-    x, y, _ = view.lookup(at_angle(view, degrees))[0]
+    x, y, _ = view.see(at_angle(view, degrees)).radiance
     assert np.hypot(x - 120, y - 120) / 100 == pytest.approx(radius, abs=2e-4)
 
 
@@ -45,7 +45,7 @@ def test_a_near_camera_is_blind_to_a_cone_behind_the_ball(distance, degrees):
     inner, outer = (view.see(at_angle(view, edge + step)) for step in (0.02, -0.5))
     assert inner.incidence < 1e-6 and inner.sampling < 1e-3
     assert outer.incidence > 1e-3 and outer.sampling == 0  # within the ball's outermost pixel, which is mixed
-    assert view.sampling(at_angle(view, edge - 20)) > 0
+    assert view.see(at_angle(view, edge - 20)).sampling > 0
     assert view.solid_angles(at_angle(view, edge + 0.02)) == 0 < view.solid_angles(at_angle(view, edge - 0.5))
 
 
@@ -59,7 +59,7 @@ def test_the_solid_angle_of_a_pixel_is_its_jacobian(distance, axis):
         side = unit(np.cross(towards, [0.3, 0.2, 1.0]))
         other = np.cross(towards, side)
         corners = unit(towards + step * np.array([side, -side, other, -other]))
-        places = view.lookup(corners)[0][:, :2]
+        places = view.see(corners).radiance[:, :2]
         across, along = (places[0] - places[1]) / (2 * step), (places[2] - places[3]) / (2 * step)
         numeric = 1 / abs(across[0] * along[1] - across[1] * along[0])
         assert view.solid_angles(towards) == pytest.approx(numeric, rel=3e-3)
@@ -67,7 +67,7 @@ def test_the_solid_angle_of_a_pixel_is_its_jacobian(distance, axis):
         if (
             axis[0] == 0 and degrees < 150
         ):  # not in the outermost pixel; off the middle the picture itself stretches by a few percent more
-            assert view.sampling(towards) == pytest.approx(least, rel=0.02)
+            assert view.see(towards).sampling == pytest.approx(least, rel=0.02)
 
 
 def test_from_far_away_every_pixel_takes_in_the_same_solid_angle():
@@ -115,9 +115,9 @@ def test_what_a_ball_keeps_is_divided_out_by_its_angle():
     )
     for degrees in (10.0, 90.0, 165.0):
         towards = at_angle(plain, degrees)
-        (shown, cosine), (light, _) = plain.lookup(towards), dull.lookup(towards)
-        np.testing.assert_allclose(light * BallReflectance((0.5, 0.6, 0.7)).at(cosine), shown)
-    assert (plain.lookup(at_angle(plain, 10.0))[0] / dull.lookup(at_angle(plain, 10.0))[0])[0] == pytest.approx(
+        shown, light = plain.see(towards), dull.see(towards).radiance
+        np.testing.assert_allclose(light * BallReflectance((0.5, 0.6, 0.7)).at(shown.incidence), shown.radiance)
+    assert (plain.see(at_angle(plain, 10.0)).radiance / dull.see(at_angle(plain, 10.0)).radiance)[0] == pytest.approx(
         0.5, abs=1e-4
     )
 

@@ -17,9 +17,8 @@ from PIL import Image
 
 from moving_scenes import known_response
 from relume.capture.brackets.merging import merge_brackets
-from relume.capture.brackets.result import MergedCamera, MergeResult
+from relume.capture.brackets.result import ClippingReport, MergedCamera, MergeResult
 from relume.capture.brackets.settings import MergeSettings
-from relume.capture.clipping_report import ClippingReport
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.exposure.consistency import NOTHING_TO_DO, Doubt
 from relume.capture.lens.vignetting import Vignetting

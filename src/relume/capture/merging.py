@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NoReturn
+
 import numpy as np
 
 from relume.capture.exposure.bracket import Bracket
@@ -33,7 +35,13 @@ def merge(bracket: Bracket, response: Response, *, weighting: Weighting = Invers
 
     width, height = bracket.photographs[0].size
     frames = [p.pixels.reshape(-1, 3) for p in bracket.photographs]
-    _require_levels(bracket, response)
+    kind = bracket.photographs[0].pixels.dtype
+    if np.iinfo(kind).max + 1 != response.levels:
+        raise NotABracket(
+            f"{bracket.name}: {kind} photographs and a response of {response.levels} values; "
+            f"merging needs a response of {np.iinfo(kind).max + 1} values"
+        )
+    # What is not part of the picture.
     inside = np.zeros((1, height * width), bool)
     masks = [inside[0] if p.outside is None else p.outside.ravel() for p in bracket.photographs]
     masked = any(p.outside is not None for p in bracket.photographs)
@@ -57,8 +65,11 @@ def merge(bracket: Bracket, response: Response, *, weighting: Weighting = Invers
             variance[part][clipped[part] == OUTSIDE] = np.inf
         return measured
 
+    # Eq. 6, stretch by stretch.
     measured = sum(in_threads(work, height * width, chunk=STRETCH))
-    _require_light(bracket, measured / radiance.size, clipped)
+    # Less than one pixel value in a thousand is no measurement.
+    if measured / radiance.size < 1e-3:
+        refuse_unlit(bracket.name, (clipped == SATURATED).sum() > (clipped == BLACK).sum())
     shape = (height, width, 3)
     return RadianceMap(radiance.reshape(shape), variance.reshape(shape), clipped.reshape(height, width))
 
@@ -80,19 +91,8 @@ def _tables(response: Response, weighting: Weighting) -> np.ndarray:
     return np.stack([weights * response.log_exposure, weights, (weights * deviation) ** 2], axis=-1)
 
 
-def _require_levels(bracket: Bracket, response: Response) -> None:
-    kind = bracket.photographs[0].pixels.dtype
-    if np.iinfo(kind).max + 1 != response.levels:
-        raise NotABracket(
-            f"{bracket.name}: {kind} photographs and a response of {response.levels} values; "
-            f"merging needs a response of {np.iinfo(kind).max + 1} values"
-        )
-
-
-def _require_light(bracket: Bracket, measured: float, clipped: np.ndarray) -> None:
-    """Refuse a bracket in which less than one pixel value in a thousand is measured."""
-    if measured >= 1e-3:
-        return
-    if (clipped == SATURATED).sum() > (clipped == BLACK).sum():
-        raise NotABracket(f"{bracket.name}: saturated in every photograph; add shorter exposures")
-    raise NotABracket(f"{bracket.name}: black in every photograph; add longer exposures (was the lens cap on?)")
+def refuse_unlit(name: str, saturated: bool) -> NoReturn:
+    """Refuse a bracket in which hardly anything is measured."""
+    if saturated:
+        raise NotABracket(f"{name}: saturated in every photograph; add shorter exposures")
+    raise NotABracket(f"{name}: black in every photograph; add longer exposures (was the lens cap on?)")

@@ -101,12 +101,8 @@ def _scatter(curve: np.ndarray, deviation: np.ndarray, still: Sequence[Observati
     for each in range(1, BINS + 1):
         here = square[place == each]
         if len(here) >= 50:
-            found.append((float(value[place == each].mean()), _trimmed_mean(here), float(len(here))))
+            # The mean square without those beyond four standard deviations: edges and movement. The median shows
+            # them, since the median square of a bell curve is 0.455 of its variance.
+            kept = here[here <= max(16 * 2.198 * float(np.median(here)), 1.0)]
+            found.append((float(value[place == each].mean()), float(kept.mean()), float(len(here))))
     return np.array(found).reshape(-1, 3)
-
-
-def _trimmed_mean(squares: np.ndarray) -> float:
-    """The mean square without those beyond four standard deviations, which the median shows: edges and movement."""
-    limit = 16 * 2.198 * float(np.median(squares))  # the median square of a bell curve is 0.455 of its variance
-    kept = squares[squares <= max(limit, 1.0)]
-    return float(kept.mean())

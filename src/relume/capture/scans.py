@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, cast
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from relume.capture.lens.vignetting import robust_deviation
 from relume.capture.merging import clipping_bounds
 from relume.capture.weighting import InverseVariance, Weighting
 from relume.errors import NotABracket
@@ -108,8 +108,6 @@ def _read(photograph: Photograph, response: Response, weighting: Weighting) -> _
 
 def _aligned(first: _Scan, other: _Scan) -> _Scan:
     """The other scan on the first one's scale, channel by channel."""
-    from scipy.stats import median_abs_deviation  # half a second to load
-
     logarithm = other.logarithm.copy()
     for channel, name in enumerate(("red", "green", "blue")):
         both = (first.weights[..., channel] > 0) & (other.weights[..., channel] > 0)
@@ -120,8 +118,7 @@ def _aligned(first: _Scan, other: _Scan) -> _Scan:
             )
         apart = (first.logarithm - other.logarithm)[..., channel][both]
         noise = np.sqrt((first.relative_variance + other.relative_variance)[..., channel][both])
-        # Pyright takes scale for a float, as its default is.
-        middle, scatter = float(np.median(apart)), float(median_abs_deviation(apart, scale=cast(Any, "normal")))
+        middle, scatter = float(np.median(apart)), robust_deviation(apart)
         if scatter > max(APART, 3 * float(np.median(noise))):
             warnings.warn(
                 f"{first.name} and {other.name} disagree by {scatter:.2f} of ln exposure in {name}; register the scans "
@@ -133,7 +130,7 @@ def _aligned(first: _Scan, other: _Scan) -> _Scan:
         near = np.abs(apart - middle) <= width
         weight = noise[near] ** -2
         logarithm[..., channel] += float(weight @ apart[near] / weight.sum())
-    return _Scan(other.name, logarithm, other.relative_variance, other.weights, other.white, other.outside)
+    return replace(other, logarithm=logarithm)
 
 
 def _require_one_exposure(photographs: Sequence[Photograph]) -> None:

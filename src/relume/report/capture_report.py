@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.capture.brackets.result import MergedBracket, MergeResult
+from relume.capture.brackets.result import ClippingReport, MergedBracket, MergeResult
 from relume.capture.brackets.settings import MergeSettings
-from relume.capture.clipping_report import ClippingReport
 from relume.capture.response.calibration import Calibration
 from relume.image import files
 from relume.report import capture_plots, plots

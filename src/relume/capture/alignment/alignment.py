@@ -119,7 +119,9 @@ def _estimates(
             compared = nearest if reference in nearest else [*nearest, reference]
             partners = [Placed(levels[i], found[i].motion) for i in compared]
             found[index] = estimate(levels[index], partners, rotation=rotation)
-            if _reliable(found[index]) and _near(found[index].motion, size):
+            dx, dy = abs(found[index].motion.dx), abs(found[index].motion.dy)
+            # Beyond what a hand may move it, some edge of a smooth scene was taken for another.
+            if _reliable(found[index]) and dx <= FARTHEST * size[0] and dy <= FARTHEST * size[1]:
                 placed.append(index)
             else:
                 found[index] = replace(found[index], motion=partners[0].motion, error=np.inf)
@@ -127,11 +129,6 @@ def _estimates(
     with ThreadPoolExecutor(2) as pool:
         list(pool.map(follow, (range(reference - 1, -1, -1), range(reference + 1, len(levels)))))
     return [found[index] for index in range(len(levels))]
-
-
-def _near(motion: Motion, size: tuple[int, int]) -> bool:
-    """Whether a hand may have moved that far; beyond, some edge of a smooth scene was taken for another."""
-    return abs(motion.dx) <= FARTHEST * size[0] and abs(motion.dy) <= FARTHEST * size[1]
 
 
 def _reliable(estimate: Estimate) -> bool:

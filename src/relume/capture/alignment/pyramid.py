@@ -94,16 +94,12 @@ def pyramid(photograph: Photograph) -> tuple[Level, ...]:
         inside -= cropped.reshape(shape[0], factor, shape[1], factor).any((1, 3)).astype(np.uint8)
         valid *= inside
     if factor == 1:
-        values = _smooth(values)
+        # Binomial 3×3: unreduced pixels are noisy, and interpolated noise is least half-way between pixels.
+        values = correlate1d(correlate1d(values, [0.25, 0.5, 0.25], 0), [0.25, 0.5, 0.25], 1)
     levels = [Level(values, valid, inside, factor, photograph.size)]
     while max(levels[-1].values.shape) > SHORTEST and min(levels[-1].values.shape) >= 32:
         levels.append(_halved(levels[-1]))
     return tuple(levels)
-
-
-def _smooth(values: np.ndarray) -> np.ndarray:
-    """Binomial 3×3: unreduced pixels are noisy, and interpolated noise is least half-way between pixels."""
-    return correlate1d(correlate1d(values, [0.25, 0.5, 0.25], 0), [0.25, 0.5, 0.25], 1)
 
 
 def _halved(level: Level) -> Level:

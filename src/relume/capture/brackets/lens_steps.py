@@ -1,4 +1,4 @@
-"""The steps that photographs and camera raws share: timing, and the lens, balance and scale of a merged map."""
+"""The steps that photographs and camera raws share: timing, and the lens, balance, scale and origin of a merged map."""
 
 from __future__ import annotations
 
@@ -7,15 +7,17 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
+from relume.capture.brackets.result import MergedBracket, clipping_report
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import Bracket
+from relume.capture.exposure.consistency import Doubt
 from relume.capture.lens.glare import Glare, diminish_glare
 from relume.capture.lens.vignetting import corrected as without_vignetting
-from relume.capture.provenance import provenance
 from relume.capture.raw.merging import RawCalibration
 from relume.capture.scale.absolute import Scale, apply_scale
 from relume.capture.scale.luminaire import ChannelGains, apply_balance
-from relume.image.photograph import Exposure
+from relume.image.files.metadata.gps import text_of
+from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 
@@ -50,8 +52,9 @@ class LensSteps:
         bracket: Bracket,
         exposures: Sequence[Exposure],
         camera: Response | RawCalibration,
-    ) -> tuple[RadianceMap, ChannelGains | None, Scale | None]:
-        """The map without glare and vignetting, balanced and scaled, with its origin in its attributes.
+        doubts: Sequence[Doubt],
+    ) -> MergedBracket:
+        """The bracket's map without glare and vignetting, balanced and scaled, with its origin in its attributes.
 
         The attributes hold its aperture, so that a map of an even wall knows at which one its vignetting was measured.
         """
@@ -76,4 +79,59 @@ class LensSteps:
             if self._scale is None:
                 self._scale = settings.scale(picture, bracket, camera) if callable(settings.scale) else settings.scale
             picture = apply_scale(picture, self._scale)
-        return picture, self._balance, self._scale
+        focal_length = settings.focal_length or bracket.focal_length
+        return MergedBracket(
+            picture, bracket.name, bracket.photographs[0].camera, bracket.exposure_table, tuple(doubts), None, None,
+            clipping_report(picture, focal_length=focal_length), focal_length, self._scale, self._balance,
+        )  # fmt: skip
+
+
+def provenance(photographs: Sequence[Photograph]) -> dict[str, str]:
+    """Attributes of the radiance map of a bracket: what all its photographs share, when it began, and its exposures.
+
+    camera, lens, serial, iso, focal_length (mm), owner, copyright, comments : where all photographs hold the same
+    camera_make : the make alike, where it is known; `camera` is then the model alone, as EXIF and other files have them
+    latitude, longitude : degrees north and east, alike
+    taken : of the first photograph, YYYY:MM:DD hh:mm:ss
+    exposure_times : s, from the least to the most exposed; exposure_ratios to the least where they were estimated
+    """
+    first = photographs[0]
+    # Photographs of one camera may differ in what they hold of its make: one that an editor stripped.
+    make, model = "", first.camera if all(p.camera == first.camera for p in photographs) else ""
+    if len({p.make_and_model for p in photographs}) == 1:
+        make, model = first.make_and_model
+    shared: dict[str, str | None] = {
+        "camera": model,
+        "camera_make": make,
+        "lens": _one({p.settings.lens for p in photographs}),
+        "serial": _one({p.settings.serial for p in photographs}),
+        "focal_length": _one({_number(p.settings.focal_length) for p in photographs}),
+        "iso": _one({_number(p.exposure.iso) if p.exposure else None for p in photographs}),
+        "owner": _one({p.settings.owner for p in photographs}),
+        "copyright": _one({p.settings.copyright for p in photographs}),
+        "comments": _one({p.settings.comments for p in photographs}),
+        "latitude": _one({_degrees(p.settings.latitude) for p in photographs}),
+        "longitude": _one({_degrees(p.settings.longitude) for p in photographs}),
+    }
+    taken = [p.settings.taken for p in photographs if p.settings.taken]
+    if taken:
+        shared["taken"] = min(taken).strftime("%Y:%m:%d %H:%M:%S")
+    exposures = [p.exposure for p in photographs if p.exposure]
+    # Of estimated exposures only their ratios are known.
+    guessed = any(exposure.source == "estimated" for exposure in exposures)
+    least = exposures[0].seconds if guessed else 1.0
+    name = "exposure_ratios" if guessed else "exposure_times"
+    shared[name] = " ".join(f"{exposure.seconds / least:.6g}" for exposure in exposures)
+    return {key: value for key, value in shared.items() if value}
+
+
+def _one(values: set[str | None]) -> str | None:
+    return next(iter(values)) if len(values) == 1 else None
+
+
+def _number(value: float | None) -> str | None:
+    return None if value is None else f"{value:g}"
+
+
+def _degrees(value: float | None) -> str | None:
+    return None if value is None else text_of(value)

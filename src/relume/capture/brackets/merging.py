@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
@@ -61,10 +62,7 @@ def merge_brackets(
         warnings.simplefilter("always", UserWarning)
         by_camera = _by_camera(_opened(_listed(brackets), times))
         if settings.placed and len(by_camera) > 1:
-            raise NotABracket(
-                f"{settings.placed[0]} is read in one bracket, and these are of several cameras "
-                f"({', '.join(name or 'an unknown one' for name in by_camera)}); merge them camera by camera"
-            )
+            refuse_cameras(settings.placed[0], by_camera)
         found: dict[int, MergedBracket] = {}
         cameras: dict[str, MergedCamera] = {}
         for name, sources in by_camera.items():
@@ -142,6 +140,14 @@ def _by_camera(brackets: Sequence[Bracket | _Raws]) -> dict[str, dict[int, Brack
     return found
 
 
+def refuse_cameras(reading: str, cameras: Iterable[str]) -> NoReturn:
+    """Refuse a reading at a place for brackets of several cameras: it scales one of them only."""
+    raise NotABracket(
+        f"{reading} is read in one bracket, and these are of several cameras "
+        f"({', '.join(name or 'an unknown one' for name in cameras)}); merge them camera by camera"
+    )
+
+
 def _of_one_camera(
     brackets: Sequence[Bracket | _Raws], profile: CameraProfile | None, settings: MergeSettings, steps: Steps
 ) -> tuple[list[MergedBracket], MergedCamera]:
@@ -154,8 +160,7 @@ def _of_one_camera(
         )
     if photographs:
         return merge_photographs(photographs, profile and profile.response, settings, steps)
-    times = [seconds for one in raws for seconds in one.times or ()] or None
-    return merge_raws([one.sources for one in raws], times, profile and profile.sensor, settings, steps)
+    return merge_raws([(one.sources, one.times) for one in raws], profile and profile.sensor, settings, steps)
 
 
 def _compared(merged: Sequence[MergedBracket], profile: CameraProfile | None) -> list[MergedBracket]:

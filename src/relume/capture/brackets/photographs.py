@@ -12,7 +12,6 @@ from relume.capture.alignment.alignment import Aligned, align
 from relume.capture.brackets.lens_steps import LensSteps, Steps
 from relume.capture.brackets.result import MergedBracket, MergedCamera
 from relume.capture.brackets.settings import MergeSettings
-from relume.capture.clipping_report import clipping_report
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.exposure.consistency import Doubt, check
 from relume.capture.ghosts.deghosting import Deghosted, deghost
@@ -64,9 +63,17 @@ def merge_photographs(
     # Bracket by bracket: ghosts, merge, lens.
     lens, merged = LensSteps(settings, steps), []
     for bracket, moved, doubt in zip(placed, aligned, doubts, strict=True):
-        found = _merged(bracket, response, moved, doubt, settings, lens, steps)
-        names = [p.name for p in bracket.photographs if p.name in stops]
-        merged.append(replace(found, corrections={name: stops[name] for name in names}))
+        deghosted = None
+        if settings.deghost and len(bracket.photographs) > 1:
+            with steps.step("deghost"):
+                deghosted = deghost(bracket, response)
+            _warn_of_an_odd_frame(deghosted)
+        with steps.step("merge"):
+            picture = merge(deghosted.bracket if deghosted else bracket, response, weighting=settings.weighting)
+        exposures = [p.exposure for p in bracket.photographs if p.exposure]
+        found = lens.applied(picture, bracket, exposures, response, doubt)
+        corrections = {p.name: stops[p.name] for p in bracket.photographs if p.name in stops}
+        merged.append(replace(found, aligned=moved, deghosted=deghosted, corrections=corrections))
     return merged, MergedCamera(merged[0].camera, response, calibration)
 
 
@@ -98,31 +105,6 @@ def _refined(bracket: Bracket, calibration: Calibration) -> Bracket:
     """The bracket with its exposures corrected; a bracket that the response was not recovered from stays as it is."""
     seen = set() if calibration.ratios is None else set(calibration.ratios.factors())
     return corrected(bracket, calibration) if seen.issuperset(p.name for p in bracket.photographs) else bracket
-
-
-def _merged(
-    bracket: Bracket,
-    response: Response,
-    aligned: Aligned | None,
-    doubts: tuple[Doubt, ...],
-    settings: MergeSettings,
-    lens: LensSteps,
-    steps: Steps,
-) -> MergedBracket:
-    first, deghosted = bracket.photographs[0], None
-    if settings.deghost and len(bracket.photographs) > 1:
-        with steps.step("deghost"):
-            deghosted = deghost(bracket, response)
-        _warn_of_an_odd_frame(deghosted)
-    with steps.step("merge"):
-        picture = merge(deghosted.bracket if deghosted else bracket, response, weighting=settings.weighting)
-    exposures = [p.exposure for p in bracket.photographs if p.exposure]
-    picture, balance, scale = lens.applied(picture, bracket, exposures, response)
-    focal_length = settings.focal_length or bracket.focal_length
-    return MergedBracket(
-        picture, bracket.name, first.camera, bracket.exposure_table, doubts, aligned, deghosted,
-        clipping_report(picture, focal_length=focal_length), focal_length, scale, balance,
-    )  # fmt: skip
 
 
 def _warn_of_an_odd_frame(deghosted: Deghosted) -> None:

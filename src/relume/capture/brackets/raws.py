@@ -11,7 +11,6 @@ from relume.capture.alignment.alignment import align
 from relume.capture.brackets.lens_steps import LensSteps, Steps
 from relume.capture.brackets.result import MergedBracket, MergedCamera
 from relume.capture.brackets.settings import MergeSettings
-from relume.capture.clipping_report import clipping_report
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.exposure.consistency import Doubt, check
 from relume.capture.ghosts.deghosting import deghost
@@ -25,42 +24,38 @@ PREVIEW = 1600
 LEVELS = 65536
 MOVED = 0.5
 """Pixels of the raw by which a frame may lie off before it is doubted: sharp detail is smeared from there on."""
+DEVELOP = "develop the raws to 16-bit TIFF with a known curve and merge those"
 
 
 def merge_raws(
-    brackets: Sequence[Sequence[RawSource]],
-    times: Sequence[float] | None,
+    brackets: Sequence[tuple[Sequence[RawSource], Sequence[float] | None]],
     sensor: Sensor | None,
     settings: MergeSettings,
     steps: Steps,
 ) -> tuple[list[MergedBracket], MergedCamera]:
     """Radiance maps of the raw brackets of one camera, merged photosite by photosite, on one scale.
 
-    times : exposure time of each raw in seconds, bracket after bracket, in place of the whole EXIF exposure
+    brackets : each its raws and, in place of the whole EXIF exposure, the time of each in seconds
     sensor : of the camera, where it was measured before; see `calibrate_raw`
 
     Frames that moved against each other, and things that moved in them, are found in small pictures of them and
     become doubts. The ratios of the exposures are always measured from the pixels: without a curve to recover,
     nothing else could explain the differences. Raises UnreadableFile, NotABracket; warns.
     """
-    response, begin = _linear(), 0
+    # Values as they are; a preview's noise is small beside 1 % of its value.
+    values = np.arange(LEVELS) + 0.5
+    response = Response(np.tile(np.log(values / LEVELS), (3, 1)), np.tile(8 + 0.01 * values, (3, 1)))
     lens, merged, sensors = LensSteps(settings, steps), [], []
-    for sources in brackets:
+    for sources, times in brackets:
         with steps.step("exposures and noise"):
-            own = None if times is None else times[begin : begin + len(sources)]
-            known = calibrate_raw(sources, times=own, sensor=sensor)
-        begin += len(sources)
+            known = calibrate_raw(sources, times=times, sensor=sensor)
         with steps.step("check"):
             bracket, shrunk = _previews(sources, known)
             doubts = (*check(bracket, response), *_movement(bracket, response, shrunk))
         with steps.step("merge"):
             picture = merge_raw(sources, calibration=known)
-        picture, balance, scale = lens.applied(picture, bracket, known.exposures, known)
-        focal_length = settings.focal_length or bracket.focal_length
-        merged.append(MergedBracket(
-            picture, bracket.name, bracket.photographs[0].camera, bracket.exposure_table, doubts, None, None,
-            clipping_report(picture, focal_length=focal_length), focal_length, scale, balance, known.corrections(),
-        ))  # fmt: skip
+        found = lens.applied(picture, bracket, known.exposures, known, doubts)
+        merged.append(replace(found, corrections=known.corrections()))
         sensors.append(known.sensor)
     with_noise = [one for one in sensors if one.noise is not None] or sensors
     return merged, MergedCamera(merged[0].camera, None, None, with_noise[0])
@@ -98,12 +93,6 @@ def preview(raw: RawPhotograph, shrunk: int, saturation: float = 1.0) -> Photogr
     return Photograph(pixels, raw.name, raw.exposure, raw.camera, focal_length, settings=raw.settings)
 
 
-def _linear() -> Response:
-    """Values as they are; a preview's noise is small beside 1 % of its value."""
-    values = np.arange(LEVELS) + 0.5
-    return Response(np.tile(np.log(values / LEVELS), (3, 1)), np.tile(8 + 0.01 * values, (3, 1)))
-
-
 def _movement(bracket: Bracket, response: Response, shrunk: int) -> list[Doubt]:
     if len(bracket.photographs) == 1:
         return []
@@ -112,22 +101,10 @@ def _movement(bracket: Bracket, response: Response, shrunk: int) -> list[Doubt]:
     for photograph, motion in zip(aligned.bracket.photographs, aligned.motions, strict=True):
         moved = motion.displacement(photograph.size) * shrunk
         if moved > MOVED:
-            doubts.append(
-                Doubt(
-                    photograph.name,
-                    f"lies {moved:.1f} pixels off the others, and raws are merged as they lie",
-                    "develop the raws to 16-bit TIFF with a known curve and merge those, or photograph from a tripod",
-                    True,
-                )
-            )
+            what = f"lies {moved:.1f} pixels off the others, and raws are merged as they lie"
+            doubts.append(Doubt(photograph.name, what, f"{DEVELOP}, or photograph from a tripod", True))
     share = float(deghost(aligned.bracket, response).ghosts.mean())
     if share > 1e-3:
-        doubts.append(
-            Doubt(
-                bracket.name,
-                f"something moved in {100 * share:.2g} % of the picture, and raws are merged without taking it out",
-                "develop the raws to 16-bit TIFF with a known curve and merge those, or leave out the frames it is in",
-                True,
-            )
-        )
+        what = f"something moved in {100 * share:.2g} % of the picture, and raws are merged without taking it out"
+        doubts.append(Doubt(bracket.name, what, f"{DEVELOP}, or leave out the frames it is in", True))
     return doubts

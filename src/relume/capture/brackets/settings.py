@@ -11,11 +11,10 @@ from relume.capture.lens.vignetting import Vignetting
 from relume.capture.raw.merging import RawCalibration
 from relume.capture.response.calibration import ResponseMethod
 from relume.capture.response.debevec_malik import DebevecMalik
-from relume.capture.response.mitsunaga_nayar import MitsunagaNayar
-from relume.capture.response.robertson import Robertson
+from relume.capture.response.other_methods import MitsunagaNayar, Robertson
 from relume.capture.scale.absolute import Scale
 from relume.capture.scale.luminaire import ChannelGains
-from relume.capture.scale.readings import placed_readings
+from relume.capture.scale.readings import PLACED
 from relume.capture.weighting import InverseVariance, Weighting
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
@@ -72,4 +71,5 @@ class MergeSettings:
     @property
     def placed(self) -> tuple[str, ...]:
         """The names of the readings that point at a place of a picture."""
-        return placed_readings([self.scale, self.balance, self.glare])
+        readings = (self.scale, self.balance, self.glare)
+        return tuple(reading.name for reading in readings if isinstance(reading, PLACED))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 
-from relume.capture.brackets.merging import measured_profile, merge_brackets
+from relume.capture.brackets.merging import measured_profile, merge_brackets, refuse_cameras
 from relume.capture.brackets.result import MergeResult
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import Bracket, read_bracket
@@ -125,7 +125,11 @@ def plan_merge(
             raise ValueError(f'times: "{times}" is neither seconds above 0, like 1/30,1/60, nor a file that lists them')
     elif times is not None:
         times = tuple(times)
-        _require_as_many(times, paths)
+        if len(times) != len(paths):
+            raise NotABracket(
+                f"{len(times)} times were given for {len(paths)} photographs; give one a photograph, in this order (a "
+                f"folder's is by name, 9 before 10): {', '.join(path.name for path in paths)}"
+            )
         if list(paths) != sorted(paths, key=name_order):
             names = ", ".join(path.name for path in paths)
             notes.append(f"times go with the photographs in the order given, {names}")
@@ -149,7 +153,9 @@ def plan_merge(
         why = "camera raws are merged as they are" if raws else "the profile's response is taken as it is"
         notes.append(f"without effect: {', '.join(idle)}; {why}")
     if settings.placed and len(groups) > 1:
-        _require_one_camera(groups, settings.placed[0])
+        cameras = dict.fromkeys(files.read_facts(group[0]).camera for group in groups)
+        if len(cameras) > 1:
+            refuse_cameras(settings.placed[0], cameras)
     return MergePlan(
         groups, targets(groups, out), bool(raws), times, ignore, true_shutter, known,
         "" if profile is None else profile.name, save_profile, settings, tuple(notes),
@@ -225,24 +231,6 @@ def _raw_times(plan: MergePlan) -> tuple[float, ...] | None:
     if isinstance(plan.times, Path):
         raise NotABracket(f"{plan.times}: no list of times is read for camera raws; write them as --times 1/30,1/60")
     return plan.times
-
-
-def _require_as_many(times: Sequence[float], paths: Sequence[Path]) -> None:
-    if len(times) != len(paths):
-        raise NotABracket(
-            f"{len(times)} times were given for {len(paths)} photographs; give one a photograph, in this order (a "
-            f"folder's is by name, 9 before 10): {', '.join(path.name for path in paths)}"
-        )
-
-
-def _require_one_camera(groups: Groups, reading: str) -> None:
-    """Refuse a reading at a place for brackets of several cameras, before any work: it scales one of them only."""
-    cameras = dict.fromkeys(files.read_facts(group[0]).camera or "an unknown one" for group in groups)
-    if len(cameras) > 1:
-        raise NotABracket(
-            f"{reading} is read in one bracket, and these are of several cameras ({', '.join(cameras)}); merge them "
-            "camera by camera"
-        )
 
 
 def _without_effect(settings: MergeSettings, raw: bool, profile: CameraProfile | None) -> list[str]:

@@ -12,7 +12,7 @@ import numpy as np
 from relume.capture.exposure.exposures import Times, exposed
 from relume.errors import NotABracket
 from relume.image import files
-from relume.image.photograph import Photograph
+from relume.image.photograph import Photograph, RawPhotograph
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,13 +35,7 @@ class Bracket:
                     f"{photograph.name} is {_form(photograph)}, {photographs[0].name} is {_form(photographs[0])}; "
                     "a bracket needs photographs of one size and depth"
                 )
-        for attribute in ("f_number", "iso"):
-            known = [getattr(p.exposure, attribute) is not None for p in photographs]
-            if any(known) and not all(known):
-                raise NotABracket(
-                    f"{photographs[known.index(False)].name}: no {attribute} in its EXIF while other frames have one; "
-                    "give all exposures with --times"
-                )
+        require_facts_of_all(photographs)
         ordered = sorted(photographs, key=lambda p: (_factor(p), p.name))
         object.__setattr__(self, "photographs", tuple(ordered))
 
@@ -125,6 +119,17 @@ def read_bracket(
     return Bracket(_once_each(photographs))
 
 
+def require_facts_of_all(photographs: Sequence[Photograph | RawPhotograph]) -> None:
+    """Refuse photographs of which only some hold an aperture, or an ISO: an unknown one counts as 1, or as 100."""
+    for attribute in ("f_number", "iso"):
+        known = [getattr(p.exposure, attribute) is not None for p in photographs]
+        if any(known) and not all(known):
+            raise NotABracket(
+                f"{photographs[known.index(False)].name}: no {attribute} in its EXIF while other frames have one; "
+                "give all exposures with --times"
+            )
+
+
 def require_known_exposures(brackets: Iterable[Bracket]) -> None:
     """Refuse brackets whose exposures were only estimated where several have to lie on one scale."""
     for bracket in brackets:
@@ -158,12 +163,11 @@ def _ignoring(photographs: list[Photograph], colour: tuple[int, int, int]) -> li
             "give it as it is stored in the files",
             stacklevel=3,
         )
-    return [_without(p, outside) for p, outside in zip(photographs, found, strict=True)]
+    return [without(p, outside) if outside.any() else p for p, outside in zip(photographs, found, strict=True)]
 
 
-def _without(photograph: Photograph, outside: np.ndarray) -> Photograph:
-    if not outside.any():
-        return photograph
+def without(photograph: Photograph, outside: np.ndarray) -> Photograph:
+    """The photograph with more of it, (H, W) bool, marked as outside the picture."""
     return replace(photograph, outside=outside if photograph.outside is None else outside | photograph.outside)
 
 

@@ -11,9 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.capture.exposure.bracket import Bracket, same_pixels
+from relume.capture.exposure.comparison import (
+    STRANGE,
+    Reduced,
+    brightness_chain,
+    log_ratio,
+    reduced,
+    similarity,
+    structure,
+)
 from relume.capture.exposure.folder import name_order
-from relume.capture.exposure.relative_brightness import Reduced, brightness_chain, log_ratio, reduced
-from relume.capture.exposure.scene_similarity import STRANGE, similarity, structure
 from relume.capture.exposure.validation import ExposureCorrections, compare
 from relume.errors import NotABracket
 from relume.image.photograph import Photograph
@@ -217,7 +224,8 @@ def _of_exposures(
         return
     wrong = [i for i in range(len(stated)) if _believed(result, i)]
     gross = [i for i in wrong if abs(result.corrections[i]) >= _GROSS]
-    if _turned(pictures, stated) and not _any_believed(compare(pictures, np.sort(stated), response)):
+    turned = compare(pictures, np.sort(stated), response) if _turned(pictures, stated) else None
+    if turned is not None and not any(_believed(turned, i) for i in range(len(stated))):
         yield Doubt(
             bracket.name,
             "the exposures are in another order than the photographs' brightness",
@@ -285,10 +293,6 @@ def _turned(pictures: Sequence[Reduced], stated: np.ndarray) -> bool:
     """Whether a photograph that is plainly brighter than another is stated to be plainly less exposed."""
     falls = [i for i in range(len(stated) - 1) if stated[i + 1] - stated[i] < -_LEAST]
     return any((log_ratio(pictures[i], pictures[i + 1]) or 0.0) > _LEAST for i in falls)
-
-
-def _any_believed(result: ExposureCorrections) -> bool:
-    return any(_believed(result, i) for i in range(len(result.corrections)))
 
 
 def _believed(result: ExposureCorrections, place: int) -> bool:

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
+from relume.capture.exposure.comparison import brightness_chain, reduced
 from relume.capture.exposure.folder import listed_exposures
-from relume.capture.exposure.relative_brightness import brightness_chain, reduced
 from relume.capture.exposure.sidecar import ExposureList, read_times
 from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph
@@ -72,7 +72,10 @@ def exposed(
     stated = [replace(p, exposure=e or p.exposure) for p, e in zip(photographs, listed, strict=True)]
     stated = _on_one_scale(stated, photographs)
     if shutter_speeds is not None:
-        stated = [_true(p, shutter_speeds.get(p.name)) for p in stated]
+        for place, p in enumerate(stated):
+            if p.exposure is not None:
+                seconds = true_shutter(p.exposure.seconds, shutter_speeds.get(p.name))
+                stated[place] = replace(p, exposure=replace(p.exposure, seconds=seconds))
     # A photograph alone has nothing to be compared with: the bracket refuses it.
     return estimated(stated) if len(stated) > 1 else stated
 
@@ -179,13 +182,6 @@ def _on_one_scale(stated: list[Photograph], photographs: Sequence[Photograph]) -
     return stated
 
 
-def _true(photograph: Photograph, shutter_speed: float | None) -> Photograph:
-    exposure = photograph.exposure
-    if exposure is None or not marked(exposure.seconds):
-        return photograph
-    return replace(photograph, exposure=replace(exposure, seconds=true_shutter(exposure.seconds, shutter_speed)))
-
-
 def _read_off(seen: float, stated: Sequence[tuple[float, float]]) -> float:
     """ln exposure at `seen` on the line through `stated`, carried on at both ends with the slope of the whole."""
     places, values = np.array(stated).T
@@ -234,18 +230,9 @@ def true_shutter(seconds: float, shutter_speed: float | None = None) -> float:
     telephones and electronic shutters write the time they measured, and those locked to mains light keep 1/60 for 1/60.
     Either mistake is 7 % at most, and refining the exposures from the pixels removes it.
     """
-    steps = _steps(seconds)
+    steps = [step for mark, step in _MARKS if abs(seconds - mark) <= _EXACT * mark]
     if not steps:
         return seconds
     if shutter_speed is None:
         return 2.0 ** steps[0]
     return 2.0 ** min(steps, key=lambda step: abs(step + shutter_speed))
-
-
-def marked(seconds: float) -> bool:
-    """Whether cameras mark this shutter speed."""
-    return bool(_steps(seconds))
-
-
-def _steps(seconds: float) -> list[float]:
-    return [step for mark, step in _MARKS if abs(seconds - mark) <= _EXACT * mark]

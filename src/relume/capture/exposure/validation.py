@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from relume.capture.exposure.relative_brightness import Reduced, matched
+from relume.capture.exposure.comparison import Reduced, matched
 from relume.image.colour import decode_srgb
 from relume.image.response import Response
 
@@ -23,9 +23,8 @@ _USUAL = np.array([0.7, 0.0, -0.2, 0.3, 0.8])
 _HELD = np.array([0.4, 0.003, 0.01, 0.01, 0.01])
 """How hard the curve is held to that, in squares of ln exposure per pair: just so hard that of three photographs, one
 stated two stops wrong, not the one in the middle is blamed and the contrast halved."""
-_SPARSE = (
-    0.07  # how dear a correction is: at 0.05 too few errors of three photographs are found, at 0.2 none of end ones
-)
+_SPARSE = 0.07
+"""How dear a correction is: at 0.05 too few errors of three photographs are found, at 0.2 none of end ones."""
 _SMALL = 0.01  # corrections, ln exposure, that are counted as none
 _MOVED = 0.1  # ln exposure; a correction beyond it is found again without its price, which makes it too small
 _TOE = 0.06  # pixel value over which the toe falls off

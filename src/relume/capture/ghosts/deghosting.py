@@ -7,15 +7,14 @@ those that agree with it, so that nothing is half transparent or cut. Where noth
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from relume.capture.exposure.bracket import Bracket
+from relume.capture.exposure.bracket import Bracket, without
 from relume.capture.ghosts.levels import Scale, corrections
 from relume.capture.ghosts.regions import Regions, excluded_frames, moving_regions
 from relume.errors import NotABracket
-from relume.image.photograph import Photograph
 from relume.image.response import Response
 
 SQUARES = 800_000
@@ -83,30 +82,16 @@ def deghost(bracket: Bracket, response: Response, *, method: Consistency = Consi
         )
     # Squares that the frames are compared in, and the noise of their means.
     side = max(2, int(np.ceil(np.sqrt(width * height / SQUARES))))
-    shape = (-(-height // side), -(-width // side))
-    bounds = np.empty((len(photographs), 2, *shape, 3), np.float32)
-    middle = np.empty((len(photographs), *shape, 3), photographs[0].pixels.dtype)
-    measured = np.empty((len(photographs), *shape), bool)
     deviation = np.gradient(response.log_exposure, axis=1) * response.deviation
     scale = Scale(response.log_exposure, _ends(deviation, depth))
     exposures = np.exp(response.log_exposure).astype(np.float32)
     # Neighbours share the noise that JPEG and demosaicking leave: side pixels of a square count, not their square.
     noise = (method.deviations * deviation / np.sqrt(side)).astype(np.float32)
     # What each frame says of each square: bounds of its radiance, its middle, whether it measures.
-    for index, photograph in enumerate(photographs):
-        square_bounds(
-            photograph,
-            exposures,
-            noise,
-            scale.ends,
-            log_time=float(log_times[index]),
-            side=side,
-            shift=method.shift,
-            crosstalk=method.crosstalk,
-            bounds=bounds[index],
-            middle=middle[index],
-            measured=measured[index],
-        )
+    bounds, middle, measured = square_bounds(
+        photographs, exposures, noise, scale.ends, log_times, side=side, shift=method.shift, crosstalk=method.crosstalk
+    )
+    shape = measured.shape[1:]
     # The frame that moving things are taken from, and corrections of the frames' scales to it.
     reference = int(np.argmax(measured.sum((1, 2))))
     step = max(1, int(np.sqrt(shape[0] * shape[1] / SAMPLED)))
@@ -153,12 +138,8 @@ def _marked(
 
     photographs, shares = [], []
     for photograph, squares in zip(bracket.photographs, excluded, strict=True):
-        photographs.append(_left_out(photograph, in_pixels(squares)) if squares.any() else photograph)
+        photographs.append(without(photograph, in_pixels(squares)) if squares.any() else photograph)
         shares.append(float(squares.mean()))
     ghosts = np.asarray(excluded.any(0))
     chosen = np.where(ghosts, sources[regions.labels], -1).astype(np.int16)
     return Deghosted(Bracket(tuple(photographs)), in_pixels(ghosts), in_pixels(chosen), np.array(shares), reference)
-
-
-def _left_out(photograph: Photograph, ghosts: np.ndarray) -> Photograph:
-    return replace(photograph, outside=ghosts if photograph.outside is None else photograph.outside | ghosts)

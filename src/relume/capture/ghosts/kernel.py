@@ -6,6 +6,10 @@ a pixel changes it less.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
 import numpy as np
 
 from relume._kernel import in_threads, kernel
@@ -16,41 +20,45 @@ _ROWS = 16
 
 
 def square_bounds(
-    photograph: Photograph,
+    photographs: Sequence[Photograph],
     exposures: np.ndarray,
     noise: np.ndarray,
     ends: np.ndarray,
+    log_times: np.ndarray,
     *,
-    log_time: float,
     side: int,
     shift: float,
     crosstalk: float,
-    bounds: np.ndarray,
-    middle: np.ndarray,
-    measured: np.ndarray,
-) -> None:
-    """Write the least and greatest ln radiance that each square of `side` × `side` pixels may have had.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What each photograph says of each square of `side` × `side` pixels: bounds of its radiance, and its middle.
 
     exposures, noise : (3, levels) float32, sensor exposure of each pixel value, and deviation of a square's ln exposure
     ends : (3, 2), the values at or below which a pixel is black, and from which on it is white
-    log_time : ln of the photograph's exposure per unit of radiance
+    log_times : (P,) ln of the photographs' exposures per unit of radiance
     shift : pixels by which photographs may still be out of register
     crosstalk : share of one channel's exposure that may be in another's
-    bounds : (2, h, w, 3) float32, written; ±∞ on the side where a black or white pixel says nothing
-    middle : (h, w, 3), written; the mean pixel value
-    measured : (h, w) bool, written; whether no pixel is black or white in any channel, or outside the picture
+
+    Returns the least and greatest ln radiance (P, 2, h, w, 3) float32, ±∞ on the side where a black or white pixel
+    says nothing; the mean pixel value (P, h, w, 3); and (P, h, w) bool, whether no pixel is black or white in any
+    channel, or outside the picture.
     """
-    outside = np.zeros((0, 0), bool) if photograph.outside is None else photograph.outside
+    width, height = photographs[0].size
+    shape = (-(-height // side), -(-width // side))
+    bounds = np.empty((len(photographs), 2, *shape, 3), np.float32)
+    middle = np.empty((len(photographs), *shape, 3), photographs[0].pixels.dtype)
+    measured = np.empty((len(photographs), *shape), bool)
     top = np.take_along_axis(exposures, ends[:, 1:], 1)
     table = np.where(np.arange(exposures.shape[1]) <= ends[:, :1], np.float32(0), np.minimum(exposures, top))
     share = min(shift / side, 1.0)
-    pixels = photograph.pixels
+    for photograph, log_time, *written in zip(photographs, log_times, bounds, middle, measured, strict=True):
+        outside = np.zeros((0, 0), bool) if photograph.outside is None else photograph.outside
+        frame = (photograph.pixels, outside, table, exposures, noise, ends, float(log_time), side, share, crosstalk)
+        in_threads(partial(_bound_rows, frame, written), shape[0], chunk=_ROWS)
+    return bounds, middle, measured
 
-    def work(begin: int, end: int) -> None:
-        limits = (log_time, side, share, crosstalk, begin, end)
-        _bound(pixels, outside, table, exposures, noise, ends, *limits, bounds, middle, measured)
 
-    in_threads(work, middle.shape[0], chunk=_ROWS)
+def _bound_rows(frame: tuple[Any, ...], written: list[np.ndarray], begin: int, end: int) -> None:
+    _bound(*frame, begin, end, *written)
 
 
 def disagreement(bounds: np.ndarray, middle: np.ndarray, corrections: np.ndarray) -> np.ndarray:
@@ -111,22 +119,9 @@ def consensus(bounds, order, agree, unsure):
 
 @kernel
 def _bound(
-    pixels,
-    outside,
-    table,
-    exposures,
-    noise,
-    ends,
-    log_time,
-    side,
-    share,
-    crosstalk,
-    begin,
-    end,
-    bounds,
-    middle,
+    pixels, outside, table, exposures, noise, ends, log_time, side, share, crosstalk, begin, end, bounds, middle,
     measured,
-):
+):  # fmt: skip
     height, width, top = pixels.shape[0], pixels.shape[1], table.shape[1] - 1
     mean, least, greatest, value = np.empty(3), np.empty(3, np.intp), np.empty(3, np.intp), np.empty(3, np.intp)
     darkest, lightest = np.empty(3, np.intp), np.empty(3, np.intp)

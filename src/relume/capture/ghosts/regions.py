@@ -34,17 +34,15 @@ def moving_regions(apart: np.ndarray, *, contrast: float, reach: int) -> Regions
     """
     weak = apart > 0
     # Edges out of register are lines one square wide; what moved is wider.
-    seeds = _opened(weak) & (apart > contrast)
+    seeds = np.asarray(ndimage.binary_opening(weak, np.ones((2, 2))), bool) & (apart > contrast)
     labels, count = _labelled(weak)
     enough = np.zeros(count + 1, bool)
     enough[labels[seeds]] = True
     moving = ndimage.binary_dilation(enough[labels], _TOUCHING, iterations=GROWN) if enough.any() else enough[labels]
-    joined, count = _labelled(_grown(moving, reach))
+    # Grown by a square filter, which is separable, so that a long reach costs no more.
+    grown = ndimage.maximum_filter(moving.view(np.uint8), 2 * reach + 1).view(bool) if moving.any() else moving
+    joined, count = _labelled(grown)
     return Regions(np.where(moving, joined, 0).astype(np.int32), count)
-
-
-def _opened(mask: np.ndarray) -> np.ndarray:
-    return np.asarray(ndimage.binary_opening(mask, np.ones((2, 2))), bool)
 
 
 def _dilated(mask: np.ndarray) -> np.ndarray:
@@ -54,12 +52,6 @@ def _dilated(mask: np.ndarray) -> np.ndarray:
 def _labelled(mask: np.ndarray) -> tuple[np.ndarray, int]:
     labels = np.empty(mask.shape, np.int32)
     return labels, int(ndimage.label(mask, _TOUCHING, output=labels))  # pyright: ignore[reportArgumentType]
-
-
-def _grown(mask: np.ndarray, squares: int) -> np.ndarray:
-    """The mask grown by squares each way; separable, so that a long reach costs no more."""
-    size = 2 * squares + 1
-    return ndimage.maximum_filter(mask.view(np.uint8), size).view(bool) if mask.any() else mask
 
 
 def excluded_frames(

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, cast
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from relume.capture.lens.glare import BOUND, MOST, Glare, scatter, without_glare
+from relume.capture.lens.vignetting import robust_deviation
 from relume.capture.scale.regions import measured_patch
 from relume.errors import NotABracket
 from relume.image.colour import LUMINANCE_WEIGHTS, luminance
@@ -35,8 +35,7 @@ def recover_glare_from_dark(
     shape : of the glare, whose share in all is sought; an even veil unless given, since one place shows no shape
     Raises ValueError for a region that is clipped, NotABracket when it is too bright to be black.
     """
-    if shape.share == 0:
-        raise ValueError("the shape scatters nothing; give one with a veil or a halo")
+    _require_share(shape)
     patch = measured_patch(picture, region)
     beyond = patch.luminance - black
     noise = patch.uncertainty * patch.luminance
@@ -102,8 +101,7 @@ def largest_glare(picture: RadianceMap, *, shape: Glare = Glare(veil=0.01)) -> G
 
     A share is contradicted where it would take more light than was seen, by more than five standard deviations.
     """
-    if shape.share == 0:
-        raise ValueError("the shape scatters nothing; give one with a veil or a halo")
+    _require_share(shape)
     seen = _reduced(picture)
     if not _contradicts(seen, shape.scaled(MOST)):
         return shape.scaled(MOST)
@@ -113,6 +111,11 @@ def largest_glare(picture: RadianceMap, *, shape: Glare = Glare(veil=0.01)) -> G
         share = (low + high) / 2
         low, high = (low, share) if _contradicts(seen, shape.scaled(share)) else (share, high)
     return shape.scaled(low)
+
+
+def _require_share(shape: Glare) -> None:
+    if shape.share == 0:
+        raise ValueError("the shape scatters nothing; give one with a veil or a halo")
 
 
 def _contradicts(seen: RadianceMap, glare: Glare) -> bool:
@@ -167,8 +170,6 @@ class _Rings:
 
 
 def _rings(picture: RadianceMap, lamp: np.ndarray) -> _Rings:
-    from scipy.stats import median_abs_deviation  # half a second to load
-
     light = luminance(picture.radiance.astype(np.float64))
     width, height = picture.size
     y, x = np.nonzero(lamp)
@@ -186,8 +187,7 @@ def _rings(picture: RadianceMap, lamp: np.ndarray) -> _Rings:
         inside = values[ring == index]
         if len(inside) >= 8:
             # The error of a median is 1.25 times that of a mean.
-            # Pyright takes scale for a float, as its default is.
-            error = 1.25 * median_abs_deviation(inside, scale=cast(Any, "normal")) / np.sqrt(len(inside))
+            error = 1.25 * robust_deviation(inside) / np.sqrt(len(inside))
             rows.append((radii[ring == index].mean(), np.median(inside), error))
     if len(rows) < RINGS / 4 or distance.max() < 4 * nearest:
         raise NotABracket(

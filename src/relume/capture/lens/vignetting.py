@@ -51,7 +51,8 @@ class Vignetting:
 
     def falloff(self, size: tuple[int, int]) -> np.ndarray:
         """Relative illuminance (H, W) float64, 1 at the centre, of a picture of `size` (width, height)."""
-        return _polynomial(self.coefficients, _squared_radius(size, self.centre))
+        columns, rows = ((np.arange(side) + 0.5) / side for side in size)
+        return _polynomial(self.coefficients, _squared_radius(columns, rows[:, None], size, self.centre))
 
     def to_dict(self) -> dict[str, object]:
         """Plain values for a camera profile; `from_dict` reads them."""
@@ -81,7 +82,7 @@ class Vignetting:
             raise ValueError(f"not a vignetting of relume: {error}") from None
 
     @staticmethod
-    def cos4(focal_length: float, size: tuple[int, int], *, f_number: float | None = None) -> Vignetting:
+    def cos4(focal_length: float, size: tuple[int, int]) -> Vignetting:
         """The natural falloff cos⁴α of an uncorrected distortion-free lens (Debevec & Malik 1997, footnote 3).
 
         focal_length : pixels
@@ -99,7 +100,7 @@ class Vignetting:
             coefficients = np.linalg.lstsq(powers, wanted - 1, rcond=None)[0]
             if np.abs(1 + powers @ coefficients - wanted).max() < 1e-5:
                 break
-        return Vignetting(tuple(float(a) for a in coefficients), f_number=f_number)
+        return Vignetting(tuple(float(a) for a in coefficients))
 
 
 def recover_vignetting(
@@ -124,15 +125,15 @@ def recover_vignetting(
     problem = _Flat(fields, pictures[0].size, terms)
     # The loss needs a scale: the scatter that a first, plain fit leaves.
     first = least_squares(problem.misfit, problem.start(), x_scale="jac")
-    scatter = _spread(first.fun[: problem.values])
+    scatter = max(robust_deviation(first.fun[: problem.values]), 1e-6)
     rough = least_squares(
         problem.misfit, first.x, x_scale="jac", loss="soft_l1", f_scale=2 * scatter, kwargs={"scatter": scatter}
     )
-    scatter = _spread(rough.fun[: problem.values])
+    scatter = max(robust_deviation(rough.fun[: problem.values]), 1e-6)
     # Dust and marks found, the rest is fitted plainly, so that its errors are those of least squares.
     clean = problem.without(np.abs(rough.fun[: problem.values]) > MARK * scatter)
     fit = least_squares(clean.misfit, rough.x, x_scale="jac", kwargs={"scatter": scatter})
-    unevenness = _spread(fit.fun[: clean.values])
+    unevenness = max(robust_deviation(fit.fun[: clean.values]), 1e-6)
     if unevenness > UNUSABLE:
         raise NotABracket(
             f"the flat field varies by {100 * unevenness:.0f} % beyond any vignetting; photograph an evenly lit, "
@@ -275,7 +276,7 @@ class _Flat:
         centre, coefficients = unknown[:2], unknown[2 : 2 + self.terms]
         parts = []
         for field, own in zip(self.fields, unknown[2 + self.terms :].reshape(-1, 3), strict=True):
-            square = _squares(field.places, self.size, centre)
+            square = _squared_radius(*field.places.T, self.size, centre)
             even = _polynomial(coefficients, square) * (1 + (field.places - 0.5) @ own[:2])
             parts.append(field.logarithm - np.log(np.maximum(even, 1e-3)) - own[2])
         # The prior on the centre weighs as one observation of that deviation would.
@@ -289,22 +290,17 @@ def _polynomial(coefficients: Sequence[float] | np.ndarray, square: np.ndarray) 
     return 1 + result
 
 
-def _squared_radius(size: tuple[int, int], centre: tuple[float, float]) -> np.ndarray:
-    width, height = size
-    x, y = (np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height
-    across, down = (x - centre[0]) * width, (y - centre[1]) * height
-    return (across**2 + down[:, None] ** 2) * 4 / (width**2 + height**2)
+def _squared_radius(
+    x: np.ndarray, y: np.ndarray, size: tuple[int, int], centre: Sequence[float] | np.ndarray
+) -> np.ndarray:
+    """r² of places, as fractions of the picture's width and height."""
+    across, down = (x - centre[0]) * size[0], (y - centre[1]) * size[1]
+    return (across**2 + down**2) * 4 / (size[0] ** 2 + size[1] ** 2)
 
 
-def _squares(places: np.ndarray, size: tuple[int, int], centre: np.ndarray) -> np.ndarray:
-    """r² of places (N, 2), as fractions of the picture."""
-    offset = (places - centre) * np.array(size)
-    return (offset**2).sum(1) * 4 / (size[0] ** 2 + size[1] ** 2)
-
-
-def _spread(values: np.ndarray) -> float:
+def robust_deviation(values: np.ndarray) -> float:
     """A standard deviation that a few outliers do not move."""
     from scipy.stats import median_abs_deviation  # half a second to load
 
     # Pyright takes scale for a float, as its default is.
-    return max(float(median_abs_deviation(values, scale=cast(Any, "normal"))), 1e-6)
+    return float(median_abs_deviation(values, scale=cast(Any, "normal")))

@@ -20,8 +20,9 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.capture.raw.noise import SensorNoise, fitted_noise, noise_between, noise_within
-from relume.capture.raw.sensor import Sensor
+from relume.capture.exposure.bracket import require_facts_of_all
+from relume.capture.merging import refuse_unlit
+from relume.capture.raw.sensor import Sensor, SensorNoise, fitted_noise, noise_between, noise_within
 from relume.errors import NotABracket
 from relume.image import files
 from relume.image.photograph import Exposure, RawPhotograph
@@ -161,7 +162,8 @@ def calibrate_raw(
         sensitivities.append((raw.exposure.iso if raw.exposure else None) or 100.0)
         del raw, given
     # Exposures: as the files say, then as the pixels do.
-    exposures = _exposures(facts)
+    require_facts_of_all(facts)
+    exposures = tuple(raw.exposure for raw in facts if raw.exposure is not None)
     nominal = np.array([exposure.factor for exposure in exposures])
     order = np.argsort(nominal, kind="stable")
     names = tuple(raw.name for raw in facts)
@@ -179,7 +181,8 @@ def calibrate_raw(
         alike = [index for index in order.tolist() if sensitivities[index] == iso]
         noise = _noise([(samples[index], float(factors[index])) for index in alike], iso, saturation)
     # The sensor so found, against the one that was given.
-    found = Sensor(_levels(first), float(first.white), saturation, noise)
+    a, b, c, d = (float(level) for level in first.black.ravel())
+    found = Sensor((a, b, c, d), float(first.white), saturation, noise)
     if sensor is not None and sensor.differs(found):
         warnings.warn(
             f"{names[0]}: its black is {_words(found.black)} and its white {found.white:g}, those of the profile "
@@ -190,11 +193,6 @@ def calibrate_raw(
         warnings.warn(f"{names[0]}: its noise cannot be measured; taken as one electron a value", stacklevel=2)
         noise = SensorNoise(1 / (first.white - first.black.mean()), 0.0, iso)
     return RawCalibration(names, exposures, factors, noise, saturation, errors, found)
-
-
-def _levels(raw: RawPhotograph) -> tuple[float, float, float, float]:
-    first, second, third, fourth = (float(level) for level in raw.black.ravel())
-    return first, second, third, fourth
 
 
 def _words(levels: Sequence[float]) -> str:
@@ -217,18 +215,6 @@ def _fitting(raw: RawPhotograph, first: RawPhotograph | None) -> RawPhotograph:
         if mine != other:
             raise NotABracket(f"{raw.name}: its {what} is {mine}, that of {first.name} {other}; merge them apart")
     return facts
-
-
-def _exposures(facts: Sequence[RawPhotograph]) -> tuple[Exposure, ...]:
-    exposures = tuple(raw.exposure for raw in facts if raw.exposure is not None)
-    for attribute in ("f_number", "iso"):
-        known = [getattr(exposure, attribute) is not None for exposure in exposures]
-        if any(known) and not all(known):
-            raise NotABracket(
-                f"{facts[known.index(False)].name}: no {attribute} in its EXIF while other frames have one; "
-                "give all exposures with --times"
-            )
-    return exposures
 
 
 def _sample(raw: RawPhotograph) -> np.ndarray:
@@ -331,6 +317,4 @@ def _require_light(known: RawCalibration, mosaic: np.ndarray, variance: np.ndarr
     if lit.mean() >= 1e-3:
         return
     name = known.names[0] if len(known.names) == 1 else f"{known.names[0]} … {known.names[-1]}"
-    if (clipped[some] == SATURATED).mean() > 0.5:
-        raise NotABracket(f"{name}: saturated in every photograph; add shorter exposures")
-    raise NotABracket(f"{name}: black in every photograph; add longer exposures (was the lens cap on?)")
+    refuse_unlit(name, bool((clipped[some] == SATURATED).mean() > 0.5))

@@ -23,8 +23,6 @@ CHANNELS = ("red", "green", "blue")
 DOUBTFUL_MISFIT = 0.28
 """Misfit of ln exposure above which times or alignment are doubtful. Good brackets show 0.02 to 0.16, sixteen scans of
 film 0.27; a hand-held one that was not aligned 0.29, swapped times 0.6 and more."""
-
-
 FEWEST_LEVELS = 8
 """Range of pixel values, in 256ths, that says anything of a curve."""
 
@@ -99,14 +97,16 @@ def recover_response(
         )
     # What the pixels of each channel show, with exposures refined where asked for.
     with ThreadPoolExecutor(3) as pool:
-        observed = list(pool.map(lambda channel: _observed(telling, channel), range(3)))
+        observed = list(pool.map(lambda channel: [observations(b, channel) for b in telling], range(3)))
         for channel, each in enumerate(observed):
             _require_enough(telling, each, channel)
         ratios = None
         if refine is not None:
             ratios = refine.estimate(observed, [[p.name for p in b.photographs] for b in telling], levels)
             observed = [ratios.applied(each) for each in observed]
-        still = list(pool.map(lambda channel: _still(telling, channel, ratios), range(3)))
+        still = list(pool.map(lambda channel: [still_values(b, channel) for b in telling], range(3)))
+        if ratios is not None:
+            still = [ratios.applied(each) for each in still]
     # One after the other: the solvers bring their own threads, which would wait for each other.
     curves = [method.curve(each, levels) for each in observed]
     log_exposure = np.stack([curve for curve, _ in curves])
@@ -145,15 +145,6 @@ def corrected(bracket: Bracket, calibration: Calibration) -> Bracket:
             exposure = replace(exposure, seconds=exposure.seconds * factor)
         photographs.append(replace(photograph, exposure=exposure))
     return Bracket(tuple(photographs))
-
-
-def _observed(brackets: Sequence[Bracket], channel: int) -> list[Observations]:
-    return [observations(bracket, channel) for bracket in brackets]
-
-
-def _still(brackets: Sequence[Bracket], channel: int, ratios: ExposureRatios | None) -> list[Observations]:
-    found = [still_values(bracket, channel) for bracket in brackets]
-    return found if ratios is None else ratios.applied(found)
 
 
 def _require_enough(brackets: Sequence[Bracket], observed: list[Observations], channel: int) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -112,25 +112,11 @@ def read_profile(path: str | Path) -> CameraProfile:
             raise ValueError(f"it is a {table['relume']} of version {table.get('version')}; update relume")
         sensor = Sensor.from_dict(table["sensor"]) if "sensor" in table else None
         response = Response.from_json(text) if sensor is None or "log_exposure" in table else None
-        own = {name: _tuple(table[name]) for name in _OWN if name in table}
+        own = {name: table[name] for name in _OWN if name in table}
+        own = {name: tuple(value) if isinstance(value, list) else value for name, value in own.items()}
         return CameraProfile(str(table["camera"]), response, sensor, **own)
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path.name}: not a camera profile of relume: {' '.join(str(error).split())}") from None
 
 
-_OWN = (
-    "shot",
-    "read",
-    "vignetting",
-    "scale",
-    "scale_deviation",
-    "scale_exposure",
-    "balance",
-    "brackets",
-    "pixels",
-    "residual",
-)
-
-
-def _tuple(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
+_OWN = [field.name for field in fields(CameraProfile) if field.name not in ("camera", "response", "sensor")]

@@ -32,7 +32,8 @@ def read_curves(text: str, name: str) -> Response:
             f"{name}: not a response curve; expected relume's JSON, pfstools' .m, hdrgen's .rsp or a table"
         ) from None
     if len(rows) in (1, 3) and all(len(row) >= 3 and row[0] == len(row) - 2 for row in rows):
-        return _polynomials(rows, name)
+        curves = [np.polyval(row[1:], np.arange(256) / 255) for row in rows]
+        return _response(np.stack(curves * (3 // len(curves))), name)
     return _table(rows, name)
 
 
@@ -56,12 +57,6 @@ def _octave(text: str, name: str) -> Response:
     curves = [table[np.argsort(table[:, 1]), 2] for table in tables if table.shape[1] == 3]
     if len(curves) not in (1, 3) or len({len(curve) for curve in curves}) != 1:
         raise ValueError(f"{name}: {len(curves)} curves; expected one for all channels or one for each of three")
-    return _response(np.stack(curves * (3 // len(curves))), name)
-
-
-def _polynomials(rows: list[list[float]], name: str) -> Response:
-    values = np.arange(256) / 255
-    curves = [np.polyval(row[1:], values) for row in rows]
     return _response(np.stack(curves * (3 // len(curves))), name)
 
 

@@ -75,7 +75,9 @@ class DebevecMalik:
             smoothness = smoothness_for(observed, equations, self.difference)
         # λ counts once a pixel, so that it does not depend on how many there are.
         penalty = smoothness * equations.pixels * roughness(self.difference, self.power_law)
-        matrix = _anchored(equations.normal + penalty)
+        matrix = equations.normal + penalty
+        # g(Z_mid) = 0 fixes the scale that eq. 3 leaves free.
+        matrix[MIDDLE, MIDDLE] += np.trace(matrix)
         factor = factored(matrix)
         curve = cho_solve(factor, equations.right)
         if np.any(np.diff(curve) < LEAST_RISE):
@@ -253,13 +255,6 @@ def _summed(rows: csr_array, frames: int, unknowns: int) -> csr_array:
     found = csr_array((rows.data.copy(), rows.indices.copy(), starts.copy()), shape=shape)
     found.sum_duplicates()
     return found
-
-
-def _anchored(normal: np.ndarray) -> np.ndarray:
-    """`normal` with g(Z_mid) = 0, which fixes the scale that eq. 3 leaves free."""
-    anchored = normal.copy()
-    anchored[MIDDLE, MIDDLE] += np.trace(normal)
-    return anchored
 
 
 def factored(matrix: np.ndarray) -> tuple[np.ndarray, bool]:

@@ -29,9 +29,7 @@ class ExposureRatios:
 
     def applied(self, observed: Sequence[Observations]) -> list[Observations]:
         """The observations with the corrected exposures, a bracket each as in `corrections`."""
-        return [
-            Observations(o.values, o.log_exposures + delta) for o, delta in zip(observed, self.corrections, strict=True)
-        ]
+        return _moved(observed, np.concatenate(self.corrections))
 
     def factors(self) -> dict[str, float]:
         """The factor on every photograph's stated exposure, by its name."""
@@ -90,8 +88,7 @@ class Ratios:
         doubted = np.zeros(len(stated), bool)
         # A photograph that is far off distorts the others' corrections through the smoothing: three rounds settle it.
         for _ in range(3 if usable.any() else 0):
-            moved = [_moved(each, corrections) for each in observed]
-            curvature, gradient, scatter = _reduced(moved, levels)
+            curvature, gradient, scatter = _reduced(observed, corrections, levels)
             free = _complement(stated + corrections, owner, usable)
             step, covariance = _solved(curvature, gradient, scatter, free)
             found, stretch = _agreed(stated, stated + corrections + step, owner, usable)
@@ -108,8 +105,7 @@ class Ratios:
             if not doubted.any():
                 break
             # With the others as stated, nothing is left free but the doubted ones.
-            moved = [_moved(each, corrections) for each in observed]
-            curvature, gradient, scatter = _reduced(moved, levels)
+            curvature, gradient, scatter = _reduced(observed, corrections, levels)
             step, covariance = _solved(curvature, gradient, scatter, np.eye(len(stated))[:, doubted])
             corrections = corrections + step
             errors = np.where(doubted, np.sqrt(np.diag(covariance)), errors)
@@ -140,6 +136,7 @@ def _usable(observed: Sequence[Sequence[Observations]], stated: np.ndarray, owne
 
 
 def _moved(observed: Sequence[Observations], corrections: np.ndarray) -> list[Observations]:
+    """The observations of brackets with ln exposures corrected, of all photographs in their order."""
     ends = np.cumsum([len(o.log_exposures) for o in observed])[:-1]
     return [
         Observations(o.values, o.log_exposures + delta)
@@ -147,11 +144,13 @@ def _moved(observed: Sequence[Observations], corrections: np.ndarray) -> list[Ob
     ]
 
 
-def _reduced(observed: Sequence[Sequence[Observations]], levels: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Curvature, gradient and the gradient's covariance of the corrections alone, the curves eliminated."""
-    count = sum(len(o.log_exposures) for o in observed[0])
+def _reduced(
+    observed: Sequence[Sequence[Observations]], corrections: np.ndarray, levels: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Curvature, gradient and the gradient's covariance of more corrections alone, the curves eliminated."""
+    count = len(corrections)
     curvature, gradient, scatter = np.zeros((count, count)), np.zeros(count), np.zeros((count, count))
-    for each in observed:
+    for each in (_moved(channel, corrections) for channel in observed):
         equations = Equations.of(each, levels, corrections=True)
         smoothness = smoothness_for(each, equations, 3) * equations.pixels
         curve = equations.normal[:KNOTS, :KNOTS] + smoothness * roughness(3, power_law=True)

@@ -19,6 +19,8 @@ NEAR_WHITE = 9
 """Side of the neighbourhood that must hold no saturated pixel: JPEG rings over its 8×8 blocks."""
 LOOKED_AT = 40_000
 """About how many pixels of a photograph are looked at: every one of a small picture, an even grid of a large one."""
+STILL = 12_000
+"""About how many pixels of a photograph noise is measured by."""
 MOST = 6_000
 """Most pixels that are used; twice as many move a curve by less than its error."""
 
@@ -153,15 +155,15 @@ def _near_white(image: np.ndarray, rows: np.ndarray, columns: np.ndarray, asked:
     return near
 
 
-def still_values(bracket: Bracket, channel: int, wanted: int = 12_000) -> Observations:
+def still_values(bracket: Bracket, channel: int) -> Observations:
     """Pixel values of an even grid of places, chosen without regard to their own noise, to measure noise by.
 
-    wanted : about how many places. A place counts in a photograph where its eight neighbours vary no more than those
-        of half the places of like value: they mark an edge, and say nothing of the noise of the pixel between them
+    A place counts in a photograph where its eight neighbours vary no more than those of half the places of like value:
+    they mark an edge, and say nothing of the noise of the pixel between them.
     """
     width, height = bracket.photographs[0].size
     levels = levels_of(bracket)
-    grid = _Grid(width, height, wanted)
+    grid = _Grid(width, height, STILL)
     kept = []
     for photograph in bracket.photographs:
         image = photograph.pixels[..., channel]

@@ -6,7 +6,7 @@ that cannot be right are refused when the value is made, before any photograph i
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import isfinite
@@ -172,8 +172,3 @@ def _require_positive(name: str, **values: float) -> None:
     for what, value in values.items():
         if not (isfinite(value) and value > 0):
             raise ValueError(f"{name}: {what} is {value:g}; give a number above 0")
-
-
-def placed_readings(readings: Sequence[object]) -> tuple[str, ...]:
-    """The names of those among the readings that point at a place of the picture."""
-    return tuple(reading.name for reading in readings if isinstance(reading, PLACED))

@@ -68,13 +68,12 @@ def rectangle(size: tuple[int, int], left: int, top: int, width: int, height: in
     return region
 
 
-def spot_radius(focal_length: float, *, field: float = np.radians(1.0)) -> float:
-    """Radius in pixels of the disc that a spot meter measures at the picture's middle.
+def spot_radius(focal_length: float) -> float:
+    """Radius in pixels of what a spot meter measures at the picture's middle: 1° across, as of all held in the hand.
 
     focal_length : pixels
-    field : the whole angle of its field, radians; 1° is what hand-held spot meters have
     """
-    return focal_length * float(np.tan(field / 2))
+    return focal_length * float(np.tan(np.radians(1.0) / 2))
 
 
 def measured_patch(picture: RadianceMap, region: np.ndarray) -> Patch:

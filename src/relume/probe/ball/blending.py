@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.image.radiance import OUTSIDE, SATURATED
-from relume.probe.ball.agreement import Agreement, agreement
 from relume.probe.ball.registration import KnownPlaces, RegistrationMethod
 from relume.probe.ball.unwrapping import BallView
-from relume.probe.ball.weights import clear_of_camera, finest
+from relume.probe.ball.weights import agreement, clear_of_camera, finest
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.inpainting import continued
 from relume.sphere.mappings.mapping import LatLong, pixel_points
@@ -99,7 +98,8 @@ def blend_views(
             share = seen.sampling
             if len(placed) > 1:
                 # A lone view keeps its camera in the picture: nothing else could stand there.
-                share = share * clear_of_camera(view, directions) * _agreed(agreed, index, directions)
+                share = share * clear_of_camera(view, directions)
+                share = share if agreed is None else share * agreed.of(index, directions)
             sure[chosen] += ((share / finest(view)) ** SHARPNESS).reshape(cells).sum((1, 3))
             shares.append((share / best) ** SHARPNESS)
             lights.append(seen.radiance / gains[index])
@@ -122,7 +122,3 @@ def blend_views(
         light, found.corrections, near, clipped, np.where(known, confidence, 0).astype(np.float32), found.doubts,
         found.turns, found.gains, float((~known * LatLong().solid_angles(size)).sum()),
     )  # fmt: skip
-
-
-def _agreed(agreed: Agreement | None, view: int, directions: np.ndarray) -> np.ndarray | float:
-    return 1.0 if agreed is None else agreed.of(view, directions)

@@ -161,8 +161,12 @@ class Bundle:
 
     def _disagreement(self, seen: np.ndarray) -> np.ndarray:
         """(M,) the most by which a view that has something to say departs from the others, ln luminance."""
+        return (np.abs(self._departures(seen)) * (self.shares > 0.05)).max(0)
+
+    def _departures(self, seen: np.ndarray) -> np.ndarray:
+        """(N, M) ln luminance by which each view, on the first one's scale, departs from the mean of all."""
         level = seen - self.offsets(seen)[:, None]
-        return (np.abs(level - (self.shares * level).sum(0)) * (self.shares > 0.05)).max(0)
+        return level - (self.shares * level).sum(0)
 
     def _parts(self, guess: np.ndarray, count: int) -> Adjustment:
         free = 3 * (count - 1)
@@ -172,20 +176,16 @@ class Bundle:
 
     def _logarithm(self, found: Adjustment, index: int) -> np.ndarray:
         view = self.placed(found, index)
-        x, y, incidence = view.places(self.directions, found.nearness)
+        x, y, incidence, _ = view.places(self.directions, found.nearness)
         return bilinear(self.levels[index], x, y) - np.log(view.reflectance.at(incidence).mean(-1))
 
     def _misfits(self, seen: np.ndarray, found: Adjustment, believed: np.ndarray) -> np.ndarray:
-        level = seen - self.offsets(seen)[:, None]
-        mean = (self.shares * level).sum(0)
-        return np.concatenate([(np.sqrt(self.shares * believed) * (level - mean)).ravel(), self._held(found)])
-
-    def _rim_holds(self) -> np.ndarray:
-        """(N,) how hard each silhouette is held: the harder, the more of it was seen where one ellipse has it."""
-        seen = np.array([min(len(view.outline.points) / RAYS, 1.0) for view in self.views])
-        return RIM_HOLD * seen / (1.05 - seen)
+        off = np.sqrt(self.shares * believed) * self._departures(seen)
+        return np.concatenate([off.ravel(), self._held(found)])
 
     def _held(self, found: Adjustment) -> np.ndarray:
         """What silhouettes and turns cost by themselves, in parts so small that the robust loss leaves them squares."""
-        cost = np.concatenate([(self._rim_holds()[:, None] * found.rims).ravel(), (self.hold * found.vectors).ravel()])
-        return np.repeat(cost / PARTS**0.5, PARTS)
+        # A silhouette is held the harder, the more of it was seen where one ellipse has it.
+        seen = np.array([min(len(view.outline.points) / RAYS, 1.0) for view in self.views])[:, None]
+        rims, turns = RIM_HOLD * seen / (1.05 - seen) * found.rims, self.hold * found.vectors
+        return np.repeat(np.concatenate([rims.ravel(), turns.ravel()]) / PARTS**0.5, PARTS)

@@ -22,6 +22,8 @@ from relume.sphere.directions import normalised
 
 SEARCH_SIDE = 200
 """Longer side, in pixels, of the picture in which circles are sought; finer ones are fitted afterwards."""
+CIRCLES = 12
+"""The likeliest circles, which are fitted."""
 RIVAL = 0.75
 """How well, against the best, another outline beside it must be seen to make the choice a guess."""
 COVERAGE_NEEDED = 1 / 3
@@ -38,7 +40,12 @@ def find_outline(radiance: np.ndarray, name: str = "picture", focal_length: floa
     picture = evened(luminance(radiance))
     focal = float(TELEPHOTO * picture.shape[1]) if focal_length is None else focal_length
     slopes = _slopes(picture)
-    outlines = [_followed(picture, focal, _fitted(slopes, focal, *c)) for c in _circles(picture)]
+    height, width = picture.shape
+    outlines = []
+    for circle in _circles(picture):
+        x, y, radius = _fitted(slopes, focal, *circle)
+        if 0 < x < width and 0 < y < height and 4 < radius < 0.7 * max(width, height):
+            outlines.append(follow(picture, _cone_at((x, y, radius), (width, height), focal), focal, (0.02, 0.012)))
     seen = [o for o in outlines if o is not None and o.coverage >= COVERAGE_NEEDED]
     if not seen:
         raise BallNotFound(f"{name}: no mirrored ball found; it must be round, whole in the picture and sharp")
@@ -56,7 +63,7 @@ def _worth(outline: Outline) -> float:
     return outline.coverage * float(np.sqrt(outline.radius))
 
 
-def _circles(picture: np.ndarray, count: int = 12) -> list[tuple[float, float, float]]:
+def _circles(picture: np.ndarray) -> list[tuple[float, float, float]]:
     """The likeliest circles (x, y, radius), in pixels of `picture`."""
     scale = min(1.0, SEARCH_SIDE / max(picture.shape))
     small = np.asarray(zoom(gaussian_filter(picture, 0.4 / scale), scale, order=1)) if scale < 1 else picture
@@ -92,7 +99,7 @@ def _circles(picture: np.ndarray, count: int = 12) -> list[tuple[float, float, f
     for _, cx, cy, radius in found:
         if all(np.hypot(cx - a, cy - b) + abs(radius - r) > max(3.0, 0.12 * radius) for a, b, r in chosen):
             chosen.append((cx, cy, radius))
-        if len(chosen) == count:
+        if len(chosen) == CIRCLES:
             break
     return [(cx / scale, cy / scale, radius / scale) for cx, cy, radius in chosen]
 
@@ -134,15 +141,6 @@ def _fitted(
         options = {"initial_simplex": simplex, "xatol": 0.05, "fatol": 1e-4, "maxiter": 120}
         circle = minimize(unseen, circle, method="Nelder-Mead", options=options).x
     return float(circle[0]), float(circle[1]), float(circle[2])
-
-
-def _followed(picture: np.ndarray, focal_length: float, circle: tuple[float, float, float]) -> Outline | None:
-    """The edge near a fitted place and size, or None where too little of it is seen."""
-    height, width = picture.shape
-    x, y, radius = circle
-    if not (0 < x < width and 0 < y < height and 4 < radius < 0.7 * max(width, height)):
-        return None
-    return follow(picture, _cone_at(circle, (width, height), focal_length), focal_length, (0.02, 0.012))
 
 
 def _cone_at(circle: tuple[float, float, float], size: tuple[int, int], focal_length: float) -> Cone:

@@ -162,7 +162,9 @@ def _outer(curves: _Curves) -> int:
     own = (_distance(curves.offsets, np.zeros(3)) < curves.apart) & enough
     first = int(np.argmax(np.where(own, curves.support, 0))) if own.any() else 0
     enough &= curves.support >= FARTHER
-    farther = [c for c in np.flatnonzero(enough) if _encloses(curves.offsets[c], curves.offsets[first])]
+    # An ellipse lies outside another one over most of it where it is larger by a third of what it is moved by.
+    beyond = curves.offsets - curves.offsets[first]
+    farther = np.flatnonzero(enough & (beyond[:, 2] > 0.3 * np.hypot(beyond[:, 0], beyond[:, 1])))
     return int(max(farther, key=lambda c: curves.offsets[c][2], default=first))
 
 
@@ -208,9 +210,3 @@ def _distance(offsets: np.ndarray, other: np.ndarray) -> np.ndarray:
     """The most by which ellipses lie off another one, pixels: (M,)."""
     apart = offsets - other
     return np.hypot(apart[..., 0], apart[..., 1]) + np.abs(apart[..., 2])
-
-
-def _encloses(outer: np.ndarray, inner: np.ndarray) -> bool:
-    """Whether an ellipse lies outside another one over most of it."""
-    x, y, out = (outer - inner).tolist()
-    return out > 0.3 * float(np.hypot(x, y))

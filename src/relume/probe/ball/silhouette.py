@@ -79,7 +79,7 @@ class Cone:
         turns = 2 * np.pi * np.arange(count) / count
         ring = np.cos(turns)[:, None] * sideways + np.sin(turns)[:, None] * other
         rays = self.axis + np.tan(self.half_angle) * ring
-        points = _projected(rays, size, focal_length)
+        points = np.array(size) / 2 + focal_length * rays[:, :2] / rays[:, 2:]
         # How a point moves along the silhouette, by the quotient rule.
         turned = np.cos(turns)[:, None] * other - np.sin(turns)[:, None] * sideways
         along = turned[:, :2] * rays[:, 2:] - rays[:, :2] * turned[:, 2:]
@@ -93,10 +93,6 @@ class Cone:
         sideways /= np.linalg.norm(sideways)
         a, b, c = sideways.tolist()
         return sideways, np.array([y * c - z * b, z * a - x * c, x * b - y * a])
-
-
-def _projected(rays: np.ndarray, size: tuple[int, int], focal_length: float) -> np.ndarray:
-    return np.array(size) / 2 + focal_length * rays[:, :2] / rays[:, 2:]
 
 
 def cone_through(points: np.ndarray, size: tuple[int, int], focal_length: float) -> Cone:

@@ -35,9 +35,11 @@ class Seen:
     """What a view of the ball shows in some directions (…).
 
     radiance : (…, 3), the ball's reflectance divided out
-    incidence : (…) cosine of incidence, 0 where the picture shows nothing of it
+    incidence : (…) cosine of incidence: 1 where the ball faces the camera, falling to 0 at the silhouette, where the
+        whole neighbourhood of the direction behind the ball is squeezed into no width; 0 in the blind cone
     sampling : (…) pixels per radian where it is squeezed most, 0 where the picture shows nothing of it, and in the
-        outermost pixel of the ball
+        outermost pixel of the ball, which mixes it with what is behind. It is squeezed radially, f d(tan α)/dβ: all
+        pixels take in nearly the same solid angle (`solid_angles`), near the silhouette a long narrow strip of it
     saturated : (…) share that was saturated in every photograph, 0 to 1
     """
 
@@ -84,33 +86,13 @@ class BallView:
         world = self.world_from_pixels @ rotation_between(axis, self.axis)
         return replace(self, axis=axis, distance=1 / sine, world_from_pixels=world)
 
-    def lookup(self, directions: np.ndarray, nearness: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Radiance (…, 3) seen in the ball from world directions (…, 3), and how squarely, cos of incidence (…).
+    def see(self, directions: np.ndarray, nearness: float = 0.0) -> Seen:
+        """What the view shows in world directions (…, 3).
 
         nearness : ball radius over the distance of what is seen; directions are those from the ball's centre, and
-            the ray that leaves its surface meets them there. 0 is light at infinity.
-        The cosine is 1 where the ball faces the camera and falls to 0 at the silhouette, where the whole
-        neighbourhood of the direction behind the ball is squeezed into no width; in the blind cone it is 0.
+            the ray that leaves its surface meets them there. 0 is light at infinity
         """
-        seen = self.see(directions, nearness)
-        return seen.radiance, seen.incidence
-
-    def saturated(self, directions: np.ndarray, nearness: float = 0.0) -> np.ndarray:
-        """Whether the light from world directions (…, 3) was saturated in every photograph: (…) bool."""
-        return self.see(directions, nearness).saturated > 0.5
-
-    def sampling(self, directions: np.ndarray, nearness: float = 0.0) -> np.ndarray:
-        """Pixels per radian of light in the direction in which the ball squeezes it most: (…), 0 in the blind cone.
-
-        Likewise in the ball's outermost pixel, which mixes it with what is behind. It squeezes radially,
-        f d(tan α)/dβ: all pixels take in nearly the same solid angle (`solid_angles`), but near the silhouette a long
-        narrow strip of it.
-        """
-        return self.see(directions, nearness).sampling
-
-    def see(self, directions: np.ndarray, nearness: float = 0.0) -> Seen:
-        """All that the view shows in world directions (…, 3); `nearness` as for `lookup`."""
-        x, y, incidence, gamma = self._places(directions, nearness)
+        x, y, incidence, gamma = self.places(directions, nearness)
         alpha_rise, beta_rise = self._rises(gamma)
         width, height = self.picture.size
         shown = (x >= 0) & (x <= width) & (y >= 0) & (y <= height)
@@ -129,19 +111,17 @@ class BallView:
         sampling = np.where(clean, self.focal_length * stretch * np.maximum(alpha_rise, 0) / beta_rise, 0)
         return Seen(radiance, np.where(shown, incidence, 0), sampling, saturated)
 
-    def places(self, directions: np.ndarray, nearness: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Where in the picture directions (…, 3) are mirrored: x and y in pixels, and the cosine of incidence (…)."""
-        return self._places(directions, nearness)[:3]
-
-    def _places(self, directions: np.ndarray, nearness: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Those of `places`, and γ."""
+    def places(self, directions: np.ndarray, nearness: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Where in the picture directions (…, 3) are mirrored: x and y in pixels, the cosine of incidence, and γ."""
         local = np.asarray(directions, np.float64) @ self.world_from_pixels
         gamma, normal = self._normal(local)
         if nearness:
             # From the surface point n (in radii) the point at 1/nearness lies along ω − nearness·n.
             gamma, normal = self._normal(normalised(local - nearness * normal))
         point = self.distance * self.axis + normal
-        x, y = self._project(point)
+        width, height = self.picture.size
+        x = width / 2 + self.focal_length * point[..., 0] / point[..., 2]
+        y = height / 2 + self.focal_length * point[..., 1] / point[..., 2]
         return x, y, np.maximum(-(normalised(point) * normal).sum(-1), 0), gamma
 
     def solid_angles(self, directions: np.ndarray) -> np.ndarray:
@@ -183,11 +163,6 @@ class BallView:
         beta = gamma + np.arctan2(self.distance * np.sin(gamma), self.distance * np.cos(gamma) - 1)
         angle = np.interp(np.arctan2(length[..., 0], cosine), beta, gamma)
         return angle, np.cos(angle)[..., None] * back + np.sin(angle)[..., None] * sideways
-
-    def _project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        width, height = self.picture.size
-        x = width / 2 + self.focal_length * points[..., 0] / points[..., 2]
-        return x, height / 2 + self.focal_length * points[..., 1] / points[..., 2]
 
 
 def unwrap_ball(

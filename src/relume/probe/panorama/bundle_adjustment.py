@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from relume.errors import NotAPanorama
 from relume.probe.panorama.matching import Matching, Pair, find_pairs
-from relume.probe.panorama.views import PanoramaView, undistorted
+from relume.probe.panorama.views import PanoramaView, rays_through
 from relume.sphere.directions import UP, normalised, rotation_between, rotation_from_vector
 
 MATCHES = 200
@@ -287,8 +287,7 @@ class _Ends:
 
     def rays(self, lens: np.ndarray) -> np.ndarray:
         """(M, 2, 3) of the cameras' frames; lens is ln of the focal length's scale, and the distortion."""
-        straight = undistorted(self.tangents / np.exp(lens[0]), float(lens[1]))
-        return normalised(np.stack([straight[..., 0], -straight[..., 1], -np.ones(straight.shape[:-1])], axis=-1))
+        return rays_through(self.tangents / np.exp(lens[0]), float(lens[1]))
 
     def misfit(self, turns: np.ndarray, lens: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What the ends differ by, (M, 3) in deviations, and its slope by both of the lens, (M, 3, 2)."""
@@ -307,11 +306,8 @@ class _Ends:
         """(3 M, unknown): the turn of each free view begins at its column, and the lens is last."""
         world = np.einsum("meij,mej->mei", turns[self.views], self.rays(lens)) / self.deviation[:, None, None]
         rows = np.arange(3 * len(world)).reshape(-1, 3)
-        entries, down, across = (
-            [slopes.ravel()],
-            [np.repeat(rows.ravel(), 2)],
-            [np.tile([unknown - 2, unknown - 1], 3 * len(world))],
-        )
+        entries, down = [slopes.ravel()], [np.repeat(rows.ravel(), 2)]
+        across = [np.tile([unknown - 2, unknown - 1], 3 * len(world))]
         for end, sign in ((0, -1.0), (1, 1.0)):
             begins = columns[self.views[:, end]]
             x, y, z = world[begins >= 0, end].T

@@ -16,7 +16,6 @@ from relume.probe.panorama.matching import Matching
 from relume.probe.panorama.stitching import Panorama, stitch_panorama
 from relume.probe.panorama.view_files import (
     CUBE_FIELD,
-    Crop,
     KnownOrientation,
     known_orientations,
     oriented_view,
@@ -93,7 +92,7 @@ def panorama_from_files(
             )
         stored = [stored_crop(source.picture, source.name) for source in sources]
         use = not (settings.match or known)
-        crops = [_used(crop, use) for crop in stored]
+        crops = [crop if crop is None or use else replace(crop, rotation=None) for crop in stored]
         views = [
             oriented_view(
                 source, known.get(path), crop, field=settings.field,
@@ -133,7 +132,3 @@ def panorama_from_files(
         doubts.append(f"{100 * result.unseen / (4 * math.pi):.0f} % of the sphere is seen by no view; add views")
     lines = dict.fromkeys([*(str(each.message) for each in caught), *notes])
     return replace(result, notes=tuple(lines), warnings=tuple(doubts))
-
-
-def _used(crop: Crop | None, use_rotation: bool) -> Crop | None:
-    return crop if crop is None or use_rotation else replace(crop, rotation=None)

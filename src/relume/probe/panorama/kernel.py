@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from relume._kernel import kernel
-
-OUTSIDE = 3
-SATURATED = 1
+from relume.image.radiance import OUTSIDE, SATURATED
 
 
 @kernel
@@ -87,11 +85,8 @@ def view_in_rows(picture, codes, lens, rotation, latitudes, longitudes, begin, e
             # Colour, share saturated, share covered, and the distance from the picture's rim.
             out = row - begin
             share = 1 / covered if covered > 0 else 0.0
-            shown[out, column, 0], shown[out, column, 1], shown[out, column, 2] = (
-                red * share,
-                green * share,
-                blue * share,
-            )
+            shown[out, column, 0], shown[out, column, 1] = red * share, green * share
+            shown[out, column, 2] = blue * share
             shown[out, column, 3], shown[out, column, 4] = saturated * share, covered / whole
             shown[out, column, 5] = rim * share
 

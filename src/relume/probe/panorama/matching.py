@@ -99,12 +99,17 @@ def features_of(view: PanoramaView, method: Matching = Matching()) -> Features:
     reach = 2 * np.tan(np.arctan2(np.hypot(corner[0], corner[1]), -corner[2]) / 2) / np.hypot(corner[0], corner[1])
     across, up = (int(np.ceil(abs(reach * focal_length * c))) for c in corner[:2])
     # The sides bulge beyond the corners.
-    half = [max(a, int(np.ceil(b))) for a, b in zip((across, up), _half_sides(view, focal_length), strict=True)]
+    sides = 2 * np.tan(np.arctan(np.array(view.picture.size) / 2 / view.focal_length) / 2) * focal_length
+    half = [max(a, int(np.ceil(b))) for a, b in zip((across, up), sides, strict=True)]
     x, y = np.meshgrid(np.arange(-half[0], half[0] + 1), np.arange(-half[1], half[1] + 1))
-    straight = _perspective(np.stack([x, y], -1) / focal_length)
-    square = (straight**2).sum(-1, keepdims=True)
-    bent = straight * (1 + view.distortion * square) * view.focal_length
-    place = ((bent + np.array(view.picture.size) / 2) * shrinks - 0.5).astype(np.float32)
+
+    def bent(flat: np.ndarray) -> np.ndarray:
+        """Pixels of the view at places of the stereographic plane."""
+        straight = _perspective(flat)
+        square = (straight**2).sum(-1, keepdims=True)
+        return straight * (1 + view.distortion * square) * view.focal_length + np.array(view.picture.size) / 2
+
+    place = (bent(np.stack([x, y], -1) / focal_length) * shrinks - 0.5).astype(np.float32)
     picture = cv2.remap(values, place[..., 0], place[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     inside = (place >= BORDER) & (place <= np.array(light.shape[::-1]) - 1 - BORDER)
     mask = np.where(inside.all(-1), 255, 0).astype(np.uint8)
@@ -113,17 +118,8 @@ def features_of(view: PanoramaView, method: Matching = Matching()) -> Features:
     found, descriptors = finder.detectAndCompute(np.rint(picture).astype(np.uint8), mask)
     if descriptors is None or not found:
         return Features(np.zeros((0, 2)), np.zeros((0, 128), np.float32), float(1 / shrinks[0]))
-    flat = (np.array([point.pt for point in found]) - np.array(half)) / focal_length
-    straight = _perspective(flat)
-    square = (straight**2).sum(-1, keepdims=True)
-    points = straight * (1 + view.distortion * square) * view.focal_length + np.array(view.picture.size) / 2
+    points = bent((np.array([point.pt for point in found]) - np.array(half)) / focal_length)
     return Features(points, np.asarray(descriptors, np.float32), float(1 / shrinks[0]))
-
-
-def _half_sides(view: PanoramaView, focal_length: float) -> np.ndarray:
-    """Half the width and height of the stereographic picture at the middles of the sides."""
-    tangents = np.array(view.picture.size) / 2 / view.focal_length
-    return 2 * np.tan(np.arctan(tangents) / 2) * focal_length
 
 
 def _perspective(flat: np.ndarray) -> np.ndarray:

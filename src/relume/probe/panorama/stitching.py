@@ -14,12 +14,11 @@ import numpy as np
 from relume.capture.lens.vignetting import Vignetting
 from relume.image.radiance import OUTSIDE, SATURATED
 from relume.probe.panorama.balance import RIM, Balancing, balance, compare
-from relume.probe.panorama.blending import blend
 from relume.probe.panorama.bundle_adjustment import Adjusted, orient
 from relume.probe.panorama.coverage import coverage
 from relume.probe.panorama.matching import Matching
 from relume.probe.panorama.seams import ROWS as SEAM_ROWS
-from relume.probe.panorama.seams import even, lay_seams
+from relume.probe.panorama.seams import blend, even, lay_seams
 from relume.probe.panorama.views import PanoramaView, angles_of, refuse_unusable
 from relume.sphere.environment_map import EnvironmentMap
 

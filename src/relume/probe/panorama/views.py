@@ -67,8 +67,7 @@ class PanoramaView:
         """Unit directions (…, 3), of the camera's own frame, through pixel coordinates (…, 2), x right and y down."""
         width, height = self.picture.size
         seen = (points - np.array([width / 2, height / 2])) / self.focal_length
-        straight = undistorted(seen, self.distortion)
-        return normalised(np.stack([straight[..., 0], -straight[..., 1], -np.ones(straight.shape[:-1])], axis=-1))
+        return rays_through(seen, self.distortion)
 
     def points(self, directions: np.ndarray) -> np.ndarray:
         """Pixel coordinates (…, 2) of world directions (…, 3); NaN behind the camera and where the lens folds."""
@@ -97,6 +96,12 @@ def undistorted(seen: np.ndarray, distortion: float) -> np.ndarray:
     for _ in range(12):  # Newton; each step doubles the digits
         straight -= (straight * (1 + distortion * straight**2) - bound) / (1 + 3 * distortion * straight**2)
     return seen * np.divide(straight, radius, out=np.ones_like(radius), where=radius > 0)
+
+
+def rays_through(seen: np.ndarray, distortion: float) -> np.ndarray:
+    """Unit directions (…, 3) of the camera's frame, of tangents (…, 2) behind the lens."""
+    straight = undistorted(seen, distortion)
+    return normalised(np.stack([straight[..., 0], -straight[..., 1], -np.ones(straight.shape[:-1])], axis=-1))
 
 
 def orientation(yaw: float, pitch: float = 0.0, roll: float = 0.0) -> np.ndarray:
