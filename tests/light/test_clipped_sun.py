@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lights import spread
 from relume.errors import SunNotRecovered
 from relume.image import files
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 from relume.light.suns.clipped_regions import ClippedPixels, SunDisc, clipped_pixels, plateau, sources
 from relume.light.suns.clipped_sun import recover_sun
-from relume.light.suns.matte_readings import MatteReadings, Patch, read_chart, read_grey_ball
+from relume.light.suns.matte_readings import ChartPatch, MatteReadings, measure_chart, read_grey_ball
 from relume.probe.ball.silhouette import outline_of_circle
 from relume.probe.ball.unwrapping import CAMERA_FROM_PIXELS, BallView, unwrap_ball
 from relume.sphere.directions import look_at, normalised
@@ -25,10 +26,6 @@ SKY, SLOPE = np.array([0.5, 0.8, 1.5]), np.array([0.2, 0.3, 0.4])
 SUN, LAMP = normalised([0.4, 0.6, 0.69]), normalised([-0.7, 0.3, 0.5])
 LIGHTS = [(SUN, np.array([20.0, 18.0, 16.0])), (LAMP, np.array([3.0, 4.0, 6.0]))]
 """Directions and the irradiance on a surface that faces them: the sun's radiance would be 3e5, over half a degree."""
-
-
-def spread(count, seed=0):
-    return normalised(np.random.default_rng(seed).normal(size=(count, 3)))
 
 
 def made(lights=LIGHTS[:1], size=128, mapping=LatLong()):
@@ -73,6 +70,13 @@ def photographed(lights, albedo=0.18, camera=(0.2, 0.3, 1.0), side=240, noise=0.
     return BallView(
         picture, focal_length, np.array([0, 0, 1.0]), distance, world_from_camera @ CAMERA_FROM_PIXELS, outline
     )
+
+
+def chart(*patches, unit="relative"):
+    """Readings of flat patches (radiance, reflectance, normal) of ten pixels, side by side."""
+    squares = [np.broadcast_to(np.float32(radiance), (10, 10, 3)) for radiance, *_ in patches]
+    places = [ChartPatch((10.0 * k + 5, 5.0, 4.0), patch[1], patch[2]) for k, patch in enumerate(patches)]
+    return measure_chart(RadianceMap(np.concatenate([*squares, squares[0]], axis=1), unit=unit), places)
 
 
 def worst(light, lights):
@@ -121,14 +125,14 @@ def test_the_recovered_pixels_are_no_longer_marked():
 def test_a_chart_of_known_reflectance_does_as_well():
     truth, lights = made()
     towards_sun, up = lights[0][0], Y
-    white = Patch(tuple(0.9 / np.pi * irradiance(towards_sun, lights)), 0.9, tuple(towards_sun))
-    found = recover_sun(cut(truth), read_chart([white]))
+    white = 0.9 / np.pi * irradiance(towards_sun, lights), 0.9, tuple(towards_sun)
+    found = recover_sun(cut(truth), chart(white))
     assert worst(found.light, lights) < 2e-3
     assert np.isnan(found.agreement)
     assert "sun_recovered_agreement" not in found.attributes
     reddish = np.array([0.5, 0.3, 0.2])
-    red = Patch(tuple(reddish / np.pi * irradiance(up, lights)), tuple(reddish), tuple(up))
-    found = recover_sun(cut(truth), read_chart([white, red]))
+    red = reddish / np.pi * irradiance(up, lights), tuple(reddish), tuple(up)
+    found = recover_sun(cut(truth), chart(white, red))
     assert worst(found.light, lights) < 2e-3
     assert found.attributes["sun_recovered"] == "from 2 patches of a chart"
 
@@ -169,9 +173,8 @@ def test_a_ball_seen_from_its_dark_side_is_refused():
 def test_more_sources_than_patches_are_refused():
     truth, lights = made(LIGHTS)
     normal = normalised(SUN + LAMP)
-    patch = Patch(tuple(irradiance(normal, lights) / np.pi), 1.0, tuple(normal))
     with pytest.raises(SunNotRecovered, match="2 sources clipped, which one patch of a chart cannot separate"):
-        recover_sun(cut(truth), read_chart([patch]))
+        recover_sun(cut(truth), chart((irradiance(normal, lights) / np.pi, 1.0, tuple(normal))))
 
 
 def test_a_source_behind_the_ball_stays_as_it_is_and_is_told():
@@ -311,23 +314,26 @@ def test_the_file_tells_how_the_sun_was_recovered(tmp_path):
     np.testing.assert_array_equal(as_environment(again).radiance, found.light.radiance)
 
 
+@pytest.mark.parametrize("albedo", [0, 1.1, (0.1, 0.2), -0.2])
+def test_a_reflectance_that_cannot_be_is_refused(albedo):
+    with pytest.raises(ValueError, match="above 0 and at most 1"):
+        chart(((1, 1, 1), albedo, (0, 1, 0)))
+
+
 def test_a_wrong_call_is_told():
-    for albedo in (0, 1.1, (0.1, 0.2), -0.2):
-        with pytest.raises(ValueError, match="above 0 and at most 1"):
-            read_chart([Patch((1, 1, 1), albedo, (0, 1, 0))])  # pyright: ignore[reportArgumentType]
+    white = (1, 1, 1), 0.5, (0, 1, 0)
     with pytest.raises(ValueError, match="no patch"):
-        read_chart([])
-    with pytest.raises(ValueError, match="light is finite"):
-        read_chart([Patch((-1, 1, 1), 0.5, (0, 1, 0))])
+        measure_chart(RadianceMap(np.ones((4, 4, 3), np.float32)), [])
     with pytest.raises(ValueError, match=r"faces \[\[0\.0, 0\.0, 0\.0\]\]; a normal is a direction"):
-        read_chart([Patch((1, 1, 1), 0.5, (0, 0, 0))])
+        chart(((1, 1, 1), 0.5, (0, 0, 0)))
     with pytest.raises(ValueError, match=r"expected \(N, 3\)"):
         MatteReadings(np.zeros((2, 3)), np.zeros((1, 3)), np.zeros((2, 3)), "a ball")
     light, lights = made(size=16)
+    black = MatteReadings(np.eye(3)[:2], np.zeros((2, 3)), np.zeros((2, 3)), "2 patches of a chart")
     with pytest.raises(SunNotRecovered, match="2 patches of a chart: black all over"):
-        recover_sun(light, read_chart([Patch((0, 0, 0), 0.5, (0, 1, 0)), Patch((0, 0, 0), 0.5, (1, 0, 0))]))
+        recover_sun(light, black)
     with pytest.raises(ValueError, match='readings are "cd/m²" and the map "relative"'):
-        recover_sun(light, read_chart([Patch((1, 1, 1), 0.5, (0, 1, 0))], "cd/m²"))
+        recover_sun(light, chart(white, unit="cd/m²"))
     view = photographed(lights, side=40)
     blind = replace(view.picture, clipped=np.full((40, 40), SATURATED, np.uint8))
     with pytest.raises(ValueError, match="every pixel of the grey ball is clipped"):

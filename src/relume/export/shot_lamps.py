@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -41,7 +42,7 @@ def light_of(value: PreparedShot) -> tuple[EnvironmentMap, LampFile]:
     `light.placing.placed_in_box`. Raises UnsupportedScene for ambient light and for points without the square law.
     """
     scene, keys = value.scene, value.keys
-    distant, placed = _of_scene(scene.lights)
+    distant, places = _of_scene(scene.lights)
     if keys is None:
         light = scene.light
     else:
@@ -51,19 +52,24 @@ def light_of(value: PreparedShot) -> tuple[EnvironmentMap, LampFile]:
         else:
             reach = wall_distances(scene.distant, np.array(scene.probe), keys.lights.directions)
             radii = radii_at(keys.lights, reach)
-            walls = PlacedLights(
+            places += zip(
                 np.array(scene.probe) + reach[:, None] * keys.lights.directions,
                 keys.lights.irradiance * reach[:, None] ** 2,
                 np.zeros(len(reach)) if radii is None else radii,
+                strict=True,
             )
-            placed = walls if placed is None else _both(placed, walls)
     radii = distant.angular_radii
     angles = np.zeros(len(distant.directions)) if radii is None else np.minimum(2 * radii, np.pi)
+    placed = None
+    if places:
+        positions, intensity, sizes = zip(*places, strict=True)
+        placed = PlacedLights(np.array(positions, np.float64), np.array(intensity), np.array(sizes, np.float64))
     background = LIGHT if isinstance(scene.distant, Infinite) else None
     return as_latlong(light), LampFile(distant, light.unit, background, angles, placed)
 
 
-def _of_scene(lights: tuple[Light, ...]) -> tuple[Constellation, PlacedLights | None]:
+def _of_scene(lights: tuple[Light, ...]) -> tuple[Constellation, list[tuple[Any, Any, float]]]:
+    """The parallel lights; place, intensity and radius of each that has a place."""
     towards, irradiance, places = [], [], []
     for light in lights:
         if isinstance(light, DistantLight):
@@ -88,19 +94,7 @@ def _of_scene(lights: tuple[Light, ...]) -> tuple[Constellation, PlacedLights | 
         np.zeros(len(towards)),
         np.zeros(len(towards)),
     )
-    if not places:
-        return distant, None
-    where, intensity, radii = zip(*places, strict=True)
-    return distant, PlacedLights(np.array(where, np.float64), np.array(intensity), np.array(radii, np.float64))
-
-
-def _both(first: PlacedLights, second: PlacedLights) -> PlacedLights:
-    assert first.radii is not None and second.radii is not None
-    return PlacedLights(
-        np.concatenate([first.positions, second.positions]),
-        np.concatenate([first.intensity, second.intensity]),
-        np.concatenate([first.radii, second.radii]),
-    )
+    return distant, places
 
 
 def undistorted(value: PreparedShot) -> tuple[PreparedShot, tuple[str, ...]]:

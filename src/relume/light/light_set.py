@@ -172,7 +172,12 @@ def make_lights(light: EnvironmentMap, settings: LightSettings = LightSettings()
     notes: list[str] = []
     if not light.radiance.any():
         raise UnreadableFile(f"{name}: black all over; there is no light to make lights of")
-    _require_one_unit(light, settings.second)
+    second = settings.second
+    if second is not None and second.light.unit != light.unit:
+        raise ValueError(
+            f"{second.name}: its unit is {second.light.unit} and the first map's {light.unit}; intensities are "
+            "compared, so calibrate both or neither"
+        )
     doubts, photographed = [], light
 
     # Suns, other lights and residual.
@@ -199,19 +204,11 @@ def make_lights(light: EnvironmentMap, settings: LightSettings = LightSettings()
     # Places.
     if settings.room is not None:
         made = _on_walls(made, settings.room)
-    elif settings.second is not None:
-        made, seen, alone = _triangulate(made, settings.second, settings.suns or 1)
+    elif second is not None:
+        made, seen, alone = _triangulate(made, second, settings.suns or 1)
         notes += alone
-        doubts += _clipped(settings.second.name, settings.second.light, seen)
+        doubts += _clipped(second.name, second.light, seen)
     return replace(made, notes=tuple(notes), doubts=tuple(doubts))
-
-
-def _require_one_unit(light: EnvironmentMap, second: SecondProbe | None) -> None:
-    if second is not None and second.light.unit != light.unit:
-        raise ValueError(
-            f"{second.name}: its unit is {second.light.unit} and the first map's {light.unit}; intensities are "
-            "compared, so calibrate both or neither"
-        )
 
 
 def _divide(

@@ -64,7 +64,9 @@ class EnvironmentSampler:
             raise ValueError(f"u has shape {u.shape}; expected (N, 2)")
         if u.size and not (u.min() >= 0 and u.max() < 1):
             raise ValueError(f"u lies in [{u.min()}, {u.max()}]; expected [0, 1)")
-        rows, columns, within = _chosen_pixels(u, self._marginal, self._conditional)
+        marginal, conditional = self._marginal, self._conditional
+        rows, columns, within = np.empty(len(u), np.int64), np.empty(len(u), np.int64), np.empty((len(u), 2))
+        in_threads(lambda begin, end: _choose(u, marginal, conditional, rows, columns, within, begin, end), len(u))
         density = self._density[rows, columns]
         if isinstance(self.light.mapping, LatLong):
             return _within_latlong(rows, columns, within, self.light.size), density
@@ -186,19 +188,6 @@ def _hashed(numbers: np.ndarray, turn: int) -> np.ndarray:
         mixed = (mixed ^ (mixed >> np.uint64(shift))) * np.uint64(factor)
     mixed ^= mixed >> np.uint64(31)
     return (mixed >> np.uint64(11)) * 2.0**-53
-
-
-def _chosen_pixels(
-    u: np.ndarray, marginal: np.ndarray, conditional: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows and columns (N,) of the pixels, and the place within them (N, 2) in [0, 1), right and down.
-
-    u : (N, 2) in [0, 1); the first chooses the column, the second the row
-    marginal, conditional : (H + 1,) and (H, W + 1) running sums from 0 over rows and along each
-    """
-    rows, columns, within = np.empty(len(u), np.int64), np.empty(len(u), np.int64), np.empty((len(u), 2))
-    in_threads(lambda begin, end: _choose(u, marginal, conditional, rows, columns, within, begin, end), len(u))
-    return rows, columns, within
 
 
 # Sums must be compared as they are: a black pixel whose ends were rounded apart could be drawn.

@@ -60,11 +60,22 @@ def _placed(bulb: Bulb) -> str:
         <rgb name="intensity" value="{figures(bulb.intensity, ", ")}"/>
     </emitter>
 """
-    return f"""    <shape type="sphere" id="{bulb.name}">
-        <point name="center" value="{figures(bulb.position, ", ")}"/>
-        <float name="radius" value="{figure(bulb.radius)}"/>
-        <emitter type="area">
-            <rgb name="radiance" value="{figures(bulb.radiance(bulb.radius), ", ")}"/>
+    return sphere(bulb.name, bulb.position, bulb.radius, bulb.radiance(bulb.radius))
+
+
+def sphere(
+    name: str,
+    centre: tuple[float, ...],
+    radius: float,
+    radiance: tuple[float, ...],
+    surface: str = "",
+) -> str:
+    """A sphere that shines; `surface` is the line of its BSDF."""
+    return f"""    <shape type="sphere" id="{name}">
+        <point name="center" value="{figures(centre, ", ")}"/>
+        <float name="radius" value="{figure(radius)}"/>
+{surface}        <emitter type="area">
+            <rgb name="radiance" value="{figures(radiance, ", ")}"/>
         </emitter>
     </shape>
 """

@@ -16,6 +16,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from relume.export.lamps import figure, figures
+from relume.export.mitsuba.lights import sphere
 from relume.export.parts import physical
 from relume.export.shot_lamps import undistorted, write_pictures
 from relume.image import files
@@ -130,6 +131,8 @@ KINDS = {
     "texture": {"bitmap", "uniform"},
 }  # fmt: skip
 """The XML's tag of each of Mitsuba's plugins that our scenes use."""
+CLEAR = '        <bsdf type="null"/>\n'
+"""The surface of a lamp: light goes through it."""
 TAGS = {plugin: tag for tag, plugins in KINDS.items() for plugin in plugins}
 
 
@@ -144,7 +147,8 @@ def write(value: PreparedShot, folder: Path) -> tuple[str, ...]:
     first = len(scene.local)
     added = {f"shape_{index:04d}" for index in range(first, first + len(scene.objects))}
     place = [writer.element(key, each, 1) for key, each in words.items() if key != "type" and key not in added]
-    place += [_lamp(index, lamp) for index, lamp in enumerate(lamps)]
+    for index, lamp in enumerate(lamps):
+        place.append(sphere(f"lamp_{index:04d}", lamp.position, lamp.radius, lamp.radiance, CLEAR))
     objects = [writer.element(key, words[key], 1) for key in sorted(added)]
     place = [_render(value, volumes="homogeneous" in writer.plugins), *place]
     (folder / "place.xml").write_text(_scene(place), encoding="utf-8")
@@ -215,18 +219,6 @@ def _render(value: PreparedShot, *, volumes: bool) -> str:
         '        <integer name="max_depth" value="$depth"/>\n'
         "    </integrator>\n"
     )
-
-
-def _lamp(index: int, lamp: SphereLight) -> str:
-    return f"""    <shape type="sphere" id="lamp_{index:04d}">
-        <point name="center" value="{figures(lamp.position, ", ")}"/>
-        <float name="radius" value="{figure(lamp.radius)}"/>
-        <bsdf type="null"/>
-        <emitter type="area">
-            <rgb name="radiance" value="{figures(lamp.radiance, ", ")}"/>
-        </emitter>
-    </shape>
-"""
 
 
 class _Writer:

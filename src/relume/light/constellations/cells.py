@@ -51,12 +51,12 @@ class Cells:
         up = np.broadcast_to(np.cos(polar)[:, None], (len(polar), len(longitude)))
         return np.stack([ring * np.sin(longitude), up, -ring * np.cos(longitude)], axis=-1)
 
-    def in_pixels(self, values: np.ndarray, nothing: float = -1) -> np.ndarray:
-        """What cells hold (R, C), at every pixel of the map; `nothing` where its image shows none."""
+    def in_pixels(self, values: np.ndarray) -> np.ndarray:
+        """What cells hold (R, C), at every pixel of the map; −1 where its image shows none."""
         if isinstance(self.of_pixels, int):
             tall = np.repeat(values, self.of_pixels, axis=0)[: self.shape[0]]
             return np.repeat(tall, self.of_pixels, axis=1)[:, : self.shape[1]]
-        return np.append(values.ravel(), np.asarray(nothing, values.dtype))[self.of_pixels]
+        return np.append(values.ravel(), np.asarray(-1, values.dtype))[self.of_pixels]
 
 
 def cells_of(light: EnvironmentMap, most: int = MOST_ROWS) -> Cells:

@@ -92,18 +92,17 @@ def together(first: Constellation, second: Constellation) -> Constellation:
 
 
 def irradiance_error(
-    light: EnvironmentMap, lights: Constellation, residual: EnvironmentMap | None = None, count: int = 512
+    light: EnvironmentMap, lights: Constellation, residual: EnvironmentMap | None = None
 ) -> tuple[float, float]:
     """How far lights and residual are from lighting surfaces as the map does: mean and largest difference.
 
-    count : normals, all over the sphere
     Both are shares of the mean irradiance, in the channel where they are largest; pixels are taken together in cells of
     0.7°, which puts them off by 1e-4 or less.
     """
     from relume.light.constellations.cells import cells_of
 
-    # Spiral points (Saff & Kuijlaars 1997): as far from each other as so many can be.
-    height, turn = 1 - (2 * np.arange(count) + 1) / count, np.pi * (1 + np.sqrt(5)) * np.arange(count)
+    # Spiral points (Saff & Kuijlaars 1997), as far from each other as so many can be.
+    height, turn = 1 - (2 * np.arange(512) + 1) / 512, np.pi * (1 + np.sqrt(5)) * np.arange(512)
     ring = np.sqrt(1 - height**2)
     normals = np.stack([ring * np.sin(turn), height, ring * np.cos(turn)], axis=-1)
 

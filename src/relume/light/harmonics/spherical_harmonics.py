@@ -103,8 +103,15 @@ class SphericalHarmonics:
 
         Negative radiance, which is no light, becomes 0 and is warned of: `windowed` harmonics have less of it.
         """
-        radiance = self._in_latlong(size) if isinstance(mapping, LatLong) else self._in(mapping, size)
         areas = mapping.solid_angles(size)[..., None]
+        if isinstance(mapping, LatLong):
+            # By sums along the longitude, fast for any degree. It grows to the right, which is clockwise about +Y: that
+            # conjugates the complex harmonics.
+            upright = np.conj(as_complex(turned(self.coefficients, _UPRIGHT)))
+            kernel = np.sqrt((2 * np.arange(self.degree + 1) + 1) / (4 * np.pi))
+            radiance = synthesised(upright, kernel[None], 0, size)[0].real
+        else:
+            radiance = np.where(areas > 0, self.evaluate(pixel_directions(mapping, size)), 0)
         lost = float((np.maximum(-radiance, 0) * areas).sum() / max((np.abs(radiance) * areas).sum(), 1e-300))
         if lost > 1e-6:
             warnings.warn(
@@ -116,17 +123,6 @@ class SphericalHarmonics:
 
     def _weighted(self, factors: np.ndarray) -> SphericalHarmonics:
         return SphericalHarmonics(self.coefficients * _degrees(factors)[:, None], self.unit)
-
-    def _in(self, mapping: Mapping, size: int) -> np.ndarray:
-        shown = mapping.solid_angles(size)[..., None] > 0
-        return np.where(shown, self.evaluate(pixel_directions(mapping, size)), 0)
-
-    def _in_latlong(self, rows: int) -> np.ndarray:
-        """By sums along the longitude, fast for any degree."""
-        # Longitude grows to the right, which is clockwise about +Y: that conjugates the complex harmonics.
-        upright = np.conj(as_complex(turned(self.coefficients, _UPRIGHT)))
-        kernel = np.sqrt((2 * np.arange(self.degree + 1) + 1) / (4 * np.pi))
-        return synthesised(upright, kernel[None], 0, rows)[0].real
 
 
 def project_sh(light: EnvironmentMap, degree: int = 2) -> SphericalHarmonics:
@@ -143,7 +139,9 @@ def project_sh(light: EnvironmentMap, degree: int = 2) -> SphericalHarmonics:
     _check_degree(degree)
     flux = light.radiance * light.mapping.solid_angles(light.size)[..., None]
     if isinstance(light.mapping, LatLong):
-        return SphericalHarmonics(_of_latlong(flux, degree), light.unit)
+        # Clockwise about +Y, as in `as_map`.
+        coefficients = turned(as_real(np.conj(analysed(flux, degree))), _UPRIGHT.T)
+        return SphericalHarmonics(coefficients, light.unit)
     lit = flux.any(-1)
     directions, flux = pixel_directions(light.mapping, light.size)[lit], flux[lit]
     coefficients = np.zeros(((degree + 1) ** 2, 3))
@@ -217,9 +215,3 @@ def _values(directions: np.ndarray, degree: int) -> np.ndarray:
         values[l * l + l : (l + 1) ** 2] = now[:, 0]
         values[l * l : l * l + l] = now[:0:-1, 1]
     return values
-
-
-def _of_latlong(flux: np.ndarray, degree: int) -> np.ndarray:
-    """Σ flux · Y_lm over the pixels of a lat-long map, its longitude summed by transforms."""
-    # Clockwise, as in `as_map`.
-    return turned(as_real(np.conj(analysed(flux, degree))), _UPRIGHT.T)

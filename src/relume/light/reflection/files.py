@@ -35,10 +35,6 @@ _ROWS_A_TEXEL = 4
 _FEWEST_ROWS = 64
 
 
-def _paper_tables() -> dict[str, Lobe]:
-    return {"diffuse": Lambert(), "specular": Phong()}
-
-
 @dataclass(frozen=True)
 class ReflectionFiles:
     """Which reflection maps are written.
@@ -55,7 +51,7 @@ class ReflectionFiles:
     Raises ValueError for sizes that cannot be.
     """
 
-    tables: dict[str, Lobe] = field(default_factory=_paper_tables)
+    tables: dict[str, Lobe] = field(default_factory=lambda: {"diffuse": Lambert(), "specular": Phong()})
     glossy: dict[str, Reflectance] = field(default_factory=dict)
     rows: int | None = None
     normalisation: Normalisation = Normalisation.RADIOMETRIC

@@ -147,7 +147,7 @@ def recover_sun(
     """The map with as much light in its clipped pixels as matte things in the same light say there was.
 
     light : in any mapping; what lies below the horizon (the ground) belongs to it, since the ball is lit by it
-    readings : by `read_grey_ball` or `read_chart`, in the same unit and exposure, at the place of the map
+    readings : by `measure_grey_ball` or `measure_chart`, in the same unit and exposure, at the place of the map
     level : radiance from which on pixels count as clipped; the map's own mask, else its plateau of brightest pixels
     shape : `ClippedPixels()` scales what the clipped pixels hold; `SunDisc()` puts what is missing into a disc of the
         sun's size, where the shadows' sharpness matters and a lens or the bracket clipped more than the sun

@@ -47,22 +47,6 @@ class MatteReadings:
 
 
 @dataclass(frozen=True)
-class Patch:
-    """A patch of a chart: what it reflects and which way it faces.
-
-    radiance : (3,), its mean, in the light's unit
-    reflectance : (3,) or one number, linear Rec. 709, above 0: 0.18 or so for middle grey, 0.9 for white
-    normal : (3,), world, away from the chart
-    deviation : (3,), of the mean radiance
-    """
-
-    radiance: tuple[float, float, float]
-    reflectance: tuple[float, float, float] | float
-    normal: tuple[float, float, float]
-    deviation: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
 class ChartPatch:
     """Where a picture shows a patch of a chart, and what is known of it.
 
@@ -82,10 +66,21 @@ def measure_chart(picture: RadianceMap, patches: Sequence[ChartPatch], name: str
     picture : exposed like the map whose sun is to be recovered
     name : of the picture, for messages
 
-    Raises ValueError for a patch that reaches out of the picture or has no normal, UnreadableFile for one that is
+    The patches are taken to be matte. Raises ValueError for no patch, one that reaches out of the picture, a
+    reflectance that is not above 0 and at most 1 or a normal that is no direction, UnreadableFile for a patch that is
     clipped or black.
     """
-    return read_chart([_measured(picture, patch, name) for patch in patches], picture.unit)
+    if not patches:
+        raise ValueError("no patch of the chart is given; one is enough, a white one is best")
+    scale = np.pi / np.stack([_reflectance(patch.reflectance) for patch in patches])
+    normals = np.array([patch.normal for patch in patches], np.float64)
+    if not np.all(np.isfinite(normals)) or not np.all(normals.any(-1)):
+        raise ValueError(f"a patch faces {normals.tolist()}; a normal is a direction, like (0, 1, 0)")
+    radiance, deviation = np.stack([_measured(picture, patch, name) for patch in patches], axis=1)
+    several = f"{len(patches)} patches" if len(patches) > 1 else "one patch"
+    return MatteReadings(
+        normalised(normals), radiance * scale, deviation * scale, f"{several} of a chart", picture.unit
+    )
 
 
 def measure_grey_ball(
@@ -112,8 +107,8 @@ def measure_grey_ball(
     return read_grey_ball(view, albedo)
 
 
-def _measured(picture: RadianceMap, patch: ChartPatch, name: str) -> Patch:
-    """The mean radiance of a patch's pixels, without the few that were not measured."""
+def _measured(picture: RadianceMap, patch: ChartPatch, name: str) -> np.ndarray:
+    """The mean radiance of a patch's pixels, without the few that were not measured, and its deviation: (2, 3)."""
     x, y, radius = patch.circle
     where = f"the patch at ({x:g}, {y:g}) of radius {radius:g}"
     rows, columns = np.indices(picture.radiance.shape[:2]) + 0.5
@@ -136,37 +131,7 @@ def _measured(picture: RadianceMap, patch: ChartPatch, name: str) -> Patch:
     if not values[~odd].any():
         raise UnreadableFile(f"{name}: {where}: black all over; photograph it lit")
     values = values[~odd]
-    deviation = values.std(0) / np.sqrt(len(values))
-    red, green, blue = values.mean(0).tolist()
-    return Patch((red, green, blue), patch.reflectance, patch.normal, tuple(deviation.tolist()))
-
-
-def read_chart(patches: Sequence[Patch], unit: str = "relative") -> MatteReadings:
-    """The irradiance on one or more patches of known reflectance; they are taken to be matte.
-
-    unit : of the patches' radiance
-
-    Raises ValueError for no patch, a reflectance that is not above 0 and at most 1, radiance that is not light, or a
-    normal that is no direction.
-    """
-    if not patches:
-        raise ValueError("no patch of the chart is given; one is enough, a white one is best")
-    reflectance = np.stack([_reflectance(patch.reflectance) for patch in patches])
-    radiance = np.array([patch.radiance for patch in patches], np.float64)
-    if not np.all(np.isfinite(radiance)) or radiance.min() < 0:
-        raise ValueError(f"a patch has the radiance {radiance.tolist()}; light is finite and not below 0")
-    normals = np.array([patch.normal for patch in patches], np.float64)
-    if not np.all(np.isfinite(normals)) or not np.all(normals.any(-1)):
-        raise ValueError(f"a patch faces {normals.tolist()}; a normal is a direction, like (0, 1, 0)")
-    scale = np.pi / reflectance
-    several = f"{len(patches)} patches" if len(patches) > 1 else "one patch"
-    return MatteReadings(
-        normalised(normals),
-        radiance * scale,
-        np.array([patch.deviation for patch in patches]) * scale,
-        f"{several} of a chart",
-        unit,
-    )
+    return np.stack([values.mean(0), values.std(0) / np.sqrt(len(values))])
 
 
 def read_grey_ball(view: BallView, albedo: tuple[float, float, float] | float) -> MatteReadings:

@@ -71,7 +71,8 @@ def orientation_chart(size: int = 512) -> EnvironmentMap:
         plane = directions[near] / depth[near][:, None]
         x, y = plane @ label.right, plane @ label.up
         disc = _inside(np.tan(RADIUS) - np.hypot(x, y), pixel)
-        ink = np.maximum(_sign_ink(name[0], x, y, pixel), _letter_ink(name[1], x, y, pixel))
+        sign, letter = _STROKES[name[0]], _STROKES[name[1]]
+        ink = np.maximum(_ink(sign, x + 0.24, y, 0.11, pixel), _ink(letter, x - 0.22, y, 0.13, pixel))
         written = np.asarray(label.colour) * (1 - ink)[:, None] + INK * ink[:, None]
         radiance[near] += disc[:, None] * (written - radiance[near])
     return EnvironmentMap(radiance.astype(np.float32))
@@ -89,14 +90,6 @@ def _grid(directions: np.ndarray, pixel: float) -> np.ndarray:
     grey = GROUND + (LINE - GROUND) * line
     grey += (HORIZON - grey) * horizon
     return np.repeat(grey[..., None], 3, axis=-1)
-
-
-def _sign_ink(sign: str, x: np.ndarray, y: np.ndarray, pixel: float) -> np.ndarray:
-    return _ink(_STROKES[sign], x + 0.24, y, 0.11, pixel)
-
-
-def _letter_ink(letter: str, x: np.ndarray, y: np.ndarray, pixel: float) -> np.ndarray:
-    return _ink(_STROKES[letter], x - 0.22, y, 0.13, pixel)
 
 
 def _ink(

@@ -96,7 +96,9 @@ def moved(
     peaks = np.empty((source.lines, 3), np.float32)
     parts = in_threads(lambda a, b: sums(source.planes, light, a, b, peaks), source.lines, chunk=_LINES)
     *total, shown = np.sum(parts, axis=0)
-    most = _most(np.array(total), shown, len(light))
+    # The radiance of each channel above which light may be pushed.
+    mean = np.array(total) / shown
+    most = np.maximum(STANDS_OUT * mean, SMALL * len(light) * mean).astype(np.float32)
     light, places, flux = taken_out(source, light, most, *stands_out(source, light, most, peaks))
     caps = _caps(light, source)
     turns = target.turns(source, rotation.T)
@@ -178,12 +180,6 @@ def _even_poles(radiance: np.ndarray) -> None:
         evened = uniform_filter1d(radiance[row], int(widths[row]) | 1, axis=0, mode="wrap")
         # Running sums leave a trace of a sun behind it, which may lie below 0.
         radiance[row] = np.maximum(evened, 0)
-
-
-def _most(total: np.ndarray, shown: float, pixels: int) -> np.ndarray:
-    """The radiance of each channel above which light may be pushed, (3,) float32."""
-    mean = total / shown
-    return np.maximum(STANDS_OUT * mean, SMALL * pixels * mean).astype(np.float32)
 
 
 def _caps(light: np.ndarray, source: Layout) -> np.ndarray:
