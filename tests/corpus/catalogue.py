@@ -34,6 +34,7 @@ def bombs() -> list[tuple[Bad, str, str]]:
         (Bad("353 bytes of PNG", png.bomb(), ".png"), READ_PHOTOGRAPH, "PNG"),
         (Bad("464 bytes of EXR", exr.bomb(), ".exr"), READ, "EXR"),
         (Bad("735 bytes of JPEG", jpeg.bomb(), ".jpg"), READ_PHOTOGRAPH, "JPEG"),
+        (Bad("a progressive JPEG", jpeg.bomb(0xC2), ".jpg"), READ_PHOTOGRAPH, "JPEG"),
         (Bad("an EXR in a vast frame", exr.framed_bomb(), ".exr"), READ, "EXR"),
         (Bad("a float TIFF", tiff.float_bomb(), ".tif"), READ, "float TIFF"),
         (Bad("a LogLuv TIFF", tiff.logluv_bomb(), ".tif"), READ, "LogLuv TIFF"),

@@ -204,9 +204,9 @@ def _entities() -> bytes:
     return b'<?xml version="1.0"?><!DOCTYPE x [<!ENTITY l0 "ha">' + lines + b"]><x>&l9;</x>"
 
 
-def bomb() -> bytes:
+def bomb(marker: int = 0xC0) -> bytes:
     """A JPEG of 735 bytes that claims 65,500 × 65,500 pixels."""
-    start = SOI + tables() + frame(65_500, 65_500, 3) + scan(BLOCKS)
+    start = SOI + tables() + frame(65_500, 65_500, 3, marker) + scan(BLOCKS)
     return start + bytes(735 - len(start) - 2) + EOI
 
 

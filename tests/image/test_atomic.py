@@ -1,7 +1,6 @@
 """A name holds the old file or the new one, whole, and no temporary file stays behind."""
 
 import os
-import re
 
 import pytest
 
@@ -54,22 +53,22 @@ def test_a_disk_that_cannot_be_flushed_leaves_the_old_file(tmp_path, monkeypatch
     assert os.listdir(tmp_path) == ["a.txt"]
 
 
-def test_a_missing_folder_is_named(tmp_path):
-    with pytest.raises(OutputNotWritten, match=re.escape(f"{tmp_path / 'out'} does not exist; create it")):
-        write_text(tmp_path / "out" / "a.txt", "x")
-
-
-def test_a_file_where_a_folder_is_expected_is_named(tmp_path):
-    write_text(tmp_path / "out", "x")
-    with pytest.raises(OutputNotWritten, match="is a file, not a folder"):
-        write_text(tmp_path / "out" / "a.txt", "x")
-
-
-def test_a_folder_is_not_replaced_by_a_file(tmp_path):
-    (tmp_path / "out").mkdir()
-    with pytest.raises(OutputNotWritten, match="a folder has that name"):
+@pytest.mark.parametrize(
+    ("obstacle", "name", "said"),
+    [
+        (None, "out/a.txt", r"out does not exist; create it"),
+        ("a file", "out/a.txt", "is a file, not a folder"),
+        ("a folder", "out", "a folder has that name"),
+    ],
+)
+def test_what_stands_in_the_way_is_named(tmp_path, obstacle, name, said):
+    if obstacle == "a folder":
+        (tmp_path / "out").mkdir()
+    elif obstacle:
         write_text(tmp_path / "out", "x")
-    assert os.listdir(tmp_path) == ["out"]
+    with pytest.raises(OutputNotWritten, match=said):
+        write_text(tmp_path / name, "x")
+    assert os.listdir(tmp_path) == (["out"] if obstacle else [])
 
 
 @pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="the super-user may write anywhere")

@@ -23,6 +23,7 @@ from relume.image.files.tiff.samples import predicted
 from relume.image.files.tiff.writing import write_tiff
 from relume.image.primaries import BT2020, REC709, between
 from relume.image.radiance import OUTSIDE, RadianceMap
+from tiff_files import big_endian, moved_tags
 
 SPECIAL = np.array([0x0, 0x80000000, 1, 0x807FFFFF, 0x7F800000, 0xFF800000, 0x7FC00001, 0xFFA12345, 0x3F800000,
                     0x7F7FFFFF, 0x00800000, 0x12345678], np.uint32)  # fmt: skip
@@ -160,25 +161,10 @@ def test_24_bits_may_be_packed(tmp_path, compression, predictor):
     np.testing.assert_array_equal(read(path).radiance[..., 1].ravel(), expected)
 
 
-def with_big_endian_folder(path):
-    """Exchange the bytes of every number of a TIFF but those of its strips; all values stand in their entries."""
-    little = path.read_bytes()
-    (first,) = struct.unpack_from("<I", little, 4)
-    (count,) = struct.unpack_from("<H", little, first)
-    entries = b""
-    for start in range(first + 2, first + 2 + 12 * count, 12):
-        tag, kind, number = struct.unpack_from("<HHI", little, start)
-        letter = {3: "H", 4: "I"}[kind]
-        (value,) = struct.unpack_from("<" + letter, little, start + 8)
-        entries += struct.pack(">HHI", tag, kind, number) + struct.pack(">" + letter, value).ljust(4, b"\0")
-    start = b"MM\0*" + struct.pack(">I", first) + little[8:first] + struct.pack(">H", count)
-    path.write_bytes(start + entries + bytes(4))
-    return path
-
-
 def test_24_bits_may_be_big_endian(tmp_path):
     codes = b"".join(code.to_bytes(3, "big") for code in (0x3F0000, 0xBF8000, 0x400000))
-    path = with_big_endian_folder(by_hand(tmp_path / "a.tif", codes, 3, 1))
+    path = by_hand(tmp_path / "a.tif", codes, 3, 1)
+    path.write_bytes(big_endian(path))
     assert read(path).radiance[0, :, 0].tolist() == [1.0, -1.5, 2.0]
     assert float_tiff.subtype(path) == "float, 24 bits, uncompressed, grey, big-endian"
 
@@ -189,7 +175,8 @@ def test_floats_may_be_big_endian(tmp_path, compression, depth):
     pixels = np.random.default_rng(6).normal(size=(4, 5)).astype(np.float16).astype(f">f{depth // 8}")
     stored = zlib.compress(pixels.tobytes()) if compression == 8 else pixels.tobytes()
     tags = {258: (3, [depth]), 259: (3, [compression])}
-    path = with_big_endian_folder(by_hand(tmp_path / "a.tif", stored, 5, 4, tags.items()))
+    path = by_hand(tmp_path / "a.tif", stored, 5, 4, tags.items())
+    path.write_bytes(big_endian(path))
     np.testing.assert_array_equal(read(path).radiance[..., 2], pixels)
 
 
@@ -198,7 +185,8 @@ def test_predicted_floats_are_the_same_in_both_orders(tmp_path):
     tags = {258: (3, [32]), 259: (3, [8]), 317: (3, [3])}
     path = by_hand(tmp_path / "a.tif", zlib.compress(predicted(pixels)), 5, 4, tags.items())
     np.testing.assert_array_equal(read(path).radiance[..., :1], pixels)
-    np.testing.assert_array_equal(read(with_big_endian_folder(path)).radiance[..., :1], pixels)
+    path.write_bytes(big_endian(path))
+    np.testing.assert_array_equal(read(path).radiance[..., :1], pixels)
 
 
 @pytest.mark.parametrize("compression", ["none", "zip", "lzw", "packbits"])
@@ -372,19 +360,11 @@ def test_damaged_metadata_is_left_out_and_told(tmp_path, numbered):
 
 def test_a_file_that_ends_early_is_refused_or_read_as_far_as_it_goes(tmp_path):
     pixels = np.arange(40 * 30 * 3, dtype=np.float32).reshape(40, 30, 3)
-    whole = by_hand(tmp_path / "a.tif", b"", 30, 40, {258: (3, [32] * 3), 262: (3, [2]), 277: (3, [3]),
-                    339: (3, [3] * 3)}.items(), strips=[b"x"]).read_bytes()  # fmt: skip
-    # The folder ahead of the pixels, so that they can be cut.
-    (first,) = struct.unpack_from("<I", whole, 4)
-    data = bytearray(whole + pixels.tobytes())
-    for start in range(first + 2, first + 2 + 12 * data[first], 12):
-        tag = struct.unpack_from("<H", data, start)[0]
-        if tag in (273, 279):
-            struct.pack_into("<I", data, start + 8, {273: len(whole), 279: pixels.nbytes}[tag])
+    whole = with_tags(tmp_path / "a.tif", pixels, {})
     path = tmp_path / "b.tif"
-    path.write_bytes(data)
+    path.write_bytes(moved_tags(whole))
     np.testing.assert_array_equal(read(path).radiance, pixels)
-    path.write_bytes(data[: len(whole) + 10 * 360 + 7])
+    path.write_bytes(moved_tags(whole, cut=30 * 360 - 7))
     with pytest.raises(FormatError, match="after 10 of 40 rows"):
         read(path)
     with pytest.warns(UserWarning, match="ends early; 30 of 40 rows are missing"):

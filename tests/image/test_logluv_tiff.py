@@ -20,6 +20,7 @@ from relume.image.files.tiff.directories import read_folders
 from relume.image.files.tiff.writing import write_tiff
 from relume.image.primaries import REC709
 from relume.image.radiance import RadianceMap
+from tiff_files import big_endian, moved_tags
 
 TO_XYZ = REC709.to_xyz()
 FROM_XYZ = np.linalg.inv(TO_XYZ)
@@ -146,26 +147,6 @@ def test_strips_of_any_height_and_order_are_read(tmp_path, rows, order):
     np.testing.assert_allclose(read(path).radiance, radiance_of(words), rtol=2e-6, atol=1e-6)
 
 
-def big_endian(path):
-    """The bytes of a TIFF of one folder with its numbers turned round; its pixels have no order."""
-    data = bytearray(path.read_bytes())
-    data[:8] = struct.pack(">2sHI", b"MM", 42, *struct.unpack_from("<I", data, 4))
-    (at,) = struct.unpack_from(">I", data, 4)
-    (count,) = struct.unpack_from("<H", data, at)
-    struct.pack_into(">H", data, at, count)
-    for entry in range(at + 2, at + 2 + 12 * count, 12):
-        tag, kind, number = struct.unpack_from("<HHI", data, entry)
-        letter = {3: "H", 4: "I"}[kind]
-        length = number * struct.calcsize(letter)
-        place = entry + 8 if length <= 4 else struct.unpack_from("<I", data, entry + 8)[0]
-        values = struct.unpack_from(f"<{number}{letter}", data, place)
-        struct.pack_into(f">{number}{letter}", data, place, *values)
-        struct.pack_into(">HHI", data, entry, tag, kind, number)
-        if length > 4:
-            struct.pack_into(">I", data, entry + 8, place)
-    return bytes(data)
-
-
 @pytest.mark.parametrize("bits", [16, 24, 32])
 def test_tiles_are_read(tmp_path, bits):
     words = some_words(40, 50)
@@ -200,26 +181,6 @@ def test_tiles_are_read(tmp_path, bits):
     assert np.all(salvaged.clipped[:32] == 0)
     assert np.all(salvaged.clipped[:, :32] == 0)
     assert salvaged.clipped[39, 49] == 3
-
-
-def moved_tags(path, cut):
-    """A TIFF of one folder with that folder before the pixels, of which the last `cut` bytes are lost."""
-    data = path.read_bytes()
-    (at,) = struct.unpack_from("<I", data, 4)
-    shift = len(data) - at
-    folder = bytearray(data[at:])
-    (count,) = struct.unpack_from("<H", folder)
-    for entry in range(2, 2 + 12 * count, 12):
-        tag, kind, number = struct.unpack_from("<HHI", folder, entry)
-        length = number * {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 7: 1, 12: 8}[kind]
-        place = entry + 8
-        if length > 4:
-            place = struct.unpack_from("<I", folder, entry + 8)[0] - at
-            struct.pack_into("<I", folder, entry + 8, place + 8)
-        if tag in (273, 324):
-            offsets = struct.unpack_from(f"<{number}I", folder, place)
-            struct.pack_into(f"<{number}I", folder, place, *(offset + shift for offset in offsets))
-    return data[:4] + struct.pack("<I", 8) + bytes(folder) + data[8 : at - cut]
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,6 @@
 
 import io
 import struct
-import subprocess
-import sys
 import warnings
 import zlib
 
@@ -220,22 +218,10 @@ def test_bombs_are_refused_from_their_headers(tmp_path, side):
         "b.jpg": bomb_jpeg(side, side, progressive=True),
         "a.tif": bomb_tiff(tmp_path / "t.tif", side, side),
     }
-    program = (
-        "import resource, sys, relume.image.files.photographs.photographs as f\n"
-        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
-        "for path in sys.argv[1:]:\n"
-        "    try: f.read(path)\n"
-        "    except Exception as e: print(type(e).__name__)\n"
-        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)"
-    )
     for name, data in bombs.items():
         (tmp_path / name).write_bytes(data)
         with pytest.raises(UnreadableFile, match=rf"{name}: .*(65500 x 65500|claims 768000000 bytes)"):
             photographs.read(tmp_path / name)
-    paths = [str(tmp_path / name) for name in bombs]
-    run = subprocess.run([sys.executable, "-c", program, *paths], capture_output=True, text=True, check=True)
-    *names, grown = run.stdout.split()
-    assert names == ["UnreadableFile"] * 4 and int(grown) < 8 * 1024
 
 
 def test_limits_are_those_that_are_given(tmp_path, noisy):
