@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from relume.errors import InvalidStage
-from relume.lightstage.acquire.light_files import NamedDirections, read_directions, read_lp, write_lp
+from relume.lightstage.acquire.light_files import read_directions, read_lp, write_lp
 
 OLAT = Path(__file__).resolve().parents[4] / "shared" / "data" / "olat"
 
@@ -18,20 +18,22 @@ def file(folder: Path, text: str) -> Path:
 
 
 def test_names_may_have_spaces_and_lines_may_end_as_on_windows(tmp_path: Path) -> None:
-    read = read_lp(file(tmp_path, '\ufeff2\r\n# taken in May\r\n\r\nC:\\my shots\\a 1.jpg 0 0 2\r\n"b.jpg"\t1 0 0\r\n'))
-    assert read.names == ("C:\\my shots\\a 1.jpg", "b.jpg")
-    np.testing.assert_array_equal(read.directions, [[0, 0, 1], [1, 0, 0]])
+    names, directions = read_lp(
+        file(tmp_path, '\ufeff2\r\n# taken in May\r\n\r\nC:\\my shots\\a 1.jpg 0 0 2\r\n"b.jpg"\t1 0 0\r\n')
+    )
+    assert names == ("C:\\my shots\\a 1.jpg", "b.jpg")
+    np.testing.assert_array_equal(directions, [[0, 0, 1], [1, 0, 0]])
 
 
 def test_an_lp_is_written_as_it_was_read(tmp_path: Path) -> None:
-    listed = NamedDirections(("a b.jpg", "c.jpg"), np.array([[0.6, 0.8, 0.0], [0.0, 0.0, 1.0]]))
-    write_lp(tmp_path / "x.lp", listed)
+    names, directions = ("a b.jpg", "c.jpg"), np.array([[0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+    write_lp(tmp_path / "x.lp", names, directions)
     assert (tmp_path / "x.lp").read_text() == (
         "2\na b.jpg 0.600000000 0.800000000 0.000000000\nc.jpg 0.000000000 0.000000000 1.000000000\n"
     )
     again = read_lp(tmp_path / "x.lp")
-    assert again.names == listed.names
-    np.testing.assert_allclose(again.directions, listed.directions, atol=1e-9)
+    assert again[0] == names
+    np.testing.assert_allclose(again[1], directions, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -56,7 +58,7 @@ def test_a_wrong_lp_is_refused_in_one_line(tmp_path: Path, text: str, told: str)
 
 def test_a_name_that_an_lp_cannot_hold_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="rename"):
-        write_lp(tmp_path / "x.lp", NamedDirections(("#a",), np.array([[0.0, 0, 1]])))
+        write_lp(tmp_path / "x.lp", ("#a",), np.array([[0.0, 0, 1]]))
     assert not (tmp_path / "x.lp").exists()
 
 

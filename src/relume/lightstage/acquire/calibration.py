@@ -109,7 +109,10 @@ def calibrate(field: ReflectanceField, target: Target, *, deviation: float = 0.2
     Raises ValueError for a target of another size than the pictures and where no light reaches it.
     """
     readings, inside = _readings(field, target)
-    normals = _normals(field.lights, target, readings)
+    if target.normals is None:
+        normals = normal_of_flat_target(field.lights, np.median(readings, axis=1).mean(axis=1))
+    else:
+        normals = normalised(target.normals if target.normals.ndim == 1 else target.normals[target.pixels])
     reflectance = np.broadcast_to(np.asarray(target.reflectance, np.float64), (3,))
     irradiances, deviations = np.full((len(field.lights), 3), np.nan), np.full(len(field.lights), np.nan)
     for light, direction in enumerate(field.lights.directions):
@@ -171,15 +174,6 @@ def _readings(field: ReflectanceField, target: Target) -> tuple[np.ndarray, int]
     if not np.isfinite(readings).all():
         raise ValueError("a pixel of the target is not a finite number; leave it out of its mask")
     return readings, readings.shape[1]
-
-
-def _normals(lights: StageLights, target: Target, readings: np.ndarray) -> np.ndarray:
-    """Normals (P, 3) of the target's pixels, or (3,) of a flat one."""
-    if target.normals is None:
-        return normal_of_flat_target(lights, np.median(readings, axis=1).mean(axis=1))
-    if target.normals.ndim == 1:
-        return normalised(target.normals)
-    return normalised(target.normals[target.pixels])
 
 
 def _robust_slope(radiances: np.ndarray, cosines: np.ndarray) -> tuple[np.ndarray, float]:

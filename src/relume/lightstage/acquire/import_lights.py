@@ -129,9 +129,8 @@ class BallFindings:
 def stage_of_list(folder: Path, listed: Path, leave_out: Sequence[Path]) -> Stage:
     """The pictures of a folder, but for some, under lights that an .lp or a plain list of directions names in order."""
     if listed.suffix.lower() == LIST:
-        named = read_lp(listed)
-        names = [Path(name.replace("\\", "/")).name for name in named.names]
-        return stage_towards(names, named.directions)
+        names, directions = read_lp(listed)
+        return stage_towards([Path(name.replace("\\", "/")).name for name in names], directions)
     paths, directions = pictures_in(folder, leave_out), read_directions(listed)
     if len(paths) != len(directions):
         raise InvalidStage(f"{listed}: {len(directions)} directions for the {len(paths)} pictures in {folder}")

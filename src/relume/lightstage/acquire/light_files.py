@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,23 +22,12 @@ LIST = ".lp"
 _FIELD = re.compile(r"[,;\s]+")
 
 
-@dataclass(frozen=True, eq=False)
-class NamedDirections:
-    """Pictures by name, each with the unit direction towards its light.
+def read_lp(path: str | os.PathLike[str]) -> tuple[tuple[str, ...], np.ndarray]:
+    """The names of the pictures in an `.lp` file, and unit directions (N, 3) towards their lights.
 
-    names : as the file has them, which may be with folders of another computer
-    directions : (N, 3) float64
-    """
-
-    names: tuple[str, ...]
-    directions: np.ndarray
-
-
-def read_lp(path: str | os.PathLike[str]) -> NamedDirections:
-    """The pictures and directions in an `.lp` file.
-
-    Names may have spaces; empty lines, lines that begin with # and line ends of any system are understood.
-    Raises InvalidStage, naming the line, for a wrong count, a line without three numbers, or a picture named twice.
+    Names may have folders of another computer, and spaces; empty lines, lines that begin with # and line ends of any
+    system are understood. Raises InvalidStage, naming the line, for a wrong count, a line without three numbers, or a
+    picture named twice.
     """
     lines = _lines(path)
     if not lines:
@@ -63,19 +52,19 @@ def read_lp(path: str | os.PathLike[str]) -> NamedDirections:
             f"{path}: line {lines[0][0]} says {int(first)} lights, but {len(names)} follow; correct the number, or add "
             "what is missing"
         )
-    return NamedDirections(tuple(names), _unit(directions, path))
+    return tuple(names), _unit(directions, path)
 
 
-def write_lp(path: str | os.PathLike[str], listed: NamedDirections) -> None:
+def write_lp(path: str | os.PathLike[str], names: Sequence[str], directions: np.ndarray) -> None:
     """Write an `.lp` file, whole or not at all, with nine decimals: a thousandth of an arc second.
 
     Raises ValueError for names that the form cannot hold, OutputNotWritten.
     """
-    for name in listed.names:
+    for name in names:
         if not name.strip() or name != name.strip() or name.startswith("#") or len(name.splitlines()) != 1:
             raise ValueError(f"the picture's name {name!r} cannot stand in an .lp; rename it")
-    lines = [str(len(listed.names))]
-    for name, (x, y, z) in zip(listed.names, normalised(listed.directions).tolist(), strict=True):
+    lines = [str(len(names))]
+    for name, (x, y, z) in zip(names, normalised(directions).tolist(), strict=True):
         lines.append(f"{name} {x:.9f} {y:.9f} {z:.9f}")
     write_text(path, "\n".join(lines) + "\n")
 

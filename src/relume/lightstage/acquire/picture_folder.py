@@ -148,7 +148,8 @@ class PictureFolder:
             saturated = None if found.clipped is None else found.clipped == SATURATED
             return _Picture(found.radiance / np.float32(seconds), saturated)
         photograph = files.read_photograph(paths[0])
-        _require_light(photograph, str(paths[0]))
+        if photograph.pixels.max() <= DARK * np.iinfo(photograph.pixels.dtype).max:
+            raise _dark(str(paths[0]))
         radiance = self.encoding.linearised(photograph) / np.float32(self._exposure(index, photograph))
         if photograph.outside is not None:
             radiance[photograph.outside] = 0
@@ -235,11 +236,6 @@ class PictureFolder:
         if what not in self._state.warned:
             self._state.warned.add(what)
             warnings.warn(message, stacklevel=5)
-
-
-def _require_light(photograph: Photograph, name: str) -> None:
-    if photograph.pixels.max() <= DARK * np.iinfo(photograph.pixels.dtype).max:
-        raise _dark(name)
 
 
 def _dark(name: str) -> InvalidStage:

@@ -12,7 +12,7 @@ import numpy as np
 from relume.errors import InvalidStage
 from relume.image import files
 from relume.lightstage.acquire.encoding import PhotographEncoding
-from relume.lightstage.acquire.light_files import LIST, NamedDirections, read_lp
+from relume.lightstage.acquire.light_files import LIST, read_lp
 from relume.lightstage.acquire.picture_folder import KEPT, PictureFolder
 from relume.lightstage.acquire.stage_file import STAGE_FILE, LightEntry, Stage, StageCamera
 from relume.lightstage.acquire.stage_file_reading import read_stage_file
@@ -58,7 +58,7 @@ def find_stage_file(path: str | os.PathLike[str]) -> tuple[Stage, Path]:
     """
     source = _source(Path(path))
     if source.suffix.lower() == LIST:
-        return _listed(read_lp(source), source), source
+        return _listed(source), source
     return read_stage_file(source), source
 
 
@@ -152,12 +152,12 @@ def _source(path: Path) -> Path:
     return lists[0]
 
 
-def _listed(listed: NamedDirections, source: Path) -> Stage:
+def _listed(source: Path) -> Stage:
     """The stage of an `.lp`, whose names are often paths of the computer that wrote it."""
-    folder = source.parent
+    (names, directions), folder = read_lp(source), source.parent
     there = {name.lower(): name for name in (path.name for path in folder.iterdir() if path.is_file())}
     entries = []
-    for name, (x, y, z) in zip(listed.names, listed.directions.tolist(), strict=True):
+    for name, (x, y, z) in zip(names, directions.tolist(), strict=True):
         plain = name.replace("\\", "/")
         inside = not plain.startswith("/") and ".." not in plain.split("/") and (folder / plain).is_file()
         last = plain.rsplit("/", 1)[-1]

@@ -147,7 +147,10 @@ def drive(
     weights, seen, wanted = subject.weights, subject.lit_by(lights), subject.under(light)
     start = lamps.nearest(voronoi_irradiances(lights, light))
     gram, rhs = _normal_equations(seen, wanted, weights, lamps.irradiance)
-    held = closeness * float(np.trace(gram)) / len(gram) * _stiffness(start.ravel())
+    # A change counts less where there is much, so that a sun's lamps give way first.
+    mean = float(start.mean())
+    stiffness = mean / (start.ravel() + _FAINTEST * mean) if mean > 0 else np.ones(start.size)
+    held = closeness * float(np.trace(gram)) / len(gram) * stiffness
     gram = gram + np.diag(held)
     rhs = rhs + held * start.ravel()
     free = bounded_least_squares(gram, rhs, np.inf, start.ravel())
@@ -166,12 +169,6 @@ def drive(
     )
     _warn(result)
     return result
-
-
-def _stiffness(start: np.ndarray) -> np.ndarray:
-    """How much a change of each intensity counts: less where there is much, so that a sun's lamps give way first."""
-    mean = float(start.mean())
-    return mean / (start + _FAINTEST * mean) if mean > 0 else np.ones_like(start)
 
 
 def bounded_least_squares(gram: np.ndarray, rhs: np.ndarray, maximum: float, start: np.ndarray) -> np.ndarray:

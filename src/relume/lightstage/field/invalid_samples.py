@@ -154,15 +154,13 @@ def lens_flare_and_direct_light(field: ReflectanceField, camera: Camera, *, angu
 class UserMask:
     """Masks drawn by hand.
 
-    pixels : (H, W) bool for each light, or one for all
+    pixels : (H, W) bool for each light
     """
 
     pixels: tuple[np.ndarray, ...]
-    count: int
 
     def block(self, lights: slice, rows: slice) -> np.ndarray:
-        chosen = self.pixels[lights] if len(self.pixels) > 1 else self.pixels * len(range(self.count)[lights])
-        return np.stack([pixels[rows] for pixels in chosen])
+        return np.stack([pixels[rows] for pixels in self.pixels[lights]])
 
 
 def user_mask(path: str | Path, lights: StageLights, shape: tuple[int, int]) -> UserMask:
@@ -174,7 +172,7 @@ def user_mask(path: str | Path, lights: StageLights, shape: tuple[int, int]) -> 
     """
     path = Path(path)
     if not path.is_dir():
-        return UserMask((_drawn(path, shape),), len(lights))
+        return UserMask((_drawn(path, shape),) * len(lights))
     drawn = {file.stem: file for file in sorted(path.iterdir()) if file.is_file() and not file.name.startswith(".")}
     stems = [Path(name).stem for name in lights.names]
     if not drawn:
@@ -183,7 +181,7 @@ def user_mask(path: str | Path, lights: StageLights, shape: tuple[int, int]) -> 
         if stem not in stems:
             raise UnreadableFile(f'{file}: no light is called "{stem}"; the first is "{lights.names[0]}"')
     nothing = np.zeros(shape, bool)
-    return UserMask(tuple(_drawn(drawn[s], shape) if s in drawn else nothing for s in stems), len(lights))
+    return UserMask(tuple(_drawn(drawn[s], shape) if s in drawn else nothing for s in stems))
 
 
 def _drawn(path: Path, shape: tuple[int, int]) -> np.ndarray:

@@ -18,7 +18,7 @@ from relume.errors import OutputNotWritten
 from relume.image.colour import encode_srgb
 from relume.image.files import write
 from relume.image.photograph import Photograph
-from relume.lightstage.acquire.light_files import NamedDirections, write_lp
+from relume.lightstage.acquire.light_files import write_lp
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.rti.hemisphere_fit import before_camera
 from relume.lightstage.rti.hsh import DEGREES, HemisphericalHarmonics, fit_hsh, write_hsh
@@ -207,5 +207,5 @@ def _write_pictures(
         file = f"{name}_{number:0{digits}d}.{suffix}"
         write(folder / file, Photograph(codes, file))
         names.append(file)
-    write_lp(folder / f"{name}.lp", NamedDirections(tuple(names), directions))
+    write_lp(folder / f"{name}.lp", names, directions)
     return folder / f"{name}.lp"
