@@ -14,7 +14,7 @@ import OpenEXR
 
 import relume as rl
 from relume.light.reflection.convolution import as_latlong
-from relume.renderers.renderer import Constant
+from relume.renderers.renderer import ConstantRenderer
 
 ROOM = Path(__file__).parents[1] / "examples/room"
 HERE = Path(__file__).parent
@@ -28,7 +28,7 @@ def room(width: int = 384) -> tuple[rl.Scene, rl.Camera]:
     table = shot.local[0].model_copy(update={"reflectance": REFLECTANCE, "gloss": False})
     shot = shot.model_copy(update={"local": [table]})
     with tempfile.TemporaryDirectory() as folder:
-        done = rl.insert(shot, folder, renderer=Constant())
+        done = rl.insert(shot, folder, renderer=ConstantRenderer())
     camera = done.camera
     share = width / camera.width
     height = round(camera.height * share)
