@@ -224,7 +224,8 @@ def modules_too_long(package: Path) -> list[str]:
 
 def undeclared_imports(package: Path, declared: set[str]) -> list[str]:
     """Imports of a package that is neither Python's, nor ours, nor declared (as a distribution) in pyproject.toml."""
-    own = {"relume"} | {file.stem for file in package.iterdir()}
+    folders = [folder for folder in (package, package / "support") if folder.is_dir()]
+    own = {"relume"} | {file.stem for folder in folders for file in folder.iterdir()}
     faults = []
     for path, tree in modules(package):
         for line, name in imports(path, tree):

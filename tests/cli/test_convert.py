@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
+from angles import degrees_between
 from command_line import refused
 from lights import NAMED, sunny
+
 from relume.cli import main
 from relume.image.files import read_photograph, read_radiance, write
 from relume.image.photograph import Photograph
@@ -80,10 +81,6 @@ def test_faces_for_engines_that_negate_an_axis_show_the_same_light(
 def brightest(light: EnvironmentMap) -> np.ndarray:
     row, column = np.unravel_index(light.radiance.sum(2).argmax(), light.radiance.shape[:2])
     return LatLong().directions(np.array([(column + 0.5) / light.radiance.shape[1], (row + 0.5) / light.size]))
-
-
-def degrees_between(a: np.ndarray, b: np.ndarray) -> float:
-    return float(np.degrees(np.arccos(np.clip(a @ b, -1, 1))))
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from angles import degrees_between
+from command_line import refused
+from small_stages import CAMERA as SMALL_CAMERA
+from small_stages import LIGHTS, camera, write_stage
 
 import relume as rl
-from command_line import refused
 from relume.cli import main
 from relume.image.files import read_photograph, write
 from relume.image.photograph import Photograph
@@ -24,8 +27,6 @@ from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
 from relume.sphere.environment_files import as_radiance_map
 from relume.sphere.environment_map import EnvironmentMap
-from small_stages import CAMERA as SMALL_CAMERA
-from small_stages import LIGHTS, camera, write_stage
 
 pytest.importorskip("zarr", reason="stores need the extra lightstage")
 
@@ -109,23 +110,19 @@ def told(capsys: pytest.CaptureFixture[str]) -> dict:
     return json.loads(capsys.readouterr().out)
 
 
-def degrees_apart(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    return np.degrees(np.arccos(np.clip((first * second).sum(-1), -1, 1)))
-
-
 # Lights
 
 
 def test_lights_are_found_in_a_ball_whose_circle_is_told(ball_shots, tmp_path, capsys):
     field = imported(ball_shots, tmp_path / "a.zarr", "--ball", ",".join(map(str, CIRCLE)))
-    assert degrees_apart(field.lights.directions, FAR).max() < 2
+    assert degrees_between(field.lights.directions, FAR).max() < 2
     assert field.camera is None and field.lights.names[0] == "shot_0.exr"
     assert told(capsys)["balls"] == [list(CIRCLE)]
 
 
 def test_a_ball_is_found(ball_shots, tmp_path, capsys):
     field = imported(ball_shots, tmp_path / "a.zarr", "--ball", "find")
-    assert degrees_apart(field.lights.directions, FAR).max() < 2
+    assert degrees_between(field.lights.directions, FAR).max() < 2
     np.testing.assert_allclose(told(capsys)["balls"], [CIRCLE], atol=0.5)
 
 
@@ -135,7 +132,7 @@ def test_a_ball_in_pictures_of_its_own_tells_the_lights_of_the_subject_s(ball_sh
     )
     options = ["--ball", "60,45,32", "--ball-pictures", str(ball_shots)]
     field = imported(subject, tmp_path / "a.zarr", *options)
-    assert field.shape == (20, 30) and degrees_apart(field.lights.directions, FAR).max() < 2
+    assert field.shape == (20, 30) and degrees_between(field.lights.directions, FAR).max() < 2
     np.testing.assert_allclose(whole(field)[3], 0.13, rtol=1e-6)
 
 
@@ -168,7 +165,7 @@ def test_a_ball_is_where_a_picture_is_white(tmp_path):
     # Beside the pictures, it is none of a light.
     write(folder / "white.png", Photograph(np.repeat(inside[..., None] * np.uint8(255), 3, axis=2)))
     field = imported(folder, tmp_path / "a.zarr", "--ball", str(folder / "white.png"))
-    assert len(field.lights) == len(FAR) and degrees_apart(field.lights.directions, FAR).max() < 2
+    assert len(field.lights) == len(FAR) and degrees_between(field.lights.directions, FAR).max() < 2
 
 
 def test_the_ambient_picture_beside_the_ball_s_is_no_light_s(tmp_path, capsys):
@@ -272,7 +269,7 @@ def test_a_ball_in_a_film_shows_how_the_lamp_went(start, more, tmp_path):
     field = imported(tmp_path / "film", tmp_path / "a.zarr", "--film", "2,4", "--ball", ",".join(map(str, CIRCLE)))
     assert field.lights.grid == (2, 4)
     frames = np.array([int(name[-6:]) for name in field.lights.names])
-    assert degrees_apart(field.lights.directions, course.directions(frames)).max() < 2
+    assert degrees_between(field.lights.directions, course.directions(frames)).max() < 2
 
 
 @pytest.fixture(scope="module")
@@ -371,7 +368,7 @@ def test_a_lamp_that_shines_into_the_lens_is_filled(tmp_path):
     folder = plain(tmp_path / "shots")
     front = Camera.looking_at(np.array([0, 0, 3.0]), np.zeros(3), width=80, height=60, focal_length=40 * 3**0.5)
     ahead = int(np.argmin(even_directions(LIGHTS)[:, 2]))
-    angle = degrees_apart(front.rays(), even_directions(LIGHTS)[ahead])
+    angle = degrees_between(front.rays(), even_directions(LIGHTS)[ahead])
     assert angle.min() < 1
     before = painted(folder, ahead, angle < 3, 500.0)
     seen = whole(imported(folder, tmp_path / "a.zarr", "--flare", "--lamp-size", "6"))[ahead]

@@ -134,7 +134,7 @@ _FULL = """
 import resource, signal, sys, warnings
 import numpy as np
 warnings.simplefilter("ignore")
-sys.path[:0] = [{tests!r}, {tests!r} + "/image"]
+sys.path[:0] = [{tests!r}, {tests!r} + "/support", {tests!r} + "/image"]
 from pathlib import Path
 from relume.errors import OutputNotWritten
 from relume.image import files

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-
+from angles import degrees_between
 from lights import constant, lone, spread, sunny
+
 from relume.errors import SunNotFound
 from relume.image.files import read_radiance
 from relume.image.radiance import SATURATED
@@ -45,15 +46,11 @@ def cap(degrees):
     return 2 * np.pi * (1 - np.cos(np.radians(degrees)))
 
 
-def angle(one, other):
-    return float(np.degrees(np.arccos(np.clip(one @ other, -1, 1))))
-
-
 @pytest.mark.parametrize("towards", TOWARDS.values(), ids=TOWARDS.keys())
 def test_a_disc_over_a_sky_is_found_wherever_it_stands(towards):
     light = under_sun(towards)
     (sun,), rest = (found := extract_sun(light)).suns, found.rest
-    assert angle(sun.direction, towards) < 0.1
+    assert degrees_between(sun.direction, towards) < 0.1
     # What is taken is the disc and no sky.
     disc = light.total() - under_sun(towards, value=0.0).total()
     np.testing.assert_allclose(sun.irradiance, disc, rtol=1e-3)
@@ -82,7 +79,7 @@ def test_it_is_found_in_every_mapping_and_the_rest_keeps_it(name, place):
     found = extract_sun(light, widest=np.radians(8))  # a pixel of the angular map alone is 5.6° wide
     (sun,) = found.suns
     assert found.rest.mapping == mapping
-    assert angle(sun.direction, towards) < 1
+    assert degrees_between(sun.direction, towards) < 1
     np.testing.assert_allclose(sun.irradiance, light.total() - without.total(), rtol=0.02)
     np.testing.assert_allclose(sun.irradiance + found.rest.total(), light.total(), rtol=1e-12)
     assert sun.share == pytest.approx(float(sun.irradiance @ LUMINANCE) / float(light.total() @ LUMINANCE))
@@ -136,7 +133,7 @@ def test_surfaces_are_lit_as_before():
 def test_a_single_pixel_is_its_own_size():
     light = lone(64, 20, 77, value=1e5, dark=1.0)
     (sun,) = extract_sun(light).suns
-    assert angle(sun.direction, LatLong().directions(np.array([77.5 / 128, 20.5 / 64]))) < 1e-5
+    assert degrees_between(sun.direction, LatLong().directions(np.array([77.5 / 128, 20.5 / 64]))) < 1e-5
     area = 2 * np.pi / 128 * (np.cos(20 * np.pi / 64) - np.cos(21 * np.pi / 64))
     assert cap(np.degrees(sun.angular_radius)) == pytest.approx(area, rel=1e-9)
     np.testing.assert_allclose(sun.irradiance, (1e5 - 1) * area, rtol=1e-6)
@@ -148,7 +145,7 @@ def test_several_lamps_are_counted_and_the_strongest_comes_first():
     third = under_sun(normalised([0.7, -0.3, 0.4]), 1.5, 200.0)
     all_three = EnvironmentMap(np.maximum(np.maximum(light.radiance, second.radiance), third.radiance))
     suns = extract_sun(all_three, 5).suns
-    assert angle(suns[0].direction, normalised([-0.7, 0.3, 0.4])) < 0.1
+    assert degrees_between(suns[0].direction, normalised([-0.7, 0.3, 0.4])) < 0.1
     np.testing.assert_allclose([sun.irradiance[0] / cap(1.5) for sun in suns], [2000, 500, 200], rtol=0.02)
     two = extract_sun(all_three, 2)
     assert len(two.suns) == 2

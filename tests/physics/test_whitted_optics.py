@@ -7,8 +7,10 @@ leaves out: radiance inside glass, which physics scales by n² until it leaves (
 import numpy as np
 import pytest
 import trimesh
-
+from angles import degrees_between
 from lights import constant
+from solo_ray import eye
+
 from relume.renderers.whitted.kernel_data import REFLECTED, REFRACTED
 from relume.renderers.whitted.optics import fresnel, reflected, refracted
 from relume.renderers.whitted.ray_tree import ray_tree
@@ -19,7 +21,6 @@ from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Mesh, Plane, Sphere
 from relume.sphere.directions import normalised
 from relume.sphere.environment_map import EnvironmentMap
-from solo_ray import eye
 
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 UP = np.array([0.0, 1.0, 0.0])
@@ -72,10 +73,6 @@ def seen(shape, light, position, direction, method=DEEP) -> float:
     return float(method.render(Scene(light, local, objects), eye(position, direction)).radiance[0, 0, 1])
 
 
-def angle_between(a, b) -> float:
-    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
-
-
 # --- A21: Snell's law ------------------------------------------------------------------------------------------------
 
 
@@ -88,8 +85,8 @@ def angle_between(a, b) -> float:
 )  # fmt: skip
 def test_a21_light_is_bent_by_snells_law_and_back(ior, angle, expected):
     _, directions = path(slab(clear(ior)), [0, 2, 0], downwards(angle))
-    assert angle_between(directions[1], -UP) == pytest.approx(expected, abs=6e-7)
-    assert np.sin(np.radians(angle_between(directions[1], -UP))) == pytest.approx(
+    assert degrees_between(directions[1], -UP) == pytest.approx(expected, abs=6e-7)
+    assert np.sin(np.radians(degrees_between(directions[1], -UP))) == pytest.approx(
         np.sin(np.radians(angle)) / ior, rel=1e-12
     )
     # In the plane of incidence, and out again as it came in.

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from angles import degrees_between
+from synthetic import CENTRE, LAMPS, RADIUS, lobes, photograph_ball, turned, unit
 
 from relume.errors import BallNotFound
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.probe.ball.blending import Probe, blend_views
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
-from relume.sphere.directions import angle_between as _angle_between
 from relume.sphere.mappings.mapping import LatLong, pixel_points
-from synthetic import CENTRE, LAMPS, RADIUS, lobes, photograph_ball, turned, unit
 
 FRONT, SIDE = np.array([0.0, 0.17, 1.0]), np.array([1.0, 0.17, 0.0])
 SIZE = 96
@@ -54,10 +54,6 @@ def peak_of(radiance: np.ndarray, towards: tuple[float, float, float], reach: fl
     return unit((above[..., None] * d).sum((0, 1)))
 
 
-def angle_between(a: np.ndarray, b: np.ndarray) -> float:
-    return float(np.degrees(_angle_between(unit(a), unit(b))))
-
-
 def test_a_photographed_mirror_ball_unwraps_to_the_light_it_was_rendered_under(both):
     truth = lobes(directions())
     sure = both.confidence > 0.3
@@ -76,7 +72,7 @@ def test_a_photographed_mirror_ball_unwraps_to_the_light_it_was_rendered_under(b
 def test_each_lamp_is_where_it_was(both, towards):
     truth = peak_of(lobes(directions()), towards)
     # Measured: 0.02° to 0.08°; a pixel of the map is 1.9°. The goal is 0.3°.
-    assert angle_between(peak_of(both.light.radiance, towards), truth) < 0.15
+    assert degrees_between(peak_of(both.light.radiance, towards), truth) < 0.15
 
 
 def test_a_direction_is_looked_up_where_the_ray_tracer_saw_it(front):
@@ -93,7 +89,7 @@ def test_a_direction_is_looked_up_where_the_ray_tracer_saw_it(front):
 
 def test_the_cosine_says_how_squarely_the_ball_shows_a_direction(front):
     towards = front.towards_camera
-    assert angle_between(towards, FRONT - CENTRE) < 0.05
+    assert degrees_between(towards, FRONT - CENTRE) < 0.05
     assert front.see(towards[None]).incidence == pytest.approx(1.0, abs=1e-4)
     # Seen from far, a direction at angle β from the camera's is mirrored at normal angle β/2; at 20 radii, nearly.
     axis = np.cross(towards, [0.0, 1.0, 0.0])
@@ -114,8 +110,8 @@ def test_the_cone_fit_gives_axis_and_distance_wherever_the_ball_lies(aim):
     backward = unit(camera - np.array(aim))
     right = unit(np.cross([0.0, 1.0, 0.0], backward))
     true_axis = np.array([right, -np.cross(backward, right), -backward]) @ unit(CENTRE - camera)
-    assert angle_between(found.axis, true_axis) < 0.15
-    assert angle_between(found.towards_camera, camera - CENTRE) < 1e-5
+    assert degrees_between(found.axis, true_axis) < 0.15
+    assert degrees_between(found.towards_camera, camera - CENTRE) < 1e-5
     around = unit(np.random.default_rng(5).normal(size=(3000, 3)))
     looked = found.see(around)
     seen = looked.incidence > 0.35
@@ -140,14 +136,14 @@ def test_a_picture_without_a_ball_is_refused_by_name():
 def test_a_pose_wrong_by_two_degrees_is_registered_back(front):
     wrong = CENTRE + turned(SIDE - CENTRE, np.array([0.0, 1.0, 0.0]), 2.0)
     tilted = view(SIDE, told=wrong)
-    off = angle_between(tilted.towards_camera, SIDE - CENTRE)
+    off = degrees_between(tilted.towards_camera, SIDE - CENTRE)
     assert off == pytest.approx(2.0, abs=0.15)
     probe = blend_views([front, tilted], size=SIZE)
     assert probe.corrections[0] == 0.0
     assert np.degrees(probe.corrections[1]) == pytest.approx(2.0, abs=0.3)
     for towards in LAMPS:
         truth = peak_of(lobes(directions()), towards)
-        assert angle_between(peak_of(probe.light.radiance, towards), truth) < 0.3
+        assert degrees_between(peak_of(probe.light.radiance, towards), truth) < 0.3
 
 
 def test_poses_that_are_right_stay(both):

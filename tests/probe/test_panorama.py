@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import lights
 import numpy as np
 import pytest
+from angles import degrees_between, degrees_turned
+from panoramas import all_round, patchwork, photograph
 from scipy.ndimage import maximum_filter
 
-import lights
-from panoramas import all_round, patchwork, photograph, turn_between
 from relume.capture.lens.vignetting import Vignetting
 from relume.errors import NotAPanorama
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
@@ -85,12 +86,12 @@ def test_a_ring_of_views_is_matched_from_a_field_given_wrongly():
     views = [PanoramaView(picture, 165, None, f"{i}") for i, picture in enumerate(pictures)]
     result = stitch_panorama(views, size=64, balancing=None)
     turn = off_world(result, turns)
-    worst = max(turn_between(turn @ true, view.placed) for true, view in zip(turns, result.views, strict=True))
+    worst = max(degrees_turned(turn @ true, view.placed) for true, view in zip(turns, result.views, strict=True))
     assert worst < 0.1
     assert result.views[0].focal_length == pytest.approx(160, rel=2e-3)
     assert result.error is not None and 0 < np.degrees(result.error) < 0.3
     # Level to what the hand's rolls leave, and the first view ahead.
-    assert np.degrees(np.arccos(turn[1, 1])) < 1
+    assert degrees_between(turn[1], (0, 1, 0)) < 1
     assert abs(result.views[0].axis[0]) < 1e-9 and result.views[0].axis[2] < 0
 
 
@@ -98,14 +99,14 @@ def test_a_ring_of_views_is_matched_from_a_field_given_wrongly():
 def test_matched_views_find_turns_focal_length_distortion_and_the_world():
     result = stitch_panorama(views_of(False, focal_error=0.05, distortion=-0.03))
     turn = off_world(result, ROTATIONS)
-    worst = max(turn_between(turn @ true, view.placed) for true, view in zip(ROTATIONS, result.views, strict=True))
+    worst = max(degrees_turned(turn @ true, view.placed) for true, view in zip(ROTATIONS, result.views, strict=True))
     assert worst < 0.1
     assert result.views[0].focal_length == pytest.approx(FOCAL_LENGTH, rel=2e-3)
     assert result.views[0].distortion == pytest.approx(-0.03, abs=2e-3)
     assert gain_error(result) < 0.01
     assert irradiance_error(result, turn) < 0.01
     # The hand was loose by 4°, so the mean of its faults is about one.
-    assert np.degrees(np.arccos(turn[1, 1])) < 2.5
+    assert degrees_between(turn[1], (0, 1, 0)) < 2.5
 
 
 def test_no_seam_is_seen_in_a_smooth_sky():
@@ -334,7 +335,7 @@ def test_a_sky_without_features_is_left_out_and_reported():
     assert [view.name for view in result.views] == ["0", "1", "2", "3", "4"]
     (line, *_) = result.warnings
     assert line.startswith("sky: left out, too little in common") and "--orientations" in line
-    between = turn_between(result.views[0].placed.T @ result.views[4].placed, turns[0].T @ turns[4])
+    between = degrees_turned(result.views[0].placed.T @ result.views[4].placed, turns[0].T @ turns[4])
     assert between < 0.5 and result.gains.shape == (5, 3)
 
 
@@ -342,7 +343,7 @@ def test_a_table_of_the_sky_alone_is_enough():
     views, turns = ring_and_sky(True)
     result = stitch_panorama(views, size=64, balancing=None)
     assert len(result.views) == 6 and "left out" not in "".join(result.warnings)
-    assert max(turn_between(v.placed, turn) for v, turn in zip(result.views, turns, strict=True)) < 0.5
+    assert max(degrees_turned(v.placed, turn) for v, turn in zip(result.views, turns, strict=True)) < 0.5
     assert len(result.notes) == 1 and "their yaw counts from 0" in result.notes[0]
 
 

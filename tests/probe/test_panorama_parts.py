@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from angles import degrees_turned
+from panoramas import patchwork, photograph
 
-from panoramas import patchwork, photograph, turn_between
 from relume.image.radiance import RadianceMap
 from relume.probe.panorama.bundle_adjustment import levelling
 from relume.probe.panorama.coverage import continued, shrunk, view_in_map
@@ -134,7 +135,7 @@ def test_the_turn_that_most_agree_with_is_found_among_wrong_matches():
     a = b @ turn.T
     a[:50] = normalised(generator.normal(size=(50, 3)))
     found, agreeing = most_agreed_rotation(a, b, 0.01, generator)
-    assert turn_between(found, turn) < 1e-6
+    assert degrees_turned(found, turn) < 1e-6
     assert agreeing[50:].all() and agreeing[:50].sum() <= 1
     np.testing.assert_allclose(fitted_rotation(a[50:], b[50:]), turn, atol=1e-12)
 

@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from angles import degrees_turned
+from synthetic import CENTRE, lobes, photograph_ball, turned, unit
 
 from relume.errors import BallNotFound
 from relume.image.radiance import RadianceMap
 from relume.probe.ball.registration import KnownPlaces, UnknownPlaces
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
-from relume.sphere.directions import look_at, rotation_angle
-from synthetic import CENTRE, lobes, photograph_ball, turned, unit
+from relume.sphere.directions import look_at
 
 FRONT = np.array([0.0, 0.17, 1.0])
 OTHERS = {"a quarter turn": np.array([1.0, 0.17, 0.0]), "behind, from above": np.array([-0.5, 0.5, -0.7])}
@@ -26,10 +27,6 @@ def turn_of(camera: np.ndarray) -> np.ndarray:
     return look_at(camera, CENTRE) @ look_at(FRONT, CENTRE).T
 
 
-def degrees_between(first: np.ndarray, second: np.ndarray) -> float:
-    return float(np.degrees(rotation_angle(first.T @ second)))
-
-
 @pytest.fixture(scope="module")
 def front() -> BallView:
     return view(FRONT)
@@ -43,7 +40,7 @@ def front() -> BallView:
 def test_an_unknown_turn_is_found(front, camera):
     found = UnknownPlaces()((front, view(camera)))
     # Measured: 0.02° and 0.06°; the goal is 0.2°.
-    assert degrees_between(found.turns[1], turn_of(camera)) < 0.2
+    assert degrees_turned(found.turns[1], turn_of(camera)) < 0.2
     assert found.likenesses[1] > 0.999 and not found.doubts
     assert found.gains[1] == pytest.approx(1, abs=0.01)
     np.testing.assert_array_equal(found.turns[0], np.eye(3))
@@ -66,7 +63,7 @@ def test_the_turn_of_the_room_is_found(shared):
     found = UnknownPlaces()(views)
     # The goal is 0.2°, and it is not always met: measured 0.1° to 0.32°, by how the pictures were merged and where the
     # refinement began. Walls that are not all equally far make 0.1° even with the silhouettes as they were rendered.
-    assert degrees_between(found.turns[1], turn_of(np.array([1.0, 0.17, 0.0]))) < 0.35
+    assert degrees_turned(found.turns[1], turn_of(np.array([1.0, 0.17, 0.0]))) < 0.35
     assert found.likenesses[1] > 0.99
 
 
@@ -78,7 +75,7 @@ def test_several_views_are_refined_together():
     found = UnknownPlaces()(views)
     # Balls of 169 pixels; with those of 109 one view of the three is 0.22° off.
     for turn, camera in zip(found.turns[1:], cameras[1:], strict=True):
-        assert degrees_between(turn, turn_of(camera)) < 0.2
+        assert degrees_turned(turn, turn_of(camera)) < 0.2
     assert found.nearness < 0.005
 
 
@@ -145,7 +142,7 @@ def test_an_adjusted_silhouette_keeps_its_camera(front):
 def test_a_lone_view_stays_as_it_is(front):
     found = UnknownPlaces()((front,))
     assert found.corrections == (0.0,) and found.gains == (1.0,) and found.nearness == 0.0
-    assert degrees_between(found.turns[0], np.eye(3)) == 0
+    assert degrees_turned(found.turns[0], np.eye(3)) == 0
 
 
 def test_a_given_place_wrong_by_more_than_a_tape_measure_is_doubted(front):

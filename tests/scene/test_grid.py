@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from angles import degrees_turned
 
 from relume.errors import GridNotFound
 from relume.image.files import read_photograph
@@ -126,8 +127,7 @@ def test_the_camera_of_the_room_shoot_is_found_within_three_millimetres():
     assert np.linalg.norm(found.position - [x, z, -y]) < 0.003
     pose = np.array(truth["matrix_world"])[:3, :3]
     ours_from_theirs = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
-    turned = found.rotation.T @ (ours_from_theirs @ pose)
-    assert np.degrees(np.arccos((np.trace(turned) - 1) / 2)) < 0.15  # 3 mm at 1.2 m
+    assert degrees_turned(found.rotation, ours_from_theirs @ pose) < 0.15  # 3 mm at 1.2 m
 
 
 def board_seen_by(camera, noise=0.0, seed=0, columns=8, rows=5, square=SQUARE):
@@ -138,7 +138,7 @@ def board_seen_by(camera, noise=0.0, seed=0, columns=8, rows=5, square=SQUARE):
 
 
 def angle_between(first, second):
-    return np.arccos(np.clip((np.trace(first.rotation.T @ second.rotation) - 1) / 2, -1, 1))
+    return np.radians(degrees_turned(first.rotation, second.rotation))
 
 
 BARREL = Distortion(-0.25, 0.08, 0.002, -0.001, 0.01)

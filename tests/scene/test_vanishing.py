@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from angles import degrees_turned
 
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
@@ -43,7 +44,7 @@ def fitted(camera, lines, length=None, **lens):
 
 
 def turn_between(first, second):
-    return np.degrees(np.arccos(np.clip((np.trace(first.rotation.T @ second.rotation) - 1) / 2, -1, 1)))
+    return degrees_turned(first.rotation, second.rotation)
 
 
 @pytest.mark.parametrize(

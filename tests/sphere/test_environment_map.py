@@ -1,10 +1,11 @@
 """Light by direction: totals, irradiance, look-ups, and what remapping and turning must keep."""
 
+import naive
 import numpy as np
 import pytest
-
-import naive
+from angles import degrees_between
 from lights import NAMED, SIMPLE, fitting
+
 from relume.image.radiance import RadianceMap
 from relume.sphere.directions import normalised, rotation_about
 from relume.sphere.environment_files import as_environment, as_radiance_map
@@ -54,10 +55,6 @@ def first_moment(light):
     weighted = directions * mapping.solid_angles(size * cells)[..., None]
     moments = weighted.reshape(size, cells, mapping.shape(size)[1], cells, 3).sum((1, 3))
     return np.einsum("hwk,hw->k", moments, light.radiance[..., 1].astype(np.float64))
-
-
-def degrees_between(a, b):
-    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
 
 
 # --- what light adds up to -------------------------------------------------------------------------------------------

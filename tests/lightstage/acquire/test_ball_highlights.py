@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from angles import degrees_between
 from scipy.optimize import minimize
 
 from relume.errors import BallNotFound
@@ -25,10 +26,6 @@ from relume.sphere.directions import normalised, rotation_about
 
 OLAT = Path(__file__).resolve().parents[4] / "shared" / "data" / "olat"
 CIRCLE = outline_of_circle(60.0, 50.0, 40.0)
-
-
-def degrees_apart(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    return np.degrees(np.arccos(np.clip((first * second).sum(axis=-1), -1, 1)))
 
 
 def spot(x: float, y: float, width: float, peak: float = 1.0, shape: tuple[int, int] = (100, 120)) -> np.ndarray:
@@ -87,7 +84,7 @@ def test_a_perspective_ball_mirrors_the_lamp_by_the_shortest_way() -> None:
         point = mirrored(camera, centre, radius, light)
         places, directions = ball.reflections(camera.project(point)[None])
         np.testing.assert_allclose(places[0], point, atol=1e-6)
-        assert degrees_apart(directions[0], normalised(light - point)) < 0.01
+        assert degrees_between(directions[0], normalised(light - point)) < 0.01
 
 
 def test_a_saturated_lamp_is_where_its_plateau_is() -> None:
@@ -141,7 +138,7 @@ def test_two_balls_give_the_published_directions_within_two_degrees(thing: str) 
         pytest.skip("the real sets are not beside the repository")
     for name in ("LightProbe-1", "LightProbe-2"):
         found, told = published(folder / name)
-        assert degrees_apart(found, told).max() < 2
+        assert degrees_between(found, told).max() < 2
 
 
 @pytest.fixture(scope="module")
@@ -175,7 +172,7 @@ def test_where_the_chrome_ball_and_the_usual_reference_differ_the_gray_ball_side
     chrome_directions: np.ndarray,
 ) -> None:
     told = read_directions(OLAT / "uw_psm" / "lights.txt")
-    apart = degrees_apart(chrome_directions, told)
+    apart = degrees_between(chrome_directions, told)
     differing = np.flatnonzero(apart > 2)
     assert list(differing) == [0, 1, 6, 7, 8, 9]
     assert apart[[2, 3, 4, 5, 10, 11]].max() < 2
@@ -185,7 +182,7 @@ def test_where_the_chrome_ball_and_the_usual_reference_differ_the_gray_ball_side
 
 def test_the_chrome_ball_is_found_without_its_mask(chrome: list[np.ndarray], chrome_directions: np.ndarray) -> None:
     found = read_ball(chrome, MirrorBall(find_ball(chrome, "chrome")))
-    assert degrees_apart(found.directions, chrome_directions).max() < 1.5
+    assert degrees_between(found.directions, chrome_directions).max() < 1.5
 
 
 def test_the_mean_of_balls_is_a_unit_direction() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from angles import degrees_between
 
 from relume.lightstage.acquire.calibration import (
     Calibration,
@@ -109,7 +110,7 @@ def test_the_normal_of_a_flat_target_is_found_where_some_lamps_are_dim() -> None
     levels = np.ones((60, 3))
     levels[::5] = 0.6
     found = normal_of_flat_target(LIGHTS, pictures(TILTED, 0.9, levels, 0.01).mean(axis=(1, 2, 3)))
-    assert np.degrees(np.arccos(found @ TILTED)) < 0.5
+    assert degrees_between(found, TILTED) < 0.5
 
 
 def test_a_target_without_a_normal_tells_the_dim_lamps() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from angles import degrees_between
 
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.voronoi_cells import even_directions
@@ -19,7 +20,7 @@ SHADED = np.maximum(LIGHTS.directions @ NORMALS.T, 0) * LENGTHS
 
 
 def degrees(found: np.ndarray) -> np.ndarray:
-    return np.degrees(np.arccos(np.clip(np.einsum("ij,ij->i", found, NORMALS), -1, 1)))
+    return degrees_between(found, NORMALS)
 
 
 def test_a_lambertian_surface_gives_its_normal_and_its_albedo_over_pi() -> None:

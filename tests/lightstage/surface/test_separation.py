@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from angles import degrees_between
 
 from relume.lightstage.field.field import Pictures, whole
 from relume.lightstage.field.lights import StageLights
@@ -111,13 +112,12 @@ def test_highlights_are_found_though_the_bodys_colour_ramps(shiny: Separation) -
 
 
 def test_normals_and_ramp_of_a_ball_are_its_own(shiny: Separation) -> None:
-    cosine = np.einsum("ij,ij->i", shiny.normal.reshape(-1, 3), NORMALS)
-    assert np.median(np.degrees(np.arccos(np.clip(cosine, -1, 1)))) < 0.3
+    assert np.median(degrees_between(shiny.normal.reshape(-1, 3), NORMALS)) < 0.3
     # d0 is a chromaticity of the ramp itself, so only the ends of the ramp can be compared.
     ends = [ramped(shiny.chromaticity.reshape(-1, 3), WHITE, shiny.alpha.reshape(-1, 2)[:, i]) for i in (0, 1)]
     for found, alpha in zip(ends, (0.2, -0.15), strict=True):
         truth = ramped(BODY, WHITE, np.array(alpha))
-        angles = np.degrees(np.arccos(np.clip(found @ truth, -1, 1)))
+        angles = degrees_between(found, truth)
         assert np.median(angles) < 0.6, "the ends themselves are 6° apart"
 
 

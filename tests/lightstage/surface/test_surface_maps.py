@@ -8,8 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
+from angles import degrees_between
 from command_line import refused
+from small_stages import ALBEDO as BALL
+from small_stages import CAMERA as FRONT
+from small_stages import lit, normals, write_stage
+
 from relume.cli import main
 from relume.image import files
 from relume.image.radiance import RadianceMap
@@ -26,9 +30,6 @@ from relume.scene.materials.materials import Material
 from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import Mesh
 from relume.sphere.directions import normalised
-from small_stages import ALBEDO as BALL
-from small_stages import CAMERA as FRONT
-from small_stages import lit, normals, write_stage
 
 STAGE = Path(__file__).resolve().parents[4] / "shared" / "stages" / "head"
 LIGHTS = StageLights.towards(even_directions(1000))
@@ -301,7 +302,7 @@ def test_normals_and_albedo_of_the_head_are_within_what_was_asked() -> None:
     x, y, z = (channels[f"ViewLayer.Normal.{axis}"].pixels for axis in "XYZ")
     colour = channels["ViewLayer.DiffCol"].pixels
     normal = normalised(np.stack([x, z, -y], axis=-1)[mask])
-    angles = np.degrees(np.arccos(np.clip(np.einsum("ij,ij->i", found.normal[mask], normal), -1, 1)))
+    angles = degrees_between(found.normal[mask], normal)
     assert np.median(angles) < 1.5
     albedo = colour[mask]
     assert np.abs(found.albedo[mask] - albedo).mean() / albedo.mean() < 0.055

@@ -8,7 +8,7 @@ from scipy.spatial import KDTree
 from relume.capture.lens.vignetting import Vignetting
 from relume.image.radiance import RadianceMap
 from relume.probe.panorama.views import PanoramaView, orientation
-from relume.sphere.directions import normalised, rotation_angle
+from relume.sphere.directions import normalised
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_points
 
@@ -60,8 +60,3 @@ def all_round(jitter: float = 4.0, seed: int = 0) -> list[np.ndarray]:
     loose = np.random.default_rng(seed).normal(size=(len(angles), 3)) * jitter
     loose[0, 0] = 0
     return [orientation(*np.radians(np.add(angle, more))) for angle, more in zip(angles, loose, strict=True)]
-
-
-def turn_between(first: np.ndarray, second: np.ndarray) -> float:
-    """Degrees."""
-    return float(np.degrees(rotation_angle(first.T @ second)))
