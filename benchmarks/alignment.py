@@ -36,7 +36,7 @@ def timed(work: dict[str, Callable[[], object]], rounds: int = 3) -> dict[str, t
 
 
 if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
     from handheld import stack
 
     held = stack(500, size=(4000, 3000), frames=7, fine=1)

@@ -20,7 +20,7 @@ MERGE = "merge"
 
 def write_bracket(folder: Path) -> list[Path]:
     """DNG files one stop apart of a sweep from shadow to lamp, 90 MB each, one in memory at a time."""
-    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
     from dng_files import sensed, write_dng
 
     paths = []

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 
 from camera_curves import CurveCamera, camera_curves, exposure_error, mixed_scene
 from relume.capture.exposure.bracket import Bracket

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from angles import degrees_between
 from command_line import refused
 from lights import NAMED, sunny
-
 from relume.cli import main
 from relume.image.files import read_photograph, read_radiance, write
 from relume.image.photograph import Photograph

@@ -9,12 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from angles import degrees_between
-from command_line import refused
-from small_stages import CAMERA as SMALL_CAMERA
-from small_stages import LIGHTS, camera, write_stage
 
 import relume as rl
+from angles import degrees_between
+from command_line import refused
 from relume.cli import main
 from relume.image.files import read_photograph, write
 from relume.image.photograph import Photograph
@@ -27,6 +25,8 @@ from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
 from relume.sphere.environment_files import as_radiance_map
 from relume.sphere.environment_map import EnvironmentMap
+from small_stages import CAMERA as SMALL_CAMERA
+from small_stages import LIGHTS, camera, write_stage
 
 pytest.importorskip("zarr", reason="stores need the extra lightstage")
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+
 from angles import degrees_between
 from lights import constant, lone, spread, sunny
-
 from relume.errors import SunNotFound
 from relume.image.files import read_radiance
 from relume.image.radiance import SATURATED

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from angles import degrees_between
-from solids import sphere
 
+from angles import degrees_between
 from relume.image.radiance import RadianceMap
 from relume.probe.ball.blending import blend_views
 from relume.probe.ball.unwrapping import unwrap_ball
@@ -16,6 +15,7 @@ from relume.scene.scene import Scene
 from relume.sphere.directions import normalised
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_points
+from solids import sphere
 
 CENTRE, RADIUS, SILVER = np.array([0.0, 0.05, 0.0]), 0.05, 0.8
 CAMERAS = [np.array([0.0, 0.17, 1.0]), np.array([1.0, 0.17, 0.0])]

@@ -7,10 +7,9 @@ leaves out: radiance inside glass, which physics scales by n² until it leaves (
 import numpy as np
 import pytest
 import trimesh
+
 from angles import degrees_between
 from lights import constant
-from solo_ray import eye
-
 from relume.renderers.whitted.kernel_data import REFLECTED, REFRACTED
 from relume.renderers.whitted.optics import fresnel, reflected, refracted
 from relume.renderers.whitted.ray_tree import ray_tree
@@ -21,6 +20,7 @@ from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Mesh, Plane, Sphere
 from relume.sphere.directions import normalised
 from relume.sphere.environment_map import EnvironmentMap
+from solo_ray import eye
 
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 UP = np.array([0.0, 1.0, 0.0])

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from angles import degrees_between
-from synthetic import CENTRE, LAMPS, RADIUS, lobes, photograph_ball, turned, unit
 
+from angles import degrees_between
 from relume.errors import BallNotFound
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.probe.ball.blending import Probe, blend_views
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
 from relume.sphere.mappings.mapping import LatLong, pixel_points
+from synthetic import CENTRE, LAMPS, RADIUS, lobes, photograph_ball, turned, unit
 
 FRONT, SIDE = np.array([0.0, 0.17, 1.0]), np.array([1.0, 0.17, 0.0])
 SIZE = 96

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import lights
 import numpy as np
 import pytest
-from angles import degrees_between, degrees_turned
-from panoramas import all_round, patchwork, photograph
 from scipy.ndimage import maximum_filter
 
+import lights
+from angles import degrees_between, degrees_turned
+from panoramas import all_round, patchwork, photograph
 from relume.capture.lens.vignetting import Vignetting
 from relume.errors import NotAPanorama
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from angles import degrees_turned
 from panoramas import patchwork, photograph
-
 from relume.image.radiance import RadianceMap
 from relume.probe.panorama.bundle_adjustment import levelling
 from relume.probe.panorama.coverage import continued, shrunk, view_in_map

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from angles import degrees_turned
-from synthetic import CENTRE, lobes, photograph_ball, turned, unit
 
+from angles import degrees_turned
 from relume.errors import BallNotFound
 from relume.image.radiance import RadianceMap
 from relume.probe.ball.registration import KnownPlaces, UnknownPlaces
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
 from relume.sphere.directions import look_at
+from synthetic import CENTRE, lobes, photograph_ball, turned, unit
 
 FRONT = np.array([0.0, 0.17, 1.0])
 OTHERS = {"a quarter turn": np.array([1.0, 0.17, 0.0]), "behind, from above": np.array([-0.5, 0.5, -0.7])}

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+
 from angles import degrees_between
 from lights import spread
-
 from relume.scene.materials.bumps import BumpMap, Wrinkles
 from relume.sphere.directions import normalised
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from angles import degrees_turned
 
+from angles import degrees_turned
 from relume.errors import GridNotFound
 from relume.image.files import read_photograph
 from relume.image.photograph import Photograph

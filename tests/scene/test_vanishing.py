@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from angles import degrees_turned
 
+from angles import degrees_turned
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
 from relume.scene.cameras.known_lengths import CameraHeight, GroundLength, UprightLength

@@ -1,11 +1,11 @@
 """Light by direction: totals, irradiance, look-ups, and what remapping and turning must keep."""
 
-import naive
 import numpy as np
 import pytest
+
+import naive
 from angles import degrees_between
 from lights import NAMED, SIMPLE, fitting
-
 from relume.image.radiance import RadianceMap
 from relume.sphere.directions import normalised, rotation_about
 from relume.sphere.environment_files import as_environment, as_radiance_map

@@ -11,10 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from synthetic import STOPS
 
 from relume.capture.exposure.bracket import Bracket
 from relume.image.photograph import Exposure, Photograph
+from synthetic import STOPS
 
 EXPOSURE = np.concatenate([[0.0], np.geomspace(1e-6, 1.0, 4001)])
 """Where the curves are tabulated: relative exposure, 1 at white."""

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
-from synthetic import VirtualCamera
 
 from relume.capture.exposure.bracket import Bracket
 from relume.image.photograph import Exposure, Photograph
+from synthetic import VirtualCamera
 
 FINE = 2
 """Pixels of the scene per pixel of a frame, each way, unless told."""

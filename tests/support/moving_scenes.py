@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
-from synthetic import VirtualCamera
 
 from relume.capture.exposure.bracket import Bracket
 from relume.image.photograph import Exposure
 from relume.image.response import Response
+from synthetic import VirtualCamera
 
 CAMERA = VirtualCamera(electrons=20_000.0, read_noise=6.0)
 BRIGHTEST = 30.0

@@ -10,9 +10,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
-import naive
 import numpy as np
 
+import naive
 from relume.light.constellations.constellation import constellation
 from relume.renderers.whitted.whitted import Whitted
 from relume.scene.cameras.camera import Camera

@@ -7,13 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+
 from dng_files import sensed, write_dng
 from moving_scenes import CAMERA, background
-from synthetic import VirtualCamera
-
 from relume.capture.exposure.bracket import Bracket
 from relume.image import files
 from relume.image.photograph import Exposure, Photograph
+from synthetic import VirtualCamera
 
 SECONDS = tuple(2.0 ** (-stop) for stop in range(9, 1, -1))
 """Eight photographs a stop apart, the shortest first."""

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from angles import degrees_between
 from scipy.optimize import minimize
 
+from angles import degrees_between
 from relume.errors import BallNotFound
 from relume.image.files import read_photograph
 from relume.lightstage.acquire.ball_highlights import (

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from angles import degrees_between
 
+from angles import degrees_between
 from relume.lightstage.acquire.calibration import (
     Calibration,
     Target,

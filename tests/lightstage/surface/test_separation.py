@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from angles import degrees_between
 
+from angles import degrees_between
 from relume.lightstage.field.field import Pictures, whole
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.voronoi_cells import even_directions

@@ -8,12 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from angles import degrees_between
 from command_line import refused
-from small_stages import ALBEDO as BALL
-from small_stages import CAMERA as FRONT
-from small_stages import lit, normals, write_stage
-
 from relume.cli import main
 from relume.image import files
 from relume.image.radiance import RadianceMap
@@ -30,6 +27,9 @@ from relume.scene.materials.materials import Material
 from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import Mesh
 from relume.sphere.directions import normalised
+from small_stages import ALBEDO as BALL
+from small_stages import CAMERA as FRONT
+from small_stages import lit, normals, write_stage
 
 STAGE = Path(__file__).resolve().parents[4] / "shared" / "stages" / "head"
 LIGHTS = StageLights.towards(even_directions(1000))
