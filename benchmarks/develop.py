@@ -28,15 +28,13 @@ from relume.image.radiance import RadianceMap
 from relume.virtual_camera.lens.blades import Blades
 from relume.virtual_camera.lens.glare.camera import CameraGlare
 from relume.virtual_camera.lens.glare.eye import EyeGlare
-from relume.virtual_camera.tone.display.displays import Srgb
-from relume.virtual_camera.tone.display.encoding import encoded
+from relume.virtual_camera.tone.display.encoding import Srgb, encoded
 from relume.virtual_camera.tone.ferwerda import Ferwerda
 from relume.virtual_camera.tone.histogram.adjustment import HistogramAdjustment
 from relume.virtual_camera.tone.histogram.curve import HumanContrast
 from relume.virtual_camera.tone.metered import MeteredExposure
 from relume.virtual_camera.tone.pattanaik.pattanaik import Pattanaik
-from relume.virtual_camera.tone.reinhard import Reinhard
-from relume.virtual_camera.tone.reinhard_local import ReinhardLocal
+from relume.virtual_camera.tone.reinhard import Reinhard, ReinhardLocal
 from relume.virtual_camera.tone.tumblin_rushmeier import TumblinRushmeier
 from relume.virtual_camera.virtual_camera import VirtualCamera
 

@@ -51,10 +51,6 @@ PROOFS: dict[str, tuple[str, str]] = {
     "sphere/mappings/kernels.py": ("sphere/test_environment_map.py", "slow twin in naive.py"),
     "sphere/resampling/kernels.py": ("sphere/test_resampling.py", "slow twin: 16 × 16 look-ups a pixel"),
     "sphere/resampling/splatting.py": ("sphere/test_resampling.py", "slow twin: 16 × 16 look-ups a pixel"),
-    "virtual_camera/film/counter_random.py": (
-        "virtual_camera/film/test_correlated_noise.py",
-        "moments of the distribution",
-    ),
     "virtual_camera/film/float_table.py": ("virtual_camera/film/test_float_table.py", "the function itself"),
     "virtual_camera/film/grain_kernels.py": (
         "virtual_camera/film/test_correlated_noise.py",

@@ -10,15 +10,14 @@ from relume.errors import InvalidShot
 from relume.image.photograph import Exposure
 from relume.project.presets.preset import CameraPreset, preset_of
 from relume.virtual_camera.film.darkroom import Darkroom
-from relume.virtual_camera.lens.defocus_blur import Defocus
-from relume.virtual_camera.lens.depth_of_field import aperture_of
+from relume.virtual_camera.lens.defocus_blur import Defocus, aperture_of
 from relume.virtual_camera.lens.geometry import LensGeometry
 from relume.virtual_camera.lens.glare.camera import CameraGlare
 from relume.virtual_camera.lens.glare.eye import EyeGlare
 from relume.virtual_camera.lens.motion.path import TurningCamera
 from relume.virtual_camera.lens.soft_focus import SoftFocus
 from relume.virtual_camera.lens.vignetting import PolynomialVignetting
-from relume.virtual_camera.tone.display.displays import PQ
+from relume.virtual_camera.tone.display.encoding import PQ
 from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.tone.ferwerda import Ferwerda
 from relume.virtual_camera.tone.histogram.adjustment import HistogramAdjustment

@@ -17,14 +17,13 @@ from relume.virtual_camera.lens.glare.eye import EyeGlare
 from relume.virtual_camera.lens.motion.straight import StraightMotion
 from relume.virtual_camera.lens.vignetting import CosineFourth
 from relume.virtual_camera.protocols import Adaptation
-from relume.virtual_camera.tone.display.displays import HLG, PQ, DisplayP3, HdrGainMap
+from relume.virtual_camera.tone.display.encoding import HLG, PQ, DisplayP3, HdrGainMap
 from relume.virtual_camera.tone.display.writing import profile_of
 from relume.virtual_camera.tone.ferwerda import Ferwerda
 from relume.virtual_camera.tone.histogram.adjustment import HistogramAdjustment
 from relume.virtual_camera.tone.metered import CameraExposure, FixedExposure, MeteredExposure
 from relume.virtual_camera.tone.pattanaik.pattanaik import Pattanaik
-from relume.virtual_camera.tone.reinhard import Reinhard
-from relume.virtual_camera.tone.reinhard_local import ReinhardLocal
+from relume.virtual_camera.tone.reinhard import Reinhard, ReinhardLocal
 from relume.virtual_camera.tone.tumblin_rushmeier import TumblinRushmeier
 from relume.virtual_camera.view import View, log_mean, view_of
 from relume.virtual_camera.virtual_camera import IN_ORDER, VirtualCamera

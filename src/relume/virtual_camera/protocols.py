@@ -10,6 +10,22 @@ import numpy as np
 from relume.virtual_camera.view import View
 
 
+class Relative:
+    """What works in any unit of radiance."""
+
+    @property
+    def absolute(self) -> bool:
+        return False
+
+
+class Absolute:
+    """What asks for luminances in cd/m²: pictures in that unit, or with `View.luminance_scale`."""
+
+    @property
+    def absolute(self) -> bool:
+        return True
+
+
 class Optics(Protocol):
     """Something that light passes on its way to the sensor or the retina: a part of a lens, or of an eye."""
 

@@ -11,9 +11,8 @@ import numpy as np
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.virtual_camera.protocols import Adaptation, Optics, ToneOperator
-from relume.virtual_camera.tone.display.clipping import Clipping
-from relume.virtual_camera.tone.display.displays import Display, DisplayP3, Srgb
-from relume.virtual_camera.tone.display.encoding import encoded
+from relume.virtual_camera.tone.display.code_table import Clipping
+from relume.virtual_camera.tone.display.encoding import Display, DisplayP3, Srgb, encoded
 from relume.virtual_camera.tone.display.writing import profile_of, write_display
 from relume.virtual_camera.tone.metered import LinearExposure, MeteredExposure
 from relume.virtual_camera.validation import validate_radiance

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import convolve2d
 from scipy.special import ndtr, ndtri
 
-from relume.virtual_camera.film.correlated_noise import SIDE, noise_of
+from relume.virtual_camera.film.grain import SIDE, noise_of
 from relume.virtual_camera.film.grain_kernels import QUANTILES, add_to_values, fill_white
 
 EVEN = 2**64

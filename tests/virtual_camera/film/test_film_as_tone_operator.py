@@ -18,8 +18,7 @@ from relume.virtual_camera.film.film import (
 )
 from relume.virtual_camera.film.grain import Grain
 from relume.virtual_camera.protocols import Adaptation
-from relume.virtual_camera.tone.display.displays import PQ, DisplayP3, Srgb
-from relume.virtual_camera.tone.display.encoding import encoded_and_clipped
+from relume.virtual_camera.tone.display.encoding import PQ, DisplayP3, Srgb, encoded_and_clipped
 from relume.virtual_camera.view import View
 from synthetic import NOISELESS, wide_scene
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from relume.image.photograph import Exposure, Photograph, Settings
-from relume.virtual_camera.lens.depth_of_field import (
+from relume.virtual_camera.lens.defocus_blur import (
     aperture_from,
     aperture_of,
     depth_of_field,

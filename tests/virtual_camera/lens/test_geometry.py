@@ -5,8 +5,7 @@ import pytest
 
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
-from relume.virtual_camera.lens.geometry import LensGeometry
-from relume.virtual_camera.lens.lateral_chromatic_aberration import LateralColour, RadialScale
+from relume.virtual_camera.lens.geometry import LateralColour, LensGeometry, RadialScale
 from relume.virtual_camera.protocols import Undoable
 from relume.virtual_camera.view import View
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from relume.virtual_camera.lens.lateral_chromatic_aberration import RadialScale
+from relume.virtual_camera.lens.geometry import RadialScale
 
 
 def test_a_radius_is_scaled_by_the_polynomial():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from relume.virtual_camera.tone.histogram.acuity import blur_width, blurred_by_acuity
+from relume.virtual_camera.tone.histogram.eye import blur_width, blurred_by_acuity
 from relume.virtual_camera.tone.vision import acuity
 from relume.virtual_camera.view import View
 

@@ -7,7 +7,7 @@ from relume.image.primaries import REC709
 from relume.virtual_camera.protocols import Adaptation
 from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.tone.ferwerda import Ferwerda, adaptation_after, multipliers
-from relume.virtual_camera.tone.histogram.acuity import blurred_by_acuity
+from relume.virtual_camera.tone.histogram.eye import blurred_by_acuity
 from relume.virtual_camera.tone.vision import cone_threshold, rod_threshold, scotopic_luminance
 from relume.virtual_camera.view import View
 

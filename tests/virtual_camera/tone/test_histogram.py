@@ -10,7 +10,7 @@ from relume.image.colour import luminance
 from relume.virtual_camera.protocols import Adaptation, ToneOperator
 from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.tone.histogram import adjustment as histogram
-from relume.virtual_camera.tone.histogram import veil
+from relume.virtual_camera.tone.histogram import eye
 from relume.virtual_camera.tone.histogram.adjustment import HistogramAdjustment
 from relume.virtual_camera.tone.histogram.curve import DARKEST, FINE, HumanContrast, LinearContrast, fine_edges, gains
 from relume.virtual_camera.tone.vision import threshold
@@ -82,7 +82,7 @@ def test_it_is_what_pcond_shows(operator, scale, wanted, within):
 def test_the_veil_is_nearly_that_of_pcond(operator, monkeypatch):
     # `pcond -v`, and -h, which in this light is the same. Its veil has 0.08 of the light where the paper's has 0.087,
     # and its samples weigh the same off the axis; beyond the middles of the outermost it extrapolates.
-    monkeypatch.setattr(veil, "SHARE", 0.08)
+    monkeypatch.setattr(eye, "SHARE", 0.08)
     monkeypatch.setattr(histogram, "SHARE", 0.08)
     picture, view = bars()
     wanted = [0.071777, 0.186523, 0.205078, 0.695312, 0.601563, 0.458984, 0.957031]

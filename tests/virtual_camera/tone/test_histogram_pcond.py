@@ -16,7 +16,7 @@ from relume.image import files
 from relume.image.colour import luminance
 from relume.image.primaries import REC709, Primaries
 from relume.virtual_camera.tone.histogram import adjustment as histogram
-from relume.virtual_camera.tone.histogram import veil
+from relume.virtual_camera.tone.histogram import eye
 from relume.virtual_camera.tone.histogram.adjustment import HistogramAdjustment
 from relume.virtual_camera.tone.histogram.curve import HumanContrast
 from relume.virtual_camera.view import View
@@ -110,6 +110,6 @@ def test_it_agrees_with_pcond(place, operator, options, tmp_path):
 
 @pytest.mark.parametrize("place", ["church", "cathedral"])
 def test_the_veil_agrees_with_pcond(place, tmp_path, monkeypatch):
-    monkeypatch.setattr(veil, "SHARE", 0.08)
+    monkeypatch.setattr(eye, "SHARE", 0.08)
     monkeypatch.setattr(histogram, "SHARE", 0.08)
     assert median_difference(*MAPS[place], HistogramAdjustment(veil=True), ["-v"], tmp_path) <= 0.04

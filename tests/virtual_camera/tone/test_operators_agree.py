@@ -8,16 +8,14 @@ import numpy as np
 import pytest
 
 from relume.virtual_camera.protocols import ToneOperator
-from relume.virtual_camera.tone.display.displays import Srgb
-from relume.virtual_camera.tone.display.encoding import encoded_and_clipped
+from relume.virtual_camera.tone.display.encoding import Srgb, encoded_and_clipped
 from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.tone.ferwerda import Ferwerda
 from relume.virtual_camera.tone.histogram.adjustment import HistogramAdjustment
 from relume.virtual_camera.tone.metered import FixedExposure, MeteredExposure
 from relume.virtual_camera.tone.ocio import Ocio
 from relume.virtual_camera.tone.pattanaik.pattanaik import Pattanaik
-from relume.virtual_camera.tone.reinhard import Reinhard
-from relume.virtual_camera.tone.reinhard_local import ReinhardLocal
+from relume.virtual_camera.tone.reinhard import Reinhard, ReinhardLocal
 from relume.virtual_camera.tone.tumblin_rushmeier import TumblinRushmeier
 from relume.virtual_camera.view import View
 

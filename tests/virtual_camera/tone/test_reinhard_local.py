@@ -5,8 +5,7 @@ import pytest
 
 from relume.virtual_camera.protocols import Adaptation
 from relume.virtual_camera.tone import reinhard_local_kernel
-from relume.virtual_camera.tone.reinhard import Reinhard
-from relume.virtual_camera.tone.reinhard_local import ReinhardLocal, gaussians, surroundings
+from relume.virtual_camera.tone.reinhard import Reinhard, ReinhardLocal, gaussians, surroundings
 from relume.virtual_camera.view import View
 
 VIEW = View(500.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from relume.image.primaries import REC709
-from relume.virtual_camera.tone.histogram.scotopic_colour import colours_in_the_dark
+from relume.virtual_camera.tone.histogram.eye import colours_in_the_dark
 from relume.virtual_camera.tone.vision import scotopic_luminance
 from relume.virtual_camera.view import View
 

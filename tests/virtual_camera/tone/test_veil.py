@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from relume.virtual_camera.tone.histogram import veil
+from relume.virtual_camera.tone.histogram import eye
+from relume.virtual_camera.tone.histogram.eye import veil_luminance, veiled
 from relume.virtual_camera.tone.histogram.fovea import directions
-from relume.virtual_camera.tone.histogram.veil import veil_luminance, veiled
 from relume.virtual_camera.view import View
 
 VIEW = View(200.0)
@@ -71,7 +71,7 @@ def test_a_very_wide_picture_takes_coarser_samples(monkeypatch):
     picture = np.zeros((100, 100, 3), np.float32)
     picture[:, :30] = 10
     fine = veiled(picture, VIEW)
-    monkeypatch.setattr(veil, "_MOST", 200)
+    monkeypatch.setattr(eye, "_MOST", 200)
     coarse = veiled(picture, VIEW)
     assert not np.array_equal(coarse, fine)
     np.testing.assert_allclose(coarse[10:-10, 60:-10], fine[10:-10, 60:-10], rtol=0.06)

@@ -22,16 +22,16 @@ from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.film.undeveloping import undevelop
 from relume.virtual_camera.lens.undoing import undo_optics
 from relume.virtual_camera.lens.vignetting import MeasuredVignetting
-from relume.virtual_camera.plate_matching.camera_matching import Softness, match_camera
-from relume.virtual_camera.plate_matching.camera_profile import (
+from relume.virtual_camera.plate_matching.camera_matching import (
+    Softness,
+    match_camera,
     profiled_response,
     profiled_scale,
     profiled_vignetting,
 )
 from relume.virtual_camera.protocols import Optics, Undoable
-from relume.virtual_camera.tone.display.clipping import Clipping
-from relume.virtual_camera.tone.display.displays import HLG, PQ, HdrGainMap, Srgb
-from relume.virtual_camera.tone.display.encoding import encoded_and_clipped
+from relume.virtual_camera.tone.display.code_table import Clipping
+from relume.virtual_camera.tone.display.encoding import HLG, PQ, HdrGainMap, Srgb, encoded_and_clipped
 from relume.virtual_camera.tone.display.stops import stops_sheet
 from relume.virtual_camera.tone.display.writing import require_suffix_for
 from relume.virtual_camera.tone.metered import FixedExposure, MeteredExposure

@@ -103,7 +103,7 @@ def _with_lens(shot: Shot, camera: Camera, calibrated: Calibrated) -> Camera:
     if diameter is None or focus is None:
         return camera
     if diameter == "exif":
-        from relume.virtual_camera.lens.depth_of_field import aperture_from
+        from relume.virtual_camera.lens.defocus_blur import aperture_from
 
         bracket = calibrated.bracket
         diameter = None if bracket is None else aperture_from(bracket.photographs[0])

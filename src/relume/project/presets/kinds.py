@@ -18,8 +18,7 @@ from relume.virtual_camera.film import stocks
 from relume.virtual_camera.film.darkroom import FRAME, Darkroom
 from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.lens.blades import Blades
-from relume.virtual_camera.lens.defocus_blur import Defocus
-from relume.virtual_camera.lens.depth_of_field import aperture_of
+from relume.virtual_camera.lens.defocus_blur import Defocus, aperture_of
 from relume.virtual_camera.lens.geometry import LensGeometry
 from relume.virtual_camera.lens.glare.camera import CameraGlare
 from relume.virtual_camera.lens.glare.eye import EyeGlare
@@ -31,7 +30,7 @@ from relume.virtual_camera.lens.motion.vectors import MotionVectors
 from relume.virtual_camera.lens.soft_focus import SoftFocus
 from relume.virtual_camera.lens.vignetting import CosineFourth, MeasuredVignetting, PolynomialVignetting
 from relume.virtual_camera.tone.black_white_point import BlackWhitePoint
-from relume.virtual_camera.tone.display.displays import HLG, PQ, DisplayP3, HdrGainMap, Srgb
+from relume.virtual_camera.tone.display.encoding import HLG, PQ, DisplayP3, HdrGainMap, Srgb
 from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.tone.ferwerda import Ferwerda
 from relume.virtual_camera.tone.histogram.adjustment import HistogramAdjustment
@@ -39,8 +38,7 @@ from relume.virtual_camera.tone.histogram.curve import HumanContrast, LinearCont
 from relume.virtual_camera.tone.metered import CameraExposure, FixedExposure, MeteredExposure
 from relume.virtual_camera.tone.ocio import Ocio
 from relume.virtual_camera.tone.pattanaik.pattanaik import Pattanaik
-from relume.virtual_camera.tone.reinhard import Reinhard
-from relume.virtual_camera.tone.reinhard_local import ReinhardLocal
+from relume.virtual_camera.tone.reinhard import Reinhard, ReinhardLocal
 from relume.virtual_camera.tone.tumblin_rushmeier import TumblinRushmeier
 
 Make = Callable[..., Any]
@@ -96,7 +94,7 @@ def geometry(
 ) -> LensGeometry:  # fmt: skip
     """Distortion by OpenCV's coefficients; red and blue drawn larger by 1 + scale + quadratic r²."""
     from relume.scene.cameras.distortion import Distortion
-    from relume.virtual_camera.lens.lateral_chromatic_aberration import LateralColour, RadialScale
+    from relume.virtual_camera.lens.geometry import LateralColour, RadialScale
 
     bends = k1, k2, p1, p2, k3
     coloured = red is not None or blue is not None
@@ -109,7 +107,7 @@ def geometry(
 def measured_vignetting(profile: str, *, folder: Path) -> MeasuredVignetting:
     """The vignetting in a camera's profile."""
     from relume.capture.response.camera_profile import read_profile
-    from relume.virtual_camera.plate_matching.camera_profile import profiled_vignetting
+    from relume.virtual_camera.plate_matching.camera_matching import profiled_vignetting
 
     found = profiled_vignetting(read_profile(folder / profile))
     if found is None:
@@ -135,7 +133,7 @@ def camera(
     if response is None:
         return CameraExposure(exposure)
     from relume.capture.response.camera_profile import read_profile
-    from relume.virtual_camera.plate_matching.camera_profile import profiled_response, profiled_scale
+    from relume.virtual_camera.plate_matching.camera_matching import profiled_response, profiled_scale
 
     profile = read_profile(folder / response)
     return Film.of(exposure, profiled_response(profile), scale=profiled_scale(profile, exposure))

@@ -8,9 +8,8 @@ import numpy as np
 
 from relume.capture.scale.absolute import Q
 from relume.image.photograph import Exposure
-from relume.virtual_camera.film.exposure_range import warn_of_range
-from relume.virtual_camera.film.negative import FilmStock
-from relume.virtual_camera.film.print import Paper
+from relume.virtual_camera.film.film import warn_of_range
+from relume.virtual_camera.film.negative import FilmStock, Paper
 from relume.virtual_camera.protocols import Adaptation
 from relume.virtual_camera.view import View
 

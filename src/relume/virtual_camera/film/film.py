@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -14,15 +15,54 @@ from relume.image.radiance import OUTSIDE, RadianceMap
 from relume.image.response import Response
 from relume.sphere.environment_map import EnvironmentMap
 from relume.virtual_camera.film.grain import Grain
-from relume.virtual_camera.protocols import Adaptation
+from relume.virtual_camera.protocols import Adaptation, Relative
 from relume.virtual_camera.view import View
+
+MOST = 0.5
+"""Share of the lit pixels beyond one end above which a warning says so: more than an exposure for one part of a
+picture leaves out."""
+LOOKED_AT = 2**18
+"""Pixels that are looked at; they give the share to a thousandth."""
+
+
+def warn_of_range(
+    radiance: np.ndarray,
+    exposures: Callable[[np.ndarray], np.ndarray],
+    least: np.ndarray,
+    most: np.ndarray,
+    *,
+    stacklevel: int = 3,
+) -> None:
+    """Warn where most lit pixels are beyond one end of a film's range: the picture shows little but that end.
+
+    radiance : (H, W, 3); what is 0 is black in any picture and does not count
+    exposures : gives the exposures (N, layers) of radiances (N, 3)
+    least, most : (layers,) exposures at and beyond which all light makes the same density
+    """
+    step = max(1, int(np.sqrt(radiance.shape[0] * radiance.shape[1] / LOOKED_AT)))
+    light = radiance[::step, ::step].reshape(-1, 3)
+    light = light[light.max(1) > 0]
+    if not light.size:
+        return
+    exposed = exposures(light)
+    over, under = (exposed >= most).all(1).mean(), (exposed <= least).all(1).mean()
+    if max(over, under) <= MOST:
+        return
+    end, side, colour, where = (most, "most", "white", "above") if over > under else (least, "least", "black", "below")
+    stops = float(np.log2(np.median(exposed.max(1)) / end.mean()))
+    warnings.warn(
+        f"{100 * max(over, under):.0f} % of the picture is {colour}: its middle is {abs(stops):.1f} stops {where} the "
+        f"{side} exposure in the film's range; expose by {-stops:+.1f} stops or more",
+        stacklevel=stacklevel,
+    )
+
 
 SATURATED = 1 + 2.0**-20
 """The display value of what a response saturates: rounding, by a matrix between primaries too, leaves it above 1."""
 
 
 @dataclass(frozen=True, eq=False)
-class Film:
+class Film(Relative):
     """What stands between radiance and pixel values.
 
     exposure : sensor exposure per unit of radiance (`Exposure.factor` of a photograph to be matched)
@@ -33,10 +73,6 @@ class Film:
     exposure: float = 1.0
     response: Response | None = None
     grain: Grain | None = None
-
-    @property
-    def absolute(self) -> bool:
-        return False
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.exposure) and self.exposure > 0):
@@ -96,8 +132,7 @@ class Film:
         no screen shows brighter but which counts as beyond white. Grain is drawn with the view's seed. Warns where
         most of the picture is beyond what the response reaches.
         """
-        from relume.virtual_camera.film.exposure_range import warn_of_range
-        from relume.virtual_camera.tone.overflow import without_overflow
+        from relume.virtual_camera.tone.luminance_curve import without_overflow
 
         least, most = np.full(3, decode_srgb(np.array(0.5 / 255))), np.ones(3)
         if self.response is not None:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from relume._kernel import exact_inlined, exact_kernel
-from relume.virtual_camera.film.counter_random import GOLDEN, mixed
 from relume.virtual_camera.film.float_table import looked_up, tabulated
 
+GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+"""SplitMix64's step from counter to counter."""
+FIRST, SECOND = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+S27, S30, S31 = (np.uint64(n) for n in (27, 30, 31))
 _SIGN, _SIZE, _HALF = np.uint64(1), np.uint64(0x7FFFFFFF), np.float32(2.0**-32)
 S32 = np.uint64(32)
 
@@ -21,6 +24,14 @@ def _quantile(chance: np.ndarray) -> np.ndarray:
 
 QUANTILES = tabulated(_quantile)
 """Of normal numbers, by the chance to exceed them: right to 1e-5 deviations."""
+
+
+@exact_inlined
+def mixed(state):
+    """SplitMix64's output of a counter (Steele, Lea & Flood 2014): every place has its own number, drawn or not."""
+    z = (state ^ (state >> S30)) * FIRST
+    z = (z ^ (z >> S27)) * SECOND
+    return z ^ (z >> S31)
 
 
 @exact_inlined

@@ -1,8 +1,8 @@
-"""Film stock: what light of each colour does to the layers of a film."""
+"""Film stock and printing paper: what light does to the layers of a film, and what a print shows of it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -85,3 +85,41 @@ class FilmStock:
         """Densities (…, layers) as they are seen through, of densities (…, layers) of the layers alone."""
         minima = np.array([curve.minimum for curve in self.curves])
         return minima + (density - minima) @ self.crosstalk.T
+
+
+GREY = 0.18
+"""Reflectance, beside that of the paper's white, of what the light meter looked at."""
+LIGHTEST, DARKEST = 0.04, 0.9
+"""Density above the minimum, and share of the maximum, between which a paper's exposure range lies (ISO 6846)."""
+
+
+@dataclass(frozen=True)
+class Paper:
+    """Paper that is exposed through a negative; all its layers have one curve.
+
+    curve : reflection density over log₁₀ exposure
+    """
+
+    curve: CharacteristicCurve
+
+    def range(self) -> float:
+        """Log exposure range: decades between the first tone and nearly full black; ISO R is 100 × that (ISO 6846)."""
+        ends = np.array([self.curve.minimum + LIGHTEST, DARKEST * self.curve.maximum])
+        first, last = self.curve.log_exposure(ends)
+        return float(last - first)
+
+    def of_range(self, decades: float) -> Paper:
+        """The same paper in another contrast grade: its curve drawn out along the exposures to that range."""
+        if not (np.isfinite(decades) and decades > 0):
+            raise ValueError(f"a range of {decades} decades; expected a positive number, 0.5 (hard) to 1.7 (soft)")
+        wider = decades / self.range()
+        curve = self.curve
+        return Paper(replace(curve, gamma=curve.gamma / wider, toe=curve.toe * wider, inertia=curve.inertia * wider))
+
+    def reflectance(self, log_exposure: np.ndarray) -> np.ndarray:
+        """Reflectance (…) beside that of white paper at log₁₀ exposures (…)."""
+        return 10 ** (self.curve.minimum - self.curve.density(log_exposure))
+
+    def grey_exposure(self) -> float:
+        """log₁₀ of the exposure that prints as GREY."""
+        return float(self.curve.log_exposure(self.curve.minimum - np.log10(GREY)))

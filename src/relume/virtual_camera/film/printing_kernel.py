@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from relume._kernel import exact_kernel
-from relume.virtual_camera.film.counter_random import GOLDEN, mixed
 from relume.virtual_camera.film.float_table import looked_up
+from relume.virtual_camera.film.grain_kernels import GOLDEN, mixed
 
 MASK = np.uint64(0xFFFF)
 S16, S32, S48 = (np.uint64(n) for n in (16, 32, 48))

@@ -11,8 +11,7 @@ import numpy as np
 from relume.virtual_camera.film.characteristic_curve import CharacteristicCurve
 from relume.virtual_camera.film.density_grain import DensityGrain
 from relume.virtual_camera.film.halation import Halation
-from relume.virtual_camera.film.negative import FilmStock
-from relume.virtual_camera.film.print import Paper
+from relume.virtual_camera.film.negative import FilmStock, Paper
 
 GRADES = (1.55, 1.275, 1.05, 0.875, 0.725, 0.575)
 """Decades of exposure that papers of grade 0 (very soft) to 5 (extra hard) cover: the middles of ANSI PH2.2-1966's

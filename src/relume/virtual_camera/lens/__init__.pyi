@@ -1,12 +1,12 @@
 from .blades import Blades as Blades
 from .defocus_blur import Defocus as Defocus
-from .depth_of_field import depth_of_field as depth_of_field
+from .defocus_blur import depth_of_field as depth_of_field
+from .geometry import LateralColour as LateralColour
 from .geometry import LensGeometry as LensGeometry
+from .geometry import RadialScale as RadialScale
 from .glare.camera import CameraGlare as CameraGlare
 from .glare.eye import EyeGlare as EyeGlare
 from .glare.measured import MeasuredGlare as MeasuredGlare
-from .lateral_chromatic_aberration import LateralColour as LateralColour
-from .lateral_chromatic_aberration import RadialScale as RadialScale
 from .motion.path import HomographyPath as HomographyPath
 from .motion.path import TurningCamera as TurningCamera
 from .motion.straight import StraightMotion as StraightMotion

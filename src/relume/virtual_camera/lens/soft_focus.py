@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.image.blurring import gaussian_taps, mirrored_transfer, scale_waves
+from relume.virtual_camera.protocols import Relative
 from relume.virtual_camera.view import View
 
 BAND = 64
@@ -14,7 +15,7 @@ BAND = 64
 
 
 @dataclass(frozen=True)
-class SoftFocus:
+class SoftFocus(Relative):
     """A share of the light, blurred, over the rest, which stays sharp: as in *Rendering with Natural Light* (1998).
 
     share : of the light that is blurred, 0 to 1; a third keeps eyelashes and lets lamps glow (a choice of taste)
@@ -27,10 +28,6 @@ class SoftFocus:
 
     share: float = 1 / 3
     radius: float = 0.01
-
-    @property
-    def absolute(self) -> bool:
-        return False
 
     def __post_init__(self) -> None:
         if not 0 <= self.share <= 1:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.capture.lens.vignetting import Vignetting
+from relume.virtual_camera.protocols import Relative
 from relume.virtual_camera.view import View
 
 BAND = 64
@@ -15,15 +16,11 @@ BAND = 64
 
 
 @dataclass(frozen=True)
-class CosineFourth:
+class CosineFourth(Relative):
     """The natural falloff cos⁴α of the light at an angle α to the axis, whose lens does not bend lines (ISO 517).
 
     The angle follows from the view's focal length; the axis meets the picture's middle.
     """
-
-    @property
-    def absolute(self) -> bool:
-        return False
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 times cos⁴α."""
@@ -35,7 +32,7 @@ class CosineFourth:
 
 
 @dataclass(frozen=True)
-class PolynomialVignetting:
+class PolynomialVignetting(Relative):
     """Relative illuminance 1 + a₁r² + a₂r⁴ + a₃r⁶ + …, as lens databases have it.
 
     coefficients : a₁, a₂, …; r is the distance from `centre`, 1 at half the picture's diagonal. Where a database's r
@@ -45,10 +42,6 @@ class PolynomialVignetting:
 
     coefficients: tuple[float, ...]
     centre: tuple[float, float] = (0.5, 0.5)
-
-    @property
-    def absolute(self) -> bool:
-        return False
 
     def __post_init__(self) -> None:
         self._measured()
@@ -66,17 +59,13 @@ class PolynomialVignetting:
 
 
 @dataclass(frozen=True)
-class MeasuredVignetting:
+class MeasuredVignetting(Relative):
     """What `recover_vignetting` found of a lens, or its profile holds.
 
     vignetting : it holds at the aperture it was measured at
     """
 
     vignetting: Vignetting
-
-    @property
-    def absolute(self) -> bool:
-        return False
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 times the falloff; raises ValueError where that is not above 0."""

@@ -1,4 +1,7 @@
-"""A virtual camera like the one that took a plate: what it does to light before, at and after the sensor."""
+"""A virtual camera like the one that took a plate: what it does to light before, at and after the sensor.
+
+Of a camera's profile it takes the response, the vignetting and the scale, where they hold.
+"""
 
 from __future__ import annotations
 
@@ -12,17 +15,16 @@ from relume.capture.response.camera_profile import CameraProfile
 from relume.capture.scale.absolute import Scale, scale_from_exposure
 from relume.errors import NotABracket
 from relume.image.colour import luminance
-from relume.image.photograph import Photograph
+from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 from relume.virtual_camera.film.film import Film, srgb_response
 from relume.virtual_camera.film.grain import Grain
 from relume.virtual_camera.film.undeveloping import AllButEnds, undevelop
 from relume.virtual_camera.lens.vignetting import MeasuredVignetting
-from relume.virtual_camera.plate_matching.camera_profile import profiled_response, profiled_scale, profiled_vignetting
 from relume.virtual_camera.plate_matching.grain_measuring import photograph_grain
 from relume.virtual_camera.plate_matching.sharpness import Sharpness, measured_sharpness
-from relume.virtual_camera.protocols import Optics
+from relume.virtual_camera.protocols import Optics, Relative
 from relume.virtual_camera.view import View
 
 MIDDLE = 118 / 255
@@ -36,14 +38,10 @@ _LOOKED_AT = 2**18
 
 
 @dataclass(frozen=True)
-class Softness:
+class Softness(Relative):
     """A plate's sharpness as `Optics`: what is rendered with pixels as wide as they are becomes as soft as it."""
 
     sharpness: Sharpness
-
-    @property
-    def absolute(self) -> bool:
-        return False
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 as that lens spreads it; light stays the same, mirrored at the border."""
@@ -222,3 +220,34 @@ def _of_eight_bits(grain: Grain, photograph: Photograph) -> Grain:
     """The grain of values 0 to 255, of one of the photograph's own."""
     factor = 255 / float(np.iinfo(photograph.pixels.dtype).max)
     return replace(grain, values=grain.values * factor, deviation=grain.deviation * factor)
+
+
+def profiled_response(profile: CameraProfile) -> Response:
+    """The response with the profile's balance in it, as merging has it; raises ValueError for a profile of raws."""
+    if profile.response is None:
+        raise ValueError(
+            f"the profile of {profile.camera or 'a camera'} is of raws, and holds no response; give another"
+        )
+    if profile.balance == (1, 1, 1):
+        return profile.response
+    # The balance is a factor on radiance that was measured, so its inverse on what is to be exposed.
+    curves = profile.response.log_exposure + np.log(profile.balance)[:, None]
+    return Response(curves, profile.response.noise)
+
+
+def profiled_vignetting(profile: CameraProfile) -> Vignetting | None:
+    """The fall-off; None where it was not measured."""
+    return None if profile.vignetting is None else Vignetting.from_dict(profile.vignetting)
+
+
+def profiled_scale(profile: CameraProfile, exposure: Exposure | None) -> Scale | None:
+    """cd/m² per unit of that camera's radiance, where it holds for an exposure; None where it does not.
+
+    Relative radiance takes an unknown f-number as 1 and an unknown ISO as 100, so a scale holds for exposures that have
+    the same settings as those it was measured with.
+    """
+    if profile.scale is None or exposure is None:
+        return None
+    if profile.scale_exposure not in (None, (exposure.f_number is not None, exposure.iso is not None)):
+        return None
+    return Scale.grey(profile.scale, profile.scale_deviation or 0.0, "the camera's profile")

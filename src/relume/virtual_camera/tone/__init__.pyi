@@ -1,9 +1,9 @@
 from .black_white_point import BlackWhitePoint as BlackWhitePoint
-from .display.displays import HLG as HLG
-from .display.displays import PQ as PQ
-from .display.displays import DisplayP3 as DisplayP3
-from .display.displays import HdrGainMap as HdrGainMap
-from .display.displays import Srgb as Srgb
+from .display.encoding import HLG as HLG
+from .display.encoding import PQ as PQ
+from .display.encoding import DisplayP3 as DisplayP3
+from .display.encoding import HdrGainMap as HdrGainMap
+from .display.encoding import Srgb as Srgb
 from .display.false_colour import false_colour as false_colour
 from .display.stops import stops_sheet as stops_sheet
 from .display.writing import write_display as write_display
@@ -17,5 +17,5 @@ from .metered import MeteredExposure as MeteredExposure
 from .ocio import Ocio as Ocio
 from .pattanaik.pattanaik import Pattanaik as Pattanaik
 from .reinhard import Reinhard as Reinhard
-from .reinhard_local import ReinhardLocal as ReinhardLocal
+from .reinhard import ReinhardLocal as ReinhardLocal
 from .tumblin_rushmeier import TumblinRushmeier as TumblinRushmeier

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.image.colour import decode_srgb
-from relume.virtual_camera.protocols import Adaptation
+from relume.virtual_camera.protocols import Adaptation, Relative
 from relume.virtual_camera.view import View
 
 LEAST = 1 / 255
@@ -17,7 +17,7 @@ _MOST = float(np.log(1e12))
 
 
 @dataclass(frozen=True)
-class BlackWhitePoint:
+class BlackWhitePoint(Relative):
     """A power that takes the black point to 1/255 and the white point to 1 ("like gamma correction").
 
     black : the highest level that will be black, as a share of 1/255; 1.0 is the base image's 100 %. Lower ones show
@@ -33,10 +33,6 @@ class BlackWhitePoint:
 
     black: float = 1.0
     white: float = 1.0
-
-    @property
-    def absolute(self) -> bool:
-        return False
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.white) and 0 < self.black * LEAST < self.white):

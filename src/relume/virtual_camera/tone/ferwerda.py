@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.image.primaries import REC709
-from relume.virtual_camera.protocols import Adaptation
+from relume.virtual_camera.protocols import Absolute, Adaptation
 from relume.virtual_camera.tone.display_range import DisplayRange
-from relume.virtual_camera.tone.overflow import without_overflow
+from relume.virtual_camera.tone.luminance_curve import without_overflow
 from relume.virtual_camera.tone.vision import (
     BRIGHTEST_MESOPIC,
     DARKEST_MESOPIC,
@@ -30,7 +30,7 @@ _DARKEST = 1e-9
 
 
 @dataclass(frozen=True)
-class Ferwerda:
+class Ferwerda(Absolute):
     """What is just visible in the scene is just visible on the screen: a factor for cones and one for rods.
 
     screen : what the picture is shown on; the eye in front of it is adapted to half its white, and sees by its cones.
@@ -53,10 +53,6 @@ class Ferwerda:
     acuity: bool = True
     colour: bool = True
 
-    @property
-    def absolute(self) -> bool:
-        return True
-
     def __post_init__(self) -> None:
         if not 0 < self.percentile <= 100:
             raise ValueError(f"percentile is {self.percentile}; expected more than 0 and at most 100")
@@ -75,7 +71,7 @@ class Ferwerda:
         """Display values (H, W, 3): `DisplayRange.values_of` what an eye would see, its channels in cd/m² of white."""
         from relume._kernel import in_threads
         from relume.virtual_camera.tone.ferwerda_kernel import see
-        from relume.virtual_camera.tone.histogram.acuity import blurred_by_acuity
+        from relume.virtual_camera.tone.histogram.eye import blurred_by_acuity
 
         contrast = self.screen.white - self.screen.black
         cones, rods = (multipliers(adaptation, self.screen) * view.luminance_scale / contrast).astype(np.float32)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from relume.image.colour import decode_srgb
 from relume.image.photograph import Exposure
-from relume.virtual_camera.protocols import Adaptation
+from relume.virtual_camera.protocols import Absolute, Adaptation, Relative
 from relume.virtual_camera.view import View
 
 SPEED_FACTOR = 0.65
@@ -23,17 +23,26 @@ _DARKEST = 1e-30
 """Luminance that is brought to white at most: gains beyond it leave the range of float32."""
 
 
-@runtime_checkable
-class LinearExposure(Protocol):
+class LinearExposure(ABC):
     """A tone that is one factor on all light, so that it may be applied together with the display's curve."""
 
+    @abstractmethod
     def gain(self, adaptation: Adaptation, view: View) -> float:
         """Display values per unit of radiance."""
-        ...
+
+    def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
+        """Nothing: (0,)."""
+        return Adaptation(np.zeros(0))
+
+    def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
+        """Radiance (H, W, 3) times the gain."""
+        from relume.virtual_camera.tone.luminance_curve import scaled
+
+        return scaled(radiance, self.gain(adaptation, view))
 
 
 @dataclass(frozen=True)
-class MeteredExposure:
+class MeteredExposure(LinearExposure, Relative):
     """Exposed so that the picture's own light comes out right: by two rules, of which the brighter exposure is taken.
 
     percentile : of the channels' values above 0, %; it becomes 1, the screen's white. 99 leaves lamps and their
@@ -49,10 +58,6 @@ class MeteredExposure:
 
     percentile: float | None = 99.0
     grey: float | None = 0.18
-
-    @property
-    def absolute(self) -> bool:
-        return False
 
     def __post_init__(self) -> None:
         if self.percentile is None and self.grey is None:
@@ -79,15 +84,9 @@ class MeteredExposure:
         """Display values per unit of radiance."""
         return float(np.exp(adaptation.values[0]))
 
-    def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
-        """Radiance (H, W, 3) times the gain."""
-        from relume.virtual_camera.tone.luminance_curve import scaled
-
-        return scaled(radiance, self.gain(adaptation, view))
-
 
 @dataclass(frozen=True)
-class FixedExposure:
+class FixedExposure(LinearExposure, Relative):
     """A fixed exposure, whatever the picture shows.
 
     display_per_radiance : display values per unit of radiance; 1 shows radiance as it is
@@ -95,31 +94,17 @@ class FixedExposure:
 
     display_per_radiance: float = 1.0
 
-    @property
-    def absolute(self) -> bool:
-        return False
-
     def __post_init__(self) -> None:
         if not (np.isfinite(self.display_per_radiance) and self.display_per_radiance > 0):
             raise ValueError(f"display_per_radiance is {self.display_per_radiance}; expected a positive number")
-
-    def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """Nothing: (0,)."""
-        return Adaptation(np.zeros(0))
 
     def gain(self, adaptation: Adaptation, view: View) -> float:
         """Display values per unit of radiance."""
         return self.display_per_radiance
 
-    def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
-        """Radiance (H, W, 3) times the gain."""
-        from relume.virtual_camera.tone.luminance_curve import scaled
-
-        return scaled(radiance, self.gain(adaptation, view))
-
 
 @dataclass(frozen=True)
-class CameraExposure:
+class CameraExposure(LinearExposure, Absolute):
     """Exposed by shutter, aperture and ISO, as a camera whose ISO number keeps what ISO 12232 promises.
 
     exposure : with f-number and ISO
@@ -133,16 +118,8 @@ class CameraExposure:
     exposure: Exposure
     saturating: bool = False
 
-    @property
-    def absolute(self) -> bool:
-        return True
-
     def __post_init__(self) -> None:
         saturation_luminance(self.exposure)
-
-    def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """Nothing: (0,)."""
-        return Adaptation(np.zeros(0))
 
     def gain(self, adaptation: Adaptation, view: View) -> float:
         """Display values per unit of radiance."""
@@ -150,12 +127,6 @@ class CameraExposure:
         if not self.saturating:
             white *= STANDARD_OUTPUT / SATURATING / _GREY
         return view.luminance_scale / white
-
-    def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
-        """Radiance (H, W, 3) times the gain."""
-        from relume.virtual_camera.tone.luminance_curve import scaled
-
-        return scaled(radiance, self.gain(adaptation, view))
 
 
 def saturation_luminance(exposure: Exposure) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 
 from relume.image.colour import decode_srgb
 from relume.image.primaries import REC709
-from relume.virtual_camera.protocols import Adaptation
+from relume.virtual_camera.protocols import Adaptation, Relative
 from relume.virtual_camera.view import View
 
 BUILT_IN = "ocio://default"
@@ -40,7 +40,7 @@ _BAND = 64
 
 
 @dataclass(frozen=True)
-class Ocio:
+class Ocio(Relative):
     """A view of an OpenColorIO configuration; needs the extra `ocio`.
 
     config : its file, or the name of a built-in one as "ocio://cg-config-v2.2.0_aces-v1.3_ocio-v2.4" (ACES 1.3); None
@@ -59,10 +59,6 @@ class Ocio:
     view: str | None = None
     looks: tuple[str, ...] = ()
     grey: float | None = None
-
-    @property
-    def absolute(self) -> bool:
-        return False
 
     def __post_init__(self) -> None:
         if self.grey is not None and not (np.isfinite(self.grey) and self.grey > 0):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.virtual_camera.protocols import Adaptation
+from relume.virtual_camera.protocols import Absolute, Adaptation
 from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.view import View
 
@@ -15,7 +15,7 @@ NEAR_BLACK = 2.3e-5
 
 
 @dataclass(frozen=True)
-class TumblinRushmeier:
+class TumblinRushmeier(Absolute):
     """What the scene's brightness is by Stevens' law, the screen's brightness becomes: dark scenes look flat and dim.
 
     screen : whose white and black are the paper's Ldmax and contrast Cmax = white / black; the eye in front of it is
@@ -29,10 +29,6 @@ class TumblinRushmeier:
     """
 
     screen: DisplayRange = DisplayRange()
-
-    @property
-    def absolute(self) -> bool:
-        return True
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
         """What an eye before radiance (H, W, 3) is adapted to: exp of the mean of ln(L + 2.3e-5), cd/m²."""

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from relume.virtual_camera.lens.glare.ciliary_corona import corona
-from relume.virtual_camera.lens.glare.eye import EyeGlare
-from relume.virtual_camera.lens.glare.point_spread import PolarSpread
-from relume.virtual_camera.lens.glare.retina import (
+from relume.virtual_camera.lens.glare.eye import (
+    EyeGlare,
     halo_of_channels,
     lenticular_halo,
     norms_of_scatter,
@@ -16,6 +15,7 @@ from relume.virtual_camera.lens.glare.retina import (
     unscattered,
     wide_scatter,
 )
+from relume.virtual_camera.lens.glare.point_spread import PolarSpread
 from relume.virtual_camera.lens.glare.wavelengths import channel_shares
 from relume.virtual_camera.view import View
 

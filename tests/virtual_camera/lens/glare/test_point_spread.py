@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from relume.virtual_camera.lens.glare.angular import pattern_at, seen_by_pixels
 from relume.virtual_camera.lens.glare.convolution import Canvas
 from relume.virtual_camera.lens.glare.point_spread import (
     SAMPLES,
     PolarSpread,
+    pattern_at,
     pixel_means,
+    seen_by_pixels,
     table_distances,
     within_pixel,
 )

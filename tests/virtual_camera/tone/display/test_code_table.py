@@ -7,8 +7,7 @@ from relume.image.colour import encode_srgb
 from relume.image.response import Response
 from relume.virtual_camera.developing import develop
 from relume.virtual_camera.film.film import Film
-from relume.virtual_camera.tone.display.clipping import Clipping
-from relume.virtual_camera.tone.display.code_table import CodeTable, code_table, coded
+from relume.virtual_camera.tone.display.code_table import Clipping, CodeTable, code_table, coded
 from relume.virtual_camera.tone.display.code_table_kernels import lookup
 
 INFINITY = 0x7F800000

@@ -4,8 +4,15 @@ import numpy as np
 import pytest
 
 from relume.image.colour import encode_pq
-from relume.virtual_camera.tone.display.displays import HLG, PQ, DisplayP3, HdrGainMap, Srgb
-from relume.virtual_camera.tone.display.encoding import encoded, encoded_and_clipped
+from relume.virtual_camera.tone.display.encoding import (
+    HLG,
+    PQ,
+    DisplayP3,
+    HdrGainMap,
+    Srgb,
+    encoded,
+    encoded_and_clipped,
+)
 
 
 def pixel(*values: float) -> np.ndarray:

@@ -11,8 +11,7 @@ from PIL import Image, ImageCms
 from relume.image import files
 from relume.image.colour import decode_srgb, luminance
 from relume.image.files.gain_map import gain_map
-from relume.virtual_camera.tone.display.displays import HLG, PQ, DisplayP3, HdrGainMap, Srgb
-from relume.virtual_camera.tone.display.encoding import encoded
+from relume.virtual_camera.tone.display.encoding import HLG, PQ, DisplayP3, HdrGainMap, Srgb, encoded
 from relume.virtual_camera.tone.display.writing import profile_of, write_display
 from screens import decode_hlg, decode_pq, hlg_displayed
 

@@ -13,6 +13,7 @@ from relume.virtual_camera.lens.glare.convolution import spread_out
 from relume.virtual_camera.lens.glare.diffraction import far_radial, near_light, near_reach, star
 from relume.virtual_camera.lens.glare.point_spread import SAMPLES, PolarSpread, balanced, pixel_means, table_distances
 from relume.virtual_camera.lens.glare.wavelengths import channel_shares
+from relume.virtual_camera.protocols import Relative
 from relume.virtual_camera.view import View
 
 WAVELENGTHS = np.arange(410.0, 691.0, 20.0)
@@ -22,7 +23,7 @@ LEVELS, ANGLES = 128, 8192
 
 
 @dataclass(frozen=True)
-class CameraGlare:
+class CameraGlare(Relative):
     """Glare of a camera.
 
     blades : of the iris; six, as most lenses for 35 mm film have, unless given
@@ -44,10 +45,6 @@ class CameraGlare:
     halo_core: float = 0.002
     halo_power: float = 1.25
     mirrored: bool = False
-
-    @property
-    def absolute(self) -> bool:
-        return False
 
     def __post_init__(self) -> None:
         for name in ("f_number", "sensor_width", "halo_core"):

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume.virtual_camera.lens.glare.angular import seen_by_pixels
+from relume.virtual_camera.lens.glare.point_spread import seen_by_pixels
 from relume.virtual_camera.lens.glare.wavelengths import REFERENCE
 
 NEEDLES = 150

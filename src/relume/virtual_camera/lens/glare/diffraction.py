@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from relume.virtual_camera.lens.blades import Blades
-from relume.virtual_camera.lens.glare.angular import waves_of
+from relume.virtual_camera.lens.glare.point_spread import waves_of
 
 FRINGES = 12.0
 """Orders of diffraction from the light at which those of a colour's wavelengths no longer agree: 500 nm over the

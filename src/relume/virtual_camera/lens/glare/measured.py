@@ -9,6 +9,7 @@ import numpy as np
 
 from relume.image.radiance import RadianceMap
 from relume.virtual_camera.lens.glare.convolution import NEAR, Canvas, Transfer, general_transfer, spread_out
+from relume.virtual_camera.protocols import Relative
 from relume.virtual_camera.view import View
 
 SUM = 1e-3
@@ -16,7 +17,7 @@ SUM = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredGlare:
+class MeasuredGlare(Relative):
     """Glare by a point spread that somebody measured.
 
     kernel : (h, w) or (h, w, 3), odd sizes, where the light of a point in its middle goes. Its sum is made 1, with a
@@ -27,10 +28,6 @@ class MeasuredGlare:
 
     kernel: np.ndarray
     mirrored: bool = False
-
-    @property
-    def absolute(self) -> bool:
-        return False
 
     def __post_init__(self) -> None:
         shape = self.kernel.shape

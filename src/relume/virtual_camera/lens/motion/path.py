@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from relume.virtual_camera.lens.motion.shutter import Shutter
+from relume.virtual_camera.protocols import Relative
 from relume.virtual_camera.view import View
 
 _BAND = 8
@@ -26,7 +27,7 @@ _TRIED = 181
 
 
 @dataclass(frozen=True, eq=False)
-class HomographyPath:
+class HomographyPath(Relative):
     """The camera's picture moves by a homography that changes with time: hand shake, a zoom, a turn, a plane passed.
 
     matrices : (K, 3, 3), K ≥ 2; at each key time the pixel coordinates in the picture given from those on the sensor
@@ -47,10 +48,6 @@ class HomographyPath:
     matrices: np.ndarray
     times: np.ndarray | None = None
     shutter: Shutter = field(default_factory=Shutter)
-
-    @property
-    def absolute(self) -> bool:
-        return False
 
     def __post_init__(self) -> None:
         matrices = np.asarray(self.matrices)
@@ -84,7 +81,7 @@ class HomographyPath:
 
 
 @dataclass(frozen=True)
-class TurningCamera:
+class TurningCamera(Relative):
     """The camera turns evenly about its lens' centre, as on a tripod (Debevec & Malik 1997, §3, Fig. 9c).
 
     yaw, pitch, roll : radians turned while the shutter is open, about the camera's up (+Y), right (+X) and backward
@@ -102,10 +99,6 @@ class TurningCamera:
     pitch: float = 0.0
     roll: float = 0.0
     shutter: Shutter = field(default_factory=Shutter)
-
-    @property
-    def absolute(self) -> bool:
-        return False
 
     def __post_init__(self) -> None:
         angle = np.linalg.norm([self.pitch, self.yaw, self.roll])

@@ -8,6 +8,7 @@ import numpy as np
 
 from relume.image.blurring import line_weights
 from relume.virtual_camera.lens.motion.shutter import Shutter
+from relume.virtual_camera.protocols import Relative
 from relume.virtual_camera.view import View
 
 _BAND = 32
@@ -16,7 +17,7 @@ _RUNNING = 4
 
 
 @dataclass(frozen=True)
-class StraightMotion:
+class StraightMotion(Relative):
     """The picture moves straight and evenly by `dx` pixels right and `dy` down while the shutter is open.
 
     shutter : how the light is shared out over that time
@@ -34,10 +35,6 @@ class StraightMotion:
     dx: float
     dy: float = 0.0
     shutter: Shutter = field(default_factory=Shutter)
-
-    @property
-    def absolute(self) -> bool:
-        return False
 
     def __post_init__(self) -> None:
         if not np.hypot(self.dx, self.dy) <= 65536:

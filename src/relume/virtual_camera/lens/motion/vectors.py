@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from relume.virtual_camera.lens.motion.shutter import Shutter
+from relume.virtual_camera.protocols import Relative
 from relume.virtual_camera.view import View
 
 
 @dataclass(frozen=True)
-class MotionVectors:
+class MotionVectors(Relative):
     """Every pixel moves by its vector of `View.motion`, from half of it before the picture given to half of it after.
 
     shutter : how the light is shared out over that time
@@ -29,10 +30,6 @@ class MotionVectors:
     """
 
     shutter: Shutter = field(default_factory=Shutter)
-
-    @property
-    def absolute(self) -> bool:
-        return False
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 that the sensor gathers."""

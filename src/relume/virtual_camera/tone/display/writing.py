@@ -10,9 +10,16 @@ import numpy as np
 from relume.image import files
 from relume.image.photograph import Photograph
 from relume.image.primaries import P3, REC709
-from relume.virtual_camera.tone.display.clipping import Clipping, clipping_of
-from relume.virtual_camera.tone.display.displays import HLG, PQ, Display, DisplayP3, HdrGainMap, Srgb
-from relume.virtual_camera.tone.display.encoding import encoded_and_clipped
+from relume.virtual_camera.tone.display.code_table import Clipping, clipping_of
+from relume.virtual_camera.tone.display.encoding import (
+    HLG,
+    PQ,
+    Display,
+    DisplayP3,
+    HdrGainMap,
+    Srgb,
+    encoded_and_clipped,
+)
 
 _ROWS = 64
 _SUFFIXES = {

@@ -10,7 +10,6 @@ import numpy as np
 from relume.image.colour import LUMINANCE_WEIGHTS, luminance
 from relume.virtual_camera.protocols import Adaptation
 from relume.virtual_camera.tone.display_range import DisplayRange
-from relume.virtual_camera.tone.histogram.acuity import blurred_by_acuity
 from relume.virtual_camera.tone.histogram.curve import (
     BRIGHTEST,
     DARKEST,
@@ -22,11 +21,16 @@ from relume.virtual_camera.tone.histogram.curve import (
     bin_logarithms,
     gains,
 )
+from relume.virtual_camera.tone.histogram.eye import (
+    SHARE,
+    blurred_by_acuity,
+    colours_in_the_dark,
+    veil_luminance,
+    veiled,
+)
 from relume.virtual_camera.tone.histogram.fovea import FOVEA, foveal_samples
-from relume.virtual_camera.tone.histogram.scotopic_colour import colours_in_the_dark
-from relume.virtual_camera.tone.histogram.veil import SHARE, veil_luminance, veiled
+from relume.virtual_camera.tone.luminance_curve import MOST, without_overflow
 from relume.virtual_camera.tone.luminance_statistics import log_average
-from relume.virtual_camera.tone.overflow import MOST, without_overflow
 from relume.virtual_camera.view import View
 
 _UNITS = 1e-30, 1e30
