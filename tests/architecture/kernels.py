@@ -82,7 +82,7 @@ PROOFS: dict[str, tuple[str, str]] = {
     "virtual_camera/tone/luminance_kernels.py": ("virtual_camera/tone/test_luminance_statistics.py", "slow twins"),
     "virtual_camera/tone/pattanaik/kernels.py": ("virtual_camera/tone/test_pattanaik.py", "slow twin"),
     "virtual_camera/tone/pattanaik/pyramid.py": ("virtual_camera/tone/test_pattanaik_pyramid.py", "slow twin"),
-    "virtual_camera/tone/reinhard_local_kernel.py": ("virtual_camera/tone/test_reinhard_local.py", "slow twin"),
+    "virtual_camera/tone/reinhard_local_kernel.py": ("virtual_camera/tone/test_reinhard.py", "slow twin"),
 }
 
 

@@ -25,7 +25,7 @@ from relume.virtual_camera.tone.metered import CameraExposure, FixedExposure, Me
 from relume.virtual_camera.tone.pattanaik.pattanaik import Pattanaik
 from relume.virtual_camera.tone.reinhard import Reinhard, ReinhardLocal
 from relume.virtual_camera.tone.tumblin_rushmeier import TumblinRushmeier
-from relume.virtual_camera.view import View, log_mean, view_of
+from relume.virtual_camera.view import View, log_mean
 from relume.virtual_camera.virtual_camera import IN_ORDER, VirtualCamera
 
 
@@ -172,27 +172,27 @@ def test_a_film_alone_refuses_what_is_not_a_number():
 
 def test_the_view_is_checked():
     picture = lamp()
-    assert view_of(picture, field_of_view=np.pi / 2).focal_length == pytest.approx(24)
-    assert view_of(picture, field_of_view=np.pi / 2).degrees_per_pixel == pytest.approx(2.3859, rel=1e-4)
+    assert VirtualCamera().view(picture, field_of_view=np.pi / 2).focal_length == pytest.approx(24)
+    assert VirtualCamera().view(picture, field_of_view=np.pi / 2).degrees_per_pixel == pytest.approx(2.3859, rel=1e-4)
     with pytest.raises(ValueError, match="the depth map is 48×23 pixels and the picture 48×24"):
-        view_of(picture, depth=np.ones((23, 48), np.float32))
+        VirtualCamera().view(picture, depth=np.ones((23, 48), np.float32))
     with pytest.raises(ValueError, match=r"the depth at x 2, y 1 is 0\.0"):
         depth = np.ones((24, 48), np.float32)
         depth[1, 2] = 0
-        view_of(picture, depth=depth)
+        VirtualCamera().view(picture, depth=depth)
     with pytest.raises(ValueError, match="motion is"):
-        view_of(picture, motion=np.zeros((24, 48), np.float32))
+        VirtualCamera().view(picture, motion=np.zeros((24, 48), np.float32))
     with pytest.raises(ValueError, match="in cd/m² already"):
-        view_of(replace(picture, unit="cd/m²"), luminance_scale=2.0)
+        VirtualCamera().view(replace(picture, unit="cd/m²"), luminance_scale=2.0)
     with pytest.raises(ValueError, match="field_of_view is 180°"):
-        view_of(picture, field_of_view=np.pi)
+        VirtualCamera().view(picture, field_of_view=np.pi)
     with pytest.warns(UserWarning, match="log mean is taken to be 100 cd/m²"):
-        scale = view_of(picture, absolute=True).luminance_scale
+        scale = VirtualCamera().view(picture, absolute=True).luminance_scale
     assert scale * log_mean(picture.radiance[..., 0]) == pytest.approx(100, rel=1e-4)
 
 
 def test_the_corners_darken_by_the_fourth_power():
-    view = view_of(lamp(), field_of_view=np.pi / 2)
+    view = VirtualCamera().view(lamp(), field_of_view=np.pi / 2)
     even = RadianceMap(np.ones((24, 48, 3), np.float32))
     made = VirtualCamera(tone=FixedExposure(), vignetting=CosineFourth()).tone_map(even, view).display_values
     across, down = 23.5 / 24, 11.5 / 24

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +37,7 @@ def validate_radiance(
         radiance = _repaired(radiance, name)
         lowest, highest = _range(radiance)
     if lowest < 0:
-        negative = int(sum(np.count_nonzero(band < 0) for band in _bands(radiance)))
+        negative = sum(_of_bands(radiance, lambda band: int(np.count_nonzero(band < 0))))
         warnings.warn(
             f"{name}: {negative} of {radiance.size} values are negative, as low as {lowest:.3g}; taken as 0",
             stacklevel=2,
@@ -46,17 +48,16 @@ def validate_radiance(
     return picture if radiance is picture.radiance else replace(picture, radiance=radiance)
 
 
-def _bands(radiance: np.ndarray) -> list[np.ndarray]:
+def _of_bands(radiance: np.ndarray, work: Callable[[np.ndarray], Any]) -> list:
+    from relume._kernel import in_threads
+
     step = max(1, _BAND // (radiance.shape[1] * 3))
-    return [radiance[row : row + step] for row in range(0, radiance.shape[0], step)]
+    return in_threads(lambda begin, end: work(radiance[begin:end]), len(radiance), chunk=step)
 
 
 def _range(radiance: np.ndarray) -> tuple[float, float]:
     """The least and the greatest value; NaN in both where any value is NaN."""
-    from relume._kernel import in_threads
-
-    step = max(1, _BAND // (radiance.shape[1] * 3))
-    ends = in_threads(lambda a, b: (radiance[a:b].min(), radiance[a:b].max()), len(radiance), chunk=step)
+    ends = _of_bands(radiance, lambda band: (band.min(), band.max()))
     return float(np.min([low for low, _ in ends])), float(np.max([high for _, high in ends]))
 
 

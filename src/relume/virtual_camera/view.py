@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
 from relume.image.colour import luminance
-from relume.image.radiance import RadianceMap
 
 FIELD_OF_VIEW = np.radians(50.0)
 """Horizontal, of a picture that names none: that of a 39 mm lens on 35 mm film, between the usual 35 and 50 mm."""
@@ -56,52 +54,13 @@ class View:
         return float(np.degrees(np.arctan(1 / self.focal_length)))
 
 
-def view_of(
-    picture: RadianceMap,
-    *,
-    field_of_view: float = FIELD_OF_VIEW,
-    luminance_scale: float | None = None,
-    depth: np.ndarray | None = None,
-    motion: np.ndarray | None = None,
-    seed: int = 0,
-    absolute: bool = False,
-) -> View:
-    """The view of a picture, its planes checked.
-
-    field_of_view : horizontal, radians, below π
-    luminance_scale : cd/m² per unit of a relative map; None for the rule under `absolute`
-    absolute : whether luminances in cd/m² will be asked for, as by the models of the eye. A relative map without a
-        scale is then taken to have the log mean SUPPOSED_LUMINANCE, with a warning
-
-    Raises ValueError for planes of another size than the picture, for depths that are not positive, and for a scale
-    with a map that is in cd/m² already.
-    """
-    width, height = picture.size
-    if not 0 < field_of_view < np.pi:
-        raise ValueError(f"field_of_view is {np.degrees(field_of_view):g}°; expected more than 0° and less than 180°")
-    if depth is not None:
-        if depth.shape != (height, width):
-            raise ValueError(
-                f"the depth map is {depth.shape[1]}×{depth.shape[0]} pixels and the picture {width}×{height}; "
-                "render or resize it to the picture's size"
-            )
-        if not np.all(depth > 0):
-            y, x = np.argwhere(~(depth > 0))[0]
-            raise ValueError(f"the depth at x {x}, y {y} is {depth[y, x]}; expected metres above 0, or infinity")
-    if motion is not None and (motion.shape != (height, width, 2) or not np.all(np.isfinite(motion))):
-        raise ValueError(f"motion is {motion.shape}; expected finite ({height}, {width}, 2), pixels right and down")
-    if picture.unit == "cd/m²" and luminance_scale is not None:
-        raise ValueError("the picture is in cd/m² already; a luminance scale belongs to relative maps alone")
-    scale = 1.0 if luminance_scale is None else luminance_scale
-    if absolute and luminance_scale is None and picture.unit != "cd/m²":
-        scale = SUPPOSED_LUMINANCE / log_mean(luminance(picture.radiance))
-        warnings.warn(
-            f"the picture's unit is relative: its log mean is taken to be {SUPPOSED_LUMINANCE:g} cd/m², a lit room; "
-            "give cd/m² per unit if you know it (--luminance)",
-            stacklevel=2,
+def require_size(depth: np.ndarray, shape: tuple[int, int]) -> None:
+    """Raise ValueError for a depth map of another shape, (rows, columns), than the picture's."""
+    if depth.shape != shape:
+        raise ValueError(
+            f"the depth map is {depth.shape[1]}×{depth.shape[0]} pixels and the picture {shape[1]}×{shape[0]}; "
+            "render or resize it to the picture's size"
         )
-    focal_length = width / 2 / np.tan(field_of_view / 2)
-    return View(float(focal_length), float(scale), depth, motion, seed)
 
 
 def log_mean(light: np.ndarray) -> float:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from relume.image.colour import luminance
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.virtual_camera.protocols import Adaptation, Optics, ToneOperator
@@ -16,7 +18,7 @@ from relume.virtual_camera.tone.display.encoding import Display, DisplayP3, Srgb
 from relume.virtual_camera.tone.display.writing import profile_of, write_display
 from relume.virtual_camera.tone.metered import LinearExposure, MeteredExposure
 from relume.virtual_camera.validation import validate_radiance
-from relume.virtual_camera.view import FIELD_OF_VIEW, View, seen_luminance, view_of
+from relume.virtual_camera.view import FIELD_OF_VIEW, SUPPOSED_LUMINANCE, View, log_mean, require_size, seen_luminance
 
 IN_ORDER = ("motion", "defocus", "soft_focus", "glare", "geometry", "vignetting")
 """Where light meets what: the world moves before the lens, the lens draws it out of focus, scatters and bends it, and
@@ -82,16 +84,39 @@ class VirtualCamera:
         motion: np.ndarray | None = None,
         seed: int = 0,
     ) -> View:
-        """The view of a picture for this camera: `view_of`, which warns where a relative map has to be absolute."""
-        return view_of(
-            picture,
-            field_of_view=field_of_view,
-            luminance_scale=luminance_scale,
-            depth=depth,
-            motion=motion,
-            seed=seed,
-            absolute=self.is_absolute,
-        )
+        """The view of a picture for this camera, its planes checked.
+
+        field_of_view : horizontal, radians, below π
+        luminance_scale : cd/m² per unit of a relative map. Where a step asks for cd/m² and none is given, such a map is
+            taken to have the log mean SUPPOSED_LUMINANCE, with a warning
+
+        Raises ValueError for planes of another size than the picture, for depths that are not positive, and for a scale
+        with a map that is in cd/m² already.
+        """
+        width, height = picture.size
+        if not 0 < field_of_view < np.pi:
+            raise ValueError(
+                f"field_of_view is {np.degrees(field_of_view):g}°; expected more than 0° and less than 180°"
+            )
+        if depth is not None:
+            require_size(depth, (height, width))
+            if not np.all(depth > 0):
+                y, x = np.argwhere(~(depth > 0))[0]
+                raise ValueError(f"the depth at x {x}, y {y} is {depth[y, x]}; expected metres above 0, or infinity")
+        if motion is not None and (motion.shape != (height, width, 2) or not np.all(np.isfinite(motion))):
+            raise ValueError(f"motion is {motion.shape}; expected finite ({height}, {width}, 2), pixels right and down")
+        if picture.unit == "cd/m²" and luminance_scale is not None:
+            raise ValueError("the picture is in cd/m² already; a luminance scale belongs to relative maps alone")
+        scale = 1.0 if luminance_scale is None else luminance_scale
+        if self.is_absolute and luminance_scale is None and picture.unit != "cd/m²":
+            scale = SUPPOSED_LUMINANCE / log_mean(luminance(picture.radiance))
+            warnings.warn(
+                f"the picture's unit is relative: its log mean is taken to be {SUPPOSED_LUMINANCE:g} cd/m², a lit "
+                "room; give cd/m² per unit if you know it (--luminance)",
+                stacklevel=2,
+            )
+        focal_length = width / 2 / np.tan(field_of_view / 2)
+        return View(float(focal_length), float(scale), depth, motion, seed)
 
     def tone_map(
         self, picture: RadianceMap, view: View | None = None, *, adaptation: Adaptation | None = None

@@ -144,18 +144,3 @@ def test_time_adds_up_and_none_changes_nothing():
     np.testing.assert_allclose(adaptation_after(now, later, 1e6).values, later.values, rtol=1e-12)
     with pytest.raises(ValueError, match="expected 0 or more"):
         adaptation_after(now, later, -1.0)
-
-
-def test_black_is_without_the_screens_own_and_a_spark_in_the_dark_overflows_nothing():
-    for tone in (Ferwerda(), PLAIN, Ferwerda(colour=False), Ferwerda(percentile=100.0)):
-        black = np.zeros((4, 5, 3), np.float32)
-        shown = -tone.screen.black / (tone.screen.white - tone.screen.black)
-        assert tone.display_values(black, VIEW, tone.adapt(black, VIEW)) == pytest.approx(shown)
-        dim = np.full((40, 50, 3), 1e-6, np.float32)
-        dim[3, 4] = 1e6
-        assert np.all(np.isfinite(tone.display_values(dim, VIEW, tone.adapt(dim, VIEW))))
-
-
-def test_a_percentile_outside_its_range_is_refused():
-    with pytest.raises(ValueError, match=r"percentile is 0.*expected"):
-        Ferwerda(percentile=0.0)

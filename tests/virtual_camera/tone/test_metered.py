@@ -64,15 +64,10 @@ def test_half_way_between_two_frames_is_half_way_in_stops(picture: np.ndarray):
     assert meter.gain(between, VIEW) == pytest.approx(meter.gain(dim, VIEW) / 4, rel=1e-6)
 
 
-def test_black_stays_black_and_sparks_stay_finite():
+def test_black_asks_for_no_gain():
     black = np.zeros((4, 5, 3), np.float32)
-    dim = np.full((40, 50, 3), 1e-6, np.float32)
-    dim[3, 4] = 1e6
     for meter in (MeteredExposure(), MeteredExposure(grey=0.18)):
         assert meter.adapt(black, VIEW).values.tolist() == [0]
-    for tone in (MeteredExposure(), MeteredExposure(grey=0.18), FixedExposure(2.0), CameraExposure(ONE)):
-        assert np.all(tone.display_values(black, VIEW, tone.adapt(black, VIEW)) == 0)
-        assert np.all(np.isfinite(tone.display_values(dim, VIEW, tone.adapt(dim, VIEW))))
 
 
 def test_linear_tones_say_so_and_their_gain_is_what_they_show(picture: np.ndarray):
@@ -113,28 +108,3 @@ def test_a_cameras_own_picture_has_118_where_the_plate_that_it_calibrates_has():
     assert np.rint(255 * encode_srgb(shown)).tolist() == np.full((2, 2, 3), 118).tolist()
     film = Film.of(exposure)
     np.testing.assert_allclose(film.display_values(grey, view, film.adapt(grey, view)), shown, rtol=0.02)
-
-
-@pytest.mark.parametrize("wrong", [Exposure(0.01, None, 100.0), Exposure(0.01, 8.0, None)])
-def test_an_exposure_without_aperture_or_iso_is_refused(wrong: Exposure):
-    with pytest.raises(ValueError, match=r"has no (f-number|ISO)"):
-        CameraExposure(wrong)
-
-
-def test_settings_that_mean_nothing_are_refused():
-    for make in (
-        lambda: MeteredExposure(0.0),
-        lambda: MeteredExposure(101.0),
-        lambda: MeteredExposure(grey=0.0),
-        lambda: MeteredExposure(-1.0, None),
-        lambda: MeteredExposure(grey=float("nan")),
-        lambda: FixedExposure(0.0),
-        lambda: FixedExposure(float("inf")),
-    ):
-        with pytest.raises(ValueError, match="expected"):
-            make()
-
-
-def test_a_meter_without_a_rule_is_refused():
-    with pytest.raises(ValueError, match="percentile and grey are both None"):
-        MeteredExposure(None, None)

@@ -7,12 +7,14 @@ import importlib.util
 import numpy as np
 import pytest
 
+from relume.image.photograph import Exposure
 from relume.virtual_camera.protocols import ToneOperator
+from relume.virtual_camera.tone.black_white_point import BlackWhitePoint
 from relume.virtual_camera.tone.display.encoding import Srgb, encoded_and_clipped
 from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.tone.ferwerda import Ferwerda
 from relume.virtual_camera.tone.histogram.adjustment import HistogramAdjustment
-from relume.virtual_camera.tone.metered import FixedExposure, MeteredExposure
+from relume.virtual_camera.tone.metered import CameraExposure, FixedExposure, MeteredExposure
 from relume.virtual_camera.tone.ocio import Ocio
 from relume.virtual_camera.tone.pattanaik.pattanaik import Pattanaik
 from relume.virtual_camera.tone.reinhard import Reinhard, ReinhardLocal
@@ -136,3 +138,57 @@ def test_two_adaptations_mix_to_one_between(tone: ToneOperator) -> None:
         for adaptation in (first, first.mixed(later, 0.5), later)
     ]
     assert min(means[0], means[2]) - 1e-6 <= means[1] <= max(means[0], means[2]) + 1e-6
+
+
+@pytest.mark.parametrize(
+    "tone",
+    [
+        *(MeteredExposure(), FixedExposure(2.0), CameraExposure(Exposure(1 / 100, 8.0, 100.0)), TumblinRushmeier()),
+        *(Reinhard(), Reinhard(None), Reinhard(white=np.inf), Reinhard(white=1e-3), ReinhardLocal()),
+        *(Ferwerda(), Ferwerda(DisplayRange(), acuity=False), Ferwerda(colour=False), Ferwerda(percentile=100.0)),
+    ],
+    ids=repr,
+)
+def test_black_stays_black_and_a_spark_in_the_dark_overflows_nothing(tone: ToneOperator) -> None:
+    # What rods and cones add leaves black without the screen's own; a factor on light leaves it 0.
+    screen = tone.screen if isinstance(tone, Ferwerda) else None
+    black = -screen.black / (screen.white - screen.black) if screen else 0
+    assert shown(tone, np.zeros((4, 5, 3), np.float32)) == pytest.approx(black, abs=0)
+    dim = np.full((40, 50, 3), 1e-6, np.float32)
+    dim[3, 4] = 1e6
+    lights = shown(tone, dim)
+    assert np.all(np.isfinite(lights))
+    if isinstance(tone, Reinhard | ReinhardLocal):
+        assert np.all(lights > 0)
+
+
+@pytest.mark.parametrize(
+    ("operator", "settings", "message"),
+    [
+        *((Reinhard, {"key": key}, r"key is .*expected") for key in (0.0, -1.0, np.nan, np.inf)),
+        (Reinhard, {"white": 0.0}, r"white is .*expected"),
+        (ReinhardLocal, {"key": 0.0}, "key is .*expected"),
+        (ReinhardLocal, {"sharpening": np.nan}, "sharpening is .*expected"),
+        (ReinhardLocal, {"threshold": 0.0}, "threshold is .*expected"),
+        *((ReinhardLocal, {"scales": scales}, "scales is .*expected") for scales in (0, 13)),
+        *((MeteredExposure, {"percentile": percent}, "percentile is .*expected") for percent in (0.0, 101.0)),
+        *((MeteredExposure, {"grey": grey}, "grey is .*expected") for grey in (0.0, np.nan)),
+        (MeteredExposure, {"percentile": -1.0, "grey": None}, "percentile is .*expected"),
+        (MeteredExposure, {"percentile": None, "grey": None}, "percentile and grey are both None"),
+        *((FixedExposure, {"display_per_radiance": factor}, "expected a positive number") for factor in (0.0, np.inf)),
+        (CameraExposure, {"exposure": Exposure(0.01, None, 100.0)}, "has no f-number"),
+        (CameraExposure, {"exposure": Exposure(0.01, 8.0, None)}, "has no ISO"),
+        (Ferwerda, {"percentile": 0.0}, r"percentile is 0.*expected"),
+        *(
+            (Pattanaik, {"screen_adaptation": wrong}, "expected a positive lum")
+            for wrong in (0.0, -1.0, np.nan, np.inf)
+        ),
+        *((BlackWhitePoint, {"black": black}, "expected 0 < black / 255 < white") for black in (0.0, -1.0, 255.0)),
+        *((BlackWhitePoint, {"white": white}, "expected 0 < black / 255 < white") for white in (0.001, np.inf)),
+        *((Ocio, {"grey": grey}, "grey is .*expected") for grey in (0.0, np.inf)),
+        (Ocio, {"looks": "warm"}, "looks is .*expected"),
+    ],
+)
+def test_settings_that_mean_nothing_are_refused(operator: type, settings: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        operator(**settings)

@@ -30,8 +30,6 @@ def warn_of_range(
     exposures: Callable[[np.ndarray], np.ndarray],
     least: np.ndarray,
     most: np.ndarray,
-    *,
-    stacklevel: int = 3,
 ) -> None:
     """Warn where most lit pixels are beyond one end of a film's range: the picture shows little but that end.
 
@@ -53,7 +51,7 @@ def warn_of_range(
     warnings.warn(
         f"{100 * max(over, under):.0f} % of the picture is {colour}: its middle is {abs(stops):.1f} stops {where} the "
         f"{side} exposure in the film's range; expose by {-stops:+.1f} stops or more",
-        stacklevel=stacklevel,
+        stacklevel=3,
     )
 
 

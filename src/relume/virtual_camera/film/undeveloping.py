@@ -16,7 +16,8 @@ from relume.image.response import Response
 from relume.virtual_camera.film.film import Film, srgb_response
 from relume.virtual_camera.lens.undoing import undo_optics
 from relume.virtual_camera.protocols import Optics
-from relume.virtual_camera.view import View, view_of
+from relume.virtual_camera.view import View
+from relume.virtual_camera.virtual_camera import VirtualCamera
 
 
 @dataclass(frozen=True)
@@ -60,4 +61,4 @@ def undevelop(
     response = srgb_response(levels) if film.response is None else film.response
     bracket = Bracket((replace(photograph, exposure=Exposure(film.exposure)),))
     picture = merge(bracket, response, weighting=weighting)
-    return undo_optics(picture, optics, view_of(picture) if view is None else view) if optics else picture
+    return undo_optics(picture, optics, VirtualCamera().view(picture) if view is None else view) if optics else picture

@@ -14,7 +14,7 @@ import numpy as np
 from relume.image.photograph import Photograph
 from relume.virtual_camera.lens.blades import Blades
 from relume.virtual_camera.protocols import Relative
-from relume.virtual_camera.view import View
+from relume.virtual_camera.view import View, require_size
 
 ACCEPTABLE = 1.0
 """Pixels: a disc as wide as a pixel is sharp in the picture at hand, whatever its print."""
@@ -148,11 +148,7 @@ class Defocus(Relative):
     def _radii(self, view: View, shape: tuple[int, int]) -> np.ndarray:
         if view.depth is None:
             raise ValueError("defocus: a depth map of the picture is needed; give one, or blur it all by a soft focus")
-        if view.depth.shape != shape:
-            raise ValueError(
-                f"the depth map is {view.depth.shape[1]}×{view.depth.shape[0]} pixels and the picture "
-                f"{shape[1]}×{shape[0]}; render or resize it to the picture's size"
-            )
+        require_size(view.depth, shape)
         radius = np.empty(shape, np.float32)
         for top in range(0, shape[0], BAND):
             radius[top : top + BAND] = self.radius(view.depth[top : top + BAND], view.focal_length)

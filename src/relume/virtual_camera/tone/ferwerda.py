@@ -62,7 +62,7 @@ class Ferwerda(Absolute):
         from relume.virtual_camera.tone.luminance_statistics import light_sum, percentiles
 
         bright = percentiles(radiance, self.percentile)[0] * view.luminance_scale
-        mean = REC709.to_xyz() @ light_sum(radiance).colour
+        mean = REC709.to_xyz() @ light_sum(radiance)[0]
         rods_per_cones = float(scotopic_luminance(mean)) / mean[1] if mean[1] > 0 else 1.0
         cones = max(bright / 2, _DARKEST)
         return Adaptation(np.log([cones, max(cones * rods_per_cones, _DARKEST)]))

@@ -6,8 +6,6 @@ Results do not depend on the number of threads.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from relume._kernel import in_threads
@@ -18,23 +16,11 @@ _TABLES = 16
 """Of counts for a picture: as many as keep the cores busy, none of them large beside the pixels it counts."""
 
 
-@dataclass(frozen=True, eq=False)
-class LightSum:
-    """The light of a picture.
-
-    colour : (3,) float64, mean of the pixels, linear Rec. 709
-    highest : luminance of the brightest pixel
-    """
-
-    colour: np.ndarray
-    highest: float
-
-
-def light_sum(radiance: np.ndarray) -> LightSum:
-    """Mean colour and highest luminance of radiance (H, W, 3) float32, in its unit."""
+def light_sum(radiance: np.ndarray) -> tuple[np.ndarray, float]:
+    """Mean colour (3,) float64, linear Rec. 709, and highest luminance of radiance (H, W, 3) float32, in its unit."""
     pixels = _pixels(radiance)
     parts = np.array(in_threads(lambda a, b: kernels.channel_sums(pixels, WEIGHTS, a, b), len(pixels)))
-    return LightSum(parts[:, :3].sum(0) / len(pixels), float(parts[:, 3].max()))
+    return parts[:, :3].sum(0) / len(pixels), float(parts[:, 3].max())
 
 
 def log_average(radiance: np.ndarray, addend: float = 0.0) -> float:
@@ -57,7 +43,8 @@ def percentiles(light: np.ndarray, *percents: float) -> list[float]:
     Exact order statistics: bits of floats that are not negative sort as the floats do, so two counts find one.
     """
     bits = np.ascontiguousarray(light, dtype=np.float32).reshape(-1).view(np.int32)
-    parts = in_threads(lambda a, b: kernels.count_high_bits(bits, a, b), len(bits), chunk=_chunk(bits))
+    chunk = max(1 << 20, -(-len(bits) // _TABLES))
+    parts = in_threads(lambda a, b: kernels.count_high_bits(bits, a, b), len(bits), chunk=chunk)
     high, zeros = np.sum([part[0] for part in parts], axis=0), sum(part[1] for part in parts)
     lit = len(bits) - zeros
     if not lit:
@@ -67,7 +54,8 @@ def percentiles(light: np.ndarray, *percents: float) -> list[float]:
         rank = zeros + min(max(int(np.ceil(percent / 100 * lit)), 1), lit)
         upper = int(np.searchsorted(np.cumsum(high), rank))
         rank -= int(high[:upper].sum())
-        lower = int(np.searchsorted(np.cumsum(_low_counts(bits, upper)), rank))
+        low = in_threads(lambda a, b, upper=upper: kernels.count_low_bits(bits, upper, a, b), len(bits), chunk=chunk)
+        lower = int(np.searchsorted(np.cumsum(np.sum(low, axis=0)), rank))
         found.append(float(np.uint32((upper << kernels.LOW_BITS) | lower).view(np.float32)))
     return found
 
@@ -78,16 +66,6 @@ def luminances(radiance: np.ndarray) -> np.ndarray:
     light = np.empty(len(pixels), np.float32)
     in_threads(lambda a, b: kernels.fill_luminances(pixels, WEIGHTS, a, b, light), len(pixels))
     return light.reshape(radiance.shape[:2])
-
-
-def _low_counts(bits: np.ndarray, high: int) -> np.ndarray:
-    return np.sum(
-        in_threads(lambda a, b: kernels.count_low_bits(bits, high, a, b), len(bits), chunk=_chunk(bits)), axis=0
-    )
-
-
-def _chunk(bits: np.ndarray) -> int:
-    return max(1 << 20, -(-len(bits) // _TABLES))
 
 
 def _pixels(radiance: np.ndarray) -> np.ndarray:

@@ -72,7 +72,7 @@ class MeteredExposure(LinearExposure, Relative):
         from relume.virtual_camera.tone.luminance_statistics import light_sum, log_average, percentiles
 
         # The percentile is of what is above 0: it is 0 where nothing is.
-        bright = light_sum(radiance).highest if self.percentile is None else percentiles(radiance, self.percentile)[0]
+        bright = light_sum(radiance)[1] if self.percentile is None else percentiles(radiance, self.percentile)[0]
         if bright == 0:
             return Adaptation(np.zeros(1))
         gains = [] if self.percentile is None else [1 / max(bright, _DARKEST)]

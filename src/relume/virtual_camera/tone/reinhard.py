@@ -65,16 +65,16 @@ def settled(radiance: np.ndarray, key: float | None) -> tuple[float, float, floa
     """
     from relume.virtual_camera.tone.luminance_statistics import light_sum, log_average, luminances, percentiles
 
-    light = light_sum(radiance)
-    if light.highest == 0:
+    colour, highest = light_sum(radiance)
+    if highest == 0:
         return 1.0, 1.0, 0.18 if key is None else key
-    average = log_average(radiance, NEAR_BLACK * float(luminance(light.colour)))
+    average = log_average(radiance, NEAR_BLACK * float(luminance(colour)))
     if key is None:
         least, most = percentiles(luminances(radiance), 1.0, 99.0)
         low, middle, high = np.log([least, average, most])
         # Of a picture all of one luminance nothing is known; averages beyond the percentiles are no brighter scenes.
         key = 0.18 * 4 ** float(np.clip((2 * middle - low - high) / (high - low), -1, 1)) if high > low else 0.18
-    return average, light.highest, key
+    return average, highest, key
 
 
 def require_key(key: float | None) -> None:

@@ -109,13 +109,13 @@ def pixel_means(density: Callable[[np.ndarray], np.ndarray], distances: np.ndarr
     return np.where(distances > 2, value + bend / 24, value)
 
 
-def within_pixel(density: Callable[[np.ndarray], np.ndarray], side: float = 1.0) -> float:
-    """The integral of a radial density over the square about its middle, by polar coordinates.
+def within_pixel(density: Callable[[np.ndarray], np.ndarray]) -> float:
+    """The integral of a radial density over the pixel about its middle, by polar coordinates.
 
-    An eighth of the square: 8 ∫₀^{π/4} ∫₀^{side / (2 cos φ)} p(r) r dr dφ, the inner one in the logarithm of r.
+    An eighth of the square: 8 ∫₀^{π/4} ∫₀^{1 / (2 cos φ)} p(r) r dr dφ, the inner one in the logarithm of r.
     """
     nodes, weights = np.polynomial.legendre.leggauss(16)
-    edge = side / 2 / np.cos(np.pi / 8 * (nodes + 1))
+    edge = 0.5 / np.cos(np.pi / 8 * (nodes + 1))
     # Below a billionth of the edge a bounded density holds nothing.
     grid = np.linspace(np.log(1e-9), 0, 4097)
     radii = edge[:, None] * np.exp(grid)

@@ -99,7 +99,9 @@ def code_table(curve: Curve, bits: int = 8) -> CodeTable:
     last = shown(np.full((1, 3), np.inf, np.float32))
     first = shown(np.zeros((1, 3), np.float32))
     white = _least(lambda floats: shown(floats) >= last - _ROUNDING, (1, 3))[0]
-    black = _below(_least(lambda floats: shown(floats) > first, (1, 3))[0])
+    lit = _least(lambda floats: shown(floats) > first, (1, 3))[0]
+    # The next float down; 0 for a curve that rises from 0, or nowhere.
+    black = np.where(lit > 0, np.nextafter(lit, np.float32(0)), np.float32(0)).astype(np.float32)
     bounds = np.concatenate([found, [black, white]])
     channels = 1 if all(np.array_equal(bounds[:, 0], bounds[:, c], equal_nan=True) for c in (1, 2)) else 3
     thresholds = np.full((channels, top + 1), np.nan, np.float32)
@@ -121,11 +123,6 @@ def _least(reached: Callable[[np.ndarray], np.ndarray], shape: tuple[int, ...]) 
     found = high.view(np.float32).copy()
     found[never] = np.nan
     return found
-
-
-def _below(floats: np.ndarray) -> np.ndarray:
-    """The next float down; 0 for a curve that rises from 0, or nowhere."""
-    return np.where(floats > 0, np.nextafter(floats, np.float32(0)), np.float32(0)).astype(np.float32)
 
 
 def _bins(thresholds: np.ndarray) -> tuple[int, int, int, np.ndarray]:
@@ -189,12 +186,8 @@ def coded(
         return counts
 
     counts = np.sum(in_threads(work, height, chunk=_ROWS), axis=0)
-    refuse_no_numbers(values, int(counts[2].sum()))
-    return codes, clipping_of(counts[0], counts[1], height * width)
-
-
-def refuse_no_numbers(values: np.ndarray, count: int) -> None:
-    """Raise ValueError where `count` of the values are NaN, with the first pixel that has one."""
-    if count:
+    absent = int(counts[2].sum())
+    if absent:
         y, x = np.argwhere(np.isnan(values).any(-1))[0]
-        raise ValueError(f"{count} values are NaN, the first at x {x}, y {y}; mend or mask them before they are shown")
+        raise ValueError(f"{absent} values are NaN, the first at x {x}, y {y}; mend or mask them before they are shown")
+    return codes, clipping_of(counts[0], counts[1], height * width)

@@ -8,18 +8,7 @@ from relume._kernel import exact_kernel
 
 
 @exact_kernel
-def lookup(
-    values: np.ndarray,
-    gains: np.ndarray,
-    thresholds: np.ndarray,
-    starts: np.ndarray,
-    lowest: int,
-    shift: int,
-    comparisons: int,
-    bounds: np.ndarray,
-    codes: np.ndarray,
-    counts: np.ndarray,
-) -> None:
+def lookup(values, gains, thresholds, starts, lowest, shift, comparisons, bounds, codes, counts):
     """Fill `codes` (H, W, 3) with the codes of values (H, W, 3) float32 times gains (3,) float32; 0 for NaN.
 
     thresholds, starts, lowest, shift, comparisons : of a `CodeTable`

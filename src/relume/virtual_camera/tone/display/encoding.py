@@ -18,59 +18,65 @@ DIFFUSE_WHITE = 203.0
 
 
 @dataclass(frozen=True)
-class Srgb:
+class _OfBits:
+    """A screen whose codes have 8 or 16 bits."""
+
+    bits: Literal[8, 16] = 8
+
+    def __post_init__(self) -> None:
+        if self.bits not in (8, 16):
+            raise ValueError(f"bits is {self.bits}; expected 8 or 16")
+
+
+@dataclass(frozen=True)
+class _OfLevels:
+    """An HDR screen by its peak and by what the display value 1 is shown as, cd/m²."""
+
+    peak: float = 1000.0
+    white: float = DIFFUSE_WHITE
+
+    def __post_init__(self) -> None:
+        if not 0 < self.white <= self.peak <= PQ_PEAK:
+            raise ValueError(
+                f"white is {self.white} and peak {self.peak} cd/m²; expected 0 < white ≤ peak ≤ {PQ_PEAK:g}"
+            )
+
+
+@dataclass(frozen=True)
+class Srgb(_OfBits):
     """An ordinary screen: PNG, JPEG (8 bits) or TIFF of sRGB values, with their profile.
 
     bits : 8 or 16; 8, which every program reads
     """
 
-    bits: Literal[8, 16] = 8
-
-    def __post_init__(self) -> None:
-        _refuse_bits(self.bits)
-
 
 @dataclass(frozen=True)
-class DisplayP3:
+class DisplayP3(_OfBits):
     """A screen of wider primaries, as phones and laptops have: PNG, JPEG (8 bits) or TIFF, with its profile.
 
     bits : 8 or 16; 8, which every program reads
     """
 
-    bits: Literal[8, 16] = 8
-
-    def __post_init__(self) -> None:
-        _refuse_bits(self.bits)
-
 
 @dataclass(frozen=True)
-class PQ:
+class PQ(_OfLevels):
     """An HDR screen by absolute luminance (SMPTE ST 2084, BT.2100): a 10-bit AVIF.
 
     peak : cd/m², brighter is shown as that; 1000 is what most HDR pictures are made for
     white : cd/m², what the display value 1 is shown as; 203 is BT.2408's
     """
 
-    peak: float = 1000.0
-    white: float = DIFFUSE_WHITE
-
-    def __post_init__(self) -> None:
-        _refuse_levels(self.white, self.peak, PQ_PEAK)
-
 
 @dataclass(frozen=True)
-class HLG:
+class HLG(_OfLevels):
     """An HDR screen by hybrid log-gamma (BT.2100), which ordinary screens show too: a 10-bit AVIF.
 
     peak : cd/m² of the screen that it is made for, 400 to 2000, which sets the system gamma: 1.2 at 1000
     white : cd/m², what the display value 1 is shown as there; 203 is BT.2408's, and three quarters of the signal
     """
 
-    peak: float = 1000.0
-    white: float = DIFFUSE_WHITE
-
     def __post_init__(self) -> None:
-        _refuse_levels(self.white, self.peak, PQ_PEAK)
+        super().__post_init__()
         hlg_gamma(self.peak)
 
 
@@ -93,16 +99,6 @@ class HdrGainMap:
 
 
 Display = Srgb | DisplayP3 | PQ | HLG | HdrGainMap
-
-
-def _refuse_bits(bits: int) -> None:
-    if bits not in (8, 16):
-        raise ValueError(f"bits is {bits}; expected 8 or 16")
-
-
-def _refuse_levels(white: float, peak: float, most: float) -> None:
-    if not 0 < white <= peak <= most:
-        raise ValueError(f"white is {white} and peak {peak} cd/m²; expected 0 < white ≤ peak ≤ {most:g}")
 
 
 _MOST = np.float32(1e30)  # infinity times a matrix's 0 is no number

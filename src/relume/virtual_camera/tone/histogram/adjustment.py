@@ -118,7 +118,7 @@ class HistogramAdjustment:
             if self.acuity:
                 seen = own = blurred_by_acuity(seen, view, fovea, out=own)
             if self.colour:
-                seen = own = colours_in_the_dark(seen, view, fovea, out=own)
+                seen = own = colours_in_the_dark(seen, fovea, out=own)
         table = gains(adaptation.values[4:], mean, darkest, brightest, self.screen, self.contrast) * np.float32(scale)
         display = np.empty(seen.shape, np.float32) if seen is radiance else seen
         weights = _weights(scale)

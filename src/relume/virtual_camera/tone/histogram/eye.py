@@ -144,7 +144,6 @@ def blur_width(shape: tuple[int, int], view: View, adaptation_luminance: np.ndar
 
 def colours_in_the_dark(
     radiance: np.ndarray,
-    view: View,
     adaptation_luminance: np.ndarray | float,
     out: np.ndarray | None = None,
 ) -> np.ndarray:
