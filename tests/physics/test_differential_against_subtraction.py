@@ -5,6 +5,7 @@ import pytest
 import trimesh
 from scipy import stats
 
+from lights import constant
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.renderers.mitsuba.scene import scene_dictionary
@@ -17,12 +18,12 @@ from relume.scene.shapes.shapes import Mesh, Plane
 from relume.sphere.directions import normalised
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_points
-from solids import sphere
+from solids import built, quad, sphere
 
 CAMERA = Camera.looking_at(np.array([0.3, 0.9, 2.2]), np.array([0, 0.25, 0]), width=48, height=32, focal_length=48)
 ASIDE = Camera.looking_at(np.array([0.7, 0.9, 2.2]), np.array([0.55, 0.25, 0]), width=48, height=32, focal_length=60)
 FLOOR = Plane(Diffuse((0.6, 0.5, 0.4)), (3.0, 3.0))
-DARKNESS = EnvironmentMap(np.zeros((8, 16, 3), np.float32))
+DARKNESS = constant(8, 0.0)
 REPEATS = 32
 """Independent seeds of the plain pictures: their scatter is the error of their mean, whatever the seeds share."""
 
@@ -41,22 +42,18 @@ def ball(material, centre=(0, 0.301, 0), radius=0.3, fine=4):
 
 
 def box(material, low, high):
-    body = trimesh.creation.box(bounds=[low, high])
-    return Mesh(body.vertices.astype(np.float32), body.faces.astype(np.int32), material, name="box")
+    return built(trimesh.creation.box(bounds=[low, high]), material)
 
 
 def sheet(corners, material):
-    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
-    return Mesh(
-        np.array(corners, np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.int32), material, uv=uv, name="sheet"
-    )
+    return quad(corners, material, textured=True)
 
 
 def rippled():
     body = trimesh.creation.icosphere(subdivisions=5)
     swell = 1 + 0.08 * np.sin(9 * body.vertices[:, 0]) * np.sin(9 * body.vertices[:, 1])
-    vertices = 0.3 * body.vertices * swell[:, None] + [0, 0.34, 0]
-    return Mesh(vertices.astype(np.float32), body.faces.astype(np.int32), Diffuse((0.3, 0.7, 0.5)), name="rippled")
+    body.vertices = 0.3 * body.vertices * swell[:, None] + [0, 0.34, 0]
+    return built(body, Diffuse((0.3, 0.7, 0.5)))
 
 
 CHEQUERED = np.kron(np.indices((6, 6)).sum(0) % 2, np.ones((4, 4)))[..., None] * [0.5, 0.3, 0.1] + [0.2, 0.3, 0.1]
@@ -64,11 +61,9 @@ FLAT = [[-1.5, 0, 1.5], [1.5, 0, 1.5], [1.5, 0, -1.5], [-1.5, 0, -1.5]]
 TEXTURED = sheet(FLAT, Material(CHEQUERED.astype(np.float32), metallic=0.0, roughness=0.9))
 WALL = sheet([[-1.5, 0, -0.5], [1.5, 0, -0.5], [1.5, 1.5, -0.5], [-1.5, 1.5, -0.5]], Diffuse((0.8, 0.2, 0.2)))
 CORNER = Mesh(
-    np.concatenate([TEXTURED.vertices, WALL.vertices]),
-    np.concatenate([TEXTURED.faces, WALL.faces + 4]),
+    np.concatenate([TEXTURED.vertices, WALL.vertices]), np.concatenate([TEXTURED.faces, WALL.faces + 4]),
     Diffuse((0.7, 0.6, 0.5)),
-    name="corner",
-)
+)  # fmt: skip
 SCREEN = sheet([[-0.5, 0, 0.6], [0.1, 0, 0.6], [0.1, 0.35, 0.6], [-0.5, 0.35, 0.6]], Diffuse((0.3, 0.3, 0.7)))
 POLISHED = sheet(FLAT, Material((0.8, 0.8, 0.7), metallic=1.0, roughness=0.0))
 GLOSSY = sheet(FLAT, Material((0.5, 0.4, 0.3), metallic=0.0, roughness=0.3))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from lights import constant, of_directions
 from montecarlo import assert_mean_agrees, assert_pixels_agree
 from relume.renderers.mitsuba.differential import Differential
 from relume.scene.cameras.camera import Camera
@@ -10,25 +11,18 @@ from relume.scene.lights import DistantLight, PointLight
 from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Mesh, Plane, Sphere
-from relume.sphere.environment_map import EnvironmentMap
-from relume.sphere.mappings.mapping import LatLong, pixel_points
-from solids import sphere
+from solids import quad, sphere
 
 LIGHT = np.array([1.0, 2.0, 0.5])
 REFLECTANCE = np.array([0.5, 0.4, 0.8])
 FLOOR = Plane(Diffuse((0.5, 0.4, 0.8)))
 BLACK = Diffuse((0.0, 0.0, 0.0))
-DARKNESS = EnvironmentMap(np.zeros((8, 16, 3), np.float32))
-
-
-def constant(radiance=LIGHT):
-    return EnvironmentMap(np.broadcast_to(np.asarray(radiance, np.float32), (8, 16, 3)).copy())
+DARKNESS, EVEN = constant(8, 0.0), constant(8, (1.0, 2.0, 0.5))
 
 
 def varying(profile):
     """A map whose radiance is `profile` of the height of the direction, −1 to 1, in all channels."""
-    up = LatLong().directions(pixel_points(LatLong(), 128))[..., 1]
-    return EnvironmentMap(np.repeat(profile(up)[..., None], 3, 2).astype(np.float32))
+    return of_directions(lambda d: profile(d[..., 1]), 128)
 
 
 def floor_points(camera):
@@ -48,12 +42,6 @@ def disc(radius, height, material=BLACK):
     return Mesh(vertices, faces.astype(np.int32), material, name="disc")
 
 
-def square(half, height, material):
-    """A square over the origin, facing down."""
-    corners = half * np.array([[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]]) + [0, height, 0]
-    return Mesh(corners.astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.int32), material, name="square")
-
-
 def looking_at_the_floor(target, position, *, width=24, height=16, focal_length=24.0):
     return Camera.looking_at(
         np.array(position, float), np.array(target, float), width=width, height=height, focal_length=focal_length
@@ -64,26 +52,22 @@ def test_a_black_ball_takes_its_form_factor_from_every_point_of_the_floor():
     # A19: −ρL · h r²/(h² + x²)^{3/2} at x from the foot of a ball of radius 1 at height 1.5.
     camera = looking_at_the_floor((0.5, 0, 0), (0.5, 1.5, 4.5))
     ball = sphere(BLACK, centre=(0, 1.5, 0), fine=5)
-    change = Differential(samples=2048).change(Scene(constant(), (FLOOR,), (ball,)), camera, seed=3)
+    change = Differential(samples=2048).change(Scene(EVEN, (FLOOR,), (ball,)), camera, seed=3)
     foot = np.hypot(*np.moveaxis(floor_points(camera)[..., [0, 2]], -1, 0))
     expected = -REFLECTANCE * LIGHT * (1.5 / (1.5**2 + foot**2) ** 1.5)[..., None]
     beside = (change.matte == 0) & (camera.rays()[..., 1] < -0.1)
     assert beside.sum() > 200
     # A pixel's middle stands for all of it, and facets take a two-thousandth of the ball's disc.
-    assert_mean_agrees(change.difference[beside], change.difference_variance[beside], expected[beside], near=5e-3)
-    assert_pixels_agree(
-        change.difference[beside],
-        change.difference_variance[beside],
-        expected[beside],
-        passes=change.passes,
-        rounding=0.03,
-    )
+    found = change.difference[beside], change.difference_variance[beside], expected[beside]
+    assert_mean_agrees(*found, near=5e-3)
+    assert_pixels_agree(*found, passes=change.passes, rounding=0.03)
     np.testing.assert_array_equal(change.objects, 0.0)  # it shines nowhere
 
 
+SQUARE = [[-1, 1, -1], [1, 1, -1], [1, 1, 1], [-1, 1, 1]]
 BODIES = {  # their form factors from the floor at the origin
     "disc": (lambda material: disc(1.0, 2.0, material), 0.2),  # A12: R²/(R² + d²)
-    "square": (lambda material: square(1.0, 1.0, material), 0.5541264),  # A13, of 2 × 2 at height 1
+    "square": (lambda material: quad(SQUARE, material), 0.5541264),  # A13, of 2 × 2 at height 1
     "ball": (lambda material: sphere(material, centre=(0, 2, 0), fine=5), 0.25),  # A10: (R/d)²
 }
 NEAR_ORIGIN = looking_at_the_floor((0, 0, 0), (0, 0.4, 4.0), width=8, height=8, focal_length=8000)
@@ -94,7 +78,7 @@ NEAR_ORIGIN = looking_at_the_floor((0, 0, 0), (0, 0.4, 4.0), width=8, height=8, 
 @pytest.mark.parametrize("body", BODIES)
 def test_a_black_body_takes_its_form_factor_from_the_floor_below_it(body):
     shape, share = BODIES[body]
-    change = Differential(samples=8192).change(Scene(constant(), (FLOOR,), (shape(BLACK),)), NEAR_ORIGIN, seed=4)
+    change = Differential(samples=8192).change(Scene(EVEN, (FLOOR,), (shape(BLACK),)), NEAR_ORIGIN, seed=4)
     assert not change.matte.any()
     assert_mean_agrees(change.difference, change.difference_variance, -REFLECTANCE * LIGHT * share, near=1e-3)
 
@@ -115,7 +99,7 @@ def test_a_body_that_shines_lights_the_floor_below_it_by_its_form_factor(body):
 @pytest.mark.parametrize(
     ("light", "irradiance"),
     [
-        (constant(), np.pi * LIGHT),  # A1
+        (EVEN, np.pi * LIGHT),  # A1
         (varying(lambda up: 1 + up), 5.235988),  # A3
         (varying(lambda up: np.where(up > 0, (1 + 2 * up) / 3, 0)), 2.443461),  # A20, the overcast sky
     ],
@@ -144,7 +128,7 @@ def test_what_loses_no_light_cannot_be_seen_on_a_white_floor_under_constant_ligh
     ball = sphere(material, centre=(0, 0.6, 0), radius=0.5, fine=4)
     white = Plane(Diffuse((1, 1, 1)))
     camera = looking_at_the_floor((0, 0.3, 0), (0, 1.2, 3))
-    change = Differential(samples=256, depth=24).change(Scene(constant(), (white,), (ball,)), camera, seed=6)
+    change = Differential(samples=256, depth=24).change(Scene(EVEN, (white,), (ball,)), camera, seed=6)
     covered, beside = change.matte == 1, (change.matte == 0) & (camera.rays()[..., 1] < -0.05)
     assert covered.sum() > 20 and beside.sum() > 150
     # Paths end after 24 bounces; facets under smooth normals turn some rays into the ball itself.
@@ -159,7 +143,7 @@ def test_what_loses_no_light_cannot_be_seen_on_a_white_floor_under_constant_ligh
 @pytest.mark.parametrize("material", LOSSLESS.values(), ids=LOSSLESS)
 def test_what_loses_no_light_shows_the_light_that_surrounds_it(material):
     camera = Camera(12, 12, 36.0, np.array([0, 0, 6.0]), np.eye(3))
-    change = Differential(samples=256, depth=24).change(Scene(constant(), (), (sphere(material),)), camera, seed=7)
+    change = Differential(samples=256, depth=24).change(Scene(EVEN, (), (sphere(material),)), camera, seed=7)
     assert 0 < change.matte.mean() < 1
     np.testing.assert_array_equal(change.difference, 0.0)  # no real surface
     expected = change.matte[..., None] * LIGHT
@@ -204,8 +188,7 @@ def test_a_mirrored_ball_scatters_parallel_light_alike_in_all_directions():
     # Away from the ball's shadow, which falls towards −x.
     camera = looking_at_the_floor((0.6, 0, 0), (0.6, 0.9, 1.5), focal_length=150)
     # A small piece of floor: a wide one lit by the sun is itself mirrored in the ball.
-    corners = np.array([[0.4, 0, 0.2], [0.8, 0, 0.2], [0.8, 0, -0.2], [0.4, 0, -0.2]], np.float32)
-    piece = Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), FLOOR.material, name="piece")
+    piece = quad([[0.4, 0, 0.2], [0.8, 0, 0.2], [0.8, 0, -0.2], [0.4, 0, -0.2]], FLOOR.material)
     change = Differential(samples=8192).change(Scene(DARKNESS, (piece,), (ball,), (sun,)), camera, seed=9)
     foot = np.hypot(*np.moveaxis(floor_points(camera)[..., [0, 2]], -1, 0))
     assert not change.matte.any()

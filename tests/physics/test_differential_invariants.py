@@ -22,9 +22,8 @@ PLANES = ("objects", "difference", "matte", "depth", "normal", "albedo")
 
 def light(scale=1.0):
     x, y, z = np.moveaxis(LatLong().directions(pixel_points(LatLong(), 32)), -1, 0)
-    radiance = (
-        np.stack([1 + 0.5 * y, 1 + 0.3 * x, 1 - 0.4 * z], -1) + 20 * np.exp(30 * (0.6 * x + 0.8 * y - 1))[..., None]
-    )
+    sky, sun = np.stack([1 + 0.5 * y, 1 + 0.3 * x, 1 - 0.4 * z], -1), 20 * np.exp(30 * (0.6 * x + 0.8 * y - 1))
+    radiance = sky + sun[..., None]
     return EnvironmentMap((scale * radiance).astype(np.float32))
 
 

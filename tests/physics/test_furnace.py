@@ -3,20 +3,19 @@
 import numpy as np
 import pytest
 
+from lights import constant, of_directions
 from montecarlo import assert_mean_agrees
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.renderer import render
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.scene import Scene
-from relume.scene.shapes.shapes import Mesh, Plane
+from relume.scene.shapes.shapes import Plane
 from relume.sphere.directions import rotation_about
-from relume.sphere.environment_map import EnvironmentMap
-from relume.sphere.mappings.mapping import LatLong, pixel_points
-from solids import sphere
+from solids import quad, sphere
 
 LIGHT = np.array([1.0, 2.0, 0.5])
-CONSTANT = EnvironmentMap(np.broadcast_to(LIGHT.astype(np.float32), (8, 16, 3)).copy())
+CONSTANT = constant(8, (1.0, 2.0, 0.5))
 BALL_FILLS_VIEW = Camera(12, 12, 60.0, np.array([0, 0, 6.0]), np.eye(3))
 
 
@@ -99,11 +98,9 @@ def test_a_black_ball_takes_its_form_factor_from_the_floor(height, foot, expecte
 @pytest.mark.parametrize(("tilt", "expected"), [(0, 5.235988), (180, 1.047198), (90, np.pi)])
 def test_a_renderer_and_irradiance_agree_on_light_that_brightens_upwards(tilt, expected):
     # A3 through the whole chain: a white floor, ceiling or wall is E/π. A square mesh stands for each.
-    values = 1 + LatLong().directions(pixel_points(LatLong(), 64))[..., 1]
-    light = EnvironmentMap(np.repeat(values[..., None], 3, 2).astype(np.float32))
+    light = of_directions(lambda d: 1 + d[..., 1], 64)
     turn = rotation_about([0, 0, 1], np.radians(tilt))
-    corners = np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1]]) @ turn.T
-    square = Mesh(corners.astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.int32), Diffuse((1, 1, 1)))
+    square = quad(np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1]]) @ turn.T, Diffuse((1, 1, 1)))
     normal = turn @ [0, 1, 0]
     assert light.irradiance(normal)[0] == pytest.approx(expected, rel=1e-3)
     camera = Camera.looking_at(normal * 3 + [0.3, 0.4, 2], np.zeros(3), width=8, height=8, focal_length=60)

@@ -20,6 +20,7 @@ from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Mesh, Plane, Sphere
 from relume.sphere.directions import look_at, rotation_about
+from solids import built
 
 EYE = np.array([0.4, 1.6, 3.6])
 # Tilted: a level horizon would lie between two rows of Whitted's even grid all the way.
@@ -44,8 +45,8 @@ DIAMOND = Material((1.0, 0.95, 0.9), transmission=1.0, roughness=0.0, ior=2.42)
 
 def box(material, size, centre, turn=0.0) -> Mesh:
     body = trimesh.creation.box(size)
-    vertices = body.vertices @ rotation_about([0.2, 1, 0.1], turn).T + np.asarray(centre)
-    return Mesh(vertices.astype(np.float32), body.faces.astype(np.int32), material)
+    body.vertices = body.vertices @ rotation_about([0.2, 1, 0.1], turn).T + np.asarray(centre)
+    return built(body, material)
 
 
 SCENES = {
@@ -77,9 +78,7 @@ def scene_of(name: str) -> Scene:
 
 def by_whitted(scene: Scene) -> np.ndarray:
     """Box-filtered pixels (H, W, 3), by an even grid of rays in each."""
-    finer = Camera(
-        CAMERA.width * FINER, CAMERA.height * FINER, CAMERA.focal_length * FINER, CAMERA.position, CAMERA.rotation
-    )
+    finer = CAMERA.resized(CAMERA.width * FINER, CAMERA.height * FINER)
     method = Whitted(depth=DEPTH, contribution=1e-7, antialiasing=None, constellation=0, clear_shadows=False)
     picture = method.render(scene, finer).radiance.astype(np.float64)
     return picture.reshape(CAMERA.height, FINER, CAMERA.width, FINER, 3).mean((1, 3))
@@ -92,12 +91,8 @@ def by_mitsuba(scene: Scene, samples: int) -> tuple[np.ndarray, np.ndarray]:
             pytest.skip("Mitsuba's scalar variants have no integrators in Python; this test needs libLLVM or a GPU")
         world = mi.load_dict(scene_dictionary(mi, scene, CAMERA))
         integrator = direct_integrator(mi)
-        pictures = np.stack(
-            [
-                np.array(mi.render(world, integrator=integrator, spp=samples // PASSES, seed=index))
-                for index in range(PASSES)
-            ]
-        ).astype(np.float64)
+        renders = (mi.render(world, integrator=integrator, spp=samples // PASSES, seed=n) for n in range(PASSES))
+        pictures = np.stack([np.array(picture) for picture in renders]).astype(np.float64)
     return pictures.mean(0), pictures.var(0, ddof=1) / PASSES
 
 

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from angles import degrees_between
-from lights import constant
+from lights import constant, of_directions
 from relume.renderers.whitted.kernel_data import REFLECTED, REFRACTED
 from relume.renderers.whitted.optics import fresnel, reflected, refracted
 from relume.renderers.whitted.ray_tree import ray_tree
@@ -20,11 +20,14 @@ from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Mesh, Plane, Sphere
 from relume.sphere.directions import normalised
 from relume.sphere.environment_map import EnvironmentMap
+from solids import built
 from solo_ray import eye
 
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 UP = np.array([0.0, 1.0, 0.0])
 SKY = constant(8)
+ABOVE, BELOW = (of_directions(lambda d, s=side: (s * d[..., 1] > 0) * 1.0, 64) for side in (1, -1))
+"""1 from one side of the horizon, 0 from the other."""
 DEEP = Whitted(depth=400, contribution=0.0, antialiasing=None, constellation=0)
 
 
@@ -40,16 +43,7 @@ def glass(ior: float) -> WhittedMaterial:
 
 def slab(material: WhittedMaterial, thickness: float = 1.0) -> Mesh:
     """So wide that no ray here reaches its edges; its lower side is at y = 0."""
-    body = trimesh.creation.box((2000, thickness, 2000))
-    vertices = body.vertices + np.array([0, thickness / 2, 0])
-    return Mesh(vertices.astype(np.float32), body.faces.astype(np.int32), material)
-
-
-def half_lit() -> EnvironmentMap:
-    """1 from above the horizon, 0 from below it."""
-    radiance = np.zeros((64, 128, 3), np.float32)
-    radiance[:32] = 1
-    return EnvironmentMap(radiance)
+    return built(trimesh.creation.box(bounds=[(-1000, 0, -1000), (1000, thickness, 1000)]), material)
 
 
 def downwards(degrees: float) -> np.ndarray:
@@ -124,15 +118,13 @@ def test_a22_nothing_gets_out_beyond_the_critical_angle(ior, critical):
 @pytest.mark.parametrize("angle", [45.0, 60.0, 85.0])
 def test_a22_with_fresnels_law_the_surface_is_a_perfect_mirror_beyond_the_critical_angle(angle):
     # Lit from below only: what a diver sees beyond Snell's window is the deep.
-    deep = EnvironmentMap(half_lit().radiance[::-1].copy())
-    assert seen(Plane(glass(1.5)), deep, [0, -1, 0], -downwards(angle)) == 1
+    assert seen(Plane(glass(1.5)), BELOW, [0, -1, 0], -downwards(angle)) == 1
     assert fresnel(float(np.cos(np.radians(angle))), 1 / 1.5) == 1
 
 
 def test_a22_without_fresnels_law_total_reflection_keeps_k_s():
-    deep = EnvironmentMap(half_lit().radiance[::-1].copy())
     surface = Plane(WhittedMaterial(specular=(0.3, 0.3, 0.3), transmission=(0.7, 0.7, 0.7)))
-    assert seen(surface, deep, [0, -1, 0], -downwards(60)) == pytest.approx(0.3, rel=1e-6)
+    assert seen(surface, BELOW, [0, -1, 0], -downwards(60)) == pytest.approx(0.3, rel=1e-6)
 
 
 @pytest.mark.parametrize(("ior", "brewster"), [(1.33, 53.0612), (1.5, 56.3099), (2.42, 67.5485)])
@@ -162,8 +154,7 @@ def test_a23_a_dielectric_reflects_by_fresnels_law(ior, angle, expected):
     varnish = Plane(WhittedMaterial(specular=WHITE, ior=ior, fresnel=True))
     assert seen(varnish, SKY, [0, 1, 0], downwards(angle + 1e-9)) == pytest.approx(expected, abs=6e-7)
     # Lit from below, through the surface, comes the rest.
-    deep = EnvironmentMap(half_lit().radiance[::-1].copy())
-    assert seen(Plane(glass(ior)), deep, [0, 1, 0], downwards(angle)) == pytest.approx(1 - expected, abs=1.2e-6)
+    assert seen(Plane(glass(ior)), BELOW, [0, 1, 0], downwards(angle)) == pytest.approx(1 - expected, abs=1.2e-6)
 
 
 @pytest.mark.parametrize("angle", [10.0, 60.0])
@@ -204,9 +195,8 @@ def test_a24_a_slab_reflects_2r_over_1_plus_r(angle, expected):
     # R is the mean of both polarisations at every surface, as in any renderer of unpolarised light; where each is
     # followed for itself the slab reflects 0.0926557 at 45° and 0.1518716 at 60°.
     pane = slab(glass(1.5))
-    assert seen(pane, half_lit(), [0, 2, 0], downwards(angle)) == pytest.approx(expected, abs=1e-6)
-    deep = EnvironmentMap(half_lit().radiance[::-1].copy())
-    assert seen(pane, deep, [0, 2, 0], downwards(angle)) == pytest.approx(1 - expected, abs=1e-6)
+    assert seen(pane, ABOVE, [0, 2, 0], downwards(angle)) == pytest.approx(expected, abs=1e-6)
+    assert seen(pane, BELOW, [0, 2, 0], downwards(angle)) == pytest.approx(1 - expected, abs=1e-6)
 
 
 def test_a24_truncated_trees_lose_what_their_missing_branches_carry():
@@ -214,7 +204,7 @@ def test_a24_truncated_trees_lose_what_their_missing_branches_carry():
     r = 0.04
     for depth, expected in ((1, 0), (2, r), (3, r), (4, r + r * (1 - r) ** 2), (6, r + r * (1 - r) ** 2 * (1 + r**2))):
         method = Whitted(depth, 0.0, antialiasing=None, constellation=0)
-        assert seen(slab(glass(1.5)), half_lit(), [0, 2, 0], -UP, method) == pytest.approx(expected, rel=1e-6, abs=1e-9)
+        assert seen(slab(glass(1.5)), ABOVE, [0, 2, 0], -UP, method) == pytest.approx(expected, rel=1e-6, abs=1e-9)
 
 
 # --- A25, A26: shapes of glass ---------------------------------------------------------------------------------------
@@ -262,7 +252,7 @@ def test_a22_a_prism_of_glass_turns_light_round_a_corner_and_one_of_water_does_n
     # A right angle at the origin; the long side faces −x −y and is met at 45°, beyond the critical angle of 41.8°.
     corners = np.array([[0, 0, z] for z in (-1, 1)] + [[-1, 0, z] for z in (-1, 1)] + [[0, -1, z] for z in (-1, 1)])
     hull = trimesh.convex.convex_hull(corners)
-    prism = Mesh(hull.vertices.astype(np.float32), hull.faces.astype(np.int32), glass(ior))
+    prism = built(hull, glass(ior))
     sky = np.zeros((64, 128, 3), np.float32)
     sky[:, :] = [1, 0, 1]
     sky[26:38, 90:102, 1] = 1  # green from +x

@@ -65,6 +65,26 @@ def stopping_after(count: int):
     return stopping, calls
 
 
+def cancelling_at(least: float):
+    def cancel(share: float) -> None:
+        if share >= least:
+            raise Stopped
+
+    return cancel
+
+
+def signalled(*numbers: int, before: int | None = None):
+    """The fake, which sends its own process these signals: before the pass of this number, or each."""
+
+    def traced(seed: int) -> dict[str, np.ndarray]:
+        if before is None or seed == pass_seed(3, before):
+            for number in numbers:
+                os.kill(os.getpid(), number)
+        return trace(seed)
+
+    return traced
+
+
 def test_passes_are_added_in_order_with_seeds_that_are_hashes():
     sums = accumulate(trace, passes=7, seed=3)
     assert np.array_equal(sums.totals["radiance"], total(7))
@@ -220,27 +240,18 @@ def test_progress_rises_to_one():
 
 
 def test_progress_may_cancel_and_what_was_done_is_kept(tmp_path):
-    def cancel(share: float) -> None:
-        if share >= 0.5:
-            raise Stopped
-
     watch = RenderSession(tmp_path / "p")
     with pytest.raises(Stopped):
-        accumulate(trace, passes=6, seed=3, key=KEY, watch=watch, progress=cancel)
+        accumulate(trace, passes=6, seed=3, key=KEY, watch=watch, progress=cancelling_at(0.5))
     kept = kept_at(tmp_path / "p")
     assert kept.passes == 3 and np.array_equal(kept.planes["radiance"], total(3))
 
 
-def test_ctrl_c_finishes_the_pass_keeps_it_and_tells_how_to_go_on(tmp_path):
-    def interrupted(seed: int) -> dict[str, np.ndarray]:
-        if seed == pass_seed(3, 4):
-            os.kill(os.getpid(), signal.SIGINT)
-        return trace(seed)
-
+def test_ctrl_c_finishes_the_pass_keeps_it_and_says_how_to_go_on(tmp_path):
     watch = RenderSession(tmp_path / "p")
     before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
     with pytest.raises(Interrupted, match=r"5 of 9 passes are kept in .*p; give the same command again") as caught:
-        accumulate(interrupted, passes=9, seed=3, key=KEY, watch=watch)
+        accumulate(signalled(signal.SIGINT, before=4), passes=9, seed=3, key=KEY, watch=watch)
     assert (caught.value.passes, caught.value.of, caught.value.exit_code) == (5, 9, 130)
     assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
     resumed = accumulate(trace, passes=9, seed=3, key=KEY, watch=watch)
@@ -248,22 +259,13 @@ def test_ctrl_c_finishes_the_pass_keeps_it_and_tells_how_to_go_on(tmp_path):
 
 
 def test_a_second_ctrl_c_is_not_waited_for():
-    def interrupted(seed: int) -> dict[str, np.ndarray]:
-        os.kill(os.getpid(), signal.SIGINT)
-        os.kill(os.getpid(), signal.SIGINT)
-        return trace(seed)
-
     with pytest.raises(KeyboardInterrupt):
-        accumulate(interrupted, passes=9)
+        accumulate(signalled(signal.SIGINT, signal.SIGINT), passes=9)
 
 
 def test_nothing_kept_is_said():
-    def interrupted(seed: int) -> dict[str, np.ndarray]:
-        os.kill(os.getpid(), signal.SIGTERM)
-        return trace(seed)
-
     with pytest.raises(Interrupted, match="interrupted; nothing is kept") as caught:
-        accumulate(interrupted, passes=9)
+        accumulate(signalled(signal.SIGTERM), passes=9)
     assert caught.value.exit_code == 143
 
 
@@ -428,14 +430,9 @@ def test_mitsuba_goes_on_where_it_was_interrupted(tmp_path):
     camera = Camera.looking_at(np.array([0, 1.0, 3]), np.zeros(3), width=8, height=6, focal_length=8)
     scene = Scene(EnvironmentMap(np.ones((4, 8, 3), np.float32)), local=(Plane(Diffuse((0.5, 0.5, 0.5))),))
     method = Mitsuba(samples=16)
-
-    def cancel(share: float) -> None:
-        if share >= 0.25:
-            raise Stopped
-
     watch = RenderSession(tmp_path / "p")
     with pytest.raises(Stopped):
-        method.render(scene, camera, seed=2, watch=watch, progress=cancel)
+        method.render(scene, camera, seed=2, watch=watch, progress=cancelling_at(0.25))
     with pytest.raises(CannotResume, match=r"another camera, samples \(16, now 32\), seed \(2, now 4\)"):
         wider = Camera.looking_at(np.array([0, 1.0, 3]), np.zeros(3), width=8, height=6, focal_length=7)
         Mitsuba(samples=32).render(scene, wider, seed=4, watch=watch)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -20,6 +20,7 @@ from relume.scene.materials.whitted import WhittedMaterial
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Plane, Sphere
 from relume.sphere.directions import normalised
+from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.cubes import CubeCross, Strip, VerticalCubeCross
 from relume.sphere.mappings.discs import Angular, MirrorBall
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
@@ -29,6 +30,12 @@ BLACK = lights.constant(4, 0.0)
 DARK = ConstantRenderer((0.0, 0.0, 0.0))
 GLOWING = WhittedMaterial(ambient=(1.0, 1.0, 1.0))
 HERE = (0.3, 0.4, 0.5)
+
+
+def moment(light: EnvironmentMap) -> np.ndarray:
+    """The sum over all directions of red light, each times the direction."""
+    red = light.radiance[..., 0] * LatLong().solid_angles(light.size)
+    return np.einsum("hwd,hw->d", pixel_directions(LatLong(), light.size), red)
 
 
 def test_the_same_light_from_all_sides_stays_the_same():
@@ -77,20 +84,14 @@ def test_a_point_of_light_gives_its_intensity_over_the_square_of_the_distance():
     light = environment(Scene(BLACK, lights=(lamp,)), HERE, DARK, size=64)
     np.testing.assert_allclose(light.total(), [1, 2, 3], rtol=1e-6)
     np.testing.assert_allclose(light.irradiance(np.array([1, 2, 2]) / 3), [1, 2, 3], rtol=1e-3)
-    moment = np.einsum(
-        "hwd,hw->d", pixel_directions(LatLong(), 64), light.radiance[..., 0] * LatLong().solid_angles(64)
-    )
-    np.testing.assert_allclose(moment, np.array([1, 2, 2]) / 3, atol=2e-3)
+    np.testing.assert_allclose(moment(light), np.array([1, 2, 2]) / 3, atol=2e-3)
 
 
 @pytest.mark.parametrize("towards", [(0.0, 1.0, 0.0), (0.0, -1.0, 1e-9), (0.0, 0.0, 1.0), (1e-9, 0.0, 1.0)])
 def test_suns_at_poles_and_seam_keep_their_energy_and_place(towards):
     light = environment(Scene(BLACK, lights=(DistantLight(towards, (2.0, 2.0, 2.0)),)), HERE, DARK, size=32)
     np.testing.assert_allclose(light.total(), 2, rtol=1e-6)
-    moment = np.einsum(
-        "hwd,hw->d", pixel_directions(LatLong(), 32), light.radiance[..., 0] * LatLong().solid_angles(32)
-    )
-    np.testing.assert_allclose(moment, 2 * np.array(towards), atol=0.02)
+    np.testing.assert_allclose(moment(light), 2 * np.array(towards), atol=0.02)
 
 
 def test_other_falloffs_and_mappings_keep_their_energy():
@@ -118,33 +119,21 @@ def test_a_glowing_sphere_has_its_solid_angle_and_its_place():
     scene = Scene(BLACK, objects=(ball,), lights=(AmbientLight((5.0, 5.0, 5.0)),))
     light = environment(scene, HERE, Whitted(), size=64)
     assert light.total()[0] / 5 == pytest.approx(2 * np.pi * (1 - np.sqrt(1 - 1 / 16)), rel=5e-3)
-    moment = np.einsum(
-        "hwd,hw->d", pixel_directions(LatLong(), 64), light.radiance[..., 0] * LatLong().solid_angles(64)
-    )
-    np.testing.assert_allclose(normalised(moment), towards, atol=2e-3)
+    np.testing.assert_allclose(normalised(moment(light)), towards, atol=2e-3)
 
 
 def test_the_light_map_is_seen_behind_the_shapes():
     sky = lights.sunny(32, sun=3.0)
     ground = Plane(GLOWING, height=-1.0)
-    light = environment(
-        Scene(sky, local=(ground,), lights=(AmbientLight((7.0, 7.0, 7.0)),)),
-        (0, 0, 0),
-        Whitted(constellation=0),
-        size=32,
-    )
+    scene = Scene(sky, local=(ground,), lights=(AmbientLight((7.0, 7.0, 7.0)),))
+    light = environment(scene, (0, 0, 0), Whitted(constellation=0), size=32)
     np.testing.assert_allclose(light.radiance[20:], 7, rtol=0.02)
     above = normalised(np.random.default_rng(0).normal(size=(40, 3)) * [1, 0.1, 1] + [0, 1.2, 0])
-    np.testing.assert_allclose(light.irradiance(above[:1]), _under(sky, above[:1]), rtol=0.03)
-
-
-def _under(sky, normals):
-    """Irradiance of the sky's upper half and a glowing ground."""
-    from dataclasses import replace
-
+    # As the sky's upper half and a glowing ground do.
     radiance = sky.radiance.copy()
     radiance[16:] = 7
-    return replace(sky, radiance=radiance).irradiance(normals)
+    expected = replace(sky, radiance=radiance).irradiance(above[:1])
+    np.testing.assert_allclose(light.irradiance(above[:1]), expected, rtol=0.03)
 
 
 def test_what_has_no_environment_is_refused():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import lights
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.mitsuba.scene import envmap_pixels
 from relume.renderers.renderer import render
@@ -29,10 +30,8 @@ def noise():
     return EnvironmentMap(np.random.default_rng(5).random((8, 16, 3)).astype(np.float32))
 
 
-def lone(row, column, size=8):
-    radiance = np.zeros((size, 2 * size, 3), np.float32)
-    radiance[row, column] = (100, 50, 20)
-    return EnvironmentMap(radiance)
+def lone(row, column):
+    return EnvironmentMap(lights.lone(8, row, column).radiance * np.array([100, 50, 20], np.float32))
 
 
 def smooth():
@@ -74,12 +73,7 @@ def test_mitsuba_sees_our_light_in_our_camera(light, rotation):
 def test_light_from_plus_x_is_right_and_from_plus_y_above_for_a_camera_that_looks_along_minus_z(row, column, where):
     camera = Camera(32, 32, 4.0, np.zeros(3), np.eye(3))  # 152° wide
     picture = render(Scene(lone(row, column)), camera, Mitsuba(samples=16)).radiance[..., 0]
-    halves = {
-        "right": picture[:, 16:],
-        "left": picture[:, :16],
-        "upper": picture[:16],
-        "lower": picture[16:],
-    }
+    halves = {"right": picture[:, 16:], "left": picture[:, :16], "upper": picture[:16], "lower": picture[16:]}
     assert picture.sum() > 0
     # Row 4 is the first below the horizon; the others lie wholly on one side.
     assert halves[where].sum() > 0.99 * picture.sum()

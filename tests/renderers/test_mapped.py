@@ -9,6 +9,7 @@ import pytest
 import trimesh
 
 from lights import constant, of_directions, sunny
+from montecarlo import assert_matte_of_disc
 from relume.light.reflection.brdf import GGX
 from relume.light.reflection.glossy import albedo
 from relume.light.reflection.lobes import Lambert, Phong
@@ -22,10 +23,10 @@ from relume.scene.materials.bumps import BumpMap, Wrinkles
 from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.materials.reflective import Layer, Reflective, Towards, glass, glossy, mirror
 from relume.scene.scene import Scene
-from relume.scene.shapes.shapes import Mesh, Plane, Sphere
+from relume.scene.shapes.shapes import Plane, Sphere
 from relume.sphere.directions import normalised, rotation_about
 from relume.sphere.environment_map import EnvironmentMap
-from solids import sphere
+from solids import built, quad, sphere
 
 WHITE, GREY = Diffuse((1, 1, 1)), Diffuse((0.5, 0.5, 0.5))
 FAR = Camera(64, 64, 280.0, np.array([0, 0, 10.0]), np.eye(3))
@@ -65,6 +66,11 @@ def facing(cosines):
 
 
 COSINES = np.cos(np.radians([0, 30, 60, 75, 85]))
+
+
+def in_furnace(material, cosines=COSINES):
+    """Surfaces seen at these cosines under constant light of 1: (N, 3)."""
+    return Shading.of([material], constant(64)).shade(facing(cosines))[0]
 
 
 # --- light -----------------------------------------------------------------------------------------------------------
@@ -131,8 +137,7 @@ def test_twice_the_light_is_twice_as_bright(material):
 
 @pytest.mark.parametrize("rho", [0.0, 0.3, 1.0])
 def test_in_a_white_furnace_a_diffuse_surface_shows_its_reflectance(rho):
-    seen = Shading.of([Diffuse((rho, rho, rho))], constant(64)).shade(facing(COSINES))
-    np.testing.assert_allclose(seen, rho, rtol=TABLE)
+    np.testing.assert_allclose(in_furnace(Diffuse((rho, rho, rho))), rho, rtol=TABLE)
 
 
 @pytest.mark.parametrize(
@@ -141,36 +146,30 @@ def test_in_a_white_furnace_a_diffuse_surface_shows_its_reflectance(rho):
     ids=["mirror", "glass", "from within", "glossy", "polished metal"],
 )
 def test_in_a_white_furnace_surfaces_that_lose_nothing_cannot_be_seen(material):
-    seen = Shading.of([material], constant(64)).shade(facing(COSINES))
-    np.testing.assert_allclose(seen, 1, rtol=2e-3)
+    np.testing.assert_allclose(in_furnace(material), 1, rtol=2e-3)
 
 
 @pytest.mark.parametrize("roughness", [0.5, np.sqrt(0.5), 1.0])
 def test_in_a_white_furnace_a_rough_white_metal_shows_what_single_scattering_leaves(roughness):
     # A18: 0.68785 along the normal at α = 0.5, 1 − ln 2 at α = 1.
-    seen = Shading.of([Material(metallic=1.0, roughness=roughness)], constant(64)).shade(facing(COSINES))
+    seen = in_furnace(Material(metallic=1.0, roughness=roughness))
     expected = [albedo(GGX(roughness**2), np.arccos(cosine)) for cosine in COSINES]
-    np.testing.assert_allclose(seen[0, :, 0], expected, rtol=5e-3)
+    np.testing.assert_allclose(seen[:, 0], expected, rtol=5e-3)
     along = {0.5: 0.9158, np.sqrt(0.5): 0.68785, 1.0: 1 - np.log(2)}[roughness]
-    assert seen[0, 0, 0] == pytest.approx(along, rel=2e-3)
+    assert seen[0, 0] == pytest.approx(along, rel=2e-3)
 
 
 @pytest.mark.parametrize("transmission", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("roughness", [0.0, 0.5, 1.0])
 def test_in_a_white_furnace_a_white_dielectric_is_never_brighter_than_the_light(roughness, transmission):
-    material = Material(roughness=roughness, transmission=transmission)
-    seen = Shading.of([material], constant(64)).shade(facing([*COSINES, 0.03, 1e-3]))
+    seen = in_furnace(Material(roughness=roughness, transmission=transmission), [*COSINES, 0.03, 1e-3])
     assert seen.max() <= 1.001
     # Below the coat nothing is lost: what it does not reflect, the base does or goes through.
-    assert seen[0, :5].min() > 0.98
+    assert seen[:5].min() > 0.98
 
 
 def test_in_a_white_furnace_coloured_metal_turns_white_at_the_rim():
-    red, green, blue = (
-        Shading.of([Material((0.9, 0.5, 0.1), metallic=1.0, roughness=0.0)], constant(64))
-        .shade(facing([1.0, 0.02]))[0]
-        .T
-    )
+    red, green, blue = in_furnace(Material((0.9, 0.5, 0.1), metallic=1.0, roughness=0.0), [1.0, 0.02]).T
     assert [red[0], green[0], blue[0]] == pytest.approx([0.9, 0.5, 0.1], abs=1e-3)
     expected = 1 - 0.9 * (1 - 0.98**5)  # Schlick
     assert blue[1] == pytest.approx(expected, abs=5e-3)
@@ -187,12 +186,7 @@ def test_the_matte_of_a_sphere_sums_to_the_area_of_its_disc(shift):
     seen = Prefiltered().render(Scene(constant(64), objects=(ball(GREY, tuple(centre)),)), camera)
     # Radius 1 at distance 4: a cone of half-angle asin(1/4); off the axis its ellipse grows by parts in ten thousand.
     radius = 80 / np.sqrt(15)
-    assert seen.matte.sum() == pytest.approx(np.pi * radius**2, rel=5e-3)
-    from_middle = np.hypot(*(np.indices((64, 64)) + 0.5 - 32 - np.array([-shift[1], shift[0]])[:, None, None]))
-    assert np.all(seen.matte[from_middle < radius - 1] == 1)
-    assert np.all(seen.matte[from_middle > radius + 1] == 0)
-    edge = seen.matte[np.abs(from_middle - radius) < 0.3]
-    assert np.mean((edge > 0) & (edge < 1)) > 0.9
+    assert_matte_of_disc(seen.matte, radius, (-shift[1], shift[0]), 5e-3 * np.pi * radius**2)
 
 
 def test_edges_are_mixed_from_object_and_background_by_coverage():
@@ -266,10 +260,8 @@ def test_the_albedo_of_layers_is_what_they_reflect_along_the_normal(material, ex
 
 
 def test_several_materials_in_one_picture_are_each_as_alone():
-    light, places = (
-        sunny(64),
-        {-2.2: mirror((1, 0.5, 0.2)), 0.0: Diffuse((0.2, 0.4, 0.8)), 2.2: Material(roughness=0.7)},
-    )
+    light = sunny(64)
+    places = {-2.2: mirror((1, 0.5, 0.2)), 0.0: Diffuse((0.2, 0.4, 0.8)), 2.2: Material(roughness=0.7)}
     camera = Camera(120, 40, 160.0, np.array([0, 0, 10.0]), np.eye(3))
     balls = [ball(material, (x, 0.0, 0.0)) for x, material in places.items()]
     with pytest.warns(UserWarning, match="no shadows and no reflections"):
@@ -297,15 +289,12 @@ def test_nearer_objects_hide_farther_ones_and_the_scene_hides_objects():
 
 # --- textures and bumps ----------------------------------------------------------------------------------------------
 
-SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32)
-FACES = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
-UV = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
 MARKS = np.kron(np.array([[[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 1, 1]]], np.float32), np.ones((8, 8, 1), np.float32))
 """Red upper left, green upper right, blue lower left, white lower right."""
 
 
-def wall(material, uv: np.ndarray | None = UV):
-    return Mesh(SQUARE, FACES, material, uv=uv)
+def wall(material):
+    return quad([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], material, textured=True)
 
 
 def corners_of(image):
@@ -403,8 +392,8 @@ def test_a_surface_seen_from_behind_shows_its_back():
 
 def box(material, turn=None):
     body = trimesh.creation.box(extents=(1.4, 1.0, 0.8))
-    vertices = body.vertices if turn is None else body.vertices @ np.asarray(turn).T
-    return Mesh(vertices.astype(np.float32), body.faces.astype(np.int32), material)
+    body.vertices = body.vertices if turn is None else body.vertices @ np.asarray(turn).T
+    return built(body, material)
 
 
 @pytest.mark.parametrize(
@@ -484,25 +473,18 @@ def test_convex_objects_alone_are_rendered_without_a_warning():
             Prefiltered().prepared(Scene(constant(64), objects=(shape,)))
 
 
-def torus():
-    body = trimesh.creation.torus(1.0, 0.3)
-    return Mesh(body.vertices.astype(np.float32), body.faces.astype(np.int32), GREY, name="ring")
-
-
 @pytest.mark.parametrize(
     ("objects", "names"),
     [
-        ((torus(),), "ring"),
+        ((built(trimesh.creation.torus(1.0, 0.3), GREY, "ring"),), "ring"),
         ((ball(GREY), ball(GREY, (3, 0, 0))), "sphere, sphere"),
         (tuple(ball(GREY, (3 * i, 0, 0)) for i in range(5)), "sphere, sphere, sphere, sphere…"),
     ],
     ids=["a hole", "two", "five"],
 )
 def test_what_would_see_itself_or_others_is_warned_of_by_name(objects, names):
-    with pytest.warns(
-        UserWarning,
-        match=rf"no shadows and no reflections of objects .* \({names}\); light transport and ray tracing do",
-    ):
+    words = rf"no shadows and no reflections of objects .* \({names}\); light transport and ray tracing do"
+    with pytest.warns(UserWarning, match=words):
         Prefiltered().prepared(Scene(constant(64), objects=objects))
 
 

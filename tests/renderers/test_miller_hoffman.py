@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import naive
+import solids
 from lights import constant, of_directions, spiky, spread, sunny
 from quads import around, filtered, supersampled
 from relume.light.reflection.brdf import GGX, PhongReflectance
@@ -16,7 +17,7 @@ from relume.renderers.prefiltered.shading_inputs import GBuffer
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.reflective import Layer, Reflective, Towards, glass, glossy, mirror, retroreflector
 from relume.scene.scene import Scene
-from relume.scene.shapes.shapes import Mesh, Sphere
+from relume.scene.shapes.shapes import Sphere
 from relume.sphere.directions import normalised, rotation_about
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.cubes import Strip, face_solid_angles
@@ -176,9 +177,8 @@ def test_section_5_1_a_photograph_of_a_mirrored_sphere_is_the_environment():
 
 def test_section_5_2_six_views_of_a_luminous_patch_light_a_surface_as_the_patch_does():
     # A lamp of 2 m × 2 m, 1 m above: A13, form factor 0.5541264. Six pictures on the faces of a cube.
-    corners = np.array([[-1, 1, -1], [1, 1, -1], [1, 1, 1], [-1, 1, 1]], np.float32)
     glowing = Reflective((Layer(SelfLuminous(), Towards.NORMAL, Even(5.0)),))
-    lamp = Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), glowing)
+    lamp = solids.quad([[-1, 1, -1], [1, 1, -1], [1, 1, 1], [-1, 1, 1]], glowing)
     prepared = Prefiltered(background=False).prepared(Scene(constant(64), objects=(lamp,)))
     size = 64
     middles = np.split(pixel_directions(Strip(), size), 6, axis=1)

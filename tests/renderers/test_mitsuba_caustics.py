@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.renderers.progressive.accumulation import pass_seed
 from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Box, Distant, Dome, Infinite
@@ -41,15 +40,12 @@ def scene_of(material: Any, distant: Distant, *lamps: SphereLight) -> Scene:
 
 def passes(scene: Scene, followed: bool) -> dict[str, np.ndarray]:
     """The planes of all passes, (PASSES, H, W, 3), with light followed from the lamps or by paths alone."""
-    with _mitsuba(None, None) as mi:
-        if "_ad_" not in mi.variant():
-            pytest.skip("only a scalar variant of Mitsuba runs here")
-        from relume.renderers.mitsuba.transport.estimator import Estimator
+    from relume.renderers.mitsuba.transport.estimator import Estimator
 
-        estimator = Estimator(scene, CAMERA, 8)
-        assert estimator.world.smooth, "nothing would be followed"
-        estimator.world.smooth = followed
-        made = [estimator.traced(SAMPLES, pass_seed(int(followed), index)) for index in range(PASSES)]
+    estimator = Estimator(scene, CAMERA, 8)
+    assert estimator.world.smooth, "nothing would be followed"
+    estimator.world.smooth = followed
+    made = [estimator.traced(SAMPLES, pass_seed(int(followed), index)) for index in range(PASSES)]
     return {name: np.stack([planes[name] for planes in made]) for name in ("objects", "difference")}
 
 
@@ -63,6 +59,7 @@ SCENES = {
 }
 
 
+@pytest.mark.usefixtures("mi")
 @pytest.mark.parametrize("name", SCENES)
 def test_what_is_followed_from_the_lamps_is_what_paths_find(name):
     one, other = (passes(SCENES[name], followed) for followed in (True, False))

@@ -9,9 +9,10 @@ from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Box, Distant, Dome, Enclosure
 from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Scene
-from relume.scene.shapes.shapes import Mesh, Plane, Sphere
+from relume.scene.shapes.shapes import Plane, Sphere
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
+from solids import quad
 
 PROBE = (0.3, 0.4, -0.2)
 ROOM = Box((-2.0, -0.5, -1.5), (2.0, 2.0, 1.5))
@@ -58,10 +59,8 @@ def arriving(scene_light: EnvironmentMap, distant: Distant, point: np.ndarray, s
     """What Mitsuba finds there: π times the radiance of a small white surface."""
     x, y, z = point
     half = 1e-3
-    corners = np.array(
-        [[x - half, y, z - half], [x - half, y, z + half], [x + half, y, z + half], [x + half, y, z - half]]
-    )
-    patch = Mesh(corners.astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.int32), Diffuse((1.0, 1.0, 1.0)))
+    corners = [[x - half, y, z - half], [x - half, y, z + half], [x + half, y, z + half], [x + half, y, z - half]]
+    patch = quad(corners, Diffuse((1.0, 1.0, 1.0)))
     camera = Camera.looking_at(point + np.array([0.0, 0.3, 0.02]), point, width=2, height=2, focal_length=4000.0)
     scene = Scene(scene_light, (patch,), distant=distant, probe=PROBE)
     return np.pi * Mitsuba(samples=samples, depth=1).render(scene, camera).radiance.mean((0, 1))

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
-from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.scene.materials.materials import Diffuse
 from relume.scene.shapes.shapes import Sphere
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
@@ -22,14 +20,6 @@ BALLS = [
 PLACE = (0.4, 0.0, 0.3)
 UP = (0.0, 1.0, 0.0)
 SAMPLES = 1 << 17
-
-
-@pytest.fixture(scope="module")
-def mi() -> Iterator[Any]:
-    with _mitsuba(None, None) as mitsuba:
-        if "_ad_" not in mitsuba.variant():
-            pytest.skip("only a scalar variant of Mitsuba runs here")
-        yield mitsuba
 
 
 def guide_of(mi: Any, balls: list[Sphere], place: tuple[float, float, float], up: tuple[float, float, float]) -> Any:

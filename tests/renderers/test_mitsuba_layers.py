@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import gltf_files
+from montecarlo import assert_matte_of_disc
 from relume.renderers.mitsuba.path_tracer import MATTE_SAMPLES, Mitsuba
 from relume.renderers.renderer import render
 from relume.scene.cameras.camera import Camera
@@ -33,12 +34,7 @@ def test_the_matte_of_a_sphere_sums_to_the_area_of_its_disc(material):
     radius = 80 / np.sqrt(15)
     # Rays fall at random only in the ≈ 8r pixels of the edge, each with a variance of at most ¼.
     noise = np.sqrt(8 * radius * 0.25 / MATTE_SAMPLES)
-    assert matte.sum() == pytest.approx(np.pi * radius**2, abs=4 * noise + 0.003 * np.pi * radius**2)  # facets
-    from_middle = np.hypot(*(np.indices((64, 64)) + 0.5 - 32))
-    assert np.all(matte[from_middle < radius - 1] == 1)
-    assert np.all(matte[from_middle > radius + 1] == 0)
-    edge = matte[np.abs(from_middle - radius) < 0.3]
-    assert np.mean((edge > 0) & (edge < 1)) > 0.9
+    assert_matte_of_disc(matte, radius, (0, 0), 4 * noise + 0.003 * np.pi * radius**2)  # facets
 
 
 def test_real_surfaces_hide_objects_from_the_matte():

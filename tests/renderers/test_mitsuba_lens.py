@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
 
@@ -19,14 +17,6 @@ PLAIN = replace(
 )
 BENT = replace(PLAIN, distortion=Distortion(k1=-0.21, k2=0.06, p1=0.004, p2=-0.003, k3=-0.01))
 CAMERAS = {"plain": PLAIN, "bent": BENT}
-
-
-@pytest.fixture(scope="module")
-def mi() -> Iterator[Any]:
-    with _mitsuba(None, None) as mitsuba:
-        if "_ad_" not in mitsuba.variant():
-            pytest.skip("only a scalar variant of Mitsuba runs here")
-        yield mitsuba
 
 
 def lens_of(camera: Camera) -> Any:

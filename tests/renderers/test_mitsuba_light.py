@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 import trimesh
 
 from relume.errors import UnsupportedScene
-from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.scene.distant import Box, Distant, Dome, Enclosure, Infinite
 from relume.scene.lights import DistantLight, Linear, PointLight, SphereLight
 from relume.scene.scene import Scene
@@ -42,14 +40,6 @@ def window() -> EnvironmentMap:
     radiance[20:26, 30:38] = (4.0, 6.0, 9.0)
     radiance[6:12, 80:100] = (20.0, 15.0, 6.0)
     return EnvironmentMap(radiance)
-
-
-@pytest.fixture(scope="module")
-def mi() -> Iterator[Any]:
-    with _mitsuba(None, None) as mitsuba:
-        if "_ad_" not in mitsuba.variant():
-            pytest.skip("only a scalar variant of Mitsuba runs here")
-        yield mitsuba
 
 
 def light_of(distant: Distant, *lamps: Any, light: EnvironmentMap | None = None) -> Any:

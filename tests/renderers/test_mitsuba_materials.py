@@ -16,8 +16,9 @@ from relume.renderers.renderer import render
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse, Material, Ward
 from relume.scene.scene import Scene
-from relume.scene.shapes.shapes import Mesh, Sphere
+from relume.scene.shapes.shapes import Sphere
 from relume.sphere.environment_map import EnvironmentMap
+from solids import quad
 
 WHITE = (1.0, 1.0, 1.0)
 COUNT = 1 << 17
@@ -43,15 +44,7 @@ LOSSY = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def jit():
-    with _mitsuba(None, None) as mi:
-        if "_ad_" not in mi.variant():
-            pytest.skip("no variant of Mitsuba with Dr.Jit runs here")
-        yield mi
-
-
-def made(mi, material):
+def made(material):
     return ward(material) if isinstance(material, Ward) else layered(material)
 
 
@@ -81,13 +74,13 @@ LATER = [pytest.param(name, marks=pytest.mark.slow) for name in LOSSLESS | LOSSY
 
 
 @pytest.mark.parametrize("name", [*SOONER, *LATER])
-def test_a_surface_samples_what_it_claims_and_returns_no_more_than_it_gets(jit, name):
+def test_a_surface_samples_what_it_claims_and_returns_no_more_than_it_gets(mi, name):
     material = (LOSSLESS | LOSSY)[name]
-    surface = made(jit, material)
-    context = jit.BSDFContext()
+    surface = made(material)
+    context = mi.BSDFContext()
     for cosine in COSINES:
-        si = seen_from(jit, cosine)
-        wo, density, weight = sampled(jit, surface, si)
+        si = seen_from(mi, cosine)
+        wo, density, weight = sampled(mi, surface, si)
         wo, weight = columns(wo), columns(weight)
         kept = density > 0
         returned = weight.mean(0)
@@ -96,7 +89,7 @@ def test_a_surface_samples_what_it_claims_and_returns_no_more_than_it_gets(jit, 
             # The tables between their nodes: 0.003.
             assert returned == pytest.approx([1, 1, 1], abs=4e-3)
         # The weight of a sample is its value by its density.
-        ways = jit.Vector3f(*(np.ascontiguousarray(axis) for axis in wo.T))
+        ways = mi.Vector3f(*(np.ascontiguousarray(axis) for axis in wo.T))
         value, again = surface.eval_pdf(context, si, ways)
         value = columns(np.array(value))
         np.testing.assert_allclose(np.array(again)[kept], density[kept], rtol=1e-3)
@@ -108,7 +101,7 @@ def test_a_surface_samples_what_it_claims_and_returns_no_more_than_it_gets(jit, 
         z, angle = (grid.ravel().astype(np.float32) for grid in np.meshgrid(up, around, indexing="ij"))
         sine = np.sqrt(1 - z**2)
         cells = surface.pdf(
-            context, seen_from(jit, cosine, z.size), jit.Vector3f(sine * np.cos(angle), sine * np.sin(angle), z)
+            context, seen_from(mi, cosine, z.size), mi.Vector3f(sine * np.cos(angle), sine * np.sin(angle), z)
         )
         expected = np.array(cells).reshape(8, fine, 16, fine).mean((1, 3)) * 2 * np.pi / 128
         rows = np.clip((wo[:, 2] * 8).astype(int), 0, 7)[kept]
@@ -120,18 +113,18 @@ def test_a_surface_samples_what_it_claims_and_returns_no_more_than_it_gets(jit, 
 
 
 @pytest.mark.parametrize("name", ["all at once", "Ward's paint"])
-def test_a_surface_is_reciprocal(jit, name):
-    surface = made(jit, (LOSSLESS | LOSSY)[name])
+def test_a_surface_is_reciprocal(mi, name):
+    surface = made((LOSSLESS | LOSSY)[name])
     generator = np.random.default_rng(3)
     one, two = (generator.normal(size=(3, 4096)) for _ in range(2))
     one, two = (np.abs(v) * [[1], [1], [1]] / np.linalg.norm(v, axis=0) for v in (one, two))
     one[:2] *= generator.choice([-1, 1], (2, 4096))
-    ways = [jit.Vector3f(*v.astype(np.float32)) for v in (one, two)]
+    ways = [mi.Vector3f(*v.astype(np.float32)) for v in (one, two)]
     values = []
     for here, there, cosine in ((ways[0], ways[1], two[2]), (ways[1], ways[0], one[2])):
-        si = seen_from(jit, 0.5, 4096)
+        si = seen_from(mi, 0.5, 4096)
         si.wi = here
-        values.append(columns(np.array(surface.eval(jit.BSDFContext(), si, there))) / cosine[:, None])
+        values.append(columns(np.array(surface.eval(mi.BSDFContext(), si, there))) / cosine[:, None])
     np.testing.assert_allclose(values[0], values[1], rtol=2e-3, atol=1e-5)
 
 
@@ -204,14 +197,12 @@ def test_a_normal_map_leans_towards_the_right_and_the_upper_side_of_the_picture(
         (1, -1): (slice(12, 16), slice(None)),
     }[axis, sign]
     light[rows, columns_lit] = 1
-    corners = np.array([[-2, 2, 0], [-2, -2, 0], [2, -2, 0], [2, 2, 0]], np.float32)
-    uv = np.array([[0, 1], [0, 0], [1, 0], [1, 1]], np.float32)
-    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     shades = []
     for lean in (0.5 * sign, -0.5 * sign):
         normal = np.zeros((1, 1, 3), np.float32)
         normal[..., axis], normal[..., 2] = lean, np.sqrt(0.75)
-        square = Mesh(corners, faces, Material(specular=0.0, normal=normal), uv=uv)
+        corners = [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]]
+        square = quad(corners, Material(specular=0.0, normal=normal), textured=True)
         picture = render(Scene(EnvironmentMap(light), objects=(square,)), CAMERA, Mitsuba(samples=64), seed=1)
         shades.append(picture.radiance.mean())
     assert shades[0] > 1.5 * shades[1]
@@ -254,25 +245,25 @@ def test_the_scalar_variant_refuses_ward_and_warns_of_layers():
             mi.load_dict(bsdf(mi, Material(roughness=0.5)))
 
 
-def test_a_scattering_body_without_media_is_diffuse_of_its_colour(jit):
+def test_a_scattering_body_without_media_is_diffuse_of_its_colour(mi):
     body = Material(
         roughness=0.5, transmission=1.0, scattering_distance=(1e-3, 1e-3, 1e-3), scattering_albedo=(1.0, 0.9, 0.5),
         name="wax",
     )  # fmt: skip
     with pytest.warns(UserWarning, match="not rendered of material 'wax': subsurface"):
-        surface = jit.load_dict(bsdf(jit, body))
-    si = seen_from(jit, 0.5, 1)
+        surface = mi.load_dict(bsdf(mi, body))
+    si = seen_from(mi, 0.5, 1)
     colour = np.array(surface.eval_diffuse_reflectance(si)).ravel()
     assert body.medium is not None
     np.testing.assert_allclose(colour, body.medium.diffuse_reflectance(), rtol=1e-5)
 
 
-def test_media_and_emitters_are_mitsubas_own(jit):
+def test_media_and_emitters_are_mitsubas_own(mi):
     body = replace(GLASS, attenuation_color=(0.1, 0.5, 0.9), attenuation_distance=0.01, scattering_distance=(1, 2, 3))
     words = interior(body)
     assert words is not None and body.medium is not None
     densities = np.asarray(words["sigma_t"]["value"]) * words["scale"]
     np.testing.assert_allclose(densities, body.medium.extinction)
-    assert jit.load_dict(words).class_name() == "HomogeneousMedium"
+    assert mi.load_dict(words).class_name() == "HomogeneousMedium"
     assert interior(Material()) is None and interior(Diffuse(WHITE)) is None
-    assert emission(jit, Material()) is None and emission(jit, Diffuse(WHITE)) is None
+    assert emission(mi, Material()) is None and emission(mi, Diffuse(WHITE)) is None

@@ -2,34 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 
+from lights import constant
 from montecarlo import assert_mean_agrees
 from relume.renderers.mitsuba.differential import Differential
-from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Material
 from relume.scene.materials.media import Medium
 from relume.scene.scene import Scene
-from relume.scene.shapes.shapes import Mesh
-from relume.sphere.environment_map import EnvironmentMap
-from solids import sphere
+from solids import built, sphere
 
 LIGHT = np.array([1.0, 2.0, 0.5])
+FURNACE = constant(8, (1.0, 2.0, 0.5))
 SAMPLES = 1 << 17
-
-
-@pytest.fixture(scope="module")
-def mi() -> Iterator[Any]:
-    with _mitsuba(None, None) as mitsuba:
-        if "_ad_" not in mitsuba.variant():
-            pytest.skip("only a scalar variant of Mitsuba runs here")
-        yield mitsuba
 
 
 def media_of(mi: Any, *media: Medium | None) -> tuple[Any, list[Any]]:
@@ -93,16 +83,12 @@ def test_light_turns_with_the_mean_cosine_of_the_phase_function(mi, g):
     assert np.abs(mean[:2]).max() < 4 / np.sqrt(SAMPLES)
 
 
-def furnace(radiance: np.ndarray = LIGHT) -> EnvironmentMap:
-    return EnvironmentMap(np.broadcast_to(np.asarray(radiance, np.float32), (8, 16, 3)).copy())
-
-
 def test_a_body_that_only_scatters_cannot_be_seen_in_a_furnace():
     wax = Material(
         roughness=0.0, transmission=1.0, ior=1.3, scattering_distance=(0.5, 1.0, 2.0), scattering_albedo=(1.0, 1.0, 1.0)
     )
     camera = Camera(8, 8, 24.0, np.array([0, 0, 6.0]), np.eye(3))
-    change = Differential(samples=256, depth=64).change(Scene(furnace(), (), (sphere(wax, fine=3),)), camera, seed=7)
+    change = Differential(samples=256, depth=64).change(Scene(FURNACE, (), (sphere(wax, fine=3),)), camera, seed=7)
     assert change.matte.max() == 1
     # Paths end after 64 bounces, and facets under smooth normals turn some rays into the ball itself.
     expected = change.matte[..., None] * LIGHT
@@ -114,10 +100,9 @@ def test_a_slab_takes_its_share_of_the_light_behind_it():
     clear = Material(
         roughness=0.0, transmission=1.0, ior=1.0, attenuation_color=(0.5, 0.25, 0.8), attenuation_distance=0.3
     )
-    box = trimesh.creation.box(extents=(2, 2, 0.6))
-    slab = Mesh(np.asarray(box.vertices, np.float32), np.asarray(box.faces, np.int32), clear, name="slab")
+    slab = built(trimesh.creation.box(extents=(2, 2, 0.6)), clear)
     camera = Camera(4, 4, 400.0, np.array([0, 0, 3.0]), np.eye(3))
-    change = Differential(samples=32).change(Scene(furnace(), (), (slab,)), camera, seed=8)
+    change = Differential(samples=32).change(Scene(FURNACE, (), (slab,)), camera, seed=8)
     assert (change.matte == 1).all()
     # Twice the distance at which the colour is what it is; rays lean by less than a hundredth.
     expected = np.broadcast_to(LIGHT * np.array([0.25, 0.0625, 0.64]), change.objects.shape)

@@ -16,20 +16,15 @@ from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse
 from relume.scene.shapes.shapes import Mesh, Patches, Plane, Polygon, Sphere, read_patches
 from relume.sphere.directions import normalised, rotation_about
+from solids import grid_faces, quad
 
 GREY = Diffuse((0.5, 0.5, 0.5))
 X, Y, Z = np.eye(3)
 TEAPOT = Path(__file__).resolve().parents[2] / "examples" / "whitted" / "teapot.bpt"
 UPRIGHT = rotation_about(X, -math.pi / 2)
 SIZE = 6.5  # metres from handle to spout
-RIM, BODY, HANDLE, SPOUT, LID, BOTTOM = (
-    range(4),
-    range(4, 12),
-    range(12, 16),
-    range(16, 20),
-    range(20, 28),
-    range(28, 32),
-)
+RIM, BODY, HANDLE, SPOUT = range(4), range(4, 12), range(12, 16), range(16, 20)
+LID, BOTTOM = range(20, 28), range(28, 32)
 TURN, SHIFT = rotation_about(normalised(X - 2 * Y + Z), 0.9), np.array([0.3, -0.7, 0.9])
 ARC = 4 / 3 * (math.sqrt(2) - 1)
 """Of a cubic's handles that follow a quarter of a circle to 0.03 % of its radius."""
@@ -62,10 +57,7 @@ def fine(control, count=64, begin=(0.0, 0.0), length=1.0):
     """Patches as 2·count² triangles each; or only the part of them from `begin`, so long in u and v."""
     u, v = (start + length * np.arange(count + 1) / count for start in begin)
     points = np.einsum("ui,vj,pijk->puvk", weights(u), weights(v), control)
-    corner = (np.arange(count)[:, None] * (count + 1) + np.arange(count)).ravel()
-    right, up = corner + count + 1, corner + 1
-    faces = np.concatenate([np.stack([corner, right, right + 1], -1), np.stack([corner, right + 1, up], -1)])
-    faces = np.concatenate([faces + k * (count + 1) ** 2 for k in range(len(control))])
+    faces = np.concatenate([grid_faces(count, count) + k * (count + 1) ** 2 for k in range(len(control))])
     return Mesh(points.reshape(-1, 3).astype(np.float32), faces.astype(np.int32), GREY)
 
 
@@ -441,7 +433,7 @@ def test_a_flat_patch_is_met_where_its_polygon_and_its_triangles_are():
     shapes = [
         Patches(flat_patch(corners), GREY),
         Polygon(corners, GREY),
-        Mesh(corners.astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.int32), GREY),
+        quad(corners, GREY),
     ]
     random = np.random.default_rng(15)
     origins = random.normal(scale=3, size=(20_000, 3))

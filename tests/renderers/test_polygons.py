@@ -9,8 +9,9 @@ import naive
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
 from relume.scene.materials.materials import Diffuse
-from relume.scene.shapes.shapes import Mesh, Plane, Polygon, Sphere
+from relume.scene.shapes.shapes import Plane, Polygon, Sphere
 from relume.sphere.directions import normalised, rotation_about
+from solids import quad
 
 GREY = Diffuse((0.5, 0.5, 0.5))
 X, Y, Z = np.eye(3)
@@ -80,10 +81,9 @@ def test_polygons_are_met_as_the_slow_twin_meets_them(count):
 
 def test_a_polygon_is_met_where_its_two_triangles_are():
     corners = place(np.array([(-1, -1), (2, -0.5), (1.5, 1), (-0.5, 2)], float))
-    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     origins, directions = rays_at(np.random.default_rng(1).normal(size=(5000, 3)), 2)
     one = RayCaster.of([Polygon(corners.astype(np.float32).astype(float), GREY)]).nearest(origins, directions)
-    two = RayCaster.of([Mesh(corners.astype(np.float32), faces, GREY)]).nearest(origins, directions)
+    two = RayCaster.of([quad(corners, GREY)]).nearest(origins, directions)
     assert 500 < np.sum(two.shape == 0) < 4500
     np.testing.assert_array_equal(one.shape, two.shape)
     # Corners in single precision are not quite in one plane.

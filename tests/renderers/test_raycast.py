@@ -207,11 +207,7 @@ def test_parallel_rays_through_the_corners_and_edges_of_a_flat_grid_all_hit(axis
     steps = np.arange(-8, 9, dtype=np.float32)
     first, second = (g.ravel() for g in np.meshgrid(steps, steps, indexing="ij"))
     vertices = np.roll(np.stack([np.full_like(first, 2.0), first, second], axis=-1), axis, axis=1)
-    corner = (np.arange(16)[:, None] * 17 + np.arange(16)).ravel()
-    faces = np.concatenate(
-        [np.stack([corner, corner + 17, corner + 18], -1), np.stack([corner, corner + 18, corner + 1], -1)]
-    )
-    caster = RayCaster.of([Mesh(vertices, faces.astype(np.int32), GREY)])
+    caster = RayCaster.of([mesh_of(vertices, solids.grid_faces(16, 16))])
     halves = np.arange(-16, 17) / 2
     first, second = (g.ravel() for g in np.meshgrid(halves, halves, indexing="ij"))
     origins = np.roll(np.stack([np.full_like(first, 2 - 5 * sign), first, second], axis=-1), axis, axis=1)
@@ -234,11 +230,7 @@ def test_rays_at_an_edge_much_longer_than_its_triangles_are_wide_all_hit():
     # A triangle test errs in proportion to the edge's length; a box whose side is the edge must not be surer of itself.
     across = np.arange(-8.0, 9.0)
     vertices = [(x, 0, z) for z in (-1000, 1000) for x in across]
-    corner = np.arange(16)
-    faces = np.concatenate(
-        [np.stack([corner, corner + 17, corner + 18], -1), np.stack([corner, corner + 18, corner + 1], -1)]
-    )
-    caster, random = RayCaster.of([mesh_of(vertices, faces)]), np.random.default_rng(13)
+    caster, random = RayCaster.of([mesh_of(vertices, solids.grid_faces(1, 16))]), np.random.default_rng(13)
     origins = np.concatenate([random.normal(size=(100_000, 3)), random.normal(scale=(1, 1e-3, 1), size=(100_000, 3))])
     targets = np.stack([np.zeros(200_000), np.zeros(200_000), random.uniform(-500, 500, 200_000)], axis=-1)
     assert np.all(caster.nearest(origins, normalised(targets - origins)).shape == 0)

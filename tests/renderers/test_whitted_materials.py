@@ -12,6 +12,7 @@ from relume.light.reflection.weights import Even
 from relume.scene.lights import DistantLight, PointLight, Unattenuated
 from relume.scene.materials.reflective import glass, glossy, mirror, retroreflector
 from relume.scene.materials.whitted import Checks, WhittedMaterial
+from solids import grid_faces
 
 FURNACE = rl.EnvironmentMap(np.ones((16, 32, 3), np.float32))
 BLACK = rl.EnvironmentMap(np.zeros((4, 8, 3), np.float32))
@@ -19,6 +20,12 @@ CAMERA = rl.Camera.looking_at(np.array([0, 0, 5.0]), np.zeros(3), width=24, heig
 WHITE = (1.0, 1.0, 1.0)
 HALF = (0.5, 0.5, 0.5)
 RED = np.full((1, 1, 3), [0.8, 0.0, 0.0], np.float32)
+
+
+def wall(half: float, z: float, material) -> rl.scene.Polygon:
+    """A square that faces the camera."""
+    corners = np.array([[-half, -half, z], [half, -half, z], [half, half, z], [-half, half, z]], float)
+    return rl.scene.Polygon(corners, material)
 
 
 def in_furnace(material, **settings) -> np.ndarray:
@@ -56,14 +63,11 @@ def test_a_little_more_roughness_changes_a_metal_a_little():
 
 def behind_a_pane(roughness: float) -> float:
     """The contrast of checks seen through a ball of frosted glass: standard deviation over mean."""
-    wall = rl.scene.Polygon(
-        np.array([[-4.0, -4, -3], [4, -4, -3], [4, 4, -3], [-4, 4, -3]]),
-        WhittedMaterial(ambient=None, diffuse=Checks(WHITE, (0.0, 0.0, 0.0), 0.5)),
-    )
+    checks = wall(4, -3, WhittedMaterial(ambient=None, diffuse=Checks(WHITE, (0.0, 0.0, 0.0), 0.5)))
     ball = rl.Sphere((0, 0, 0), 1.0, rl.Material(WHITE, 0.0, roughness, 1.0, ior=1.3))
     light = (rl.scene.DistantLight((0, 0, 1), WHITE),)
     method = rl.Whitted(antialiasing=None, rays=64, constellation=0)
-    seen = method.render(rl.Scene(BLACK, objects=(wall, ball), lights=light), CAMERA).radiance[8:16, 8:16, 0]
+    seen = method.render(rl.Scene(BLACK, objects=(checks, ball), lights=light), CAMERA).radiance[8:16, 8:16, 0]
     return float(seen.std() / seen.mean())
 
 
@@ -108,9 +112,7 @@ def test_ggx_under_one_light_is_the_microfacet_formula():
 
     f = 0.9 + 0.1 * (1 - half) ** 5
     expected = d * g1(1.0) * g1(np.cos(tilt)) * f / 4
-    floor = rl.scene.Polygon(
-        np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]), rl.Material((0.9, 0.9, 0.9), 1.0, 0.6)
-    )
+    floor = wall(1, 0, rl.Material((0.9, 0.9, 0.9), 1.0, 0.6))
     light = DistantLight((np.sin(tilt), 0, np.cos(tilt)), WHITE)
     camera = replace(CAMERA, width=1, height=1)
     picture = rl.Whitted(antialiasing=None).render(rl.Scene(BLACK, objects=(floor,), lights=(light,)), camera)
@@ -129,10 +131,7 @@ def test_the_materials_of_reflection_maps_mean_the_same():
 def test_faces_that_go_round_the_other_way_look_the_same():
     v, u = np.meshgrid(np.linspace(0, np.pi, 17), np.linspace(0, 2 * np.pi, 33), indexing="ij")
     points = np.stack([np.sin(v) * np.sin(u), np.cos(v), np.sin(v) * np.cos(u)], axis=-1).reshape(-1, 3)
-    corner = (np.arange(1, 15)[:, None] * 33 + np.arange(32)).ravel()
-    faces = np.concatenate(
-        [np.stack([corner, corner + 33, corner + 1], -1), np.stack([corner + 1, corner + 33, corner + 34], -1)]
-    )
+    faces = 33 + grid_faces(14, 32)  # not those at the poles, which have no area
     material = rl.Material((0.8, 0.8, 0.8), roughness=1.0)
     shown = []
     for order in ([0, 1, 2], [0, 2, 1]):
@@ -159,11 +158,8 @@ def test_a_lamp_on_a_ceiling_lights_all_of_the_floor():
 
 
 def test_checks_on_a_wall_between_two_cubes_do_not_speckle():
-    wall = rl.scene.Polygon(
-        np.array([[-3.0, -3, -2], [3, -3, -2], [3, 3, -2], [-3, 3, -2]]),
-        WhittedMaterial(diffuse=Checks(WHITE, (0.1, 0.1, 0.1), 1.0)),
-    )
-    scene = rl.Scene(BLACK, objects=(wall,), lights=(DistantLight((0, 0, 1), WHITE),))
+    checks = wall(3, -2, WhittedMaterial(diffuse=Checks(WHITE, (0.1, 0.1, 0.1), 1.0)))
+    scene = rl.Scene(BLACK, objects=(checks,), lights=(DistantLight((0, 0, 1), WHITE),))
     picture = rl.Whitted(antialiasing=None, constellation=0).render(scene, replace(CAMERA, focal_length=30)).radiance
     flips = np.sum(np.diff(picture[..., 0] > 0.2, axis=1)) + np.sum(np.diff(picture[..., 0] > 0.2, axis=0))
     assert flips < 300  # seven lines of 24 pixels each way
@@ -206,13 +202,8 @@ def test_triangles_without_area_are_told_of():
 
 
 def test_a_tree_without_end_is_cut_and_told_of():
-    panes = tuple(
-        rl.scene.Polygon(
-            np.array([[-9.0, -9, z], [9, -9, z], [9, 9, z], [-9, 9, z]]),
-            WhittedMaterial(specular=HALF, transmission=HALF, ior=1.0),
-        )
-        for z in np.linspace(-1, 0, 8)
-    )
+    pane = WhittedMaterial(specular=HALF, transmission=HALF, ior=1.0)
+    panes = tuple(wall(9, z, pane) for z in np.linspace(-1, 0, 8))
     scene = rl.Scene(FURNACE, objects=panes)
     camera = replace(CAMERA, width=2, height=2)
     with pytest.warns(UserWarning, match="lower the depth or raise the contribution"):
@@ -247,13 +238,10 @@ def test_what_scattered_rays_find_is_lit_by_all_of_the_constellation_in_the_mean
     """A rough mirror shows a ball as bright as a smooth one does, though each ray asks an eighth of the lights."""
     seen = {}
     for roughness in (0.0, 0.03):
-        wall = rl.scene.Polygon(
-            np.array([[-2.0, -2, -1], [2, -2, -1], [2, 2, -1], [-2, 2, -1]]),
-            WhittedMaterial(specular=WHITE, highlight=(0, 0, 0), roughness=roughness),
-        )
+        metal = wall(2, -1, WhittedMaterial(specular=WHITE, highlight=(0, 0, 0), roughness=roughness))
         # It stands behind the camera, and is seen in the mirror alone.
         ball = rl.Sphere((0, 0, 12), 5.0, rl.Diffuse(HALF))
-        scene = rl.Scene(FURNACE, objects=(wall, ball))
+        scene = rl.Scene(FURNACE, objects=(metal, ball))
         picture = rl.Whitted(antialiasing=None, rays=256).render(scene, replace(CAMERA, width=6, height=6))
         seen[roughness] = picture.radiance.mean()
     assert seen[0.03] == pytest.approx(seen[0.0], rel=0.03)

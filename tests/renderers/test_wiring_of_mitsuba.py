@@ -19,7 +19,8 @@ from relume.scene.cameras.distortion import Distortion
 from relume.scene.lights import DistantLight, SphereLight
 from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.scene import Scene
-from relume.scene.shapes.shapes import Mesh, Plane, Sphere
+from relume.scene.shapes.shapes import Plane, Sphere
+from solids import quad
 
 WHITE = lights.constant(8, 1.0)
 BLACK = lights.constant(4, 0.0)
@@ -33,8 +34,7 @@ def ball(material, radius=1.0):
 
 def square(material, side, at=(0.0, 0.0, 0.0)):
     corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * side / 2 + at
-    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
-    return Mesh(corners.astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.int32), material, uv=uv)
+    return quad(corners, material, textured=True)
 
 
 # --- the lens --------------------------------------------------------------------------------------------------------

@@ -26,6 +26,20 @@ def assert_mean_agrees(radiance: np.ndarray, variance: np.ndarray, truth: np.nda
     assert np.all(np.abs(found - expected) <= allowed), f"mean {found}, expected {expected} ± {allowed}"
 
 
+def assert_matte_of_disc(matte: np.ndarray, radius: float, middle: tuple[float, float], allowed: float):
+    """A square picture's matte sums to the area of a disc, is whole inside, nothing outside, and mixed at its rim.
+
+    middle : row and column of the disc's middle from the picture's, pixels
+    allowed : how far the sum may be from the area, pixels
+    """
+    assert abs(matte.sum() - np.pi * radius**2) <= allowed
+    from_middle = np.hypot(*(np.indices(matte.shape) + 0.5 - len(matte) / 2 - np.reshape(middle, (2, 1, 1))))
+    assert np.all(matte[from_middle < radius - 1] == 1)
+    assert np.all(matte[from_middle > radius + 1] == 0)
+    edge = matte[np.abs(from_middle - radius) < 0.3]
+    assert np.mean((edge > 0) & (edge < 1)) > 0.9
+
+
 def assert_renders_agree(one: Render, other: Render):
     """Two renders of one scene from independent seeds: their means differ by no more than their noise."""
     assert_mean_agrees(one.radiance, one.variance + other.variance, other.radiance)
