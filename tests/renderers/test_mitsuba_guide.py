@@ -23,7 +23,7 @@ SAMPLES = 1 << 17
 
 
 def guide_of(mi: Any, balls: list[Sphere], place: tuple[float, float, float], up: tuple[float, float, float]) -> Any:
-    from relume.renderers.mitsuba.transport.aim import Guide
+    from relume.renderers.mitsuba.transport.sampling import Guide
 
     guide = Guide(balls)
     return guide, guide.cones(mi.Point3f(*place), mi.Vector3f(*up))

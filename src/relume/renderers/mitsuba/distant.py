@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from relume.light.reflection.convolution import as_latlong
+from relume.renderers.mitsuba.arrays import triangles
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.scene.distant import Distant, Dome, Enclosure, Infinite
 from relume.scene.materials.materials import Diffuse
@@ -145,22 +146,3 @@ def distant_shape(mi: Any, scene: Scene) -> Any:
     radiance = {"type": "bitmap", "bitmap": bitmap, "raw": True, "wrap_mode": "clamp"}
     parts = {"emitter": {"type": "area", "radiance": radiance}, "bsdf": {"type": "diffuse", "reflectance": 0.0}}
     return triangles(mi, Mesh(built.vertices, built.faces, Diffuse((0.0, 0.0, 0.0)), uv=place, name="distant"), parts)
-
-
-def triangles(mi: Any, mesh: Mesh, parts: dict[str, Any]) -> Any:
-    """Triangles as a Mitsuba mesh, with the surface, emitter and medium that `parts` says; `uv` as Mitsuba has it."""
-    properties = mi.Properties()
-    for name, words in parts.items():
-        properties[name] = mi.load_dict(words)
-    arrays = {"vertex_positions": mesh.vertices, "vertex_normals": mesh.normals, "vertex_texcoords": mesh.uv}
-    built = mi.Mesh(
-        mesh.name, len(mesh.vertices), len(mesh.faces), props=properties,
-        has_vertex_normals=mesh.normals is not None, has_vertex_texcoords=mesh.uv is not None,
-    )  # fmt: skip
-    parameters = mi.traverse(built)
-    parameters["faces"] = np.ravel(mesh.faces).astype(np.uint32)
-    for name, values in arrays.items():
-        if values is not None:
-            parameters[name] = np.ravel(values).astype(np.float32)
-    parameters.update()
-    return built

@@ -15,7 +15,7 @@ from importlib import import_module
 from typing import Any
 
 from relume.renderers.directional_albedo import COSINES, NARROWEST, NARROWEST_SHEEN, ggx_shares, sheen_shares
-from relume.renderers.mitsuba.textures import texture
+from relume.renderers.mitsuba.arrays import texture
 from relume.renderers.unsupported_features import extra_lobes
 from relume.scene.materials.materials import Material
 
@@ -45,11 +45,10 @@ def _shares(table: Any) -> Any:
     return mi.Texture2f(mi.TensorXf(table), filter_mode=dr.FilterMode.Linear, wrap_mode=dr.WrapMode.Clamp)
 
 
-def _place(cosine: Any, roughness: Any) -> Any:
+def _share(table: Any, cosine: Any, roughness: Any) -> Any:
     # The tables' nodes are even in √cos θ and in roughness; look-ups have their nodes at texel centres.
-    side = COSINES
     at = mi.Point2f(dr.sqrt(dr.clip(cosine, 0, 1)), dr.clip(roughness, 0, 1))
-    return (at * (side - 1) + 0.5) / side
+    return table.eval((at * (COSINES - 1) + 0.5) / COSINES)
 
 
 def _largest(colour: Any) -> Any:
@@ -161,7 +160,7 @@ class Layered(Surface):
         base, metallic = self.colour("base_color", si, active), self.number("metallic", si, active)
         low, high = self.normal_reflectance(si, active)
         _, roughness = self.gloss(si, active)
-        at_view = self.gloss_table.eval(_place(si.wi.z, roughness))
+        at_view = _share(self.gloss_table, si.wi.z, roughness)
         returned = _largest(low) * at_view[0] + high * at_view[1]
         tint = _largest(base)
         diffuse = (1 - metallic) * tint * (1 - returned)
@@ -171,12 +170,12 @@ class Layered(Surface):
         if self.coated:
             amount = self.number("clearcoat", si, active)
             _, coat_roughness = self.coat(si, active)
-            at_view = self.coat_table.eval(_place(si.wi.z, coat_roughness))
+            at_view = _share(self.coat_table, si.wi.z, coat_roughness)
             coat = amount * (0.04 * at_view[0] + at_view[1])
             under = 1 - coat
         if self.fibrous:
             fibre = _largest(self.colour("sheen_color", si, active))
-            at_view = self.sheen_table.eval(_place(si.wi.z, self.sheen_roughness(si, active)))
+            at_view = _share(self.sheen_table, si.wi.z, self.sheen_roughness(si, active))
             fibres = fibre * at_view[0]
         lobes = (
             diffuse * under + dr.select(diffuse > 0, RAREST, 0),
@@ -213,8 +212,7 @@ class Layered(Surface):
         density = p_gloss * lobe.pdf(wi_l, half_l) / (4 * dr.maximum(facing, 1e-8))
 
         # The diffuse base shares what the dielectric's gloss leaves.
-        at_i = self.gloss_table.eval(_place(cos_i, roughness))
-        at_o = self.gloss_table.eval(_place(cos_o, roughness))
+        at_i, at_o = (_share(self.gloss_table, cosine, roughness) for cosine in (cos_i, cos_o))
         first, last = _largest(low), high
         e_i, e_o = first * at_i[0] + last * at_i[1], first * at_o[0] + last * at_o[1]
         mean = first * at_i[2] + last * at_i[3]
@@ -228,8 +226,7 @@ class Layered(Surface):
         if self.coated:
             amount = self.number("clearcoat", si, active)
             film, film_roughness = self.coat(si, active)
-            at_i = self.coat_table.eval(_place(cos_i, film_roughness))
-            at_o = self.coat_table.eval(_place(cos_o, film_roughness))
+            at_i, at_o = (_share(self.coat_table, cosine, film_roughness) for cosine in (cos_i, cos_o))
             e_i, e_o = (amount * (0.04 * at[0] + at[1]) for at in (at_i, at_o))
             mean = amount * (0.04 * at_i[2] + at_i[3])
             through = (1 - e_i) * (1 - e_o)
@@ -240,8 +237,7 @@ class Layered(Surface):
         # The sheen's fibres, on top of the others.
         if self.fibrous:
             fibre, fibre_roughness = self.colour("sheen_color", si, active), self.sheen_roughness(si, active)
-            at_i = self.sheen_table.eval(_place(cos_i, fibre_roughness))
-            at_o = self.sheen_table.eval(_place(cos_o, fibre_roughness))
+            at_i, at_o = (_share(self.sheen_table, cosine, fibre_roughness) for cosine in (cos_i, cos_o))
             through = 1 - _largest(fibre) * dr.maximum(at_i[0], at_o[0])
             inverse = dr.rcp(dr.square(fibre_roughness))
             sine = dr.safe_sqrt(1 - dr.square(half.z))

@@ -97,7 +97,8 @@ def arriving(scene: Scene, points: np.ndarray, normals: np.ndarray, viewers: np.
             sampler = mi.load_dict({"type": "independent"})
             sampler.seed(int(np.random.SeedSequence([seed, index]).generate_state(1)[0]), len(points) * count)
             if index == 0:
-                drawn, direction, radiance = _towards_light(mi, dr, world, si, sampler)
+                drawn, over_density = world.sample_emitter_direction(si, sampler.next_2d(), True)
+                direction, radiance = drawn.d, mi.Color3f(over_density) * drawn.pdf
             else:
                 drawn, direction, radiance = _in_lobe(mi, dr, world, si, sampler, lobes[index - 1][0])
             local = si.to_local(direction)
@@ -113,11 +114,6 @@ def arriving(scene: Scene, points: np.ndarray, normals: np.ndarray, viewers: np.
 def _lobe(mi: Any, roughness: float) -> dict[str, Any]:
     # A metal: all of its samples are gloss.
     return {"type": "roughconductor", "material": "none", "distribution": "ggx", "alpha": roughness**2}
-
-
-def _towards_light(mi: Any, dr: Any, world: Any, si: Any, sampler: Any) -> tuple[Any, Any, Any]:
-    drawn, over_density = world.sample_emitter_direction(si, sampler.next_2d(), True)
-    return drawn, drawn.d, mi.Color3f(over_density) * drawn.pdf
 
 
 def _in_lobe(mi: Any, dr: Any, world: Any, si: Any, sampler: Any, lobe: Any) -> tuple[Any, Any, Any]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from relume.errors import UnsupportedScene
-from relume.renderers.mitsuba.textures import rgb, texture_words
+from relume.renderers.mitsuba.arrays import rgb, texture_words
 from relume.renderers.unsupported_features import extra_lobes
 from relume.scene.materials.materials import Diffuse, Material, Ward
 from relume.scene.materials.media import Medium

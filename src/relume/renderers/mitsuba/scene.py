@@ -13,9 +13,9 @@ import numpy as np
 
 from relume.errors import UnsupportedScene
 from relume.light.reflection.convolution import as_latlong
-from relume.renderers.mitsuba.distant import distant_shape, require_inside, triangles
+from relume.renderers.mitsuba.arrays import rgb, triangles
+from relume.renderers.mitsuba.distant import distant_shape, require_inside
 from relume.renderers.mitsuba.materials import bsdf, emission, interior
-from relume.renderers.mitsuba.textures import rgb
 from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Infinite
 from relume.scene.lights import AmbientLight, Light, PointLight, SphereLight, SquareLaw

@@ -82,7 +82,7 @@ def _metallic_roughness(material: Material) -> Iterator[ShadedLayer]:
         return dielectric * (1 - metallic(uv, at)) + base(uv, at) * metallic(uv, at)
 
     for alpha, share in _widths(roughness):
-        yield ShadedLayer(_specular(alpha), _product(share, reflectance), share)
+        yield ShadedLayer(_specular(alpha), lambda uv, at, share=share: share(uv, at) * reflectance(uv, at), share)
 
 
 def _specular(alpha: float) -> Layer:
@@ -135,7 +135,3 @@ def _shade(value: Colour | np.ndarray | float) -> Shade:
         return values if image.ndim == 3 else np.repeat(values[:, None], 3, axis=1)
 
     return looked_up
-
-
-def _product(first: Shade, second: Shade) -> Shade:
-    return lambda uv, at: first(uv, at) * second(uv, at)

@@ -101,7 +101,7 @@ def _follow(points, view, world, settings, begin, end, results, record, waiting_
         red, green, blue, key, traced = 0.0, 0.0, 0.0, 0, 0
         for channel in range(3, CHANNELS):
             values[i, channel] = 0
-        _push(rays, notes, seeds, 0, (view[0], view[1], view[2]), direction, (1.0, 1.0, 1.0), np.inf, 0.0, 1.0)
+        _push(rays, 0, (view[0], view[1], view[2]), direction, (1.0, 1.0, 1.0), np.inf, 0.0, 1.0)
         notes[0, 0], notes[0, 1], notes[0, 2], notes[0, 3], seeds[0] = EYE, 0, -1, -1, sample_seed
         top = 1
         while top > 0:
@@ -284,7 +284,7 @@ def _follow(points, view, world, settings, begin, end, results, record, waiting_
                 )
                 if largest(reaching) > 0:
                     # A lamp that lies on a surface is not in that surface's shadow.
-                    _push(rays, notes, seeds, top, point, towards, reaching, far * (1 - NEAR), way, split)
+                    _push(rays, top, point, towards, reaching, far * (1 - NEAR), way, split)
                     notes[top, 0], notes[top, 1], notes[top, 2], notes[top, 3] = SHADOW, level, node, light
                     top += 1
 
@@ -316,7 +316,7 @@ def _follow(points, view, world, settings, begin, end, results, record, waiting_
                     if under <= 0:
                         # A turned normal sent it below the surface: it grazes instead.
                         towards = unit(along(towards, outward, 1e-3 - under))
-                    _push(rays, notes, seeds, top, point, towards, sent_on, np.inf, way, split * many)
+                    _push(rays, top, point, towards, sent_on, np.inf, way, split * many)
                     notes[top, 0], notes[top, 1], notes[top, 2], notes[top, 3] = REFLECTED, level + 1, node, -1
                     seeds[top] = hashed(node_seed, 2 * which + 1)
                     top += 1
@@ -327,7 +327,7 @@ def _follow(points, view, world, settings, begin, end, results, record, waiting_
                         continue
                     if above >= 0:
                         towards = unit(along(towards, outward, -1e-3 - above))
-                    _push(rays, notes, seeds, top, point, towards, through, np.inf, way, split * many)
+                    _push(rays, top, point, towards, through, np.inf, way, split * many)
                     notes[top, 0], notes[top, 1], notes[top, 2], notes[top, 3] = REFRACTED, level + 1, node, -1
                     seeds[top] = hashed(node_seed, 2 * which + 2)
                     top += 1
@@ -351,8 +351,8 @@ def _dim(rays, notes, top, node, point, weight, through, limit, way):
 
 
 @exact_small
-def _push(rays, notes, seeds, top, origin, direction, weight, limit, way, split):
-    """Put a ray on the stack, but for what its notes say."""
+def _push(rays, top, origin, direction, weight, limit, way, split):
+    """Put a ray on the stack, but for what its notes and its seed say."""
     rays[top, 0], rays[top, 1], rays[top, 2] = origin
     rays[top, 3], rays[top, 4], rays[top, 5] = direction
     rays[top, 6], rays[top, 7], rays[top, 8] = weight

@@ -88,8 +88,16 @@ class Whitted(Renderer):
 
         Raises UnsupportedScene for a distant scene that is not at infinity, and for spheres of light.
         """
-        if (reason := why_not(scene)) is not None:
-            raise UnsupportedScene(reason)
+        if not isinstance(scene.distant, Infinite):
+            raise UnsupportedScene(
+                "Whitted's method sees its light map at infinity, and this scene's is on walls; use rl.Mitsuba "
+                "(--renderer mitsuba), or an Infinite distant scene"
+            )
+        if any(isinstance(light, SphereLight) for light in scene.lights):
+            raise UnsupportedScene(
+                "Whitted's lights have no size, and one of the scene's is a sphere; use rl.Mitsuba "
+                "(--renderer mitsuba), or a PointLight of intensity π·radius² times its radiance"
+            )
         return PreparedWhitted(self, scene)
 
 
@@ -276,21 +284,6 @@ class PreparedWhitted:
             shape = int(record.shape[0])
             met.append(shape if shape >= 0 and record.inside[0] and glass[shape] else -1)
         return [shape for shape in set(met) - {-1} if met.count(shape) >= 4]
-
-
-def why_not(scene: Scene) -> str | None:
-    """What of a scene's light Whitted's method cannot show, in one line with the remedy; None where it shows all."""
-    if not isinstance(scene.distant, Infinite):
-        return (
-            "Whitted's method sees its light map at infinity, and this scene's is on walls; use rl.Mitsuba "
-            "(--renderer mitsuba), or an Infinite distant scene"
-        )
-    if any(isinstance(light, SphereLight) for light in scene.lights):
-        return (
-            "Whitted's lights have no size, and one of the scene's is a sphere; use rl.Mitsuba (--renderer mitsuba), "
-            "or a PointLight of intensity π·radius² times its radiance"
-        )
-    return None
 
 
 def view_of(camera: Camera) -> np.ndarray:

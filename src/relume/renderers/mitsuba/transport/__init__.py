@@ -1,1 +1,1 @@
-"""Light transport of differential rendering, in Dr.Jit."""
+"""Light transport of differential rendering, in Dr.Jit; only what renders imports it, for it imports Mitsuba."""

@@ -4,7 +4,6 @@ A path from the camera finds a small lamp behind glass by chance only, and then 
 forwards, as what is to the side of Whitted's rays had to wait for (Arvo 1986): from the brighter part of the scene's
 light to the objects that send it on in one direction, and from the first surface that scatters it straight to the
 camera. `World.dimmed` takes the same light from the paths that begin at the camera.
-Imported only where something is rendered: it imports Mitsuba.
 """
 
 from __future__ import annotations
@@ -14,10 +13,9 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from relume.renderers.mitsuba.transport.aim import Spheres
 from relume.renderers.mitsuba.transport.lens import Lens
 from relume.renderers.mitsuba.transport.paths import World
-from relume.renderers.mitsuba.transport.random_numbers import two
+from relume.renderers.mitsuba.transport.sampling import Spheres, two
 
 SEEN = 4
 """Surfaces of one ray of light that the camera may see it on; light that has scattered more often is faint."""

@@ -1,7 +1,4 @@
-"""One pass of differential rendering in Dr.Jit: what objects add to each pixel, and what they change beside them.
-
-Imported only where something is rendered: it imports Mitsuba.
-"""
+"""One pass of differential rendering in Dr.Jit: what objects add to each pixel, and what they change beside them."""
 
 from __future__ import annotations
 
@@ -14,13 +11,12 @@ import numpy as np
 
 from relume.renderers.mitsuba.materials import bsdf, emission, filling
 from relume.renderers.mitsuba.scene import _shape
-from relume.renderers.mitsuba.transport.aim import Guide
 from relume.renderers.mitsuba.transport.caustics import caustics
 from relume.renderers.mitsuba.transport.lens import Lens
 from relume.renderers.mitsuba.transport.light import SceneLight
 from relume.renderers.mitsuba.transport.media import Media
 from relume.renderers.mitsuba.transport.paths import World, changed, followed
-from relume.renderers.mitsuba.transport.random_numbers import Numbers, two
+from relume.renderers.mitsuba.transport.sampling import Guide, Numbers, two
 from relume.renderers.progressive.accumulation import pass_seed
 from relume.renderers.raytrace.alpha_coverage import is_pierced
 from relume.scene.cameras.camera import Camera

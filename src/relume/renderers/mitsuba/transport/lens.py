@@ -1,7 +1,4 @@
-"""A camera in Dr.Jit: rays through its pixels, and where on the picture a point is seen.
-
-Imported only where something is rendered: it imports Mitsuba.
-"""
+"""A camera in Dr.Jit: rays through its pixels, and where on the picture a point is seen."""
 
 from __future__ import annotations
 
@@ -38,32 +35,31 @@ class Lens:
             # Corner samples of the pixels, so that what lies between is within a thousandth of a pixel.
             u, v = (x + 0.5) / (camera.width + 1), (y + 0.5) / (camera.height + 1)
             across, up = self.straight.eval(mi.Point2f(u, v))
-        towards = mi.Vector3f(across, up, -1)
-        origin = mi.Vector3f(0)
+        towards, origin = mi.Vector3f(across, up, -1), self._on_lens(aperture)
         if camera.aperture > 0:
-            disc = camera.aperture * mi.warp.square_to_uniform_disk_concentric(aperture)
-            origin = mi.Vector3f(disc.x, disc.y, 0)
             towards = self.focus * towards - origin
         return mi.Ray3f(self.place + self.turn @ origin, dr.normalize(self.turn @ towards))
+
+    def _on_lens(self, aperture: Any) -> Any:
+        """Where a ray goes through the lens, from its middle and in the camera's frame."""
+        if not self.camera.aperture > 0:
+            return mi.Vector3f(0)
+        disc = self.camera.aperture * mi.warp.square_to_uniform_disk_concentric(aperture)
+        return mi.Vector3f(disc.x, disc.y, 0)
 
     def seen_at(self, si: Any, aperture: Any, active: Any) -> tuple[Any, Any, Any]:
         """Where a point is seen, the picture's density there as a share of radiance, and the way to the camera.
 
         The share is f²/(cos³θ·r²): square pixels for a square metre that faces the camera, of what leaves it.
         """
-        camera = self.camera
-        origin = mi.Vector3f(0)
-        blurred = camera.aperture > 0
-        if blurred:
-            disc = camera.aperture * mi.warp.square_to_uniform_disk_concentric(aperture)
-            origin = mi.Vector3f(disc.x, disc.y, 0)
+        camera, origin = self.camera, self._on_lens(aperture)
         lens = self.place + self.turn @ origin
         way = lens - si.p
         local = self.back @ -way
         depth = -local.z
         ahead = active & (depth > 1e-3)
         across, up = local.x / depth, local.y / depth
-        if blurred:
+        if camera.aperture > 0:
             # Through the plane in focus, which the middle of the lens shows where the picture has it.
             across, up = across + origin.x / self.focus, up + origin.y / self.focus
         cosine, distance = depth / dr.norm(local), dr.norm(way)

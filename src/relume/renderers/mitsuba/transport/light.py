@@ -1,7 +1,4 @@
-"""The light of a scene in Dr.Jit: the probe's map projected onto the distant scene, and lamps, looked up and sampled.
-
-Imported only where something is rendered: it imports Mitsuba.
-"""
+"""The light of a scene in Dr.Jit: the map projected onto the distant scene, and lamps, looked up, sampled, sent out."""
 
 from __future__ import annotations
 
@@ -12,8 +9,8 @@ import mitsuba as mi
 import numpy as np
 
 from relume.errors import UnsupportedScene
-from relume.renderers.mitsuba.transport.aim import Sample, Spheres, aimed, beside, parallel
 from relume.renderers.mitsuba.transport.light_map import FAR, LightMap
+from relume.renderers.mitsuba.transport.sampling import Sample, Spheres, aimed, beside, parallel
 from relume.scene.lights import DistantLight, PointLight, SphereLight, SquareLaw
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import bounding_sphere

@@ -2,7 +2,7 @@
 
 Mitsuba's own environment map is at infinity. This one is anywhere: a direction is drawn at the probe, followed to the
 distant scene, and what stands there is seen from any place, so that near walls and windows light each place as they do
-(Debevec 1998, Fig. 5). Imported only where something is rendered: it imports Mitsuba.
+(Debevec 1998, Fig. 5).
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import mitsuba as mi
 import numpy as np
 
 from relume.light.reflection.convolution import as_latlong
-from relume.renderers.mitsuba.distant import triangles
-from relume.renderers.mitsuba.transport.aim import Sample, Spheres, aimed, parallel
+from relume.renderers.mitsuba.arrays import triangles
+from relume.renderers.mitsuba.transport.sampling import Sample, Spheres, aimed, parallel
 from relume.scene.distant import Box, Dome, Enclosure, Infinite
 from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Scene

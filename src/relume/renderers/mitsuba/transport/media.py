@@ -1,7 +1,4 @@
-"""What fills the objects, in Dr.Jit: light absorbed and scattered on its way through them.
-
-Imported only where something is rendered: it imports Mitsuba.
-"""
+"""What fills the objects, in Dr.Jit: light absorbed and scattered on its way through them."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Paths of light in Dr.Jit: what comes back along a ray, and what added objects change of it.
-
-Imported only where something is rendered: it imports Mitsuba.
-"""
+"""Paths of light in Dr.Jit: what comes back along a ray, and what added objects change of it."""
 
 from __future__ import annotations
 
@@ -12,10 +9,9 @@ import mitsuba
 import numpy as np
 
 from relume.renderers.mitsuba.path_tracer import FAIR, WALK
-from relume.renderers.mitsuba.transport.aim import Guide
 from relume.renderers.mitsuba.transport.light import SceneLight
 from relume.renderers.mitsuba.transport.media import Media
-from relume.renderers.mitsuba.transport.random_numbers import Numbers, two
+from relume.renderers.mitsuba.transport.sampling import Guide, Numbers, two
 
 # Untyped: a type checker would follow every variable round and round the loops.
 dr: Any = drjit

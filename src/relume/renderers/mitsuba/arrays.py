@@ -1,4 +1,4 @@
-"""Numbers, colours and images of materials as Mitsuba's textures."""
+"""Arrays in Mitsuba's words: numbers, colours and images as its textures, and triangles as its meshes."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from relume.scene.materials.materials import Colour
+from relume.scene.shapes.shapes import Mesh
 
 
 def rgb(colour: Colour | np.ndarray) -> dict[str, Any]:
@@ -41,3 +42,22 @@ def texture(mi: Any, value: Any) -> Any:
 def _bitmap_words(mi: Any, image: np.ndarray) -> dict[str, Any]:
     bitmap = mi.Bitmap(np.ascontiguousarray(image if image.ndim == 3 else image[..., None]))
     return {"type": "bitmap", "bitmap": bitmap, "raw": True}
+
+
+def triangles(mi: Any, mesh: Mesh, parts: dict[str, Any]) -> Any:
+    """Triangles as a Mitsuba mesh, with the surface, emitter and medium that `parts` says; `uv` as Mitsuba has it."""
+    properties = mi.Properties()
+    for name, words in parts.items():
+        properties[name] = mi.load_dict(words)
+    arrays = {"vertex_positions": mesh.vertices, "vertex_normals": mesh.normals, "vertex_texcoords": mesh.uv}
+    built = mi.Mesh(
+        mesh.name, len(mesh.vertices), len(mesh.faces), props=properties,
+        has_vertex_normals=mesh.normals is not None, has_vertex_texcoords=mesh.uv is not None,
+    )  # fmt: skip
+    parameters = mi.traverse(built)
+    parameters["faces"] = np.ravel(mesh.faces).astype(np.uint32)
+    for name, values in arrays.items():
+        if values is not None:
+            parameters[name] = np.ravel(values).astype(np.float32)
+    parameters.update()
+    return built
