@@ -45,13 +45,13 @@ from .relight import relight_sequence as relight_sequence
 from .relight import subject_mesh as subject_mesh
 from .relight import usable_mesh as usable_mesh
 from .relighting.cosine import compress_cosine as compress_cosine
-from .relighting.irradiances import irradiances as irradiances
 from .relighting.low_rank import compress_low_rank as compress_low_rank
 from .relighting.mosaic import mosaic as mosaic
 from .relighting.mosaic import mosaic_size as mosaic_size
 from .relighting.mosaic import reflectance_function as reflectance_function
 from .relighting.relighting import weighted_sum as weighted_sum
 from .relighting.stage_lighting import StageLighting as StageLighting
+from .relighting.stage_lighting import irradiances as irradiances
 from .relit_files import write_frames as write_frames
 from .relit_files import write_picture as write_picture
 from .rti.export import RTIForm as RTIForm

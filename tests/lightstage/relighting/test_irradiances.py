@@ -7,9 +7,8 @@ import pytest
 
 from relume.light.constellations.constellation import Constellation
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.relighting.interpolation import NearestLight, Smooth
-from relume.lightstage.relighting.irradiances import constellation_irradiances, irradiances, lamp_irradiances
-from relume.lightstage.relighting.stage_lighting import StageLighting, as_lighting
+from relume.lightstage.relighting.interpolation import Interpolation, NearestLight, Smooth
+from relume.lightstage.relighting.stage_lighting import StageLighting, as_lighting, irradiances
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.scene.lights import DistantLight, PointLight, Unattenuated
 from relume.sphere.directions import rotation_about
@@ -23,6 +22,10 @@ WAYS = pytest.mark.parametrize("by", [NearestLight(), Smooth()])
 
 def noisy(rows: int = 32) -> EnvironmentMap:
     return EnvironmentMap(np.random.default_rng(1).random((rows, 2 * rows, 3)).astype(np.float32))
+
+
+def of_lamp(lamp: DistantLight | PointLight, by: Interpolation = Smooth(), diameter: float = 0.0) -> np.ndarray:
+    return StageLighting(lamps=(lamp,), lamp_diameter=diameter).irradiances(LIGHTS, by)
 
 
 @WAYS
@@ -58,7 +61,7 @@ def test_a_sun_that_is_one_pixel_is_not_missed():
 @WAYS
 def test_a_light_of_the_stage_stands_for_itself_alone(by):
     towards = tuple(LIGHTS.directions[7])
-    found = lamp_irradiances(LIGHTS, DistantLight(towards, (2.0, 3.0, 4.0)), by)
+    found = of_lamp(DistantLight(towards, (2.0, 3.0, 4.0)), by)
     expected = np.zeros((60, 3))
     expected[7] = [2, 3, 4]
     np.testing.assert_allclose(found, expected, atol=1e-6)
@@ -90,8 +93,8 @@ def test_the_mapping_of_the_map_does_not_matter():
 
 
 def test_a_lamp_twice_as_far_gives_a_quarter():
-    near = lamp_irradiances(LIGHTS, PointLight((0, 1, 0), (1.0, 1.0, 1.0)))
-    far = lamp_irradiances(LIGHTS, PointLight((0, 2, 0), (1.0, 1.0, 1.0)))
+    near = of_lamp(PointLight((0, 1, 0), (1.0, 1.0, 1.0)))
+    far = of_lamp(PointLight((0, 2, 0), (1.0, 1.0, 1.0)))
     np.testing.assert_allclose(far, near / 4, rtol=1e-9)
     np.testing.assert_allclose(near.sum(axis=0), 1.0, rtol=1e-9)
 
@@ -106,22 +109,22 @@ def test_a_mesh_is_lit_as_strongly_as_the_field():
 
 def test_a_wide_sun_spreads_over_more_lights_and_keeps_its_light():
     sun = DistantLight((0.3, 0.8, 0.5), (1.0, 1.0, 1.0))
-    wide = lamp_irradiances(LIGHTS, sun, NearestLight(), radius=0.8)
-    assert (wide[:, 0] > 0).sum() > 5 > (lamp_irradiances(LIGHTS, sun, NearestLight())[:, 0] > 0).sum()
+    wide = of_lamp(sun, NearestLight(), 1.6)
+    assert (wide[:, 0] > 0).sum() > 5 > (of_lamp(sun, NearestLight())[:, 0] > 0).sum()
     np.testing.assert_allclose(wide.sum(axis=0), 1.0, rtol=1e-9)
 
 
 @WAYS
 def test_a_constellation_is_the_sum_of_its_lights(by):
     towards, power = LIGHTS.directions[:3], np.array([[1.0, 0, 0], [0, 2, 0], [0, 0, 3]])
-    found = constellation_irradiances(LIGHTS, Constellation(towards, power), by)
+    found = StageLighting(light_sets=(Constellation(towards, power),)).irradiances(LIGHTS, by)
     np.testing.assert_allclose(found[:3], power, atol=1e-6)
     np.testing.assert_allclose(found[3:], 0, atol=1e-6)
 
 
 def test_a_lamp_inside_the_subject_is_refused():
     with pytest.raises(ValueError, match="holds the subject"):
-        lamp_irradiances(LIGHTS, PointLight((0, 0, 0), (1.0, 1.0, 1.0)))
+        of_lamp(PointLight((0, 0, 0), (1.0, 1.0, 1.0)))
 
 
 def test_light_that_is_no_light_is_refused():

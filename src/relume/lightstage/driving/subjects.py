@@ -15,7 +15,7 @@ from relume.light.reflection.lobes import GGXLobe, Lambert, Lobe
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.interpolation import Interpolation, NearestLight, Smooth
-from relume.lightstage.relighting.irradiances import irradiances
+from relume.lightstage.relighting.stage_lighting import irradiances
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
 

@@ -18,8 +18,8 @@ from relume.image.radiance import RadianceMap
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.matting import kernel as matte_kernel
 from relume.lightstage.matting.environment_matte import EnvironmentMatte
-from relume.lightstage.relighting.irradiances import irradiances
 from relume.lightstage.relighting.relighting import weighted_sum
+from relume.lightstage.relighting.stage_lighting import irradiances
 from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import look_at, normalised
 from relume.sphere.environment_map import EnvironmentMap
