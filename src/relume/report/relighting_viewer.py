@@ -209,11 +209,12 @@ def turning_part(stage: InteractiveBasis, lights: Mapping[str, EnvironmentMap]) 
         bright = float(np.quantile(stage.picture(stage.amounts(light, 0.0, 0.0)), 0.99))
         shown = light.remapped(light.mapping, 2 * flux.shape[0]) if light.size > 2 * flux.shape[0] else light
         level = 0.5 / max(float(np.median(shown.radiance)), 1e-12)
+        pixels = np.rint(255 * encode_srgb(np.clip(shown.radiance * level, 0, 1))).astype(np.uint8)
         data["lights"].append(
             {
                 "flux": _packed(flux),
                 "gain": 1 / max(bright, 1e-12),
-                "picture": _text(encode(_encoded(shown.radiance * level), b"")),
+                "picture": _text(encode(pixels, b"")),
             }
         )
     options = "".join(f'<option value="{i}">{html.escape(name)}</option>' for i, name in enumerate(lights))
@@ -240,7 +241,3 @@ def _packed(values: np.ndarray) -> str:
 
 def _text(data: bytes) -> str:
     return base64.b64encode(data).decode("ascii")
-
-
-def _encoded(values: np.ndarray) -> np.ndarray:
-    return np.rint(255 * encode_srgb(np.clip(values, 0, 1))).astype(np.uint8)

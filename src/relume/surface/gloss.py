@@ -25,6 +25,8 @@ LOW, HIGH = np.array([0.0, 0.05]), np.array([0.3, 1.0])
 USUAL, USUALLY = np.array([0.04, 0.5]), np.array([0.02, 0.3])
 """What F₀ and roughness are where nothing is measured, and how far off: most painted, wooden and plastic surfaces have
 an index of refraction between 1.33 and 1.65, and any roughness."""
+ANY = np.array([np.inf, np.inf])
+"""How far off they may be where two views measure them."""
 FEWEST = 60
 """Points that both views must share."""
 DISAGREE = 0.3
@@ -165,7 +167,7 @@ def _from_two(shared: Shared, camera: Camera, scene: Scene, seed: int, starts: t
 
     scale = np.hypot(plate_error, probe_error)
     share = scale / (0.5 * (shared.plate + shared.probe))
-    return _fitted(residuals, shared.cells, share, 2, None, (), starts)
+    return _fitted(residuals, shared.cells, share, 2, ANY, (), starts)
 
 
 def _of_groups(values: np.ndarray, cells: np.ndarray) -> np.ndarray:
@@ -186,7 +188,7 @@ def _from_one(shared: Shared, camera: Camera, scene: Scene, seed: int, notes: tu
         albedo = np.median((shared.plate - gloss) / np.maximum(base, 1e-30), axis=0)
         return (shared.plate - gloss - albedo * base) / scale
 
-    return _fitted(residuals, shared.cells, np.full_like(scale, PATTERN), 1, (USUAL, USUALLY), notes, STARTS)
+    return _fitted(residuals, shared.cells, np.full_like(scale, PATTERN), 1, USUALLY, notes, STARTS)
 
 
 def _split(light: Arriving, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -199,24 +201,25 @@ def _fitted(
     cells: np.ndarray,
     share: np.ndarray,
     views: int,
-    usual: tuple[np.ndarray, np.ndarray] | None,
+    spread: np.ndarray,
     notes: tuple[str, ...],
     starts: tuple[np.ndarray, ...],
 ) -> FittedGloss:
     """Robust least squares (Cauchy's weights) of F₀ and roughness; errors by groups of neighbouring points.
 
+    spread : (2,) how far they usually lie off `USUAL`
+
     Neighbouring points err alike (a wrong albedo, a thing on the table), so the scatter is taken between cells and not
     between points (the sandwich of White and Huber, clustered).
     """
     # Descend from the best start (Levenberg and Marquardt).
-    costs = [_cost(residuals(start), start, usual) for start in starts]
+    costs = [_cost(residuals(start), start, spread) for start in starts]
     theta, cost, damping = starts[int(np.argmin(costs))], min(costs), 1e-3
     for _ in range(25):
-        value, slope, weight = _linear(residuals, theta)
-        normal, gradient = _normal(value, slope, weight, theta, usual)
+        *_, normal, gradient = _normal(residuals, theta, spread)
         step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -gradient)
         tried = np.clip(theta + step, LOW, HIGH)
-        new = _cost(residuals(tried), tried, usual)
+        new = _cost(residuals(tried), tried, spread)
         if new < cost:
             moved = np.abs(tried - theta)
             theta, cost, damping = tried, new, damping / 5
@@ -227,18 +230,15 @@ def _fitted(
             if damping > 1e6:
                 break
     # The error, from the scatter between cells.
-    value, slope, weight = _linear(residuals, theta)
-    normal, _ = _normal(value, slope, weight, theta, usual)
+    value, slope, weight, normal, _ = _normal(residuals, theta, spread)
     scores = np.zeros((cells.max() + 1, 2))
     np.add.at(scores, cells, np.einsum("nc,nck,nc->nk", weight, slope, value))
     inverse = np.linalg.inv(normal)
-    spread = scores.T @ scores
-    if usual is not None:
-        spread = spread + np.diag((_spread(value) / usual[1]) ** 2)
+    scattered = scores.T @ scores + np.diag((_scatter(value) / spread) ** 2)
     # A light that is off by its expected error moves the whole gloss alike, which no scatter shows.
     off = (residuals(theta, 1 + LIGHT) - residuals(theta, 1 - LIGHT)) / 2
     moved = inverse @ np.einsum("nc,nck,nc->k", weight, slope, off)
-    error = np.sqrt(np.maximum(np.diag(inverse @ spread @ inverse), 0) + moved**2)
+    error = np.sqrt(np.maximum(np.diag(inverse @ scattered @ inverse), 0) + moved**2)
     at_end = (theta <= LOW + 1e-6) | (theta >= HIGH - 1e-6)
     more = tuple(
         f"the {name} came out at the end of its range, {value:.2f}; look at the surface's model and the camera's pose"
@@ -246,38 +246,28 @@ def _fitted(
         if ends
     )
     gloss = Gloss(float(theta[0]), float(theta[1]))
-    scatter = _spread(value * share)
+    scatter = _scatter(value * share)
     return FittedGloss(gloss, float(error[0]), float(error[1]), len(value), scatter, views, notes + more)
 
 
-def _spread(value: np.ndarray) -> float:
+def _scatter(value: np.ndarray) -> float:
     return max(1.4826 * float(np.median(np.abs(value))), 1e-3)
 
 
-def _cost(value: np.ndarray, theta: np.ndarray, usual: tuple[np.ndarray, np.ndarray] | None) -> float:
+def _cost(value: np.ndarray, theta: np.ndarray, spread: np.ndarray) -> float:
     cost = 0.5 * OUTLIER**2 * float(np.log1p((value / OUTLIER) ** 2).sum())
-    if usual is not None:
-        cost += 0.5 * float((((theta - usual[0]) / usual[1]) ** 2).sum()) * _spread(value) ** 2
-    return cost
+    return cost + 0.5 * float((((theta - USUAL) / spread) ** 2).sum()) * _scatter(value) ** 2
 
 
-def _linear(residuals: Callable[..., np.ndarray], theta: np.ndarray) -> tuple[np.ndarray, ...]:
-    value = residuals(theta)
-    slopes = []
+def _normal(residuals: Callable[..., np.ndarray], theta: np.ndarray, spread: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Residuals, their slopes and weights, and the matrix and gradient of the normal equations."""
+    value, slopes = residuals(theta), []
     for axis in range(2):
         step = np.eye(2)[axis] * STEP[axis]
         above, below = np.clip(theta + step, LOW, HIGH), np.clip(theta - step, LOW, HIGH)
         slopes.append((residuals(above) - residuals(below)) / (above - below)[axis])
-    return value, np.stack(slopes, axis=-1), 1 / (1 + (value / OUTLIER) ** 2)
-
-
-def _normal(
-    value: np.ndarray, slope: np.ndarray, weight: np.ndarray, theta: np.ndarray,
-    usual: tuple[np.ndarray, np.ndarray] | None,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    matrix = np.einsum("nc,nck,ncl->kl", weight, slope, slope)
-    gradient = np.einsum("nc,nck,nc->k", weight, slope, value)
-    if usual is not None:
-        strength = (_spread(value) / usual[1]) ** 2
-        matrix, gradient = matrix + np.diag(strength), gradient + strength * (theta - usual[0])
-    return matrix, gradient
+    slope, weight = np.stack(slopes, axis=-1), 1 / (1 + (value / OUTLIER) ** 2)
+    strength = (_scatter(value) / spread) ** 2
+    matrix = np.einsum("nc,nck,ncl->kl", weight, slope, slope) + np.diag(strength)
+    gradient = np.einsum("nc,nck,nc->k", weight, slope, value) + strength * (theta - USUAL)
+    return value, slope, weight, matrix, gradient

@@ -21,7 +21,7 @@ from relume.renderers.renderer import Renderer
 from relume.renderers.results import Render
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.checks import triple
-from relume.scene.materials.materials import Colour, Diffuse, Material
+from relume.scene.materials.materials import Colour, Diffuse
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Plane, Shape
 from relume.surface.clean_pixels import filled_in, trustworthy
@@ -116,7 +116,8 @@ def recover_reflectance(
         if isinstance(wish.gloss, EstimatedGloss) and not isinstance(wish.albedo, KnownMaterial) else None
         for index, wish in enumerate(wanted)
     ]  # fmt: skip
-    glosses = [_gloss(fit, wish) for fit, wish in zip(fits, wanted, strict=True)]
+    given = [None if isinstance(wish.gloss, EstimatedGloss) else wish.gloss for wish in wanted]
+    glosses = [known if fit is None else fit.gloss for fit, known in zip(fits, given, strict=True)]
     notes = [f"{_called(scene.local, i)}: {note}" for i, fit in enumerate(fits) if fit for note in fit.notes]
     progress(0.2)
 
@@ -178,12 +179,6 @@ def recover_reflectance(
     return RecoveredLocal(tuple(surfaces), albedo, without, light.astype(np.float32), iterations, change, tuple(notes))
 
 
-def _gloss(fit: FittedGloss | None, wish: Recovery) -> Gloss | None:
-    if fit is not None:
-        return fit.gloss
-    return None if isinstance(wish.gloss, EstimatedGloss) else wish.gloss
-
-
 def _require_seen(
     plate: RadianceMap, camera: Camera, scene: Scene, wanted: Sequence[Recovery], usable: Sequence[np.ndarray]
 ) -> None:  # fmt: skip
@@ -230,17 +225,13 @@ class _Looks:
         piece = self.pieces[index]
         image = mean if isinstance(self.wanted[index].albedo, ConstantAlbedo) else albedo
         return tuple(
-            replace(mesh, material=_material(value, gloss))
+            replace(mesh, material=Diffuse(value) if gloss is None else glossy(value, gloss))
             for mesh, value in ((piece.seen, image), (piece.unseen, mean))
             if mesh is not None
         )
 
     def shapes(self, albedo: np.ndarray, means: Sequence[Colour], glosses: Sequence[Gloss | None]) -> list[Shape]:
         return [shape for i in range(len(self.local)) for shape in self.of(i, albedo, means[i], glosses[i])]
-
-
-def _material(reflectance: Colour | np.ndarray, gloss: Gloss | None) -> Diffuse | Material:
-    return Diffuse(reflectance) if gloss is None else glossy(reflectance, gloss)
 
 
 def _parts(scene: Scene, camera: Camera) -> np.ndarray:

@@ -29,7 +29,7 @@ from relume.lightstage.novel_view.projection import Outline, Sight, Subject, wit
 from relume.lightstage.novel_view.resynthesis import LightTriangles, resynthesised_diffuse, resynthesised_specular
 from relume.lightstage.novel_view.source_views import Blending, NewRays, NewView, SourceView, blend_sources
 from relume.lightstage.relighting.relighting import cut
-from relume.lightstage.surface.shadow_map import lit
+from relume.lightstage.surface.photometric_stereo import lit
 from relume.scene.cameras.camera import Camera
 from relume.scene.shapes.shapes import Mesh
 

@@ -111,7 +111,7 @@ def resynthesised_specular(
 
     specular : (N, …, 3), from the first view
     normal, view, new_view : (…, 3)
-    lit : (N, …) bool, which lights reach the surface straight (`shadow_map.lit`); all above the horizon if None
+    lit : (N, …) bool, which lights reach the surface straight (`photometric_stereo.lit`); all above the horizon if None
     triangles : of these lights, when they are at hand
     What was read as specular of lights below the horizon or in shadow was mirrored by no facet of this surface;
     it is kept as it was and no highlight appears there. The same for normals that face away from either view.

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.relighting import cut
 
 _CHUNK = 16384
 _NUGGET = 1e-9
@@ -90,8 +91,7 @@ class Barycentric:
         corners, inverse = _triangles(lights)
         around = _around(corners, len(lights))
         tree = KDTree(lights.directions)
-        for begin in range(0, len(directions), _CHUNK):
-            part = slice(begin, begin + _CHUNK)
+        for part in cut(len(directions), _CHUNK):
             towards = np.asarray(directions[part], np.float64)
             chord, nearest = tree.query(towards)
             index, share = _crossed(corners, inverse, around, towards, np.asarray(nearest))
@@ -222,8 +222,7 @@ class Smooth:
         right = np.zeros((len(lights) + 1, power.shape[1]))
         beyond = np.zeros((len(lights), power.shape[1]))
         tree = KDTree(lights.directions)
-        for begin in range(0, len(power), _CHUNK):
-            part = slice(begin, begin + _CHUNK)
+        for part in cut(len(power), _CHUNK):
             chord, nearest = tree.query(directions[part])
             known = _known(lights, np.asarray(chord))[:, None]
             right[:-1] += self._covariance(lights, directions[part]).T @ (power[part] * known)

@@ -16,8 +16,14 @@ from relume.lightstage.field.field import Derived, ReflectanceField
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.relighting import cut
 from relume.lightstage.surface.chromaticity import amounts, fitted_ramp, median_chromaticity, ramp, ramped
-from relume.lightstage.surface.photometric_stereo import lambertian_lobes, towards_camera
-from relume.lightstage.surface.shadow_map import bright_level, brightness, lit, shows_surface
+from relume.lightstage.surface.photometric_stereo import (
+    bright_level,
+    brightness,
+    lambertian_lobes,
+    lit,
+    shows_surface,
+    towards_camera,
+)
 from relume.sphere.directions import normalised
 
 PIXELS = 4096

@@ -15,9 +15,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.surface.photometric_stereo import lambertian_lobes, towards_camera
+from relume.lightstage.surface.photometric_stereo import (
+    bright_level,
+    brightness,
+    lambertian_lobes,
+    lit,
+    shows_surface,
+    towards_camera,
+)
 from relume.lightstage.surface.separation import Separated, row_blocks
-from relume.lightstage.surface.shadow_map import bright_level, brightness, lit, shows_surface
 
 LOWEST, HIGHEST = 0.03, 1.0
 """Bounds of α, the square of the perceptual roughness. Narrower lobes than half the lights' spacing are never resolved
