@@ -1,8 +1,6 @@
 """Portable float maps: every form of the header, bit for bit, and the places where programs disagree."""
 
-import os
 import struct
-from io import FileIO
 from pathlib import Path
 
 import cv2
@@ -167,27 +165,6 @@ def test_a_view_of_another_array_is_written_as_it_looks(tmp_path, numbered):
     view = numbered[::-1, ::2, ::-1]
     files.write(tmp_path / "view.pfm", RadianceMap(view))
     np.testing.assert_array_equal(files.read_radiance(tmp_path / "view.pfm").radiance, view)
-
-
-@pytest.mark.parametrize("accepted", [None, 0, 5, 24, 31])
-def test_systems_that_write_less_than_asked_or_cannot_gather_lose_nothing(tmp_path, numbered, monkeypatch, accepted):
-    if accepted is None:
-        monkeypatch.delattr(os, "writev", raising=False)
-    else:
-        monkeypatch.setattr(os, "writev", lambda handle, pieces: os.write(handle, b"".join(pieces)[:accepted]))
-    files.write(tmp_path / "map.pfm", RadianceMap(numbered))
-    expected = numbered[::-1].astype("<f4").tobytes()
-    assert (tmp_path / "map.pfm").read_bytes() == b"PF\n7 5\n-1.0\n" + expected
-
-
-def test_a_disk_that_takes_a_little_at_a_time_gets_all(tmp_path):
-    class Slow(FileIO):
-        def write(self, data, /) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
-            return super().write(data[:7])
-
-    with Slow(tmp_path / "data", "wb") as file:
-        pfm._write_all(file, memoryview(bytes(range(100))))
-    assert (tmp_path / "data").read_bytes() == bytes(range(100))
 
 
 def test_grey_of_a_coloured_map_is_refused_with_the_count(tmp_path):

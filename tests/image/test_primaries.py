@@ -80,14 +80,15 @@ def test_a_white_that_differs_in_its_last_digit_still_goes_to_white():
 
 def test_a_saturated_colour_gets_a_negative_channel_and_is_not_clipped():
     image = RadianceMap(np.array([[[0, 2, 0]]], np.float32), unit="cd/m²", attributes={"camera": "box"})
-    found = converted(image, BT2020, REC709)
+    found = converted(image, between(BT2020, REC709), BT2020)
     np.testing.assert_allclose(found.radiance, [[[-1.1752, 2.2658, -0.2012]]], rtol=0, atol=2e-4)
-    assert (found.unit, found.attributes, found.radiance.dtype) == ("cd/m²", {"camera": "box"}, np.float32)
+    assert (found.unit, found.radiance.dtype) == ("cd/m²", np.float32)
+    assert found.attributes == {"camera": "box", "primaries": "0.708 0.292 0.17 0.797 0.131 0.046 0.3127 0.329"}
 
 
 def test_variance_goes_with_the_squares():
     image = RadianceMap(np.ones((1, 1, 3), np.float32), variance=np.array([[[1, 4, 9]]], np.float32))
-    found = converted(image, BT2020, REC709).variance
+    found = converted(image, between(BT2020, REC709), BT2020).variance
     assert found is not None
     matrix = between(BT2020, REC709)
     draws = np.random.default_rng(2).normal(1, [1, 2, 3], (400_000, 3)) @ matrix.T

@@ -83,11 +83,14 @@ def between(given: Primaries, wanted: Primaries) -> np.ndarray:
     return np.linalg.inv(wanted.to_xyz()) @ _adapted(given.white, wanted.white) @ given.to_xyz()
 
 
-def converted(image: RadianceMap, given: Primaries, wanted: Primaries) -> RadianceMap:
-    """The map converted from primaries `given` to `wanted`; variances as of independent channels."""
-    matrix = between(given, wanted)
+def converted(image: RadianceMap, matrix: np.ndarray, given: Primaries) -> RadianceMap:
+    """The map with its channels mixed by `matrix`, and the primaries it had as an attribute.
+
+    Variances are converted as of independent channels.
+    """
     variance = None if image.variance is None else mixed(image.variance, matrix**2)
-    return replace(image, radiance=mixed(image.radiance, matrix), variance=variance)
+    attributes = {**image.attributes, "primaries": given.text}
+    return replace(image, radiance=mixed(image.radiance, matrix), variance=variance, attributes=attributes)
 
 
 def mixed(pixels: np.ndarray, matrix: np.ndarray) -> np.ndarray:

@@ -14,7 +14,6 @@ import os
 import re
 import warnings
 from dataclasses import dataclass
-from io import FileIO
 from typing import BinaryIO
 
 import numpy as np
@@ -27,7 +26,7 @@ from relume.image.files.read_options import OR_SALVAGE, ReadOptions, refuse_absu
 from relume.image.radiance import OUTSIDE, RadianceMap
 
 _HEADER = 2**14  # bytes in which a header ends; with comments, which Debevec's has not, but some readers take
-_BATCH = 64  # rows written by one call: fewer than the 1024 pieces that every system takes (IOV_MAX), and kept in cache
+_BATCH = 64  # rows turned over and written at once, which stay in the cache
 _GAP = re.compile(rb"(?:\s|#[^\n]*\n)+")
 _COMMENT = re.compile(rb"#([^\n]*)\n")
 _WORDS = (
@@ -125,11 +124,11 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: PFM = PFM(
     kind, scale = "Pf" if encoding.grey else "PF", "1.0" if encoding.big_endian else "-1.0"
     number = ">f4" if encoding.big_endian else "<f4"
     channels = 1 if encoding.grey else 3
-    with replacing(path) as temporary, open(temporary, "wb", buffering=0) as file:
-        _write_all(file, memoryview(f"{kind}\n{width} {height}\n{scale}\n".encode("ascii")))
+    with replacing(path) as temporary, open(temporary, "wb") as file:
+        file.write(f"{kind}\n{width} {height}\n{scale}\n".encode("ascii"))
         for end in range(height, 0, -_BATCH):
             batch = radiance[max(0, end - _BATCH) : end, :, :channels]
-            _write_rows(file, np.ascontiguousarray(batch, number)[::-1])
+            file.write(np.ascontiguousarray(batch[::-1], number).data)
 
 
 def _header(path: str | os.PathLike[str], file: BinaryIO) -> _Header:
@@ -196,20 +195,6 @@ def _coloured(row: np.ndarray) -> int:
     """How many pixels of (W, 3) have channels of different bits."""
     bits = np.ascontiguousarray(row).view(np.uint32)
     return int(np.count_nonzero(np.any(bits[:, 1:] != bits[:, :1], axis=1)))
-
-
-def _write_rows(file: FileIO, rows: np.ndarray) -> None:
-    """Write (N, …), each row contiguous, in that order, by one call of the system where it has such a call."""
-    pieces = [row.reshape(-1).view(np.uint8).data for row in rows]
-    written = os.writev(file.fileno(), pieces) if hasattr(os, "writev") else 0
-    for piece in pieces:
-        _write_all(file, piece[written:])
-        written = max(0, written - len(piece))
-
-
-def _write_all(file: FileIO, data: memoryview) -> None:
-    while data:
-        data = data[file.write(data) :]
 
 
 def _shown(found: bytes) -> str:

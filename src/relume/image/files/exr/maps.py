@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,7 @@ from relume.image.files.exr.header import read_headers
 from relume.image.files.exr.parts import Part, outside, read_parts, warn_of_overscan, write_parts
 from relume.image.files.metadata.attributes import scale_by
 from relume.image.files.read_options import ReadOptions
-from relume.image.primaries import EQUAL_ENERGY, REC709, Primaries, adaptation, mixed
+from relume.image.primaries import EQUAL_ENERGY, REC709, Primaries, adaptation, converted
 from relume.image.radiance import OUTSIDE, RadianceMap
 
 __all__ = ["attributes_of", "read", "read_layers", "subtype", "write", "write_layers"]
@@ -165,7 +164,7 @@ def _radiance_map(path: str | os.PathLike[str], parts: list[Part]) -> RadianceMa
 
 
 def _in_rec709(image: RadianceMap, given: Primaries, header: Mapping[str, Any]) -> RadianceMap:
-    """The map in Rec. 709; variances as of independent channels.
+    """The map in Rec. 709.
 
     What is neutral in the file stays neutral: its `adoptedNeutral`, else its white. CIE XYZ itself has no white, and is
     converted as it is (OpenEXR "Standard Attributes"; in its sample pair Rec709_YC and XYZ_YC the colours then agree
@@ -177,9 +176,7 @@ def _in_rec709(image: RadianceMap, given: Primaries, header: Mapping[str, Any]) 
     else:
         adapted = adaptation(given.white if neutral is None else neutral, REC709.white)
     matrix = np.linalg.inv(REC709.to_xyz()) @ adapted @ given.to_xyz()
-    variance = None if image.variance is None else mixed(image.variance, matrix**2)
-    attributes = {**image.attributes, "primaries": given.text}
-    return replace(image, radiance=mixed(image.radiance, matrix), variance=variance, attributes=attributes)
+    return converted(image, matrix, given)
 
 
 def _planes(name: str, layer: np.ndarray, kind: type) -> dict[str, np.ndarray]:

@@ -31,7 +31,7 @@ from relume.image.files.tiff.layout import (
 )
 from relume.image.files.tiff.samples import pieces, predicted
 from relume.image.files.tiff.writing import picture_tags, write_tiff
-from relume.image.primaries import REC709, converted
+from relume.image.primaries import REC709, between, converted
 from relume.image.radiance import OUTSIDE, RadianceMap
 
 _BITS = (16, 24, 32, 64)
@@ -181,5 +181,4 @@ def _in_rec709(path: str | os.PathLike[str], folder: Folder, layout: Layout, ima
     warnings.warn(
         f"{path}: its primaries are {given.text} (x, y of R, G, B, white); converted to Rec. 709", stacklevel=5
     )
-    image.attributes["primaries"] = given.text
-    return converted(image, given, REC709)
+    return converted(image, between(given, REC709), given)
