@@ -32,21 +32,13 @@ _WORDS = 2**16  # of a piece of work: 256 KiB, which stay in a core's own cache
 class Blocks:
     """The strips or tiles of a LogLuv TIFF, those of the upper rows first.
 
-    width, height : of the picture as stored
+    layout : of the picture as stored; the last blocks may reach beyond it
     bits : 16, 24 or 32
-    block_width, block_height : of a block; the last ones may reach beyond the picture
-    across : blocks beside one another, 1 of strips
-    tiled : whether they are tiles
     begins, lengths : (blocks,) int64, bytes in the file
     """
 
-    width: int
-    height: int
+    layout: Layout
     bits: int
-    block_width: int
-    block_height: int
-    across: int
-    tiled: bool
     begins: np.ndarray
     lengths: np.ndarray
 
@@ -58,17 +50,17 @@ class Blocks:
     @property
     def shortest_row(self) -> int:
         """Bytes that a row of a block takes at least."""
-        return self.streams * 2 * -(-self.block_width // _LONGEST) or 3 * self.block_width
+        return self.streams * 2 * -(-self.layout.block[0] // _LONGEST) or 3 * self.layout.block[0]
 
     @property
     def top(self) -> np.ndarray:
         """The picture row of each block's first."""
-        return np.arange(len(self.begins)) // self.across * self.block_height
+        return np.arange(len(self.begins)) // self.layout.across * self.layout.block[1]
 
     @property
     def rows(self) -> np.ndarray:
         """How many rows of each block lie in the picture."""
-        return np.minimum(self.block_height, self.height - self.top)
+        return np.minimum(self.layout.block[1], self.layout.height - self.top)
 
 
 def bits_of(path: str | os.PathLike[str], folder: Folder) -> int:
@@ -94,9 +86,7 @@ def blocks_of(path: str | os.PathLike[str], folder: Folder, size: int, options: 
     layout = layout_of(path, folder, size, options)
     _refuse_strange(path, folder, layout, bits)
     begins, lengths = (np.minimum(places, 2**62).astype(np.int64) for places in (layout.places, layout.lengths))
-    blocks = Blocks(
-        layout.width, layout.height, bits, *layout.block, layout.across, layout.tiled, np.maximum(begins, 0), lengths
-    )
+    blocks = Blocks(layout, bits, np.maximum(begins, 0), lengths)
     within = np.clip(size - blocks.begins, 0, np.maximum(lengths, 0))
     if not options.salvage:
         least = blocks.rows * blocks.shortest_row
@@ -154,10 +144,10 @@ class Rows:
     def missing(self) -> np.ndarray:
         """(H, W) bool, True where the file ends before the pixel."""
         blocks = self.blocks
-        result = np.zeros((blocks.height, blocks.width), bool)
-        for first, count, top, left in self._pieces(blocks.block_height):
+        result = np.zeros((blocks.layout.height, blocks.layout.width), bool)
+        for first, count, top, left in self._pieces(blocks.layout.block[1]):
             missing = self.places[first : first + count, None] < 0
-            result[top : top + count, left : left + blocks.block_width] |= missing
+            result[top : top + count, left : left + blocks.layout.block[0]] |= missing
         return result
 
     def paint(self, picture: np.ndarray, work: Callable[[np.ndarray, np.ndarray], None]) -> int:
@@ -169,18 +159,18 @@ class Rows:
         from relume.image.files.logluv import kernels
 
         blocks = self.blocks
-        pieces = list(self._pieces(max(1, _WORDS // blocks.block_width)))
+        pieces = list(self._pieces(max(1, _WORDS // blocks.layout.block[0])))
 
         def piece(begin: int, _end: int) -> int:
             first, count, top, left = pieces[begin]
-            words = np.empty((count, blocks.block_width), np.uint32)
+            words = np.empty((count, blocks.layout.block[0]), np.uint32)
             places = self.places[first : first + count]
             strange = 0
             if blocks.bits == 24:
                 strange = kernels.unpack_24(self.data, places, CODES, words)
             else:
                 kernels.unpack_runs(self.data, places, blocks.streams, words)
-            work(words, picture[top : top + count, left : left + blocks.block_width])
+            work(words, picture[top : top + count, left : left + blocks.layout.block[0]])
             return strange
 
         return sum(in_threads(piece, len(pieces), chunk=1))
@@ -188,11 +178,11 @@ class Rows:
     def _pieces(self, most: int) -> list[tuple[int, int, int, int]]:
         """(place of the first row, rows, top, left) of pieces of at most `most` rows."""
         blocks = self.blocks
-        if blocks.across == 1:  # rows of strips follow one another
-            return [(y, min(most, blocks.height - y), y, 0) for y in range(0, blocks.height, most)]
+        if blocks.layout.across == 1:  # rows of strips follow one another
+            return [(y, min(most, blocks.layout.height - y), y, 0) for y in range(0, blocks.layout.height, most)]
         pieces = []
         for block, (top, rows) in enumerate(zip(blocks.top.tolist(), blocks.rows.tolist(), strict=True)):
-            left = block % blocks.across * blocks.block_width
+            left = block % blocks.layout.across * blocks.layout.block[0]
             for row in range(0, rows, most):
                 pieces.append((int(self.firsts[block]) + row, min(most, rows - row), top + row, left))
         return pieces
@@ -220,12 +210,12 @@ def find(path: str | os.PathLike[str], blocks: Blocks, options: ReadOptions) -> 
     from relume.image.files.logluv import kernels
 
     failures = np.full((len(begins), 3), -1, np.int64)
-    kernels.find_rows(data, begins, ends, firsts, blocks.block_width, blocks.streams, places, failures)
+    kernels.find_rows(data, begins, ends, firsts, blocks.layout.block[0], blocks.streams, places, failures)
     for block in np.flatnonzero(failures[:, 0] >= 0):
         row, byte, filled = failures[block].tolist()
         where = f"row {blocks.top[block] + row}, byte {begin + byte}"
-        expected = f"a stream of {blocks.block_width} pixels"
-        if filled > blocks.block_width:
+        expected = f"a stream of {blocks.layout.block[0]} pixels"
+        if filled > blocks.layout.block[0]:
             raise FormatError(path, FORMAT, where, expected, f"a run that makes them {filled}")
         if not options.salvage:
             raise FormatError(path, FORMAT, where, expected, f"{filled} until the end of its block", OR_SALVAGE)

@@ -50,14 +50,19 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
     rows = logluv_blocks.find(path, blocks, options)
     from relume.image.files.logluv import kernels
 
-    picture = np.empty((blocks.height, blocks.width, 3), np.float32)
+    picture = np.empty((blocks.layout.height, blocks.layout.width, 3), np.float32)
     with np.errstate(over="ignore"):
         bright = (luminances * (scale or 1.0)).astype(np.float32)
     shown = colours.astype(np.float32)
     strange = rows.paint(picture, lambda words, part: kernels.paint(words, bright, shown, part))
     if scale is not None and scale > _SAFE_SCALE and not np.all(np.isfinite(picture)):
         raise UnreadableFile(f"{path}: times its STONITS of {scale:g}, pixels are beyond float32; correct it")
-    warn_of_strange(path, strange, blocks)
+    if strange:
+        warnings.warn(
+            f"{path}: {strange} of {picture[..., 0].size} pixels have a code that no colour has; read as neutral: the "
+            "file may be damaged",
+            stacklevel=5,
+        )
     with open(path, "rb") as file:
         attributes = attributes_of(path, file, folder, options)
     return RadianceMap(
@@ -72,8 +77,8 @@ def subtype(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) 
     """What kind of LogLuv a file is, from its tags alone; raises FormatError, UnreadableFile."""
     _, blocks = header(path, options)
     parts = ["LogL, 16 bits" if blocks.bits == 16 else f"LogLuv, {blocks.bits} bits"]
-    if blocks.tiled:
-        parts.append(f"tiled {blocks.block_width} × {blocks.block_height}")
+    if blocks.layout.tiled:
+        parts.append(f"tiled {blocks.layout.block[0]} × {blocks.layout.block[1]}")
     return ", ".join(parts)
 
 
@@ -119,22 +124,12 @@ def to_d65(path: str | os.PathLike[str], folder: Folder, blocks: Blocks) -> tupl
     return matrix, {"white": f"{x:.6g} {y:.6g}"}
 
 
-def warn_of_strange(path: str | os.PathLike[str], strange: int, blocks: Blocks) -> None:
-    """Say that a 24-bit file has codes that no colour has."""
-    if strange:
-        warnings.warn(
-            f"{path}: {strange} of {blocks.width * blocks.height} pixels have a code that no colour has; read as "
-            "neutral: the file may be damaged",
-            stacklevel=6,
-        )
-
-
 def _outside(path: str | os.PathLike[str], rows: logluv_blocks.Rows, folder: Folder) -> np.ndarray | None:
     if not np.any(rows.places < 0):
         return None
     missing = rows.missing()
     count = int(np.count_nonzero(missing.any(axis=1)))
-    warnings.warn(f"{path}: {count} of its {rows.blocks.height} rows are missing, and marked so", stacklevel=5)
+    warnings.warn(f"{path}: {count} of its {rows.blocks.layout.height} rows are missing, and marked so", stacklevel=5)
     marks = np.where(missing, np.uint8(OUTSIDE), np.uint8(0))
     return tiff_layout.upright(marks, tiff_layout.orientation_of(folder))
 
