@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
+from relume.project.mesh_tables import MaterialTable
 from relume.project.shot_file.camera_table import CameraTable
 from relume.project.shot_file.local_table import LocalTable
 from relume.project.shot_file.match_table import MatchTable
-from relume.project.shot_file.material_table import MaterialTable
 from relume.project.shot_file.sequence_table import SequenceTable
 from relume.project.shot_file.shot import DevelopTable, Light, Object, Plate, RenderTable, Shot
 from relume.scene.materials.presets import PRESETS

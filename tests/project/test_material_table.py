@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from relume.project.shot_file.material_table import MaterialTable
+from relume.project.mesh_tables import MaterialTable
 from relume.scene.materials.materials import Diffuse, Material, Ward
 
 TIN = Material((0.5, 0.5, 0.5), metallic=1.0, roughness=0.4, name="tin")

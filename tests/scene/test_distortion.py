@@ -4,9 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from relume.scene.cameras.camera import Camera
+from relume.scene.cameras.camera import Camera, reprojected, undistorted
 from relume.scene.cameras.distortion import Distortion
-from relume.scene.cameras.undistortion import reprojected, undistorted
 from relume.sphere.directions import rotation_about
 
 LENSES = [

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from relume.image.files.atomic import replacing
-from relume.project.metering import metered_scene
+from relume.project.scene_file.lights import metered_scene
 from relume.project.scene_file.rendering import RenderSettings, renderer_name, whitted_of
 from relume.project.scene_file.scene_file import SceneFile
 from relume.renderers.whitted.kernel_data import EYE, REFLECTED, REFRACTED, SHADOW

@@ -1,7 +1,7 @@
 from .cameras.blender import blender_camera_script as blender_camera_script
+from .cameras.camera import reprojected as reprojected
+from .cameras.camera import undistorted as undistorted
 from .cameras.distortion import Distortion as Distortion
-from .cameras.undistortion import reprojected as reprojected
-from .cameras.undistortion import undistorted as undistorted
 from .cameras.vanishing_lines import fit_vanishing_lines as fit_vanishing_lines
 from .distant import Box as Box
 from .distant import Dome as Dome

@@ -14,6 +14,7 @@ from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.project.insertion.photographs import Calibrated
 from relume.project.insertion.place import Place
+from relume.project.insertion.prepared import film_of
 from relume.project.shot_file.match_table import MatchTable
 from relume.project.shot_file.shot import Shot
 from relume.project.stages import Steps
@@ -92,9 +93,7 @@ def development_of(shot: Shot, calibrated: Calibrated) -> Development:
     """How the shot's composite is developed: on the film of the photograph whose middle value is nearest to grey."""
     table, bracket = shot.develop, calibrated.bracket
     if bracket is None or table.response == "srgb":
-        # Without a camera's curve, the plate's bright end is put just below white.
-        film = Film(1 / max(float(np.percentile(calibrated.plate.radiance, 99)), 1e-30))
-        return Development(film.brighter(table.exposure))
+        return Development(film_of(calibrated.plate).brighter(table.exposure))
     middles = [float(np.median(p.pixels)) / np.iinfo(p.pixels.dtype).max for p in bracket.photographs]
     index = int(np.argmin(np.abs(np.array(middles) - GREY)))
     response = calibrated.response(bracket.photographs[index].camera)

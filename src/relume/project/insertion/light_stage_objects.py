@@ -19,7 +19,7 @@ from relume.lightstage.direct_light.model import DirectLightSettings
 from relume.lightstage.novel_view.new_views import direct_light_view
 from relume.lightstage.novel_view.projection import Subject
 from relume.lightstage.novel_view.source_views import NewView, SourceView
-from relume.project.placement import turn_of
+from relume.project.mesh_tables import turn_of
 from relume.project.shot_file.objects import placed_meshes
 from relume.project.shot_file.shot import Object, Shot
 from relume.renderers.environment_probe import environment

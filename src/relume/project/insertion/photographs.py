@@ -24,8 +24,7 @@ from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 from relume.probe.ball.blending import Probe, blend_views
 from relume.probe.ball.unwrapping import unwrap_ball
-from relume.project.shot_file.merge_table import MergeTable
-from relume.project.shot_file.shot import Shot
+from relume.project.shot_file.shot import MergeTable, Shot
 from relume.project.stages import Steps
 from relume.sphere.environment_files import as_environment
 

@@ -19,7 +19,7 @@ from relume.light.constellations.placement import PlacedLights
 from relume.probe.ball.blending import Probe
 from relume.project.insertion.photographs import Calibrated
 from relume.project.shot_file.camera_table import camera_fit
-from relume.project.shot_file.distant_table import distant_scene
+from relume.project.shot_file.local_table import distant_scene
 from relume.project.shot_file.objects import require_outside
 from relume.project.shot_file.shot import Shot
 from relume.project.stages import Steps

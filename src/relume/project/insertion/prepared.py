@@ -15,7 +15,12 @@ from relume.virtual_camera.developing import develop
 from relume.virtual_camera.film.film import Film
 
 WHITE_PERCENTILE = 99
-"""Of a plate without a film: the radiance that is put just below white, as `insert` does."""
+"""Of a plate without a film: the radiance that is put just below white."""
+
+
+def film_of(plate: RadianceMap) -> Film:
+    """The film of a plate without a camera's curve: its bright end is put just below white."""
+    return Film(1 / max(float(np.percentile(plate.radiance, WHITE_PERCENTILE)), 1e-30))
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +59,7 @@ class PreparedShot:
 
     def developed_by(self) -> Film:
         """The film, or that of `film = None`."""
-        if self.film is not None:
-            return self.film
-        return Film(1 / max(float(np.percentile(self.plate.radiance, WHITE_PERCENTILE)), 1e-30))
+        return film_of(self.plate) if self.film is None else self.film
 
     def picture(self) -> Photograph:
         """The photograph, or the plate developed."""

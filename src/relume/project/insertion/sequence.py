@@ -114,18 +114,13 @@ def make_frames(
     made: list[FrameMade] = []
     for index, number in enumerate(numbers):
         progress("frames", index / len(numbers))
-        folder = folder_of(out, number)
+        folder = out / f"frame_{number:04d}"
         before = tuple(dict.fromkeys(each.folder / "stages" for each in (*made[:1], *made[-1:])))
         made.append(_one(shots[number], number, folder, before, make, _motion_key(shot)))
     progress("frames", 1.0)
     notes = list(_gathered(made))
     movie = _movie(out, made, float(shot.sequence.rate if shot.sequence is not None else 24), notes)
     return SequenceMade(tuple(made), movie, tuple(notes))
-
-
-def folder_of(out: Path, number: int) -> Path:
-    """Where a frame lies."""
-    return out / f"frame_{number:04d}"
 
 
 def frame_key(shot: Shot) -> str:

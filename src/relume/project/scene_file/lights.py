@@ -1,4 +1,4 @@
-"""The light of a scene file: its map or its colour, and the lights that are no part of either."""
+"""The light of a scene file: its map or its colour, the lights that are no part of either, and the film for them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from relume.image import files
+from relume.image.colour import luminance
 from relume.project.scene_file.materials import naming
 from relume.project.schema import GreyOrColour, Positive, Table, Vector
 from relume.scene.lights import (
@@ -24,10 +25,13 @@ from relume.scene.lights import (
     Unattenuated,
 )
 from relume.scene.motion.moving_objects import columns_turned
+from relume.scene.scene import Scene
+from relume.scene.shapes.shapes import bounds
 from relume.sphere.directions import UP, rotation_about
 from relume.sphere.environment_files import as_environment
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong
+from relume.virtual_camera.film.film import Film
 
 EVEN_ROWS = 4
 """Rows of a map that is the same everywhere."""
@@ -166,3 +170,36 @@ def _adjusted(light: EnvironmentMap, table: LightTable) -> EnvironmentMap:
     if not isinstance(light.mapping, LatLong):
         return scaled.rotated(rotation_about(UP, angle))
     return replace(scaled, radiance=columns_turned(scaled.radiance, angle).astype(np.float32))
+
+
+def metered_scene(scene: Scene) -> Film:
+    """The film of a photographer with an incident light meter among the objects, the same for every frame of a movie.
+
+    The mean radiance of the light map becomes ½, as `metered` has it, or a white card that faces all of the scene's
+    other lights becomes white, whichever takes less light: for one light of strength 1, of irradiance π, as Whitted's
+    pictures have it, exposure 1. Exposure 1 too where nothing shines.
+    """
+    mean = float(luminance(scene.light.total())) / (4 * np.pi)
+    low, high = bounds(scene.objects)
+    middle, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+    card = mean + sum(_shown_by_white(light, middle, radius) for light in scene.lights)
+    brightest = max(card, 2 * mean)
+    return Film(1 / brightest) if 0 < brightest < np.inf else Film()
+
+
+def _shown_by_white(light: Light, middle: np.ndarray, radius: float) -> float:
+    """The luminance of a white card that faces a light; one within the objects is metered at their border."""
+    if isinstance(light, AmbientLight):
+        return _luminance(light.radiance)
+    if isinstance(light, DistantLight):
+        return _luminance(light.irradiance) / np.pi
+    distance = max(float(np.linalg.norm(np.asarray(light.position) - middle)), radius)
+    if isinstance(light, SphereLight):
+        # What faces a sphere of light gets π L (r/d)²; on the sphere itself, and from within, π L.
+        return _luminance(light.radiance) * min(light.radius / max(distance, light.radius), 1.0) ** 2
+    share = float(light.falloff.at(np.array(distance))) if distance > 0 else np.inf
+    return _luminance(light.intensity) * share / np.pi
+
+
+def _luminance(colour: tuple[float, float, float]) -> float:
+    return float(luminance(np.asarray(colour, np.float64)))

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag
@@ -18,8 +18,8 @@ from relume.image.radiance import RadianceMap
 from relume.light.reflection.brdf import GGX, Ward
 from relume.light.reflection.lobes import GGXLobe, Phong, WardLobe
 from relume.light.reflection.weights import Even, Fresnel, Schlick, Weight
+from relume.project.mesh_tables import MaterialTable
 from relume.project.schema import Channels, GreyOrColour, Paint, Table, Vector
-from relume.project.shot_file.material_table import MaterialTable
 from relume.scene.materials.bumps import BumpMap, Bumps, Wrinkles
 from relume.scene.materials.materials import Colour, Diffuse, Material
 from relume.scene.materials.materials import Ward as WardSurface
@@ -229,7 +229,7 @@ def made(table: SurfaceTable, name: str, folder: Path, place: str) -> AnyMateria
                 return retroreflector(table.colour, lobe, bumps=_bumps(table.bumps, folder, place), name=name)
             case GlossyTable():
                 with naming(f"{place}.lobe"):
-                    specular = _facets(table.lobe) if isinstance(table.lobe, FacetsTable) else _lobe(table.lobe)
+                    specular = _lobe(table.lobe)
                 with naming(f"{place}.weight"):
                     weight = _weight(table.weight)
                 diffuse = _colour(table.diffuse, folder, f"{place}.diffuse")
@@ -252,14 +252,11 @@ def has_images(material: AnyMaterial) -> bool:
     return isinstance(material, Material) and isinstance(material.base_color, np.ndarray)
 
 
-def _lobe(table: PhongTable | FlatLobeTable) -> Phong | GGXLobe | WardLobe:
+def _lobe(table: PhongTable | FlatLobeTable | FacetsTable) -> Any:
+    """The lobe, or the whole reflectance, that a table stands for."""
     if isinstance(table, PhongTable):
         return Phong(table.n, varnish=table.varnish)
-    return GGXLobe(table.alpha) if table.kind == "ggx-lobe" else WardLobe(table.alpha)
-
-
-def _facets(table: FacetsTable) -> GGX | Ward:
-    return GGX(table.alpha) if table.kind == "ggx" else Ward(table.alpha)
+    return {"ggx-lobe": GGXLobe, "ward-lobe": WardLobe, "ggx": GGX, "ward": Ward}[table.kind](table.alpha)
 
 
 def _weight(table: EvenTable | SchlickTable | FresnelTable) -> Weight:

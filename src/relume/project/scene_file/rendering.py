@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from relume.errors import OutputNotWritten
 from relume.image import files
 from relume.image.radiance import RadianceMap
-from relume.project.metering import metered_scene
+from relume.project.scene_file.lights import metered_scene
 from relume.project.scene_file.scene_file import SceneFile
 from relume.renderers.results import Render
 from relume.scene.materials.whitted import WhittedMaterial

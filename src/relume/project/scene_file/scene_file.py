@@ -5,7 +5,6 @@ Paths are relative to the file; lengths are metres, angles degrees. An unknown k
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,7 +13,6 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from relume.errors import InvalidScene, UnreadableFile
-from relume.image import files
 from relume.project.scene_file.lights import (
     AnyLightTable,
     AttenuationTable,
@@ -33,8 +31,6 @@ from relume.scene.cameras.camera import Camera
 from relume.scene.motion.moving_objects import ObjectOrbit
 from relume.scene.scene import Scene
 from relume.scene.shapes.meshes import read_meshes
-from relume.scene.shapes.shapes import Mesh
-from relume.sphere.environment_files import as_environment
 
 
 class WhittedSettings(Table):
@@ -181,11 +177,7 @@ def read_scene(path: str | Path, light: str | Path | None = None, size: tuple[in
         return scene_of_mesh(path, light, size or SIZE)
     read = _read_table(path)
     if light is not None:
-        try:
-            found = as_environment(files.read_radiance(light))
-        except ValueError as error:
-            raise ValueError(f"{light}: {error}") from None
-        read = replace(read, scene=replace(read.scene, light=found))
+        read = replace(read, scene=replace(read.scene, light=read_light(Path(light))))
     return read if size is None else replace(read, camera=read.camera.resized(*size))
 
 
@@ -221,11 +213,7 @@ def scene_of_mesh(path: str | Path, light: str | Path, size: tuple[int, int] = S
         found = read_light(Path(light))
     except ValueError as error:
         raise InvalidScene(str(error)) from None
-    return SceneFile(Scene(found, objects=meshes), framing(meshes, size))
-
-
-def framing(meshes: Iterable[Mesh], size: tuple[int, int] = SIZE) -> Camera:
-    """A camera that sees the meshes' bounding sphere whole, a tenth enlarged, along −Z and a little from above."""
+    # The camera sees the meshes' bounding sphere whole, a tenth enlarged.
     vertices = np.concatenate([mesh.vertices for mesh in meshes]).astype(np.float64)
     centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     radius = np.linalg.norm(vertices - centre, axis=1).max()
@@ -233,7 +221,8 @@ def framing(meshes: Iterable[Mesh], size: tuple[int, int] = SIZE) -> Camera:
     half = np.arctan(min(size) / 2 / focal_length)
     back = np.array([0, np.sin(ELEVATION), np.cos(ELEVATION)])
     position = centre + MARGIN * radius / np.sin(half) * back
-    return Camera.looking_at(position, centre, width=size[0], height=size[1], focal_length=focal_length)
+    camera = Camera.looking_at(position, centre, width=size[0], height=size[1], focal_length=focal_length)
+    return SceneFile(Scene(found, objects=meshes), camera)
 
 
 def _focal_length(width: int, field_of_view: float) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import model_validator
 
 from relume.errors import InvalidScene
-from relume.project.placement import Placement, placed, placed_patches
+from relume.project.mesh_tables import Placement, placed, placed_patches
 from relume.project.scene_file.materials import has_images, naming
 from relume.project.schema import Positive, Share, Table, Vector
 from relume.scene.materials.materials import Diffuse
@@ -66,17 +66,12 @@ class ObjectTable(Placement):
         return self
 
 
-class Surface(Table):
-    """The shape of a real surface."""
+class LocalTable(Table):
+    """A real surface, of a reflectance that is known or of one of the file's materials."""
 
     shape: Literal["plane"]
     size: tuple[Positive, Positive] | None = None
     height: float = 0.0
-
-
-class LocalTable(Surface):
-    """A real surface, of a reflectance that is known or of one of the file's materials."""
-
     reflectance: tuple[Share, Share, Share] | None = None
     material: str | None = None
 

@@ -1,4 +1,4 @@
-"""The shot file's [[local]]: the real surfaces that the objects affect, and what is to be recovered of each."""
+"""The shot file's [[local]] and light.distant: the real surfaces that the objects affect, and what lies beyond."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from relume.project.placement import Placement, placed
+from relume.errors import InvalidShot
+from relume.project.mesh_tables import Placement, placed
 from relume.project.schema import Positive, Share, Table, Vector
+from relume.scene.distant import Box, Distant, Dome, Enclosure, Infinite
 from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import Mesh, Plane, Shape
@@ -20,6 +22,15 @@ from relume.surface.recovery import ConstantAlbedo, EstimatedGloss, KnownMateria
 
 GREY = Diffuse((0.5, 0.5, 0.5))
 """What a surface is made of until its reflectance is recovered."""
+
+
+_NEEDS = {"infinite": set(), "dome": {"radius"}, "box": {"low", "high"}, "mesh": {"mesh"}}
+_MAY = {"dome": {"centre"}}
+
+
+def _require_box(low: Vector | None, high: Vector | None) -> None:
+    if low is not None and high is not None and not np.all(np.less(low, high)):
+        raise ValueError(f"the box goes from {list(low)} to {list(high)}; each of low lies below its high")
 
 
 class GlossTable(Table):
@@ -54,10 +65,7 @@ class LocalTable(Placement):
         needs = {"plane": (), "box": ("low", "high"), "mesh": ("mesh",)}[self.shape]
         if lacking := [name for name in needs if getattr(self, name) is None]:
             raise ValueError(f"a {self.shape} needs {' and '.join(lacking)}")
-        if self.low is not None and self.high is not None and not np.all(np.less(self.low, self.high)):
-            raise ValueError(
-                f"the box goes from {list(self.low)} to {list(self.high)}; each of low lies below its high"
-            )
+        _require_box(self.low, self.high)
         if self.shape == "plane" and self.size is None and self._is_placed:
             raise ValueError("a plane that is scaled, rotated or moved needs a size = [x, z]")
         if self.mirror and isinstance(self.reflectance, str):
@@ -111,3 +119,48 @@ def _rectangle(size: tuple[float, float], height: float, material: Diffuse | Mat
     x, z = size[0] / 2, size[1] / 2
     corners = np.array([[-x, height, z], [x, height, z], [x, height, -z], [-x, height, -z]], np.float32)
     return Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), material, name="plane")
+
+
+class DistantTable(Table):
+    """The shape of the distant scene.
+
+    shape : infinite, unless it is a dome of a radius about a centre, a box from one corner to the other, or a mesh
+    """
+
+    shape: Literal["infinite", "dome", "box", "mesh"] = "infinite"
+    radius: Positive | None = None
+    centre: Vector | None = None
+    low: Vector | None = None
+    high: Vector | None = None
+    mesh: str | None = None
+
+    @model_validator(mode="after")
+    def _what_the_shape_needs(self) -> DistantTable:
+        given = {name for name in ("radius", "centre", "low", "high", "mesh") if getattr(self, name) is not None}
+        if lacking := sorted(_NEEDS[self.shape] - given):
+            raise ValueError(f"a distant scene that is a {self.shape} needs {' and '.join(lacking)}")
+        if foreign := sorted(given - _NEEDS[self.shape] - _MAY.get(self.shape, set())):
+            raise ValueError(f"{', '.join(foreign)}: not of a distant scene that is {self.shape}; leave it out")
+        _require_box(self.low, self.high)
+        return self
+
+
+def distant_scene(table: DistantTable, folder: Path) -> Distant:
+    """What a table describes; raises UnreadableFile for a mesh that cannot be read."""
+    if table.shape == "dome":
+        assert table.radius is not None  # _what_the_shape_needs
+        return Dome(table.radius, table.centre or (0.0, 0.0, 0.0))
+    if table.shape == "box":
+        assert table.low is not None and table.high is not None
+        return Box(table.low, table.high)
+    if table.shape == "mesh":
+        assert table.mesh is not None
+        parts = read_meshes(folder / table.mesh)
+        starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+        vertices = np.concatenate([part.vertices for part in parts])
+        faces = np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=False)])
+        try:
+            return Enclosure(vertices, faces.astype(np.int32))
+        except ValueError as error:
+            raise InvalidShot(f"light.distant.mesh: {table.mesh}: {error}") from None
+    return Infinite()

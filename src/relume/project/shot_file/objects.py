@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from relume.errors import InvalidShot
-from relume.project.placement import placed
+from relume.project.mesh_tables import placed
 from relume.project.shot_file.shot import Object, Shot
 from relume.scene.cameras.camera import Camera
 from relume.scene.gltf.animation import read_animation

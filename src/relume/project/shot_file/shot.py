@@ -13,16 +13,41 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from relume.capture.brackets.settings import RESPONSE_METHODS, MergeSettings
 from relume.errors import InvalidShot, UnreadableFile
-from relume.project.placement import Placement
+from relume.project.mesh_tables import MaterialTable, Placement
 from relume.project.schema import Names, Positive, Table, Vector, checked, read_toml
 from relume.project.shot_file.camera_table import CameraTable
-from relume.project.shot_file.distant_table import DistantTable
-from relume.project.shot_file.local_table import LocalTable
+from relume.project.shot_file.local_table import DistantTable, LocalTable
 from relume.project.shot_file.match_table import MatchTable
-from relume.project.shot_file.material_table import MaterialTable
-from relume.project.shot_file.merge_table import MergeTable
 from relume.project.shot_file.sequence_table import LightKey, ObjectKey, SequenceTable, require_rising
+
+
+class MergeTable(Table):
+    """How photographs are merged.
+
+    align : whether frames are brought onto one another
+    deghost : whether what moved between them is left out
+    refine : whether exposures that the photographs contradict are corrected
+    method : recovers the response
+    neutral : the pixel value at which equal channels are grey; unless given as in `MergeSettings`
+    profile : a camera profile, as `relume merge --save-profile` writes it, in place of a response recovered here
+    """
+
+    align: bool = True
+    deghost: bool = True
+    refine: bool = False
+    method: Literal["debevec-malik", "mitsunaga-nayar", "robertson"] = "debevec-malik"
+    neutral: Annotated[int, Field(ge=0, le=65535)] | None = None
+    profile: str | None = None
+
+    def merge_settings(self) -> MergeSettings:
+        """The same as a value for `merge_brackets`."""
+        return MergeSettings(
+            method=RESPONSE_METHODS[self.method], refine=self.refine, align=self.align, deghost=self.deghost,
+            neutral=self.neutral,
+        )  # fmt: skip
+
 
 Mirrored = Annotated[float, Field(gt=0, le=1)]
 

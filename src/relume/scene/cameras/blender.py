@@ -62,27 +62,20 @@ def blender_camera_script() -> str:
     return SCRIPT
 
 
-def read_blender_camera(
-    path: str | Path, width: int, height: int, *, up: UpAxis | None = None, unit: float | None = None
-) -> Camera:
+def read_blender_camera(path: Path, width: int, height: int, up: UpAxis | None, unit: float | None) -> Camera:
     """Read the file that `blender_camera_script` writes: pose, sensor, fit, shift and depth of field.
 
     up : "z" unless given, as Blender has it
     unit : metres to a unit; from the scene unless given
     Raises UnreadableFile for another file, or one written for a render of another aspect than the picture.
     """
-    path = Path(path)
     facts = _read_facts(path)
     try:
         resolution = float(facts["resolution"][0]), float(facts["resolution"][1])
         squareness = float(facts["pixel_aspect"][0]) / float(facts["pixel_aspect"][1])
         sensors = float(facts["sensor_width"]), float(facts["sensor_height"])
         shift = float(facts["shift"][0]), float(facts["shift"][1])
-        lens, fit, metres = (
-            float(facts["lens"]),
-            str(facts["sensor_fit"]),
-            unit or float(facts["unit"]),
-        )
+        lens, fit, metres = float(facts["lens"]), str(facts["sensor_fit"]), unit or float(facts["unit"])
         f_number, focus = facts.get("f_number"), facts.get("focus")
         # Blender blurs as if a unit were a metre.
         aperture = metres * lens / 1000 / (2 * float(f_number)) if f_number else 0.0

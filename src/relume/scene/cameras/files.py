@@ -37,16 +37,16 @@ def read_camera(
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix in (".glb", ".gltf"):
-        return read_gltf_camera(path, width, height, name=name, up=up, unit=unit)
+        return read_gltf_camera(path, width, height, name, up, unit)
     if suffix in (".usda", ".usd", ".usdc", ".usdz"):
-        return read_usd_camera(path, width, height, name=name, up=up, unit=unit)
+        return read_usd_camera(path, width, height, name, up, unit)
     if suffix not in (".fspy", ".json"):
         kind = f"of kind {suffix}" if suffix else "without a suffix"
         raise UnreadableFile(f"{path}: no camera is read from files {kind}; use {KINDS}")
     if name is not None:
         raise UnreadableFile(f"{path}: holds one camera only; leave the name {name!r} out")
     if suffix == ".json" and not _is_fspy(path):
-        return read_blender_camera(path, width, height, up=up, unit=unit)
+        return read_blender_camera(path, width, height, up, unit)
     return read_fspy(path, width, height, up=up, unit=unit)
 
 

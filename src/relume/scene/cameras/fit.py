@@ -10,10 +10,6 @@ import numpy as np
 from relume.scene.cameras.camera import Camera
 
 
-def _nowhere() -> np.ndarray:
-    return np.empty((0, 2))
-
-
 @dataclass(frozen=True, eq=False)
 class CameraFit:
     """A camera and the points of the photograph that it was fitted to.
@@ -24,8 +20,8 @@ class CameraFit:
     """
 
     camera: Camera
-    points: np.ndarray = field(default_factory=_nowhere)
-    offsets: np.ndarray = field(default_factory=_nowhere)
+    points: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
+    offsets: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
 
     @property
     def residual(self) -> float | None:

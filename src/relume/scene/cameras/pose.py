@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -50,6 +51,14 @@ def pose(path: Path, matrix: object, up: UpAxis, unit: float) -> tuple[np.ndarra
         raise UnreadableFile(f"{path}: the camera is mirrored, sheared or scaled unevenly; apply its scale and export")
     left, _, right = np.linalg.svd(turn)
     return WORLD_FROM[up] @ placed[:3, 3] * unit, WORLD_FROM[up] @ left @ right
+
+
+def the_only(path: Path, chosen: Sequence[Any], name: str | None, labels: Iterable[str]) -> Any:
+    """The one camera that a file holds, or that has the name; raises UnreadableFile with the labels of all."""
+    if len(chosen) == 1:
+        return chosen[0]
+    fault = "holds" if name is None else f"{len(chosen)} of its cameras are named {name!r}; it holds"
+    raise UnreadableFile(f"{path}: {fault} {', '.join(map(repr, labels))}; give the name of one")
 
 
 def require_aspect(path: Path, size: tuple[int, int], made_for: tuple[float, float]) -> None:

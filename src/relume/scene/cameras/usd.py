@@ -12,17 +12,11 @@ import numpy as np
 
 from relume.errors import UnreadableFile
 from relume.scene.cameras.camera import Camera
-from relume.scene.cameras.pose import UpAxis, pose, warn_of_aspect
+from relume.scene.cameras.pose import UpAxis, pose, the_only, warn_of_aspect
 
 
 def read_usd_camera(
-    path: str | Path,
-    width: int,
-    height: int,
-    *,
-    name: str | None = None,
-    up: UpAxis | None = None,
-    unit: float | None = None,
+    path: Path, width: int, height: int, name: str | None, up: UpAxis | None, unit: float | None
 ) -> Camera:
     """Read a perspective camera of a USD file; its horizontal field of view is that of the picture.
 
@@ -33,7 +27,6 @@ def read_usd_camera(
     Raises UnreadableFile where the file is damaged, holds no such camera or several to choose from, or where OpenUSD is
     not installed.
     """
-    path = Path(path)
     try:
         path.open("rb").close()
     except OSError as error:
@@ -69,11 +62,7 @@ def _chosen(path: Path, stage: Any, name: str | None, usd: Any, geometry: Any) -
     if not cameras:
         raise UnreadableFile(f"{path}: holds no camera; export it with its cameras")
     chosen = [prim for prim in cameras if name in (None, prim.GetName())]
-    if len(chosen) != 1:
-        fault = "holds" if name is None else f"{len(chosen)} of its cameras are named {name!r}; it holds"
-        names = ", ".join(repr(prim.GetName()) for prim in cameras)
-        raise UnreadableFile(f"{path}: {fault} {names}; give the name of one")
-    return chosen[0]
+    return the_only(path, chosen, name, [prim.GetName() for prim in cameras])
 
 
 def _moves(prim: Any, geometry: Any) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 
 from relume.errors import UnreadableFile
 from relume.scene.gltf.document import GltfDocument, read_document
-from relume.scene.motion.animation import Animation, Lens, Node
+from relume.scene.motion.animation import Animation, Node
 from relume.scene.motion.keyframes import Interpolation, Linear, Slerp, Step, Tangents, Track
 
 _MOVING = {"translation": 3, "rotation": 4, "scale": 3}
@@ -76,10 +76,7 @@ def _track(what: str, sampler: Mapping[str, Any], document: GltfDocument) -> Tra
 def _node(
     index: int, table: Mapping[str, Any], parent: int | None, tracks: Mapping[str, Track], header: Mapping[str, Any]
 ) -> Node:
-    camera = header["cameras"][table["camera"]] if "camera" in table else None
-    lens = None
-    if camera is not None and camera["type"] == "perspective":
-        lens = Lens(float(camera["perspective"]["yfov"]))
+    camera = header["cameras"][table["camera"]] if "camera" in table else {"type": "none"}
     return Node(
         name=str(table.get("name", index)),
         parent=parent,
@@ -88,7 +85,7 @@ def _node(
         rotation=np.array(table.get("rotation", (0, 0, 0, 1)), np.float64),
         scale=np.array(table.get("scale", (1, 1, 1)), np.float64),
         tracks=tracks,
-        lens=lens,
+        field_of_view=float(camera["perspective"]["yfov"]) if camera["type"] == "perspective" else None,
         shaped="mesh" in table,
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from relume.errors import UnreadableFile
 from relume.scene.cameras.camera import Camera
-from relume.scene.cameras.pose import UpAxis, pose, warn_of_aspect
+from relume.scene.cameras.pose import UpAxis, pose, the_only, warn_of_aspect
 from relume.scene.gltf.document import local_matrix, read_document
 
 DEEPEST = 1000
@@ -17,13 +17,7 @@ DEEPEST = 1000
 
 
 def read_gltf_camera(
-    path: str | Path,
-    width: int,
-    height: int,
-    *,
-    name: str | None = None,
-    up: UpAxis | None = None,
-    unit: float | None = None,
+    path: Path, width: int, height: int, name: str | None, up: UpAxis | None, unit: float | None
 ) -> Camera:
     """Read a perspective camera of a glTF file; its vertical field of view is that of the picture.
 
@@ -32,7 +26,6 @@ def read_gltf_camera(
     unit : metres to a unit; 1 unless given, as glTF says
     Raises UnreadableFile where there is no such camera, or several to choose from. glTF 2.0, §3.10.
     """
-    path = Path(path)
     header = read_document(path).header
     try:
         placed = _placed(path, header)
@@ -42,10 +35,7 @@ def read_gltf_camera(
     if not placed:
         raise UnreadableFile(f"{path}: holds no camera that a node places; export it with its cameras")
     chosen = [p for p, label in zip(placed, labels, strict=True) if name is None or name in (label, p[2].get("name"))]
-    if len(chosen) != 1:
-        fault = "holds" if name is None else f"{len(chosen)} of its cameras are named {name!r}; it holds"
-        raise UnreadableFile(f"{path}: {fault} {', '.join(map(repr, labels))}; give the name of one")
-    _, _, camera, matrix = chosen[0]
+    _, _, camera, matrix = the_only(path, chosen, name, labels)
     lens = camera.get("perspective")
     if not isinstance(lens, dict) or not isinstance(lens.get("yfov"), int | float) or not 0 < lens["yfov"] < np.pi:
         raise UnreadableFile(f"{path}: the camera has no perspective field of view; export a perspective camera")

@@ -9,10 +9,9 @@ import numpy as np
 
 from relume.image.colour import decode_srgb
 from relume.scene.gltf.document import GltfDocument
-from relume.scene.gltf.textures import Texture, read_texture
+from relume.scene.gltf.textures import Texture, placed, read_texture
 from relume.scene.materials.checks import triple
 from relume.scene.materials.materials import Material
-from relume.scene.materials.texture_placement import placed
 
 READ = {
     "KHR_materials_transmission", "KHR_materials_ior", "KHR_materials_volume", "KHR_materials_clearcoat",

@@ -1,4 +1,4 @@
-"""The textures of a glTF file: their pictures, decoded, with how each lies on the mesh."""
+"""The textures of a glTF file: their pictures, decoded, and brought to plain images over one set of coordinates."""
 
 from __future__ import annotations
 
@@ -31,10 +31,6 @@ class Texture:
     wraps: tuple[int, int]
     matrix: np.ndarray
     coordinates: int
-
-    def same_place(self, other: Texture) -> bool:
-        """Whether both lie on the mesh in the same way, but for their wraps."""
-        return bool(np.allclose(self.matrix, other.matrix, atol=1e-7))
 
 
 def read_texture(document: GltfDocument, info: dict[str, Any], words: str) -> Texture:
@@ -76,3 +72,79 @@ def _matrix(transform: dict[str, Any]) -> np.ndarray:
     cosine, sine = np.cos(angle), np.sin(angle)
     turn = np.array([[cosine, sine], [-sine, cosine]]) * [x, y]
     return np.column_stack([turn, transform.get("offset", [0, 0])])
+
+
+LARGEST = 8192
+"""Pixels along a side beyond which an image is not spread out: 8192² of float32 colour are 800 MB."""
+
+
+def placed(textures: dict[str, Texture], uv: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray, tuple[str, ...]]:
+    """The textures' pixels and texture coordinates so that every image lies plainly on the mesh and repeats.
+
+    textures : by name, all of the same set of coordinates
+    uv : (N, 2) that set, glTF's (v downwards)
+    Returns the images, (N, 2) coordinates, and what could not be done, in words: spreading beyond LARGEST pixels.
+    """
+    first = next(iter(textures.values()))
+    # Whether all lie on the mesh in the same way, but for their wraps.
+    tiled = all(np.allclose(each.matrix, first.matrix, atol=1e-7) for each in textures.values())
+    if tiled:
+        uv = uv @ first.matrix[:, :2].T + first.matrix[:, 2]
+        # A thousandth of a picture beyond its edge is an exporter's rounding, not a wish to go on.
+        leaves = uv.min() < -1e-3 or uv.max() > 1 + 1e-3
+        if not leaves or all(each.wraps == (REPEAT, REPEAT) for each in textures.values()):
+            return {name: each.pixels for name, each in textures.items()}, uv, ()
+    # Whole pictures that the coordinates reach over: the first of them, and how many, along u and v.
+    low = np.floor(uv.min(axis=0) + 1e-3)
+    tiles = np.maximum(np.ceil(uv.max(axis=0) - 1e-3) - low, 1)
+    sizes = {name: _size(each, tiles, tiled) for name, each in textures.items()}
+    if max(max(size) for size in sizes.values()) > LARGEST:
+        return {name: each.pixels for name, each in textures.items()}, uv, ("the wrapping of its textures",)
+    if tiled:
+        images = {name: _spread(each, low, tiles) for name, each in textures.items()}
+    else:
+        images = {name: _resampled(each, low, tiles, sizes[name]) for name, each in textures.items()}
+    return images, (uv - low) / tiles, ()
+
+
+def _size(texture: Texture, tiles: np.ndarray, tiled: bool) -> tuple[int, int]:
+    """(height, width) of the image that covers all tiles at the texture's own fineness."""
+    height, width = texture.pixels.shape[:2]
+    fineness = np.ones(2) if tiled else np.maximum(np.linalg.norm(texture.matrix[:, :2], axis=0), 1e-6)
+    return int(np.ceil(height * tiles[1] * fineness[1])), int(np.ceil(width * tiles[0] * fineness[0]))
+
+
+def _wrapped(index: np.ndarray, count: int, wrap: int) -> np.ndarray:
+    """The pixel that stands for each whole `index`, which may lie outside."""
+    if wrap == REPEAT:
+        return index % count
+    if wrap == MIRROR:
+        index = index % (2 * count)
+        return np.minimum(index, 2 * count - 1 - index)
+    return np.clip(index, 0, count - 1)
+
+
+def _spread(texture: Texture, low: np.ndarray, tiles: np.ndarray) -> np.ndarray:
+    """The picture over whole tiles, pixel by pixel."""
+    height, width = texture.pixels.shape[:2]
+    columns = _wrapped(np.arange(int(tiles[0]) * width) + int(low[0]) * width, width, texture.wraps[0])
+    rows = _wrapped(np.arange(int(tiles[1]) * height) + int(low[1]) * height, height, texture.wraps[1])
+    return texture.pixels[rows[:, None], columns]
+
+
+def _resampled(texture: Texture, low: np.ndarray, tiles: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """The picture over whole tiles of the untransformed coordinates, bilinearly."""
+    height, width = texture.pixels.shape[:2]
+    v, u = np.meshgrid((np.arange(size[0]) + 0.5) / size[0], (np.arange(size[1]) + 0.5) / size[1], indexing="ij")
+    at = np.stack([u, v], axis=-1) * tiles + low
+    at = at @ texture.matrix[:, :2].T + texture.matrix[:, 2]
+    at = at * [width, height] - 0.5
+    corner = np.floor(at).astype(int)
+    part = (at - corner)[..., None].astype(np.float32)
+    columns = [_wrapped(corner[..., 0] + step, width, texture.wraps[0]) for step in (0, 1)]
+    rows = [_wrapped(corner[..., 1] + step, height, texture.wraps[1]) for step in (0, 1)]
+    upper, lower = (
+        texture.pixels[row, columns[0]] * (1 - part[..., 0, :]) + texture.pixels[row, columns[1]] * part[..., 0, :]
+        for row in rows
+    )
+    return upper * (1 - part[..., 1, :]) + lower * part[..., 1, :]

@@ -15,7 +15,7 @@ from relume.image import files
 from relume.image.colour import encode_srgb
 from relume.image.files.photographs import png
 from relume.scene.gltf.textures import CLAMP, REPEAT
-from relume.scene.materials.materials import Diffuse, Material, is_image, mean_colour, mean_number
+from relume.scene.materials.materials import Diffuse, Material, enlarged, is_image, mean_colour, mean_number
 from relume.scene.shapes.shapes import Mesh
 
 FLOAT, UNSIGNED = 5126, 5125
@@ -178,16 +178,9 @@ def _metallic(material: Material, contents: _Contents) -> dict[str, Any]:
         return {"metallicFactor": mean_number(metallic), "roughnessFactor": mean_number(roughness)}
     height, width = np.max([image.shape for image in images], axis=0)
     packed = np.zeros((height, width, 3), np.float32)
-    packed[..., 1], packed[..., 2] = _enlarged(roughness, height, width), _enlarged(metallic, height, width)
+    packed[..., 1], packed[..., 2] = enlarged(roughness, height, width), enlarged(metallic, height, width)
     texture = contents.texture(packed, colour=False)
     return {"metallicFactor": 1.0, "roughnessFactor": 1.0, "metallicRoughnessTexture": texture}
-
-
-def _enlarged(value: Any, height: int, width: int) -> np.ndarray:
-    """An image of another size by its nearest pixels; a number all over."""
-    image = np.atleast_2d(np.asarray(value, np.float32))
-    rows, columns = np.arange(height) * image.shape[0] // height, np.arange(width) * image.shape[1] // width
-    return image[rows[:, None], columns]
 
 
 def _extensions(material: Material, contents: _Contents) -> dict[str, Any]:

@@ -47,7 +47,9 @@ class Wrinkles:
     ) -> np.ndarray:
         numbers, phases, amplitude = self.components()
         gradient = np.cos(points @ numbers.T + phases) @ numbers * amplitude
-        return normalised(normals - _tangential(gradient, normals))
+        # The gradient's part along the surface.
+        tangential = gradient - np.sum(gradient * normals, -1, keepdims=True) * normals
+        return normalised(normals - tangential)
 
     def components(self) -> tuple[np.ndarray, np.ndarray, float]:
         """Wave vectors (waves, 3) radians to a metre, phases (waves,), and the amplitude of each, metres."""
@@ -96,7 +98,3 @@ class BumpMap:
             ],
             axis=-1,
         )
-
-
-def _tangential(gradient: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    return gradient - np.sum(gradient * normals, -1, keepdims=True) * normals

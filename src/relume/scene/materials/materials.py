@@ -128,7 +128,7 @@ class Material:
         clear, metal = np.asarray(self.transmission, np.float32), np.asarray(self.metallic, np.float32)
         if clear.ndim == metal.ndim == 2 and clear.shape != metal.shape:
             shape = np.maximum(clear.shape, metal.shape)
-            clear, metal = (_enlarged(image, (int(shape[0]), int(shape[1]))) for image in (clear, metal))
+            clear, metal = (enlarged(image, *shape) for image in (clear, metal))
         return clear * (1 - metal)
 
     @property
@@ -153,9 +153,10 @@ class Material:
         )
 
 
-def _enlarged(image: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    rows = np.arange(shape[0]) * image.shape[0] // shape[0]
-    columns = np.arange(shape[1]) * image.shape[1] // shape[1]
+def enlarged(value: Any, height: int, width: int) -> np.ndarray:
+    """An image of another size by its nearest pixels, (height, width) float32; a number all over."""
+    image = np.atleast_2d(np.asarray(value, np.float32))
+    rows, columns = np.arange(height) * image.shape[0] // height, np.arange(width) * image.shape[1] // width
     return image[rows[:, None], columns]
 
 

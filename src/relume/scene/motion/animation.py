@@ -11,14 +11,7 @@ import numpy as np
 
 from relume.scene.cameras.camera import Camera
 from relume.scene.motion.keyframes import Track
-from relume.scene.shapes.shapes import Mesh
-
-
-@dataclass(frozen=True)
-class Lens:
-    """A perspective camera's; `field` is its vertical field of view in radians."""
-
-    field: float
+from relume.scene.shapes.shapes import Mesh, carried
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +23,7 @@ class Node:
     matrix : (4, 4) to its parent, or None where it is made of the three below, scaled first and moved last
     translation, rotation, scale : metres, a unit quaternion (x, y, z, w), factors
     tracks : what of the three moves, over seconds
-    lens : of a camera
+    field_of_view : of a perspective camera, vertical, radians; None for other nodes
     shaped : whether it holds a mesh
     """
 
@@ -41,7 +34,7 @@ class Node:
     rotation: np.ndarray
     scale: np.ndarray
     tracks: Mapping[str, Track]
-    lens: Lens | None = None
+    field_of_view: float | None = None
     shaped: bool = False
 
     def to_parent(self, time: float | None) -> np.ndarray:
@@ -91,12 +84,12 @@ class Animation:
         Its field of view is that of the picture's height. Raises ValueError where its node is scaled to nothing.
         """
         for index, node in enumerate(self.nodes):
-            if node.lens is not None:
+            if node.field_of_view is not None:
                 world = self.to_world(index, time)
                 left, sizes, right = np.linalg.svd(world[:3, :3])
                 if sizes[-1] <= 0 or np.linalg.det(world[:3, :3]) <= 0:
                     raise ValueError(f"{self.source}: the camera {node.name!r} is mirrored or scaled to nothing")
-                focal_length = height / 2 / tan(node.lens.field / 2)
+                focal_length = height / 2 / tan(node.field_of_view / 2)
                 return Camera(width, height, focal_length, world[:3, 3], left @ right)
         return None
 
@@ -118,15 +111,8 @@ def _posed(mesh: Mesh, animation: Animation, time: float) -> Mesh | None:
         return mesh
     if np.linalg.det(now[:3, :3]) == 0:
         return None
-    move = now @ np.linalg.inv(rest)
-    turn = move[:3, :3]
-    vertices = mesh.vertices @ turn.T + move[:3, 3]
-    faces = mesh.faces[:, ::-1] if np.linalg.det(turn) < 0 else mesh.faces
-    normals = None
-    if mesh.normals is not None:
-        normals = mesh.normals @ np.linalg.inv(turn)
-        normals = (normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)).astype(np.float32)
-    return replace(mesh, vertices=vertices.astype(np.float32), faces=np.ascontiguousarray(faces), normals=normals)
+    vertices, faces, normals = carried(mesh.vertices, mesh.faces, mesh.normals, now @ np.linalg.inv(rest))
+    return replace(mesh, vertices=vertices, faces=faces, normals=normals)
 
 
 def _node_of(mesh: Mesh, animation: Animation) -> int:

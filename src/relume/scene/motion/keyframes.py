@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -45,12 +46,9 @@ class Smooth:
 
     def between(self, times: np.ndarray, values: np.ndarray, index: int, time: float) -> np.ndarray:
         """The value at `time`."""
-        slopes = [self._slope(times, values, key) for key in (index, index + 1)]
-        return _hermite(times, values[index], values[index + 1], slopes[0], slopes[1], index, time)
-
-    def _slope(self, times: np.ndarray, values: np.ndarray, key: int) -> np.ndarray:
-        first, last = max(key - 1, 0), min(key + 1, len(times) - 1)
-        return (values[last] - values[first]) / (times[last] - times[first])
+        spans = [(max(key - 1, 0), min(key + 1, len(times) - 1)) for key in (index, index + 1)]
+        slopes = [(values[last] - values[first]) / (times[last] - times[first]) for first, last in spans]
+        return _hermite(times[index : index + 2], values[index : index + 2], slopes, time)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +63,8 @@ class Tangents:
 
     def between(self, times: np.ndarray, values: np.ndarray, index: int, time: float) -> np.ndarray:
         """The value at `time`."""
-        return _hermite(
-            times, values[index], values[index + 1], self.leaving[index], self.arriving[index + 1], index, time
-        )
+        slopes = self.leaving[index], self.arriving[index + 1]
+        return _hermite(times[index : index + 2], values[index : index + 2], slopes, time)
 
 
 @dataclass(frozen=True)
@@ -160,18 +157,10 @@ def _nearest_signs(quaternions: np.ndarray) -> np.ndarray:
     return result
 
 
-def _hermite(
-    times: np.ndarray,
-    first: np.ndarray,
-    second: np.ndarray,
-    leaving: np.ndarray,
-    arriving: np.ndarray,
-    index: int,
-    time: float,
-) -> np.ndarray:
-    """The cubic with given ends and slopes."""
-    span = times[index + 1] - times[index]
-    t = (time - times[index]) / span
+def _hermite(times: np.ndarray, ends: np.ndarray, slopes: Sequence[np.ndarray], time: float) -> np.ndarray:
+    """The cubic between two times, with the given ends and slopes there."""
+    (first, second), (leaving, arriving), span = ends, slopes, times[1] - times[0]
+    t = (time - times[0]) / span
     return (
         (2 * t**3 - 3 * t**2 + 1) * first
         + (t**3 - 2 * t**2 + t) * span * leaving

@@ -18,7 +18,7 @@ from relume.scene.gltf.materials import READ, GltfMaterial, read_materials
 from relume.scene.gltf.writing import glb_bytes
 from relume.scene.materials.materials import Material
 from relume.scene.materials.mtl import read_mtl_materials
-from relume.scene.shapes.shapes import Mesh
+from relume.scene.shapes.shapes import Mesh, carried
 
 GREY = Material((0.5, 0.5, 0.5), roughness=1.0, name="grey")
 """What a mesh without a material is made of."""
@@ -141,15 +141,9 @@ def _mesh(
     geometry: Any, world_from_mesh: np.ndarray, materials: dict[str, GltfMaterial | Material], name: str
 ) -> tuple[Mesh, tuple[str, ...]]:
     """The mesh in the world, and what of its material does not lie on it."""
-    turn = world_from_mesh[:3, :3]
-    vertices = np.asarray(geometry.vertices) @ turn.T + world_from_mesh[:3, 3]
-    faces = np.asarray(geometry.faces)
-    if np.linalg.det(turn) < 0:
-        faces = faces[:, ::-1]
-    normals = None
-    if "vertex_normals" in geometry._cache.cache:
-        normals = np.asarray(geometry.vertex_normals) @ np.linalg.inv(turn)
-        normals = (normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)).astype(np.float32)
+    own = np.asarray(geometry.vertex_normals) if "vertex_normals" in geometry._cache.cache else None
+    placed = carried(np.asarray(geometry.vertices), np.asarray(geometry.faces), own, world_from_mesh)
+    vertices, faces, normals = placed
     material: Material = GREY
     uv, lost = None, ()
     visual = geometry.visual
@@ -163,7 +157,7 @@ def _mesh(
         else:
             material = found
     uv = None if uv is None else uv.astype(np.float32)
-    return Mesh(vertices.astype(np.float32), faces.astype(np.int32), material, normals, uv, name), lost
+    return Mesh(vertices, faces, material, normals, uv, name), lost
 
 
 def _unread_primitives(header: dict[str, Any]) -> list[str]:

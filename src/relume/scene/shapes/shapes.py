@@ -199,6 +199,20 @@ def bounding_sphere(solid: Solid) -> tuple[np.ndarray, float]:
     return centre, float(np.linalg.norm(points - centre, axis=1).max())
 
 
+def carried(
+    vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray | None, matrix: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """A mesh's vertices, faces and unit normals carried by a matrix (4, 4); where it mirrors, faces stay outward."""
+    turn = matrix[:3, :3]
+    if np.linalg.det(turn) < 0:
+        faces = faces[:, ::-1]
+    if normals is not None:
+        normals = normals @ np.linalg.inv(turn)
+        normals = (normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)).astype(np.float32)
+    moved = vertices @ turn.T + matrix[:3, 3]
+    return moved.astype(np.float32), np.ascontiguousarray(faces, np.int32), normals
+
+
 def _points(solid: Solid) -> np.ndarray:
     if isinstance(solid, Sphere):
         return np.add.outer([-solid.radius, solid.radius], np.asarray(solid.centre, np.float64))
