@@ -15,7 +15,7 @@ from relume.project.insertion.photographs import light_from_map
 from relume.project.insertion.place import bare_place, relit, require_in_place
 from relume.project.shot_file.local_table import distant_scene
 from relume.project.shot_file.objects import doubts_about, placed_meshes, require_outside
-from relume.project.shot_file.shot import Shot, read_shot
+from relume.project.shot_file.shot import Shot
 from relume.scene.cameras.camera import Camera
 from relume.scene.distant import Box, Dome, Enclosure, Infinite
 from relume.scene.lights import SphereLight
@@ -26,6 +26,7 @@ from relume.sphere.environment_files import as_radiance_map
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
 from solids import sphere
+from toml_files import shot_of
 
 SHOT = """
 [plate]
@@ -50,11 +51,6 @@ def folder(tmp_path: Path) -> Path:
     room.export(str(tmp_path / "room.glb"))
     trimesh.creation.box(extents=(0.2, 0.2, 0.2)).export(str(tmp_path / "cube.glb"))
     return tmp_path
-
-
-def shot_of(folder: Path, text: str) -> Shot:
-    (folder / "shot.toml").write_text(text, encoding="utf-8")
-    return read_shot(folder / "shot.toml")
 
 
 def probe_of(shot: Shot) -> Probe:

@@ -15,7 +15,7 @@ from relume.image.radiance import RadianceMap
 from relume.light.reflection.brdf import GGX, Ward
 from relume.light.reflection.lobes import GGXLobe, Lambert, Mirror, Phong, WardLobe
 from relume.light.reflection.weights import Complement, Even, Fresnel, Schlick
-from relume.project.scene_file.scene_file import SceneFile, read_scene, scene_of_mesh
+from relume.project.scene_file.scene_file import read_scene, scene_of_mesh
 from relume.scene.lights import SphereLight
 from relume.scene.materials.bumps import BumpMap, Wrinkles
 from relume.scene.materials.materials import Diffuse, Material
@@ -23,6 +23,7 @@ from relume.scene.materials.materials import Ward as WardSurface
 from relume.scene.materials.reflective import Reflective, Towards
 from relume.scene.shapes.shapes import AnyMaterial, Mesh, Sphere
 from relume.sphere.mappings.discs import Angular
+from toml_files import refusal, scene_of
 
 HEAD = """
 [camera]
@@ -53,28 +54,14 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def read(folder: Path, text: str) -> SceneFile:
-    (folder / "scene.toml").write_text(text, encoding="utf-8")
-    return read_scene(folder / "scene.toml")
-
-
 def ball_of(folder: Path, material: str) -> AnyMaterial:
-    return read(folder, f"{HEAD}[materials.ball]\n{material}\n{BALL}").scene.objects[0].material
+    return scene_of(folder, f"{HEAD}[materials.ball]\n{material}\n{BALL}").scene.objects[0].material
 
 
 def reflective_of(folder: Path, material: str) -> Reflective:
     found = ball_of(folder, material)
     assert isinstance(found, Reflective) and found.name == "ball"
     return found
-
-
-def refusal(folder: Path, text: str) -> str:
-    """The line after the file's name."""
-    with pytest.raises(InvalidScene) as caught:
-        read(folder, text)
-    line = str(caught.value)
-    assert "\n" not in line and line.startswith(f"{folder / 'scene.toml'}: ")
-    return line.removeprefix(f"{folder / 'scene.toml'}: ")
 
 
 # What is read
@@ -86,14 +73,14 @@ def test_the_example_in_the_docs_is_a_scene_file(folder: Path) -> None:
     for name in re.findall(r'"([^"]+\.(?:hdr|obj|png))"', example):
         source = {"hdr": "light.exr", "obj": "unwrapped.obj", "png": "grey.png"}[name[-3:]]
         (folder / name).write_bytes((folder / source).read_bytes())
-    found = read(folder, example)
+    found = scene_of(folder, example)
     assert len(found.scene.objects) == 3 and len(found.scene.local) == 1
     assert found.camera.width == 640
 
 
 def test_the_camera_of_the_file(folder: Path) -> None:
     text = HEAD.replace("[light]", "field_of_view = 90\nsize = [200, 100]\n[light]")
-    camera = read(folder, text + CHROME + BALL).camera
+    camera = scene_of(folder, text + CHROME + BALL).camera
     assert (camera.width, camera.height) == (200, 100)
     assert camera.focal_length == pytest.approx(100.0)
     assert camera.position.tolist() == [0, 1, 4]
@@ -101,7 +88,7 @@ def test_the_camera_of_the_file(folder: Path) -> None:
 
 
 def test_a_camera_is_640_by_480_and_40_degrees_across_unless_given(folder: Path) -> None:
-    camera = read(folder, HEAD + CHROME + BALL).camera
+    camera = scene_of(folder, HEAD + CHROME + BALL).camera
     assert (camera.width, camera.height) == (640, 480)
     assert camera.focal_length == pytest.approx(879.1927742)  # 320 / tan 20°
     left, right = camera.rays()[240, [0, -1]]
@@ -110,7 +97,7 @@ def test_a_camera_is_640_by_480_and_40_degrees_across_unless_given(folder: Path)
 
 def test_the_light_turns_counter_clockwise_seen_from_above(folder: Path) -> None:
     def brightest(turn: float) -> list[float]:
-        light = read(folder, HEAD + f"turn = {turn}\n" + CHROME + BALL).scene.light
+        light = scene_of(folder, HEAD + f"turn = {turn}\n" + CHROME + BALL).scene.light
         axes = np.array([[0, 0, -1], [-1, 0, 0], [0, 0, 1], [1, 0, 0]])
         return axes[light.lookup(axes)[:, 0].argmax()].tolist()
 
@@ -121,20 +108,20 @@ def test_the_light_turns_counter_clockwise_seen_from_above(folder: Path) -> None
 
 
 def test_a_turn_by_whole_columns_moves_pixels_and_by_parts_loses_no_light(folder: Path) -> None:
-    as_it_is = read(folder, HEAD + CHROME + BALL).scene.light
-    whole = read(folder, HEAD + "turn = 22.5\n" + CHROME + BALL).scene.light
+    as_it_is = scene_of(folder, HEAD + CHROME + BALL).scene.light
+    whole = scene_of(folder, HEAD + "turn = 22.5\n" + CHROME + BALL).scene.light
     np.testing.assert_array_equal(whole.radiance, np.roll(as_it_is.radiance, -1, axis=1))
-    part = read(folder, HEAD + "turn = 5.625\n" + CHROME + BALL).scene.light
+    part = scene_of(folder, HEAD + "turn = 5.625\n" + CHROME + BALL).scene.light
     assert part.radiance[3, 6:10, 0] == pytest.approx([25.75, 100, 75.25, 1])
     assert part.total() == pytest.approx(as_it_is.total())
 
 
 def test_the_light_is_scaled_and_a_map_that_remembers_its_mapping_is_read_and_turned_by_it(folder: Path) -> None:
-    light = read(folder, HEAD + "scale = 2.5\n" + CHROME + BALL).scene.light
+    light = scene_of(folder, HEAD + "scale = 2.5\n" + CHROME + BALL).scene.light
     assert light.radiance.min() == 2.5 and light.radiance.max() == 250
     picture = RadianceMap(np.ones((8, 8, 3), np.float32), unit="cd/m²", attributes={"mapping": "angular"})
     files.write(folder / "light.exr", picture)
-    light = read(folder, HEAD + "turn = 30\n" + CHROME + BALL).scene.light
+    light = scene_of(folder, HEAD + "turn = 30\n" + CHROME + BALL).scene.light
     assert light.mapping == Angular() and light.unit == "cd/m²"
 
 
@@ -238,19 +225,19 @@ def test_a_preset_is_taken_with_its_changes_and_may_be_a_ward_surface(folder: Pa
 
 def test_a_lamp_has_a_size(folder: Path) -> None:
     lamp = '[[lights]]\nkind = "sphere"\nposition = [0, 2, 0]\nradius = 0.25\nradiance = 3\n'
-    assert read(folder, HEAD + lamp + CHROME + BALL).scene.lights == (SphereLight((0, 2, 0), 0.25, (3, 3, 3)),)
+    assert scene_of(folder, HEAD + lamp + CHROME + BALL).scene.lights == (SphereLight((0, 2, 0), 0.25, (3, 3, 3)),)
     assert refusal(folder, HEAD + lamp.replace("0.25", "0") + CHROME + BALL).startswith("lights.0.radius: ")
 
 
 def test_a_sphere_stands_where_the_file_says(folder: Path) -> None:
-    (ball,) = read(folder, HEAD + CHROME + BALL).scene.objects
+    (ball,) = scene_of(folder, HEAD + CHROME + BALL).scene.objects
     assert isinstance(ball, Sphere) and (ball.centre, ball.radius) == ((0, 0.5, 0), 0.5)
     assert ball.name == "objects.0"
 
 
 def test_a_mesh_is_scaled_then_turned_about_x_y_and_z_then_moved(folder: Path) -> None:
     text = '[[objects]]\nmesh = "plain.obj"\ntranslate = [10, 0, 0]\nrotate = [90, 90, 90]\nscale = 2.0\n'
-    (mesh,) = read(folder, HEAD + text).scene.objects
+    (mesh,) = scene_of(folder, HEAD + text).scene.objects
     assert isinstance(mesh, Mesh)
     # +Y to +Z by x, to +X by y, to +Y by z; +X stays, goes to −Z and stays; +Z goes to −Y and stays, and to +X.
     np.testing.assert_allclose(mesh.vertices, [[10, 2, 0], [10, 0, -2], [12, 0, 0]], atol=1e-5)
@@ -258,19 +245,20 @@ def test_a_mesh_is_scaled_then_turned_about_x_y_and_z_then_moved(folder: Path) -
 
 def test_a_mesh_keeps_its_own_material_unless_one_is_given(folder: Path) -> None:
     text = HEAD + CHROME + '[[objects]]\nmesh = "plain.obj"\n[[objects]]\nmesh = "plain.obj"\nmaterial = "ball"\n'
-    own, given = read(folder, text).scene.objects
+    own, given = scene_of(folder, text).scene.objects
     assert isinstance(own.material, Material) and isinstance(given.material, Reflective)
 
 
 def test_a_mesh_with_texture_coordinates_takes_an_image(folder: Path) -> None:
     material = '[materials.ball]\nkind = "glossy"\ndiffuse = "grey.png"\n'
-    (mesh,) = read(folder, HEAD + material + '[[objects]]\nmesh = "unwrapped.obj"\nmaterial = "ball"\n').scene.objects
+    text = HEAD + material + '[[objects]]\nmesh = "unwrapped.obj"\nmaterial = "ball"\n'
+    (mesh,) = scene_of(folder, text).scene.objects
     assert isinstance(mesh, Mesh) and mesh.uv is not None
 
 
 def test_a_local_plane_is_enough_to_be_seen(folder: Path) -> None:
     text = '[[local]]\nshape = "plane"\nsize = [2, 3]\nheight = -0.5\nreflectance = [0.1, 0.2, 0.3]\n'
-    (plane,) = read(folder, HEAD + text).scene.local
+    (plane,) = scene_of(folder, HEAD + text).scene.local
     assert plane.material == Diffuse((0.1, 0.2, 0.3))
     assert getattr(plane, "size", None) == (2, 3) and getattr(plane, "height", None) == -0.5
 

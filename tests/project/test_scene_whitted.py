@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from relume.errors import InvalidScene
 from relume.image import files
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
-from relume.project.scene_file.scene_file import SceneFile, read_scene, scene_of_mesh
+from relume.project.scene_file.scene_file import read_scene, scene_of_mesh
 from relume.renderers.whitted.antialiasing import Antialiasing
 from relume.renderers.whitted.whitted import Whitted
 from relume.scene.lights import AmbientLight, DistantLight, Light, Linear, PointLight, SquareLaw, Unattenuated
@@ -20,6 +19,7 @@ from relume.scene.materials.bumps import Wrinkles
 from relume.scene.materials.materials import Diffuse
 from relume.scene.materials.whitted import Checks, WhittedMaterial
 from relume.scene.shapes.shapes import Mesh, Patches, Polygon, Sphere
+from toml_files import refusal, scene_of
 
 CAMERA = "[camera]\nposition = [0, 1, 4]\ntarget = [0, 0.5, 0]\n"
 SUN = '[[lights]]\nkind = "distant"\ntowards = [1, 1, 1]\nirradiance = 3\n'
@@ -39,34 +39,20 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def read(folder: Path, text: str) -> SceneFile:
-    (folder / "scene.toml").write_text(text, encoding="utf-8")
-    return read_scene(folder / "scene.toml")
-
-
 def light_of(folder: Path, table: str) -> Light:
-    return read(folder, f"{CAMERA}[[lights]]\n{table}\n{BLOB}{BALL}").scene.lights[0]
+    return scene_of(folder, f"{CAMERA}[[lights]]\n{table}\n{BLOB}{BALL}").scene.lights[0]
 
 
 def blob_of(folder: Path, keys: str) -> WhittedMaterial:
-    material = read(folder, f"{HEAD}{BLOB}{keys}\n{BALL}").scene.objects[0].material
+    material = scene_of(folder, f"{HEAD}{BLOB}{keys}\n{BALL}").scene.objects[0].material
     assert isinstance(material, WhittedMaterial) and material.name == "blob"
     return material
 
 
 def whitted_of(folder: Path, keys: str) -> Whitted:
-    found = read(folder, f"{HEAD}{BLOB}{BALL}[whitted]\n{keys}\n")
+    found = scene_of(folder, f"{HEAD}{BLOB}{BALL}[whitted]\n{keys}\n")
     assert found.asks_whitted
     return found.whitted
-
-
-def refusal(folder: Path, text: str) -> str:
-    """The line after the file's name."""
-    with pytest.raises(InvalidScene) as caught:
-        read(folder, text)
-    line = str(caught.value)
-    assert "\n" not in line and line.startswith(f"{folder / 'scene.toml'}: ")
-    return line.removeprefix(f"{folder / 'scene.toml'}: ")
 
 
 # What is read
@@ -74,7 +60,7 @@ def refusal(folder: Path, text: str) -> str:
 
 def test_the_second_example_in_the_docs_is_a_scene_file(folder: Path) -> None:
     page = (Path(__file__).parents[2] / "docs/scene-file.md").read_text(encoding="utf-8")
-    found = read(folder, re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[1])
+    found = scene_of(folder, re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[1])
     assert len(found.scene.lights) == 2 and len(found.scene.objects) == 2 and found.moves
     assert found.whitted == Whitted(depth=6, constellation=0)
 
@@ -87,22 +73,22 @@ def test_the_examples_are_scene_files_for_whitted(name: str) -> None:
 
 
 def test_a_light_of_one_colour_is_the_same_from_everywhere(folder: Path) -> None:
-    light = read(folder, CAMERA + "[light]\ncolour = [0.2, 0.3, 0.5]\nscale = 2\n" + BLOB + BALL).scene.light
+    light = scene_of(folder, CAMERA + "[light]\ncolour = [0.2, 0.3, 0.5]\nscale = 2\n" + BLOB + BALL).scene.light
     assert light.radiance.shape == (4, 8, 3)
     np.testing.assert_allclose(light.radiance, np.broadcast_to([0.4, 0.6, 1.0], (4, 8, 3)), rtol=1e-6)
-    grey = read(folder, CAMERA + "[light]\ncolour = 0.5\n" + BLOB + BALL).scene.light
+    grey = scene_of(folder, CAMERA + "[light]\ncolour = 0.5\n" + BLOB + BALL).scene.light
     assert np.all(grey.radiance == 0.5)
 
 
 def test_lights_alone_are_before_black(folder: Path) -> None:
-    scene = read(folder, HEAD + BLOB + BALL).scene
+    scene = scene_of(folder, HEAD + BLOB + BALL).scene
     assert scene.light.size <= 16 and not scene.light.radiance.any()
     assert scene.lights == (DistantLight((1, 1, 1), (3, 3, 3)),)
 
 
 def test_lights_stand_in_the_order_of_the_file_and_beside_a_map(folder: Path) -> None:
     more = '[[lights]]\nkind = "ambient"\nradiance = [0.1, 0.2, 0.3]\n'
-    scene = read(folder, HEAD + more + '[light]\nmap = "light.exr"\n' + BLOB + BALL).scene
+    scene = scene_of(folder, HEAD + more + '[light]\nmap = "light.exr"\n' + BLOB + BALL).scene
     assert scene.lights == (DistantLight((1, 1, 1), (3, 3, 3)), AmbientLight((0.1, 0.2, 0.3)))
     assert scene.light.radiance.max() == 2
 
@@ -168,14 +154,14 @@ def test_a_material_that_creates_energy_is_told_and_used(folder: Path) -> None:
 
 def test_a_polygon_stands_as_it_is_told(folder: Path) -> None:
     text = '[[objects]]\npolygon = [[0, 0, 0], [1, 0, 0], [1, 1, 0]]\nmaterial = "blob"\n'
-    (polygon,) = read(folder, HEAD + BLOB + text).scene.objects
+    (polygon,) = scene_of(folder, HEAD + BLOB + text).scene.objects
     assert isinstance(polygon, Polygon) and polygon.name == "objects.0"
     assert polygon.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0]] and polygon.vertices.dtype == np.float64
 
 
 def test_patches_are_scaled_turned_and_moved_as_a_mesh(folder: Path) -> None:
     sheet = '[[objects]]\npatches = "sheet.bpt"\nmaterial = "blob"\n'
-    (sheet,) = read(
+    (sheet,) = scene_of(
         folder, HEAD + BLOB + sheet + "scale = 2\nrotate = [90, 0, 0]\ntranslate = [10, 0, 0]"
     ).scene.objects
     assert isinstance(sheet, Patches) and sheet.control.shape == (1, 4, 4, 3) and sheet.control.dtype == np.float64
@@ -188,7 +174,7 @@ def test_a_plane_takes_a_material_of_whitted_and_a_diffuse_one(folder: Path) -> 
     floor = '[[local]]\nshape = "plane"\nmaterial = "blob"\nsize = [2, 3]\n'
     clay = '[materials.clay]\nkind = "diffuse"\nreflectance = [0.1, 0.2, 0.3]\n'
     wall = '[[local]]\nshape = "plane"\nmaterial = "clay"\n'
-    first, second = read(folder, HEAD + BLOB + clay + floor + wall).scene.local
+    first, second = scene_of(folder, HEAD + BLOB + clay + floor + wall).scene.local
     assert isinstance(first.material, WhittedMaterial) and getattr(first, "size", None) == (2, 3)
     assert second.material == Diffuse((0.1, 0.2, 0.3))
 
@@ -196,7 +182,7 @@ def test_a_plane_takes_a_material_of_whitted_and_a_diffuse_one(folder: Path) -> 
 def test_objects_go_round_and_the_others_stay(folder: Path) -> None:
     mesh = '[[objects]]\nmesh = "plain.obj"\norbit = { centre = [1, 0, 0] }\n'
     round_ball = BALL.replace("[0, 0.5, 0]", "[3, 0.5, 0]") + "orbit = { centre = [1, 7, 0], turns = -1 }\n"
-    found = read(folder, HEAD + BLOB + BALL + mesh + round_ball)
+    found = scene_of(folder, HEAD + BLOB + BALL + mesh + round_ball)
     assert found.moves and len(found.orbits) == len(found.scene.objects) == 3
     quarter = found.at(0.25)
     still, body, ball = quarter.objects
@@ -212,7 +198,7 @@ def test_objects_go_round_and_the_others_stay(folder: Path) -> None:
 
 
 def test_what_does_not_move_is_the_same_scene_at_any_time(folder: Path) -> None:
-    found = read(folder, HEAD + BLOB + BALL)
+    found = scene_of(folder, HEAD + BLOB + BALL)
     assert not found.moves and found.at(0.5) is found.scene
     mesh = scene_of_mesh(folder / "plain.obj", folder / "light.exr")
     assert not mesh.moves and mesh.at(0.5) is mesh.scene
@@ -220,7 +206,7 @@ def test_what_does_not_move_is_the_same_scene_at_any_time(folder: Path) -> None:
 
 
 def test_the_renderer_is_whitted_unless_told(folder: Path) -> None:
-    found = read(folder, HEAD + BLOB + BALL)
+    found = scene_of(folder, HEAD + BLOB + BALL)
     assert found.whitted == Whitted() and not found.asks_whitted
     assert whitted_of(folder, "") == Whitted()
 

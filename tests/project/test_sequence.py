@@ -18,9 +18,10 @@ from relume.project.insertion.place import turned_light
 from relume.project.insertion.sequence import frame_key, make_frames, sparkles
 from relume.project.shot_file.objects import placed_meshes
 from relume.project.shot_file.sequence_table import SequenceTable, frames_in
-from relume.project.shot_file.shot import Shot, read_shot
+from relume.project.shot_file.shot import Shot
 from relume.report.write_report import write_report
 from relume.sphere.environment_map import EnvironmentMap
+from toml_files import shot_of
 
 SHOT = """
 [plate]
@@ -63,11 +64,6 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "plate.exr").write_bytes(b"a plate")
     (tmp_path / "light.exr").write_bytes(b"a light")
     return tmp_path
-
-
-def shot_of(folder: Path, text: str) -> Shot:
-    (folder / "shot.toml").write_text(text)
-    return read_shot(folder / "shot.toml")
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from gltf_files import CORNERS, TRIANGLES, as_glb
 from relume.errors import UnreadableFile
 from relume.scene.gltf.animation import read_animation
-from relume.scene.motion.animation import posed
+from relume.scene.motion.animation import Animation, posed
 from relume.scene.shapes.meshes import read_meshes
 
 HALF = np.sqrt(0.5)
@@ -74,10 +74,14 @@ def written(folder: Path, *args: Any, **kwargs: Any) -> Path:
     return path
 
 
-def vertices(path: Path, time: float) -> np.ndarray:
+def motion_in(path: Path) -> Animation:
     motion = read_animation(path)
     assert motion is not None
-    (mesh,) = posed(read_meshes(path), motion, time)
+    return motion
+
+
+def vertices(path: Path, time: float) -> np.ndarray:
+    (mesh,) = posed(read_meshes(path), motion_in(path), time)
     return mesh.vertices
 
 
@@ -125,15 +129,13 @@ def test_keys_of_whole_numbers_are_shares(tmp_path):
 
 def test_a_mesh_scaled_to_nothing_is_not_there(tmp_path):
     path = written(tmp_path, [(1, "scale", [0, 1], [[1, 1, 1], [0, 0, 0]], "STEP")])
-    motion = read_animation(path)
-    assert motion is not None
+    motion = motion_in(path)
     assert len(posed(read_meshes(path), motion, 0.5)) == 1 and posed(read_meshes(path), motion, 1.0) == ()
 
 
 def test_a_mirrored_mesh_keeps_its_faces_outward_and_normals_turn_along(tmp_path):
     path = written(tmp_path, [(1, "scale", [0, 1], [[1, 1, 1], [-1, 1, 1]], "STEP")])
-    motion = read_animation(path)
-    assert motion is not None
+    motion = motion_in(path)
     rest = replace(read_meshes(path)[0], normals=np.tile(np.array([0.6, 0, 0.8], np.float32), (4, 1)))
     (mesh,) = posed((rest,), motion, 1.0)
     a, b, c = mesh.vertices[mesh.faces[0]]
@@ -144,8 +146,7 @@ def test_a_mirrored_mesh_keeps_its_faces_outward_and_normals_turn_along(tmp_path
 
 def test_what_does_not_move_is_the_same_to_the_bit(tmp_path):
     path = written(tmp_path, SWING)
-    motion, meshes = read_animation(path), read_meshes(path)
-    assert motion is not None
+    motion, meshes = motion_in(path), read_meshes(path)
     assert posed(meshes, motion, 0.3)[0] is meshes[0]
     assert motion.seconds == (1.0, 3.0)
 
@@ -158,25 +159,21 @@ def test_a_buffer_beside_the_file_or_inside_its_text(tmp_path):
         header["buffers"][0]["uri"] = uri
         path = tmp_path / "moving.gltf"
         path.write_text(json.dumps(header))
-        motion = read_animation(path)
-        assert motion is not None
         (rest,) = read_meshes(tmp_path / "moving.glb")
-        assert np.array_equal(posed((rest,), motion, 1.6)[0].vertices, expected)
+        assert np.array_equal(posed((rest,), motion_in(path), 1.6)[0].vertices, expected)
 
 
 def test_a_camera_that_moves(tmp_path):
     nodes = [*NODES, {"name": "eye", "camera": 0, "translation": [0, 1, 0], "scale": [2, 2, 2]}]
     cameras = {"cameras": [{"type": "perspective", "perspective": {"yfov": np.pi / 2, "znear": 0.1}}]}
     path = written(tmp_path, [(2, "rotation", [0, 2], TURN[:2], "LINEAR")], nodes, cameras)
-    motion = read_animation(path)
-    assert motion is not None
+    motion = motion_in(path)
     camera = motion.camera(2.0, 60, 40)
     assert camera is not None
     assert camera.focal_length == pytest.approx(20) and camera.position == pytest.approx([0, 1, 0])
     # A quarter turn about +Y: what looked along −Z looks along −X.
     assert camera.rays_through(np.array([30.0, 20.0])) == pytest.approx([-1, 0, 0])
-    still = read_animation(written(tmp_path, SWING))
-    assert still is not None and still.camera(0.0, 60, 40) is None
+    assert motion_in(written(tmp_path, SWING)).camera(0.0, 60, 40) is None
 
 
 def test_files_without_motion_have_none(tmp_path, shared):
@@ -220,8 +217,7 @@ def test_a_damaged_file_is_told_in_one_line(tmp_path, change):
 
 def test_two_nodes_of_one_name_are_told_apart_or_refused(tmp_path):
     path = written(tmp_path, SWING)
-    motion = read_animation(path)
-    assert motion is not None
+    motion = motion_in(path)
     two = replace(motion, nodes=(*motion.nodes, motion.nodes[1]))
     with pytest.raises(ValueError, match=r"2 nodes go by the name of the mesh 'square'; give each node a name"):
         posed(read_meshes(path), two, 1.0)

@@ -42,6 +42,10 @@ def photograph_of_the_board(camera, cells=4, **details):
     return Photograph(np.repeat(np.round(255 * grey).astype(np.uint8)[..., None], 3, axis=2), **details)
 
 
+def found_in(photograph):
+    return camera_from_grid(photograph, squares=SQUARES, square=SQUARE, focal_length=720)
+
+
 def reprojection_error(found, true, turn=(1.0, 1.0, 1.0)):
     return np.linalg.norm(found.project(CORNERS * turn) - true.project(CORNERS), axis=-1).max()
 
@@ -52,9 +56,7 @@ def reprojection_error(found, true, turn=(1.0, 1.0, 1.0)):
 )
 def test_a_photographed_board_gives_back_the_camera(azimuth, elevation):
     true = camera_at(azimuth, elevation)
-    found = camera_from_grid(
-        photograph_of_the_board(true), squares=SQUARES, square=SQUARE, focal_length=true.focal_length
-    )
+    found = found_in(photograph_of_the_board(true))
     # Corners are found to a few hundredths of a pixel where squares are 10 pixels and more.
     assert reprojection_error(found, true) < 0.1
     assert np.linalg.norm(found.position - true.position) < 0.002  # metres: 0.1 px of 720 at 80 cm, ten times over
@@ -65,9 +67,7 @@ def test_a_photographed_board_gives_back_the_camera(azimuth, elevation):
 def test_plus_x_runs_to_the_right_as_the_photograph_shows_it(azimuth, elevation):
     # Seen from behind, the frame is turned by half a turn about up.
     true = camera_at(azimuth, elevation)
-    found = camera_from_grid(
-        photograph_of_the_board(true), squares=SQUARES, square=SQUARE, focal_length=true.focal_length
-    )
+    found = found_in(photograph_of_the_board(true))
     assert reprojection_error(found, true, HALF_TURN) < 0.1
     right, origin = found.project(np.array([[0.1, 0, 0], [0, 0, 0]]))
     assert right[0] > origin[0]
@@ -78,9 +78,7 @@ def test_plus_x_runs_to_the_right_as_the_photograph_shows_it(azimuth, elevation)
 def test_a_camera_beside_the_board_is_above_the_table(azimuth, elevation):
     # Where the long side runs straight away from the camera either reading is right, but no mirrored one.
     true = camera_at(azimuth, elevation, target=(0, 0, 0))
-    found = camera_from_grid(
-        photograph_of_the_board(true), squares=SQUARES, square=SQUARE, focal_length=true.focal_length
-    )
+    found = found_in(photograph_of_the_board(true))
     assert found.position[1] > 0
     assert min(reprojection_error(found, true), reprojection_error(found, true, HALF_TURN)) < 0.1
 
@@ -89,7 +87,7 @@ def test_16_bit_photographs_are_read_as_well():
     true = camera_at(20, 40)
     eight = photograph_of_the_board(true)
     sixteen = Photograph(eight.pixels.astype(np.uint16) * 257)
-    found = camera_from_grid(sixteen, squares=SQUARES, square=SQUARE, focal_length=true.focal_length)
+    found = found_in(sixteen)
     assert reprojection_error(found, true) < 0.1
 
 

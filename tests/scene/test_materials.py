@@ -5,16 +5,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from relume.scene.materials.materials import Material, Ward, dispersed
+from relume.scene.materials.materials import Diffuse, Material, Ward, dispersed
 from relume.scene.materials.media import Medium
 from relume.scene.materials.presets import PRESETS, material_preset
 
 GLASS = Material(roughness=0.0, transmission=1.0)
 
 
+def test_a_materials_defaults_are_those_of_gltf_for_a_dielectric():
+    material = Material()
+    assert (material.base_color, material.roughness, material.transmission, material.ior) == ((1, 1, 1), 1, 0, 1.5)
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
+        ({"base_color": (0.2, 1.5, 0)}, "base_color of material 'tin' is .*expected 0 to 1"),
+        ({"metallic": -0.1}, "metallic of material 'tin' is .*expected 0 to 1"),
+        ({"roughness": np.full((2, 2), 1.2)}, "roughness of material 'tin' is .*expected 0 to 1"),
+        ({"roughness": float("nan")}, "roughness of material 'tin' is nan"),
+        ({"transmission": 2.0}, "transmission of material 'tin' is .*expected 0 to 1"),
+        ({"base_color": np.arange(12, dtype=np.float32).reshape(2, 2, 3) % 4}, "is an image from 0 to 3; expected"),
+        ({"ior": 0.9}, r"ior of material 'tin' is 0\.9; expected 1 or more"),
         ({"clearcoat": 1.5}, "clearcoat of material 'tin' is 1.5; expected 0 to 1"),
         ({"emission": (0, -1, 0)}, r"emission of material 'tin' is \[0, -1, 0\]; expected 0 or more"),
         ({"emission": 2.0}, r"emission of material 'tin' has the shape \(\); expected three numbers"),
@@ -28,8 +40,9 @@ GLASS = Material(roughness=0.0, transmission=1.0)
     ],
 )
 def test_a_number_that_cannot_be_is_refused(changes, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(ValueError, match=message) as caught:
         Material(**changes, name="tin")
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -42,6 +55,12 @@ def test_a_number_that_cannot_be_is_refused(changes, message):
 def test_a_ward_surface_that_cannot_be_is_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         replace(Ward((0.3, 0.3, 0.3), 0.1, 0.2, name="brass"), **changes)
+
+
+@pytest.mark.parametrize("reflectance", [(0.5, 0.5), (0.5, 0.5, 1.01), (-0.1, 0, 0)])
+def test_a_reflectance_that_would_make_light_is_refused(reflectance):
+    with pytest.raises(ValueError, match="expected three numbers from 0 to 1"):
+        Diffuse(reflectance)
 
 
 def test_light_dims_inside_as_the_attenuation_says():

@@ -31,18 +31,18 @@ def test_numbers_are_read(read):
     assert (material.name, material.specular) == ("tin", 1)
 
 
-def test_the_exponent_of_the_gloss_is_a_roughness(read):
-    # √(2/(98 + 2)) = 0.1414214 = α = roughness².
-    assert read("Ns 98\nKs 1 1 1").roughness == pytest.approx(0.1414214**0.5)
-    assert read("Kd 1 1 1").roughness == 1
-
-
-def test_without_specular_reflection_there_is_no_gloss(read):
-    assert read("Ks 0 0 0").specular == 0
-
-
-def test_transparency_is_what_alpha_is_not(read):
-    assert read("Tr 0.25").alpha == 0.75
+@pytest.mark.parametrize(
+    ("words", "name", "expected"),
+    [
+        # √(2/(98 + 2)) = 0.1414214 = α = roughness².
+        ("Ns 98\nKs 1 1 1", "roughness", pytest.approx(0.1414214**0.5)),
+        ("Kd 1 1 1", "roughness", 1),
+        ("Ks 0 0 0", "specular", 0),
+        ("Tr 0.25", "alpha", 0.75),
+    ],
+)
+def test_gloss_and_transparency_become_gltfs(read, words, name, expected):
+    assert getattr(read(words), name) == expected
 
 
 def test_a_picture_is_decoded_and_multiplied(read, tmp_path):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -14,6 +14,7 @@ from relume.scene.materials.presets import material_preset
 from relume.scene.shapes.shapes import Mesh, Patches
 from relume.sphere.directions import rotation_about
 
+MeshOrPatches = TypeVar("MeshOrPatches", Mesh, Patches)
 NotNegative = Annotated[float, Field(ge=0)]
 Light = tuple[NotNegative, NotNegative, NotNegative]
 ShareColour = tuple[Share, Share, Share]
@@ -82,18 +83,14 @@ class Placement(Table):
     translate: Vector = (0.0, 0.0, 0.0)
 
 
-def placed(mesh: Mesh, placement: Placement) -> Mesh:
-    """The mesh scaled, then turned about x, then y, then z, then moved."""
-    turn = turn_of(placement)
-    vertices = placement.scale * (mesh.vertices @ turn.T) + np.array(placement.translate)
-    normals = None if mesh.normals is None else (mesh.normals @ turn.T).astype(np.float32)
-    return replace(mesh, vertices=vertices.astype(np.float32), normals=normals)
-
-
-def placed_patches(patches: Patches, placement: Placement) -> Patches:
-    """The patches placed as a mesh is."""
-    control = placement.scale * (patches.control @ turn_of(placement).T) + np.array(placement.translate)
-    return replace(patches, control=control)
+def placed(solid: MeshOrPatches, placement: Placement) -> MeshOrPatches:
+    """The mesh or the patches scaled, then turned about x, then y, then z, then moved."""
+    turn, points = turn_of(placement), solid.vertices if isinstance(solid, Mesh) else solid.control
+    moved = placement.scale * (points @ turn.T) + np.array(placement.translate)
+    if not isinstance(solid, Mesh):
+        return replace(solid, control=moved)
+    normals = None if solid.normals is None else (solid.normals @ turn.T).astype(np.float32)
+    return replace(solid, vertices=moved.astype(np.float32), normals=normals)
 
 
 def turn_of(placement: Placement) -> np.ndarray:

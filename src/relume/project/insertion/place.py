@@ -84,7 +84,11 @@ def find_place(
     vignetting = shot.match.vignetting_in(shot.folder, camera.focal_length, plate.size)
     recovered = None
     if bare.local:
-        even = _without_vignetting(plate, vignetting)
+        even = plate
+        if vignetting is not None:
+            # What the scene's radiance was, for recovering reflectance.
+            fall_off = vignetting.falloff(plate.size)[..., None]
+            even = replace(plate, radiance=(plate.radiance / fall_off).astype(np.float32))
         ball = shot.light.ball
         made_from = [
             even, camera, bare, calibrated.probe.confidence, [table.model_dump() for table in shot.local],
@@ -112,13 +116,6 @@ def _with_lens(shot: Shot, camera: Camera, calibrated: Calibrated) -> Camera:
                 "match.aperture: the plate's EXIF has no f-number or focal length; give the diameter in metres"
             )
     return replace(camera, aperture=diameter / 2, focus=focus)
-
-
-def _without_vignetting(plate: RadianceMap, vignetting: Vignetting | None) -> RadianceMap:
-    """The plate without its fall-off: what the scene's radiance was, for recovering reflectance."""
-    if vignetting is None:
-        return plate
-    return replace(plate, radiance=(plate.radiance / vignetting.falloff(plate.size)[..., None]).astype(np.float32))
 
 
 def bare_place(shot: Shot, probe: Probe) -> Scene:

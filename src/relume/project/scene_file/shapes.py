@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import model_validator
 
 from relume.errors import InvalidScene
-from relume.project.mesh_tables import Placement, placed, placed_patches
+from relume.project.mesh_tables import Placement, placed
 from relume.project.scene_file.materials import has_images, naming
 from relume.project.schema import Positive, Share, Table, Vector
 from relume.scene.materials.materials import Diffuse
@@ -121,7 +121,7 @@ def _solids(table: ObjectTable, key: str, materials: Mapping[str, AnyMaterial], 
         if table.polygon is not None:
             return (Polygon(np.array(table.polygon, np.float64), material, key),)
         control = read_patches(path.parent / (table.patches or ""))
-        return (placed_patches(Patches(control, material, key), table),)
+        return (placed(Patches(control, material, key), table),)
 
 
 def _meshes(table: ObjectTable, place: str, material: AnyMaterial | None, file: Path) -> tuple[Solid, ...]:

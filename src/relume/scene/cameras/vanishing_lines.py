@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -113,10 +113,7 @@ def fit_vanishing_lines(
             "the ground, or check which axis each line was drawn along"
         )
     # At first the origin is one unit away; the known length sets the unit.
-    unit = Camera(*size, view.focal_length, -ray, lens.rotation, found_centre, distortion)
-    camera = Camera(
-        *size, view.focal_length, -ray * length.metres_per_unit(unit), lens.rotation, found_centre, distortion
-    )
+    camera = replace(lens, position=-ray * length.metres_per_unit(replace(lens, position=-ray)))
     ends = np.concatenate([s.reshape(-1, 2) for s in lines.segments()])
     return CameraFit(camera, ends, np.concatenate(_offsets(view, segments)))
 

@@ -76,7 +76,7 @@ def _track(what: str, sampler: Mapping[str, Any], document: GltfDocument) -> Tra
 def _node(
     index: int, table: Mapping[str, Any], parent: int | None, tracks: Mapping[str, Track], header: Mapping[str, Any]
 ) -> Node:
-    camera = header["cameras"][table["camera"]] if "camera" in table else {"type": "none"}
+    camera: dict[str, Any] = header["cameras"][table["camera"]] if "camera" in table else {"type": "none"}
     return Node(
         name=str(table.get("name", index)),
         parent=parent,

@@ -1,50 +1,15 @@
-"""Materials, shapes and scenes refuse what cannot be, and say what they expected."""
+"""Shapes and scenes: how far the walls of a distant scene are, and one line for what cannot be."""
 
 import numpy as np
 import pytest
 
+from relume.scene.distant import Box, Dome, Enclosure
 from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Mesh, Plane
 from relume.sphere.environment_map import EnvironmentMap
 
 TRIANGLE = Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32), Diffuse((0.5, 0.5, 0.5)))
-
-
-def test_a_materials_defaults_are_those_of_gltf_for_a_dielectric():
-    material = Material()
-    assert (material.base_color, material.roughness, material.transmission, material.ior) == ((1, 1, 1), 1, 0, 1.5)
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [("base_color", (0.2, 1.5, 0)), ("metallic", -0.1), ("roughness", np.full((2, 2), 1.2)), ("transmission", 2.0)],
-)
-def test_a_material_outside_0_to_1_is_refused_by_field_and_name(field, value):
-    with pytest.raises(ValueError, match=f"{field} of material 'tin' is .*expected 0 to 1"):
-        Material(**{field: value}, name="tin")
-
-
-def test_a_material_that_is_not_a_number_is_refused():
-    with pytest.raises(ValueError, match="roughness of material 'tin' is nan"):
-        Material(roughness=float("nan"), name="tin")
-
-
-def test_a_texture_out_of_range_is_refused_in_one_line():
-    with pytest.raises(ValueError, match="is an image from 0 to 3; expected") as caught:
-        Material(np.arange(4 * 3, dtype=np.float32).reshape(2, 2, 3) % 4)
-    assert "\n" not in str(caught.value)
-
-
-def test_an_index_of_refraction_below_one_is_refused():
-    with pytest.raises(ValueError, match=r"ior of material 'air' is 0\.9; expected 1 or more"):
-        Material(ior=0.9, name="air")
-
-
-@pytest.mark.parametrize("reflectance", [(0.5, 0.5), (0.5, 0.5, 1.01), (-0.1, 0, 0)])
-def test_a_reflectance_that_would_make_light_is_refused(reflectance):
-    with pytest.raises(ValueError, match="expected three numbers from 0 to 1"):
-        Diffuse(reflectance)
 
 
 @pytest.mark.parametrize(
@@ -80,3 +45,32 @@ def test_a_scene_is_changed_by_making_another():
     assert fuller.without_objects().objects == ()
     assert fuller.without_objects().local == (plane,)
     assert scene.with_local([plane, TRIANGLE]).local == (plane, TRIANGLE)
+
+
+def test_a_dome_is_as_far_as_its_radius_from_its_centre_and_nearer_beside_it():
+    dome = Dome(2.0, (0.0, 1.0, 0.0))
+    way = np.array([[1.0, 0, 0], [0, 1, 0], [0, -1, 0]])
+    assert dome.distances(np.array([0.0, 1.0, 0.0]), way).tolist() == [2, 2, 2]
+    assert dome.distances(np.array([0.0, 2.0, 0.0]), way) == pytest.approx([np.sqrt(3), 1, 3])
+
+
+def test_a_boxs_walls_are_where_its_corners_are():
+    box = Box((-1, 0, -2), (3, 2, 4))
+    way = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1], [0.6, 0.8, 0]])
+    found = box.distances(np.array([0.0, 0.5, 0.0]), way)
+    assert found == pytest.approx([3, 1, 1.5, 0.5, 4, 2, 1.875])
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Dome(0.0), "dome of radius 0.0"),
+        (lambda: Dome(1.0, (0, np.nan, 0)), "expected metres"),
+        (lambda: Box((0, 0, 0), (1, 0, 1)), "each of low below that of high"),
+        (lambda: Enclosure(np.zeros((3, 2), np.float32), np.zeros((1, 3), np.int32)), r"expected \(N, 3\)"),
+        (lambda: Enclosure(np.full((3, 3), np.inf, np.float32), np.zeros((1, 3), np.int32)), "NaN or infinity"),
+    ],
+)
+def test_what_is_no_shape_is_refused(make, words):
+    with pytest.raises(ValueError, match=words):
+        make()

@@ -1,0 +1,30 @@
+"""Scene files and shot files written for a test: read back, or refused in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from relume.errors import InvalidScene
+from relume.project.scene_file.scene_file import SceneFile, read_scene
+from relume.project.shot_file.shot import Shot, read_shot
+
+
+def scene_of(folder: Path, text: str) -> SceneFile:
+    (folder / "scene.toml").write_text(text, encoding="utf-8")
+    return read_scene(folder / "scene.toml")
+
+
+def refusal(folder: Path, text: str) -> str:
+    """The line that refuses a scene file, after the file's name."""
+    with pytest.raises(InvalidScene) as caught:
+        scene_of(folder, text)
+    line = str(caught.value)
+    assert "\n" not in line and line.startswith(f"{folder / 'scene.toml'}: ")
+    return line.removeprefix(f"{folder / 'scene.toml'}: ")
+
+
+def shot_of(folder: Path, text: str) -> Shot:
+    (folder / "shot.toml").write_text(text, encoding="utf-8")
+    return read_shot(folder / "shot.toml")
