@@ -61,16 +61,13 @@ def test_an_aperture_or_gain_that_only_some_frames_have(with_it, word):
     refused(lambda: Bracket(frames), "b.jpg", word, "--times")
 
 
-def test_photographs_that_are_all_white():
-    frames = tuple(grey(f"white_{i}.jpg", Exposure(2.0**-i), value=255) for i in range(3))
-    refused(lambda: merge(Bracket(frames), straight()), "white_2.jpg … white_0.jpg", "saturated", "shorter exposures")
-    refused(lambda: recover_response(Bracket(frames)), "white_2.jpg … white_0.jpg", "well exposed")
-
-
-def test_photographs_that_are_all_black():
-    frames = tuple(grey(f"black_{i}.jpg", Exposure(2.0**-i), value=0) for i in range(3))
-    refused(lambda: merge(Bracket(frames), straight()), "black_2.jpg … black_0.jpg", "black", "longer exposures")
-    refused(lambda: recover_response(Bracket(frames)), "black_2.jpg … black_0.jpg", "well exposed")
+@pytest.mark.parametrize(
+    "value, words", [(255, ("saturated", "shorter exposures")), (0, ("black", "longer exposures"))]
+)
+def test_photographs_that_are_all_white_or_all_black(value, words):
+    frames = tuple(grey(f"all_{i}.jpg", Exposure(2.0**-i), value=value) for i in range(3))
+    refused(lambda: merge(Bracket(frames), straight()), "all_2.jpg … all_0.jpg", *words)
+    refused(lambda: recover_response(Bracket(frames)), "all_2.jpg … all_0.jpg", "well exposed")
 
 
 def test_photographs_of_16_bits_and_a_response_of_8():

@@ -1,7 +1,6 @@
 """Each kind of doubtful bracket is told by its own words, and a sound one by none."""
 
 import re
-import warnings
 from dataclasses import replace
 from itertools import pairwise
 
@@ -24,6 +23,7 @@ from relume.capture.exposure.validation import compare
 from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph, Settings
 from relume.image.response import Response
+from shoots import real_bracket
 from synthetic import NOISELESS, NOISY, VirtualCamera, wide_scene
 
 
@@ -102,12 +102,7 @@ def test_a_sound_bracket_raises_no_doubt(scene, camera, times):
     ["arch_full", "garage", "ghost_hall", "handheld_street", "memorial", "room", "window", "ghost_sculpture_garden"],
 )
 def test_real_brackets_raise_no_doubt_that_degrades(shared, name):
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message=".*colour profile")
-        bracket = read_bracket(
-            expand([shared / "data/brackets" / name]), ignore=(0, 0, 255) if name == "memorial" else None
-        )
-    doubts = check(bracket)
+    doubts = check(real_bracket(shared, name))
     assert not any(doubt.degraded for doubt in doubts), [doubt.line for doubt in doubts]
     told_so = [doubt for doubt in doubts if "sorted by exposure" not in doubt.what]
     if name == "arch_full":
@@ -175,9 +170,7 @@ def test_the_same_time_for_all_is_no_time(sound):
 
 
 def test_the_trap_of_a_real_set(shared):
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message=".*colour profile")
-        bracket = read_bracket(expand([shared / "data/brackets/ghost_sculpture_garden"]), sidecars=False)
+    bracket = real_bracket(shared, "ghost_sculpture_garden", sidecars=False)
     only(bracket, "all have 1/20 s by its EXIF", "5.", "--times")
 
 
@@ -209,9 +202,7 @@ def test_a_photograph_of_another_scene_is_found_wherever_it_stands(scene, sound)
 
 def test_real_photographs_of_other_scenes_are_strange_and_those_of_one_scene_are_not(shared):
     def structures(name: str) -> list:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message=".*colour profile")
-            photographs = read_bracket(expand([shared / "data/brackets" / name])).photographs
+        photographs = real_bracket(shared, name).photographs
         return [structure(reduced(replace(p, pixels=p.pixels[:590, :890]))) for p in photographs]
 
     hall, garage = structures("ghost_hall"), structures("garage")

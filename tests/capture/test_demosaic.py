@@ -144,24 +144,20 @@ def saturated(colour: tuple[float, float, float], level: float = 1.0) -> tuple[n
     return developed_mosaic(mosaic, variance, clipped, np.array(PATTERNS[0]), balance, np.eye(3))
 
 
-def test_light_that_saturates_all_channels_comes_out_neutral_at_the_level_all_reached():
-    colours, spread, mask = saturated((3.0, 3.0, 3.0))
-    np.testing.assert_allclose(colours[10:14, 10:14], 1.0)
-    assert (mask[10:14, 10:14] == SATURATED).all()
-    assert np.isinf(spread[10:14, 10:14]).all()
-
-
-def test_where_green_alone_is_saturated_the_others_do_not_turn_it_pink():
-    # A neutral light of 1.4: balanced, red and blue read 1.4, and green is cut at 1.
-    colours, _, mask = saturated((0.7, 1.4, 1.4 / 1.5))
-    np.testing.assert_allclose(colours[10:14, 10:14], 1.0)
-    assert (mask[10:14, 10:14] == SATURATED).all()
-
-
-def test_a_red_lamp_stays_red_where_red_alone_is_saturated():
-    colours, _, mask = saturated((1.5, 0.3, 0.1))
-    np.testing.assert_allclose(colours[10:14, 10:14], np.broadcast_to([2.0, 0.3, 0.15], (4, 4, 3)), rtol=1e-5)
-    assert (mask[10:14, 10:14] == SATURATED).all()
+@pytest.mark.parametrize(
+    "colour, expected",
+    [
+        pytest.param((3.0, 3.0, 3.0), [1.0, 1.0, 1.0], id="all: neutral, at the level all reached"),
+        # A neutral light of 1.4: balanced, red and blue read 1.4, and green is cut at 1.
+        pytest.param((0.7, 1.4, 1.4 / 1.5), [1.0, 1.0, 1.0], id="green alone: not pink"),
+        pytest.param((1.5, 0.3, 0.1), [2.0, 0.3, 0.15], id="red alone: a red lamp stays red"),
+    ],
+)
+def test_light_that_saturates_some_channels_keeps_a_colour_that_can_be(colour, expected):
+    colours, spread, mask = saturated(colour)
+    rtol = 1e-7 if expected[0] == 1.0 else 1e-5
+    np.testing.assert_allclose(colours[10:14, 10:14], np.broadcast_to(expected, (4, 4, 3)), rtol=rtol)
+    assert (mask[10:14, 10:14] == SATURATED).all() and np.isinf(spread[10:14, 10:14]).all()
 
 
 def test_only_pixels_whose_nearest_samples_are_saturated_are_masked():

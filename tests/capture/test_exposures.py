@@ -1,7 +1,6 @@
 """Where exposures come from, in a fixed order, and what is said of each."""
 
 import shutil
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +12,7 @@ from relume.capture.exposure.folder import expand
 from relume.errors import NotABracket, UnreadableFile
 from relume.image import files
 from relume.image.photograph import Exposure, Photograph
+from shoots import real_bracket
 from synthetic import VirtualCamera, wide_scene
 
 TIMES = (1 / 60, 1 / 15, 1 / 4)
@@ -98,17 +98,18 @@ def test_a_list_that_leaves_some_out_is_reported_and_exif_speaks_for_them(tmp_pa
     assert [(line.f_number, line.iso) for line in bracket.exposure_table] == [(8.0, 100.0)] * 3
 
 
-def test_a_list_of_other_photographs_is_reported_and_passed_over(tmp_path):
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        ("x.jpg 1/60\ny.jpg 1/15\n", r"times\.txt: lists exposures, but of none of the photographs"),
+        ("a.png soon\nb.png 1/15\nc.png 1/4\n", r'times\.txt: .*"a\.png soon".*; it is passed over'),
+    ],
+    ids=["of other photographs", "meant, but not read"],
+)
+def test_a_list_that_gives_nothing_is_reported_and_passed_over(tmp_path, text, words):
     paths = shot(tmp_path)
-    (tmp_path / "times.txt").write_text("x.jpg 1/60\ny.jpg 1/15\n")
-    with pytest.warns(UserWarning, match=r"times\.txt: lists exposures, but of none of the photographs"):
-        assert sources(read_bracket(paths)) == ["EXIF"] * 3
-
-
-def test_a_list_that_was_meant_but_cannot_be_read_is_reported(tmp_path):
-    paths = shot(tmp_path)
-    (tmp_path / "times.txt").write_text("a.png soon\nb.png 1/15\nc.png 1/4\n")
-    with pytest.warns(UserWarning, match=r'times\.txt: .*"a\.png soon".*; it is passed over'):
+    (tmp_path / "times.txt").write_text(text)
+    with pytest.warns(UserWarning, match=words):
         assert sources(read_bracket(paths)) == ["EXIF"] * 3
 
 
@@ -286,11 +287,7 @@ REAL = {
 @pytest.mark.parametrize("name", REAL)
 def test_every_real_set_whose_times_are_known_is_read(shared, name):
     source, count, ratio = REAL[name]
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message=".*colour profile")
-        bracket = read_bracket(
-            expand([shared / "data/brackets" / name]), ignore=(0, 0, 255) if name == "memorial" else None
-        )
+    bracket = real_bracket(shared, name)
     assert sources(bracket) == [source] * count
     assert bracket.exposures[-1] / bracket.exposures[0] == pytest.approx(ratio)
     assert (bracket.photographs[0].outside is not None) == (name == "memorial")

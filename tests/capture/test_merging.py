@@ -223,29 +223,17 @@ def test_what_no_photograph_measured_is_masked_and_bounded():
     assert np.all(merged.radiance[36:44, 4:12, 1] <= scene[36:44, 4:12, 1])
 
 
-@pytest.mark.parametrize("value", [249, 251, 254, 255])
-def test_the_bound_of_a_saturated_pixel_follows_from_its_own_value(value):
+@pytest.mark.parametrize("value", [0, 1, 6, 249, 251, 254, 255])
+def test_the_bound_of_a_clipped_pixel_follows_from_its_own_value(value):
     # Values near white have no weight, because in saturated patches JPEG writes them; they are bounds all the same.
-    response = logarithmic_response()
+    response, white = logarithmic_response(), value > 127
     dark, bright = (flat(value, t, side=40) for t in (1.0, 2.0))
-    bright.pixels[:] = 255
+    (bright if white else dark).pixels[:] = 255 if white else 0
     for photograph in (dark, bright):
         photograph.pixels[:4] = 128  # something must be measured
     merged = merge(Bracket((dark, bright)), response)
-    assert merged.clipped is not None and np.all(merged.clipped[4:] == SATURATED)
-    np.testing.assert_allclose(merged.radiance[4:], bound(response, value), rtol=1e-6)
-
-
-@pytest.mark.parametrize("value", [0, 1, 6])
-def test_the_bound_of_a_black_pixel_follows_from_its_own_value(value):
-    response = logarithmic_response()
-    dark, bright = (flat(value, t, side=40) for t in (1.0, 2.0))
-    dark.pixels[:] = 0
-    for photograph in (dark, bright):
-        photograph.pixels[:4] = 128
-    merged = merge(Bracket((dark, bright)), response)
-    assert merged.clipped is not None and np.all(merged.clipped[4:] == BLACK)
-    np.testing.assert_allclose(merged.radiance[4:], bound(response, value) / 2, rtol=1e-6)
+    assert merged.clipped is not None and np.all(merged.clipped[4:] == (SATURATED if white else BLACK))
+    np.testing.assert_allclose(merged.radiance[4:], bound(response, value) / (1 if white else 2), rtol=1e-6)
 
 
 def test_a_pixel_between_black_in_one_photograph_and_white_in_the_next_is_bounded_from_below():

@@ -1,5 +1,7 @@
 """Two views of a ball under a sun give back the light they saw, without a seam; what nobody saw is told."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -127,7 +129,7 @@ def test_saturated_light_is_marked_as_a_lower_bound(views):
     for one in views:
         mask = np.where(one.picture.radiance.max(-1) > 5, SATURATED, 0).astype(np.uint8)
         picture = RadianceMap(np.minimum(one.picture.radiance, 5), clipped=mask)
-        cut.append(BallView(picture, one.focal_length, one.axis, one.distance, one.world_from_pixels, one.outline))
+        cut.append(replace(one, picture=picture))
     probe = blend_views(cut, size=SIZE)
     clipped, near = probe.light.clipped, pixel_directions(LatLong(), SIZE) @ SUN
     assert clipped is not None
@@ -159,9 +161,7 @@ def test_of_three_views_the_one_that_contradicts_loses():
 
 @pytest.mark.slow
 def test_views_exposed_otherwise_are_reported_and_balanced_on_request(views):
-    brighter = RadianceMap(views[1].picture.radiance * np.float32(2.5))
-    one = views[1]
-    other = BallView(brighter, one.focal_length, one.axis, one.distance, one.world_from_pixels, one.outline)
+    other = replace(views[1], picture=RadianceMap(views[1].picture.radiance * np.float32(2.5)))
     plain, balanced = (blend_views([views[0], other], size=64, balanced=b) for b in (False, True))
     assert plain.gains == balanced.gains and plain.gains[1] == pytest.approx(2.5, rel=0.02)
     assert plain.notes[0].startswith("view 2 of the ball is 2.5") and "times as bright" in plain.notes[0]

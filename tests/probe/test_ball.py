@@ -1,5 +1,7 @@
 """A photographed mirror ball unwraps to the light it was rendered under, in the ball's true perspective."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -18,12 +20,7 @@ SIZE = 96
 def view(camera: np.ndarray, *, told: np.ndarray | None = None, **picture) -> BallView:
     """The ball photographed from `camera`, and viewed as if from `told`."""
     photograph = photograph_ball(lobes, camera, **picture)
-    return unwrap_ball(
-        photograph,
-        camera=camera if told is None else told,
-        centre=CENTRE,
-        focal_length=picture.get("focal_length", 3400.0),
-    )
+    return unwrap_ball(photograph, camera=camera if told is None else told, centre=CENTRE, focal_length=3400.0)
 
 
 @pytest.fixture(scope="module")
@@ -220,8 +217,7 @@ def test_saturated_light_is_reported_as_a_solid_angle(front, side):
         inside = np.zeros(flagged.shape, bool)
         inside[20:-20, 20:-20] = True
         mask = np.where((flagged > 0.5) & inside, SATURATED, 0).astype(np.uint8)
-        picture = RadianceMap(one.picture.radiance, clipped=mask)
-        return BallView(picture, one.focal_length, one.axis, one.distance, one.world_from_pixels, one.outline)
+        return replace(one, picture=RadianceMap(one.picture.radiance, clipped=mask))
 
     views = [clipped(front, FRONT), clipped(side, SIDE)]
     expected = 2 * np.pi * (1 - np.cos(reach))

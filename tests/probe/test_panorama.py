@@ -44,11 +44,25 @@ def views_of(told: bool, *, focal_error: float = 0.0, distortion: float = 0.0) -
     ]  # fmt: skip
 
 
-def face_views(
-    picture_of=lambda turn: photograph(WORLD, turn, focal_length=100, size=(200, 200)),
-) -> list[PanoramaView]:
-    turns = {name: orientation(*np.radians(angles)) for name, angles in FACES.items()}
-    return [PanoramaView(picture_of(turn), 100, turn, name) for name, turn in turns.items()]
+def face_views(world=WORLD, focal_length: int = 100, gains: dict[str, float] | None = None) -> list[PanoramaView]:
+    """The six faces of a cube, each given with where it looked."""
+    views = []
+    for name, angles in FACES.items():
+        turn, side = orientation(*np.radians(angles)), 2 * focal_length
+        gain = (gains or {}).get(name, 1.0)
+        picture = photograph(world, turn, focal_length=focal_length, size=(side, side), gain=gain)
+        views.append(PanoramaView(picture, focal_length, turn, name))
+    return views
+
+
+def ahead(*yaws: float, given: bool = True) -> list[PanoramaView]:
+    """Views on the horizon, turned to the right by degrees, named a, b, …"""
+    turns = [orientation(np.radians(yaw)) for yaw in yaws]
+    pictures = [photograph(WORLD, turn) for turn in turns]
+    return [
+        PanoramaView(picture, 160, turn if given else None, name)
+        for picture, turn, name in zip(pictures, turns, "abcde", strict=False)
+    ]
 
 
 def off_world(result: Panorama, turns: list[np.ndarray]) -> np.ndarray:
@@ -128,14 +142,7 @@ def test_no_seam_is_seen_in_a_smooth_sky():
 
 def test_six_faces_of_a_cube_are_evened_at_their_edges():
     gains = dict(zip(FACES, (1.0, 1.2, 0.85, 1.1, 0.95, 1.05), strict=True))
-    turns = {name: orientation(*np.radians(angles)) for name, angles in FACES.items()}
-    views = [
-        PanoramaView(
-            photograph(WORLD, turns[name], focal_length=100, size=(200, 200), gain=gain), 100, turns[name], name
-        )
-        for name, gain in gains.items()
-    ]
-    result = stitch_panorama(views, size=256)
+    result = stitch_panorama(face_views(gains=gains), size=256)
     product = result.gains[:, 0] * list(gains.values())
     assert np.abs(product / product.mean() - 1).max() < 0.04
     assert result.unseen == 0
@@ -149,14 +156,7 @@ def textured_faces(gains: dict[str, float] | None = None) -> list[PanoramaView]:
         fine = 0.05 * np.sin(40 * directions).sum(-1)
         return np.exp(directions @ np.array([1.2, 0.9, -0.7]) + fine)
 
-    world = lights.of_directions(radiance, 256)
-    turns = {name: orientation(*np.radians(angles)) for name, angles in FACES.items()}
-    return [
-        PanoramaView(
-            photograph(world, turn, focal_length=75, size=(150, 150), gain=(gains or {}).get(name, 1.0)), 75, turn, name
-        )
-        for name, turn in turns.items()
-    ]
+    return face_views(lights.of_directions(radiance, 256), 75, gains)
 
 
 def test_exact_faces_that_only_touch_are_not_balanced():
@@ -176,14 +176,13 @@ def test_rims_show_the_gain_of_one_face_and_leave_the_others():
     assert len(found.remarks) == 1 and "views only touch" in found.remarks[0] and "back" in found.remarks[0]
 
 
-def test_unbalanced_views_are_still_compared():
-    turns = [orientation(*np.radians((yaw, 0, 0))) for yaw in (0, 40)]
-    views = [PanoramaView(photograph(WORLD, turn), 160, turn, str(i)) for i, turn in enumerate(turns)]
-    assert stitch_panorama(views, size=64, balancing=None).warnings == ()
-    wrong = stitch_panorama(
-        [views[0], replace(views[1], rotation=orientation(np.radians(25)))], size=64, balancing=None
-    )
-    assert "yaw to the right, pitch up, roll clockwise" in wrong.warnings[0]
+def test_views_whose_given_orientation_is_wrong_are_doubted_balanced_or_not():
+    views = ahead(0, 40)
+    wrong = [views[0], replace(views[1], rotation=orientation(np.radians(25)))]
+    for balancing in (None, Balancing()):
+        assert stitch_panorama(views, size=64, balancing=balancing).warnings == ()
+        (line,) = stitch_panorama(wrong, size=64, balancing=balancing).warnings
+        assert "check their orientation (yaw to the right, pitch up, roll clockwise)" in line
 
 
 def test_faces_that_agree_are_taken_as_they_are():
@@ -291,8 +290,7 @@ def test_a_lamp_at_a_rim_has_no_halo():
 
 
 def test_colours_are_balanced_on_request():
-    turns = [orientation(*np.radians((yaw, 0, 0))) for yaw in (0, 40)]
-    views = [PanoramaView(photograph(WORLD, turn), 160, turn, str(i)) for i, turn in enumerate(turns)]
+    views = ahead(0, 40)
     tinted = replace(views[1].picture, radiance=views[1].picture.radiance * np.array([1.2, 1.0, 0.8], np.float32))
     views[1] = replace(views[1], picture=tinted)
     found = balance(views, Balancing(colours=True)).gains
@@ -301,17 +299,8 @@ def test_colours_are_balanced_on_request():
     assert np.all(grey[:, 0] == grey[:, 2])
 
 
-def test_views_whose_given_orientation_is_wrong_are_doubted():
-    turns = [orientation(*np.radians((yaw, 0, 0))) for yaw in (0, 40)]
-    views = [PanoramaView(photograph(WORLD, turn), 160, turn, str(i)) for i, turn in enumerate(turns)]
-    wrong = stitch_panorama([views[0], replace(views[1], rotation=orientation(np.radians(25), 0))], size=64)
-    assert len(wrong.warnings) == 1 and "check their orientation" in wrong.warnings[0]
-    assert stitch_panorama(views, size=64).warnings == ()
-
-
 def test_views_that_do_not_overlap_are_named():
-    turns = [orientation(*np.radians((yaw, 0, 0))) for yaw in (0, 35, 180)]
-    views = [PanoramaView(photograph(WORLD, turn), 160, None, name) for turn, name in zip(turns, "abc", strict=True)]
+    views = ahead(0, 35, 180, given=False)
     with pytest.raises(NotAPanorama, match=r"^c: too little in common with a, b to find the orientation") as caught:
         stitch_panorama(views)
     assert "\n" not in str(caught.value)
@@ -348,8 +337,7 @@ def test_a_table_of_the_sky_alone_is_enough():
 
 
 def test_two_groups_of_similar_size_are_refused():
-    turns = [orientation(*np.radians((yaw, pitch, 0))) for yaw, pitch in ((0, 0), (35, 0), (70, 0), (200, 0), (235, 0))]
-    views = [PanoramaView(photograph(WORLD, turn), 160, None, name) for turn, name in zip(turns, "abcde", strict=True)]
+    views = ahead(0, 35, 70, 200, 235, given=False)
     with pytest.raises(NotAPanorama, match=r"^d, e: too little in common with the others"):
         stitch_panorama(views)
 

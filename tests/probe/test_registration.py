@@ -17,10 +17,10 @@ FRONT = np.array([0.0, 0.17, 1.0])
 OTHERS = {"a quarter turn": np.array([1.0, 0.17, 0.0]), "behind, from above": np.array([-0.5, 0.5, -0.7])}
 
 
-def view(camera: np.ndarray, light=lobes, **more) -> BallView:
-    """The ball from `camera`, told to be the place of the first one."""
-    picture = photograph_ball(light, camera, width=240, height=240, focal_length=2200.0, **more)
-    return unwrap_ball(picture, camera=FRONT, centre=CENTRE, focal_length=2200.0)
+def view(camera: np.ndarray, light=lobes, given: np.ndarray = FRONT) -> BallView:
+    """The ball from `camera`, whose place is given as that of the first one unless another is."""
+    picture = photograph_ball(light, camera, width=240, height=240, focal_length=2200.0)
+    return unwrap_ball(picture, camera=given, centre=CENTRE, focal_length=2200.0)
 
 
 def turn_of(camera: np.ndarray) -> np.ndarray:
@@ -55,9 +55,8 @@ def test_the_turn_of_the_room_is_found(shared):
     folders = [shared / "shoots/room" / name for name in ("ball_0", "ball_90")]
     brackets = [read_bracket(sorted(folder.glob("*.jpg"))) for folder in folders]
     response = recover_response(brackets).response
-    camera = np.array([0.0, 0.17, 1.0])
     views = [
-        unwrap_ball(merge(bracket, response), camera=camera, centre=CENTRE, focal_length=bracket.focal_length)
+        unwrap_ball(merge(bracket, response), camera=FRONT, centre=CENTRE, focal_length=bracket.focal_length)
         for bracket in brackets
     ]
     found = UnknownPlaces()(views)
@@ -97,18 +96,12 @@ def test_someone_who_walked_between_the_views_does_not_turn_them(front):
         return np.where((directions @ someone > np.cos(np.radians(9)))[..., None], 0.02, lobes(directions))
 
     camera = OTHERS["a quarter turn"]
-    picture = photograph_ball(passing, camera, width=240, height=240, focal_length=2200.0)
-    other = unwrap_ball(picture, camera=camera, centre=CENTRE, focal_length=2200.0)
-    assert np.degrees(KnownPlaces()((front, other)).corrections[1]) < 0.25
+    assert np.degrees(KnownPlaces()((front, view(camera, passing, camera))).corrections[1]) < 0.25
 
 
 def test_light_that_is_the_same_all_round_turns_nothing(front):
-    even = [RadianceMap(np.full_like(front.picture.radiance, 0.5)) for _ in range(2)]
-    views = [
-        BallView(p, front.focal_length, front.axis, front.distance, front.world_from_pixels, front.outline)
-        for p in even
-    ]
-    found = KnownPlaces()(views)
+    even = replace(front, picture=RadianceMap(np.full_like(front.picture.radiance, 0.5)))
+    found = KnownPlaces()([even, even])
     assert max(found.corrections) < 1e-6 and found.gains == (1.0, 1.0) and not found.doubts
 
 
@@ -120,8 +113,7 @@ def test_a_silhouette_found_too_small_is_corrected_by_the_other_view():
 
     views = []
     for camera in (FRONT, OTHERS["a quarter turn"]):
-        picture = photograph_ball(patterned, camera, width=240, height=240, focal_length=2200.0)
-        found = unwrap_ball(picture, camera=camera, centre=CENTRE, focal_length=2200.0)
+        found = view(camera, patterned, camera)
         # As if little of the rim had been seen, so that it is not held where it is.
         views.append(replace(found, outline=replace(found.outline, points=found.outline.points[::4])))
     # Both cameras are 20.14 radii away. What is wrong in both alike looks like nearer walls; what differs does not.
@@ -147,7 +139,5 @@ def test_a_lone_view_stays_as_it_is(front):
 
 def test_a_given_place_wrong_by_more_than_a_tape_measure_is_doubted(front):
     wrong = CENTRE + turned(OTHERS["a quarter turn"] - CENTRE, np.array([0.0, 1.0, 0.0]), 40.0)
-    picture = photograph_ball(lobes, OTHERS["a quarter turn"], width=240, height=240, focal_length=2200.0)
-    other = unwrap_ball(picture, camera=wrong, centre=CENTRE, focal_length=2200.0)
-    doubts = KnownPlaces()((front, other)).doubts
+    doubts = KnownPlaces()((front, view(OTHERS["a quarter turn"], given=wrong))).doubts
     assert doubts and doubts[0] == "view 2 of the ball does not fit the first one; check where its camera stood"

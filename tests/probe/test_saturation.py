@@ -32,19 +32,21 @@ def test_a_warm_lamp_is_not_red():
     np.testing.assert_array_equal(found.radiance[others], picture.radiance[others])
 
 
-def test_a_bluish_window_is_not_cyan():
-    found, _ = in_the_colour_beside(lamp([469, 2719, 2709], [False, True, True], np.array([400.0, 480.0, 560.0])))
-    assert found.radiance[20, 20] == pytest.approx([469, 469 * 1.2, 469 * 1.4], rel=0.01)
-
-
-def test_a_red_lamp_stays_as_red_as_its_halo():
-    found, count = in_the_colour_beside(lamp([2710, 445, 222], [True, False, False], np.array([900.0, 90.0, 45.0])))
-    assert found.radiance[20, 20].tolist() == [2710, 445, 222] and count == 0
-
-
-def test_a_white_channel_is_no_darker_than_one_that_was_not_white_yet():
-    found, _ = in_the_colour_beside(lamp([2710, 445, 222], [True, False, False], np.array([100.0, 500.0, 250.0])))
-    assert found.radiance[20, 20] == pytest.approx([445, 445, 222])
+@pytest.mark.parametrize(
+    "inner, white, halo, expected, within",
+    [
+        pytest.param(
+            [469, 2719, 2709], [False, True, True], [400.0, 480.0, 560.0], [469, 562.8, 656.6], 0.01, id="a window"
+        ),
+        pytest.param([2710, 445, 222], [True, False, False], [900.0, 90.0, 45.0], [2710, 445, 222], 0, id="as red"),
+        # Red is no darker than green, which was not white yet.
+        pytest.param([2710, 445, 222], [True, False, False], [100.0, 500.0, 250.0], [445, 445, 222], 1e-6, id="bluish"),
+    ],
+)
+def test_a_bound_has_the_colour_of_what_is_beside_it(inner, white, halo, expected, within):
+    found, count = in_the_colour_beside(lamp(inner, white, np.array(halo)))
+    assert found.radiance[20, 20] == pytest.approx(expected, rel=within)
+    assert count == (expected != inner)
 
 
 def test_white_in_every_channel_and_nothing_beside_it_keep_their_bounds():

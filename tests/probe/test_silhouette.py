@@ -12,6 +12,7 @@ from relume.probe.ball.unwrapping import unwrap_ball
 from synthetic import CENTRE, RADIUS, lobes, photograph_ball, unit
 
 CAMERA = np.array([0.05, 0.15, 0.33])
+FRONT = np.array([0.0, 0.17, 1.0])
 
 
 def true_cone(camera: np.ndarray, target: np.ndarray) -> Cone:
@@ -82,14 +83,13 @@ def test_a_rim_is_placed_where_it_is_and_not_where_it_is_steepest(inside):
 
 
 def test_a_ball_cut_by_the_picture_is_refused_unless_it_is_picked():
-    whole = photograph_ball(lobes, np.array([0.0, 0.17, 1.0])).radiance
+    whole = photograph_ball(lobes, FRONT).radiance
     cut = RadianceMap(np.ascontiguousarray(whole[:, 60:]))  # 49 of its 338 pixels
-    camera = np.array([0.0, 0.17, 1.0])
     assert find_outline(cut.radiance).radius == pytest.approx(169, abs=1)
     with pytest.raises(BallNotFound, match=r"^left\.jpg: the picture's edge cuts off \d+ % of the ball; "):
-        unwrap_ball(cut, camera=camera, centre=CENTRE, focal_length=3400.0, name="left.jpg")
+        unwrap_ball(cut, camera=FRONT, centre=CENTRE, focal_length=3400.0, name="left.jpg")
     picked = outline_of_circle(120.0, 180.0, 169.0)
-    view = unwrap_ball(cut, camera=camera, centre=CENTRE, focal_length=3400.0, outline=picked)
+    view = unwrap_ball(cut, camera=FRONT, centre=CENTRE, focal_length=3400.0, outline=picked)
     assert picked.cut(cut.size) == pytest.approx(0.086, abs=0.01)
     right, left = np.array([0.98, 0.1, 0.1]), np.array([-0.98, 0.1, -0.1])
     assert view.see(unit(right)).incidence > 0.5
@@ -98,12 +98,11 @@ def test_a_ball_cut_by_the_picture_is_refused_unless_it_is_picked():
 
 
 def test_points_picked_by_hand_are_taken_exactly_or_followed():
-    camera = np.array([0.0, 0.17, 1.0])
-    picture = photograph_ball(lobes, camera)
+    picture = photograph_ball(lobes, FRONT)
     turns = np.radians([10, 130, 220, 300])
     rough = outline_through(np.stack([180 + 171 * np.cos(turns), 180 + 171 * np.sin(turns)], 1))
     assert rough.centre == pytest.approx((180, 180)) and rough.radius == pytest.approx(171)
-    exact = unwrap_ball(picture, camera=camera, centre=CENTRE, focal_length=3400.0, outline=rough)
+    exact = unwrap_ball(picture, camera=FRONT, centre=CENTRE, focal_length=3400.0, outline=rough)
     assert exact.outline is rough
     assert refined(picture.radiance, rough, 3400.0).radius == pytest.approx(169.0, abs=0.15)
 
@@ -112,8 +111,5 @@ def test_points_picked_by_hand_are_taken_exactly_or_followed():
 def test_points_that_make_no_circle_are_refused(points):
     with pytest.raises(ValueError, match=r"rim|line"):
         outline_through(np.array(points, float))
-
-
-def test_a_circle_has_a_radius():
     with pytest.raises(ValueError, match="radius is 0"):
         outline_of_circle(10, 10, 0)

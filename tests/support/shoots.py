@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,8 @@ import numpy as np
 
 from dng_files import sensed, write_dng
 from moving_scenes import CAMERA, background
-from relume.capture.exposure.bracket import Bracket
+from relume.capture.exposure.bracket import Bracket, read_bracket
+from relume.capture.exposure.folder import expand
 from relume.image import files
 from relume.image.photograph import Exposure, Photograph
 from synthetic import VirtualCamera
@@ -23,6 +25,14 @@ MAKER = "Virtual One"
 def textured(width: int = 180, height: int = 120, *, stops: float = 6.0, seed: int = 1) -> np.ndarray:
     """Rough walls (H, W, 3) float32 over `stops`, the brightest near 30: edges everywhere, as photographs have them."""
     return background(np.random.default_rng(seed), (height, width), stops).astype(np.float32)
+
+
+def real_bracket(shared: Path, name: str, *, sidecars: bool = True) -> Bracket:
+    """One of the real brackets, without what is said of its colour profile."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*colour profile")
+        ignore = (0, 0, 255) if name == "memorial" else None
+        return read_bracket(expand([shared / "data/brackets" / name]), ignore=ignore, sidecars=sidecars)
 
 
 def named(bracket: Bracket, prefix: str = "", *, camera: str = "", **fields: object) -> Bracket:

@@ -17,7 +17,7 @@ from relume.capture.raw.merging import RawCalibration
 from relume.capture.scale.absolute import Scale, apply_scale
 from relume.capture.scale.luminaire import ChannelGains, apply_balance
 from relume.image.files.metadata.gps import text_of
-from relume.image.photograph import Exposure, Photograph
+from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 
@@ -47,19 +47,14 @@ class LensSteps:
         self._scale: Scale | None = None
 
     def applied(
-        self,
-        picture: RadianceMap,
-        bracket: Bracket,
-        exposures: Sequence[Exposure],
-        camera: Response | RawCalibration,
-        doubts: Sequence[Doubt],
+        self, picture: RadianceMap, bracket: Bracket, camera: Response | RawCalibration, doubts: Sequence[Doubt]
     ) -> MergedBracket:
         """The bracket's map without glare and vignetting, balanced and scaled, with its origin in its attributes.
 
         The attributes hold its aperture, so that a map of an even wall knows at which one its vignetting was measured.
         """
         settings = self._settings
-        apertures = {exposure.f_number for exposure in exposures}
+        apertures = {photograph.exposure.f_number for photograph in bracket.photographs if photograph.exposure}
         f_number = apertures.pop() if len(apertures) == 1 else None
         if f_number is not None:
             picture = replace(picture, attributes={**picture.attributes, "f_number": f"{f_number:g}"})

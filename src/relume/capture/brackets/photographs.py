@@ -70,8 +70,7 @@ def merge_photographs(
             _warn_of_an_odd_frame(deghosted)
         with steps.step("merge"):
             picture = merge(deghosted.bracket if deghosted else bracket, response, weighting=settings.weighting)
-        exposures = [p.exposure for p in bracket.photographs if p.exposure]
-        found = lens.applied(picture, bracket, exposures, response, doubt)
+        found = lens.applied(picture, bracket, response, doubt)
         corrections = {p.name: stops[p.name] for p in bracket.photographs if p.name in stops}
         merged.append(replace(found, aligned=moved, deghosted=deghosted, corrections=corrections))
     return merged, MergedCamera(merged[0].camera, response, calibration)

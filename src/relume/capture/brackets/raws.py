@@ -54,7 +54,7 @@ def merge_raws(
             doubts = (*check(bracket, response), *_movement(bracket, response, shrunk))
         with steps.step("merge"):
             picture = merge_raw(sources, calibration=known)
-        found = lens.applied(picture, bracket, known.exposures, known, doubts)
+        found = lens.applied(picture, bracket, known, doubts)
         merged.append(replace(found, corrections=known.corrections()))
         sensors.append(known.sensor)
     with_noise = [one for one in sensors if one.noise is not None] or sensors

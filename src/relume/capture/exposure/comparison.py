@@ -91,7 +91,15 @@ def matched(less: Reduced, more: Reduced) -> tuple[tuple[np.ndarray, np.ndarray]
     passer-by matters (histogram specification; Grossberg & Nayar 2003, "Determining the camera response from images:
     what is knowable?"). Values near black or white in either are left out.
     """
-    return tuple(_matched_channel(less, more, channel) for channel in range(3))
+    found = []
+    for less_below, more_below in zip(less.below, more.below, strict=True):
+        # Levels evenly spaced in value, not in share: a church is nine tenths dark, and its windows show the most.
+        share = np.interp(_LEVELS, less.steps, less_below)
+        partner = np.interp(share, more_below, more.steps)
+        tail = np.minimum(share, 1 - share) * min(less.pixels, more.pixels)
+        seen = (tail >= _TAIL) & (partner > DARKEST) & (partner < BRIGHTEST)
+        found.append((_LEVELS[seen], partner[seen]))
+    return tuple(found)
 
 
 def log_ratio(less: Reduced, more: Reduced) -> float | None:
@@ -120,15 +128,6 @@ def brightness_chain(pictures: Sequence[Reduced]) -> np.ndarray:
     return exposures
 
 
-def _matched_channel(less: Reduced, more: Reduced, channel: int) -> tuple[np.ndarray, np.ndarray]:
-    # Levels evenly spaced in value, not in share: a church is nine tenths dark, and its windows show the most.
-    share = np.interp(_LEVELS, less.steps, less.below[channel])
-    partner = np.interp(share, more.below[channel], more.steps)
-    tail = np.minimum(share, 1 - share) * min(less.pixels, more.pixels)
-    seen = (tail >= _TAIL) & (partner > DARKEST) & (partner < BRIGHTEST)
-    return _LEVELS[seen], partner[seen]
-
-
 def _blocks(values: np.ndarray, step: int, fine: int) -> np.ndarray:
     """Sums of `fine` × `fine` pixels that lie `step` apart; the rest at the right and lower edge is left out."""
     pitch = step * fine
@@ -140,15 +139,11 @@ def _blocks(values: np.ndarray, step: int, fine: int) -> np.ndarray:
     return total
 
 
-@dataclass(frozen=True, eq=False)
-class Structure:
-    """What is where in a photograph: ranks of coarse blocks less those around them, (V, h, w) for `_VALUES`."""
+def structure(picture: Reduced) -> np.ndarray:
+    """What is where in a photograph: ranks of coarse blocks less those around them, (V, h, w) for `_VALUES`.
 
-    ranks: np.ndarray
-
-
-def structure(picture: Reduced) -> Structure:
-    """The structure of a photograph made small; 0 outside the picture."""
+    They are 0 outside the picture.
+    """
     fine = max(1, round(max(picture.inside.shape) / _COARSE))
     height, width = (max(1, side // fine) for side in picture.inside.shape)
     grey = picture.encoded.mean(axis=2)[: height * fine, : width * fine].reshape(height, fine, width, fine)
@@ -159,7 +154,7 @@ def structure(picture: Reduced) -> Structure:
         plane[inside] = _ranks(np.rint(values * grey.mean(axis=(1, 3)))[inside])
         plane[inside] -= plane[inside].mean()
         plane -= np.where(inside, uniform_filter(plane, _SURROUND, mode="constant") / share, 0.0)
-    return Structure(ranks)
+    return ranks
 
 
 def _ranks(values: np.ndarray) -> np.ndarray:
@@ -168,12 +163,12 @@ def _ranks(values: np.ndarray) -> np.ndarray:
     return (np.cumsum(count) - (count - 1) / 2)[place]
 
 
-def similarity(first: Structure, second: Structure) -> float | None:
+def similarity(first: np.ndarray, second: np.ndarray) -> float | None:
     """Rank correlation of two structures at the best small shift, −1 to 1; None where one photograph shows nothing."""
     best = None
     for down in range(-_REACH, _REACH + 1):
         for right in range(-_REACH, _REACH + 1):
-            a, b = _overlap(first.ranks, down, right), _overlap(second.ranks, -down, -right)
+            a, b = _overlap(first, down, right), _overlap(second, -down, -right)
             power = np.sqrt((a * a).sum(axis=(1, 2)) * (b * b).sum(axis=(1, 2)))
             if (power > 0).any():
                 alike = ((a * b).sum(axis=(1, 2))[power > 0] / power[power > 0]).max()

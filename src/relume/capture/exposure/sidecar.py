@@ -118,7 +118,11 @@ def read_times(path: str | os.PathLike[str]) -> ExposureList:
         return _bare(Path(path), rows)
     header = next((c for c in map(_columns, reversed(comments)) if "name" in c and len(set(c) - {""}) > 1), None)
     if len(rows[0]) == 1 and rows[0][0].isdecimal():
-        rows = _counted(path, int(rows[0][0]), rows[1:])
+        count, rows = int(rows[0][0]), rows[1:]
+        if count != len(rows):
+            raise UnreadableFile(
+                f"{path}: says that it lists {count} photographs, and lists {len(rows)}; mend the list"
+            )
     elif any(_columns(rows[0])) and not any(_is_number(word) for word in rows[0][1:]):
         header, rows = _columns(rows[0]), rows[1:]
     columns = _fitted(Path(path), header, rows, comments)
@@ -156,12 +160,6 @@ def _columns(words: Sequence[str]) -> tuple[str, ...]:
     return tuple(next((kind for pattern, kind in _COLUMNS if re.match(pattern, w.lower())), "") for w in words)
 
 
-def _counted(path: str | os.PathLike[str], count: int, rows: list[list[str]]) -> list[list[str]]:
-    if count != len(rows):
-        raise UnreadableFile(f"{path}: says that it lists {count} photographs, and lists {len(rows)}; mend the list")
-    return rows
-
-
 def _fitted(
     path: Path, header: tuple[str, ...] | None, rows: list[list[str]], comments: list[list[str]]
 ) -> tuple[str, ...]:
@@ -194,7 +192,10 @@ def _table(path: str | os.PathLike[str], columns: tuple[str, ...], rows: list[li
         except (KeyError, ValueError, OverflowError, ZeroDivisionError) as error:
             raise UnreadableFile(f'{path}: "{" ".join(row)}" is not an exposure ({error}); mend the line') from None
         plain &= _is_plain(cells.get("shutter", "1/2"))
-    _refuse_contradiction(path, names, exposures)
+    listed: dict[str, Exposure] = {}
+    for name, exposure in zip(names, exposures, strict=True):
+        if listed.setdefault(name, exposure) != exposure:
+            raise UnreadableFile(f"{path}: lists {name} twice with different exposures; take one line out")
     timed = not {"seconds", "reciprocal"} & set(columns) and "shutter" in columns
     return ExposureList(str(path), tuple(names), tuple(exposures), timed and plain, tuple(stops) if timed else ())
 
@@ -212,13 +213,6 @@ def _exposure(cells: dict[str, str]) -> Exposure:
     f_number = _number(cells.get("f_number", "0").lower().removeprefix("f/"))
     seconds *= 2.0 ** -_number(cells.get("filters", "0"))
     return Exposure(seconds, f_number or None, iso or None, "sidecar")
-
-
-def _refuse_contradiction(path: str | os.PathLike[str], names: list[str], exposures: list[Exposure]) -> None:
-    listed: dict[str, Exposure] = {}
-    for name, exposure in zip(names, exposures, strict=True):
-        if listed.setdefault(name, exposure) != exposure:
-            raise UnreadableFile(f"{path}: lists {name} twice with different exposures; take one line out")
 
 
 def _bare(path: Path, rows: list[list[str]]) -> ExposureList:

@@ -88,9 +88,13 @@ class _Pair:
 
     @staticmethod
     def of(first: Reduced, second: Reduced, response: Response | None) -> _Pair:
-        values = matched(first, second)
+        values, fixed = matched(first, second), []
+        for channel, (a, b) in enumerate(values):
+            # Without a response all of the curve is sought.
+            curve = np.zeros(2) if response is None else response.log_exposure[channel]
+            places = np.linspace(0.0, 1.0, len(curve))
+            fixed.append(np.interp(b, places, curve) - np.interp(a, places, curve))
         rows = [_terms(b) - _terms(a) for a, b in values]
-        fixed = [np.zeros(len(a)) if response is None else _rise(response, c, a, b) for c, (a, b) in enumerate(values)]
         lit = [
             np.ptp(np.interp(a[[0, -1]], first.steps, below)) if len(a) else 0.0
             for below, (a, _) in zip(first.below, values, strict=True)
@@ -110,11 +114,6 @@ class _Pair:
 def _terms(values: np.ndarray) -> np.ndarray:
     """The curve's terms: sRGB's own, a toe, and the three lowest powers for a shoulder or an S."""
     return np.stack([np.log(decode_srgb(values)), np.exp(-values / _TOE), values, values**2, values**3], axis=-1)
-
-
-def _rise(response: Response, channel: int, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    curve, places = response.log_exposure[channel], np.linspace(0.0, 1.0, response.levels)
-    return np.interp(second, places, curve) - np.interp(first, places, curve)
 
 
 def _fitted(pairs: Sequence[_Pair], steps: np.ndarray, *, fixed: bool) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -53,12 +52,8 @@ def square_bounds(
     for photograph, log_time, *written in zip(photographs, log_times, bounds, middle, measured, strict=True):
         outside = np.zeros((0, 0), bool) if photograph.outside is None else photograph.outside
         frame = (photograph.pixels, outside, table, exposures, noise, ends, float(log_time), side, share, crosstalk)
-        in_threads(partial(_bound_rows, frame, written), shape[0], chunk=_ROWS)
+        in_threads(partial(_bound, *frame, *written), shape[0], chunk=_ROWS)
     return bounds, middle, measured
-
-
-def _bound_rows(frame: tuple[Any, ...], written: list[np.ndarray], begin: int, end: int) -> None:
-    _bound(*frame, begin, end, *written)
 
 
 def disagreement(bounds: np.ndarray, middle: np.ndarray, corrections: np.ndarray) -> np.ndarray:
@@ -119,8 +114,8 @@ def consensus(bounds, order, agree, unsure):
 
 @kernel
 def _bound(
-    pixels, outside, table, exposures, noise, ends, log_time, side, share, crosstalk, begin, end, bounds, middle,
-    measured,
+    pixels, outside, table, exposures, noise, ends, log_time, side, share, crosstalk, bounds, middle, measured,
+    begin, end,
 ):  # fmt: skip
     height, width, top = pixels.shape[0], pixels.shape[1], table.shape[1] - 1
     mean, least, greatest, value = np.empty(3), np.empty(3, np.intp), np.empty(3, np.intp), np.empty(3, np.intp)

@@ -115,8 +115,6 @@ def probe_ball(
     """
     if not photographs:
         raise ValueError("no photographs were given; name a bracket of the ball, or a folder for each view")
-    if profile is not None and profile.response is None and profile.sensor is None:
-        raise ValueError("the profile holds neither a response nor a sensor")
     known = len(photographs) == 1 or all(each.camera is not None for each in photographs)
     stand = photographs[0].camera or (0.0, 0.0, 1.0)
     cameras = [_at_distance(each.camera or stand, settings.distance) for each in photographs]

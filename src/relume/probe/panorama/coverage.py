@@ -106,10 +106,10 @@ def shrunk(view: PanoramaView, focal_length: float) -> PanoramaView:
     return replace(view, picture=picture, focal_length=view.focal_length * size[0] / width)
 
 
-def reach(view: PanoramaView, margin: float = 0.0) -> float:
-    """Radians from the axis within which all of a view lies, `margin` pixels beyond its rim."""
+def reach(view: PanoramaView) -> float:
+    """Radians from the axis within which all of a view lies."""
     width, height = view.picture.size
-    corner = float(np.hypot(width / 2 + margin, height / 2 + margin)) / view.focal_length
+    corner = float(np.hypot(width / 2, height / 2)) / view.focal_length
     if view.distortion < 0:
         # The lens folds at a tangent; where the picture ends before it that is a bound all the same.
         square = fold(view.distortion)
@@ -118,8 +118,8 @@ def reach(view: PanoramaView, margin: float = 0.0) -> float:
     return float(np.arctan(np.linalg.norm(undistorted(np.array([corner, 0.0]), view.distortion))))
 
 
-def view_in_map(view: PanoramaView, rows: int, begin: int, end: int, cells: int, margin: float = 0.0) -> np.ndarray:
-    """(end − begin, 2·rows, 6) float32: see `panorama_kernel.view_in_rows`."""
+def view_in_map(view: PanoramaView, rows: int, begin: int, end: int, cells: int) -> np.ndarray:
+    """(end − begin, 2·rows, 6) float32: see `view_in_rows`."""
     from relume.probe.panorama.kernel import view_in_rows
 
     turns = 2 * np.pi * ((np.arange(2 * rows * cells) + 0.5) / (2 * rows * cells) - 0.5)
@@ -129,11 +129,11 @@ def view_in_map(view: PanoramaView, rows: int, begin: int, end: int, cells: int,
     codes = view.picture.clipped
     if codes is None:
         codes = np.zeros(view.picture.radiance.shape[:2], np.uint8)
-    far = np.cos(min(reach(view, margin) + 2 * np.pi / rows, np.pi))
+    far = np.cos(min(reach(view) + 2 * np.pi / rows, np.pi))
     lens = np.array([view.focal_length, view.distortion, fold(view.distortion), far])
     shown = np.zeros((end - begin, 2 * rows, 6), np.float32)
     picture = np.require(view.picture.radiance, np.float32, ["C", "A", "W"])
     codes = np.require(codes, np.uint8, ["C", "A", "W"])
     rotation = np.require(view.placed, np.float64, ["C", "A", "W"])
-    view_in_rows(picture, codes, lens, rotation, latitudes, longitudes, begin, end, rows, cells, float(margin), shown)
+    view_in_rows(picture, codes, lens, rotation, latitudes, longitudes, begin, end, rows, cells, shown)
     return shown

@@ -9,7 +9,7 @@ from relume.image.radiance import OUTSIDE, SATURATED
 
 
 @kernel
-def view_in_rows(picture, codes, lens, rotation, latitudes, longitudes, begin, end, rows, cells, margin, shown):
+def view_in_rows(picture, codes, lens, rotation, latitudes, longitudes, begin, end, rows, cells, shown):
     """Mean radiance and more of rows begin … end of a map of `rows` rows, from cells² look-ups in each pixel.
 
     picture : (H, W, 3) float32
@@ -19,7 +19,6 @@ def view_in_rows(picture, codes, lens, rotation, latitudes, longitudes, begin, e
     rotation : (3, 3) world-from-camera
     latitudes : (rows·cells, 2) sine and cosine of the cells' angles from +Y
     longitudes : (2·rows·cells, 2) sine and cosine of the cells' longitudes
-    margin : pixels that the picture goes on beyond its rim, as its rim shows
     shown : (end − begin, 2·rows, 6) float32, filled with radiance, the share of it that is saturated, the share of the
         pixel that the view covers, and the mean distance from the rim, pixels; 0 where nothing is seen
     """
@@ -54,7 +53,7 @@ def view_in_rows(picture, codes, lens, rotation, latitudes, longitudes, begin, e
                     bent = focal_length * (1 + distortion * square)
                     px, py = width / 2 + bent * right, height / 2 - bent * above
                     inner = min(min(px, width - px), min(py, height - py))
-                    if inner < -margin:
+                    if inner < 0:
                         continue
                     # Bilinear look-up; a cell that touches what is outside counts as not covered.
                     px, py = min(max(px - 0.5, 0.0), width - 1.0), min(max(py - 0.5, 0.0), height - 1.0)
