@@ -140,16 +140,3 @@ def test_ggx_reflects_by_the_angle_on_its_facets(fresnel):
 def test_mirror_smooth_ggx_in_dielectric_reflects_fresnels_share():
     for angle in np.radians([0, 45, 60]):
         assert albedo(GGX(0.01, Fresnel(1.5)), angle) == pytest.approx(float(Fresnel(1.5)(np.cos(angle))), rel=0.01)
-
-
-@pytest.mark.parametrize("alpha", [0, -0.1, 1.5, np.nan])
-@pytest.mark.parametrize("brdf", [GGX, Ward])
-def test_an_alpha_beyond_0_to_1_is_refused(brdf, alpha):
-    with pytest.raises(ValueError, match=rf"alpha of (ggx|ward) is {alpha}; expected above 0 and at most 1"):
-        brdf(alpha)
-
-
-@pytest.mark.parametrize("n", [-1, np.nan, np.inf])
-def test_a_glossiness_below_nothing_is_refused(n):
-    with pytest.raises(ValueError, match=rf"n of phong is {n}; expected a glossiness of 0 or more"):
-        PhongReflectance(n)

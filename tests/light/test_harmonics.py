@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import sph_harm_y
 
+from lights import spread
 from relume.light.harmonics.spherical_harmonics import (
     Hann,
     Lanczos,
@@ -28,10 +29,6 @@ ROTATIONS = {
     "a hair about Y": rotation_about(Y, 1e-9),
     "any": rotation_about([1, -2, 3], 2.2),
 }
-
-
-def spread(count, seed=0):
-    return normalised(np.random.default_rng(seed).normal(size=(count, 3)))
 
 
 def random_harmonics(degree, seed=1):

@@ -7,7 +7,7 @@ import pytest
 
 from lights import SIMPLE, of_directions, spread
 from relume.light.harmonics.spherical_harmonics import SphericalHarmonics, project_sh, sh_basis
-from relume.light.reflection.irradiance_harmonics import COSINE, as_json
+from relume.light.reflection.irradiance_harmonics import as_json
 from relume.sphere.directions import normalised
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong
@@ -20,10 +20,6 @@ def directional(row, column, size=64):
     radiance = np.zeros((size, 2 * size, 3), np.float32)
     radiance[row, column] = 1 / LatLong().solid_angles(size)[row, column]
     return EnvironmentMap(radiance), LatLong().directions(np.array([(column + 0.5) / (2 * size), (row + 0.5) / size]))
-
-
-def test_the_cosine_s_factors():
-    assert pytest.approx([3.141593] + [2.094395] * 3 + [0.785398] * 5, abs=1e-6) == COSINE
 
 
 def test_the_basis_is_the_literal_polynomials_of_x_y_z():

@@ -343,12 +343,6 @@ def test_a_map_without_rows_is_refused():
         EnvironmentMap(np.zeros((0, 0, 3), np.float32))
 
 
-@pytest.mark.parametrize("value", [-1.0, np.nan, np.inf])
-def test_light_that_cannot_be_is_refused_before_it_is_convolved(value):
-    with pytest.raises(ValueError, match="negative or non-finite values; light must be finite and not below 0"):
-        reflection_map(lone(8, 2, 3, value), Lambert())
-
-
 @pytest.mark.slow
 def test_a_whole_map_agrees_with_the_sums_written_out():
     light = spiky(64)

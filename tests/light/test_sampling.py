@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lights import WHOLE, fitting
+from lights import WHOLE, fitting, spread
 from relume.light.sampling import EnvironmentSampler, _pixels, pixel_boxes
 from relume.sphere.directions import normalised
 from relume.sphere.environment_map import EnvironmentMap
@@ -23,10 +23,6 @@ def spiky(mapping, size, seed=3):
     """Dark and bright pixels side by side, some black."""
     random = np.random.default_rng(seed).random((*mapping.shape(size), 3))
     return EnvironmentMap(np.where(random < 0.2, 0, random**3).astype(np.float32), mapping)
-
-
-def uniform(count, seed=0):
-    return normalised(np.random.default_rng(seed).normal(size=(count, 3)))
 
 
 def numbers(count, seed=7):
@@ -95,7 +91,7 @@ def test_the_box_of_a_pixel_holds_all_of_it(mapping):
     axes = np.concatenate([np.eye(3), -np.eye(3)])
     random = np.random.default_rng(1)
     near = axes[:, None] + random.normal(size=(6, 5000, 3)) * 10 ** random.uniform(-4, -0.5, (6, 5000, 1))
-    directions = np.concatenate([uniform(30_000), normalised(near.reshape(-1, 3))])
+    directions = np.concatenate([spread(30_000), normalised(near.reshape(-1, 3))])
     for size in (1, 2, 9, 33):
         size = fitting(mapping, size)
         shape = mapping.shape(size)
@@ -117,7 +113,7 @@ def test_the_density_integrates_to_one(mapping):
     cut = float((mapping.solid_angles(light.size)[~seen] * EnvironmentSampler(light)._density[~seen]).sum())
     assert density @ areas + cut == pytest.approx(1, abs=1e-12)
     # By directions from everywhere, which know nothing of pixels.
-    values = EnvironmentSampler(light).pdf(uniform(20_000)) * 4 * np.pi
+    values = EnvironmentSampler(light).pdf(spread(20_000)) * 4 * np.pi
     assert abs(values.mean() - 1) < 4 * values.std() / np.sqrt(20_000)
 
 
@@ -174,7 +170,7 @@ def test_irradiance_summed_over_what_is_drawn_is_unbiased_and_far_less_noisy(map
         return light.radiance[j, i, 1] * np.maximum(directions @ normal, 0) / density
 
     drawn = values(directions, density)
-    evenly = values(uniform(count), 1 / (4 * np.pi))
+    evenly = values(spread(count), 1 / (4 * np.pi))
     # The truth over 4 × 4 cells of every pixel.
     fine = np.repeat(np.repeat(light.radiance, 4, 0), 4, 1)
     truth = EnvironmentMap(fine, mapping).irradiance(normal)[1]

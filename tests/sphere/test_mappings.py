@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lights import NAMED, fitting
+from lights import NAMED, fitting, spread
 from relume.sphere.directions import normalised
 from relume.sphere.mappings.discs import Angular, Fisheye, Hemispheres, MirrorBall
 from relume.sphere.mappings.mapping import LatLong, pixel_directions, pixel_points
@@ -15,10 +15,6 @@ X, Y, Z = np.eye(3)
 
 def _is_round(mapping):
     return isinstance(mapping, Angular | MirrorBall | Fisheye | Hemispheres)
-
-
-def spread(count, seed=0):
-    return normalised(np.random.default_rng(seed).normal(size=(count, 3)))
 
 
 @EVERY

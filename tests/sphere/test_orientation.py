@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from lights import spread
 from relume.image import files
 from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.renderers.mitsuba.scene import sensor
@@ -91,10 +92,6 @@ def pbrt_square_to_sphere(point):
     return np.array([cos_phi * r * np.sqrt(2 - r * r), sin_phi * r * np.sqrt(2 - r * r), z])
 
 
-def spread(count, seed=4):
-    return normalised(np.random.default_rng(seed).normal(size=(count, 3)))
-
-
 def circle_difference(a, b):
     return np.abs((np.asarray(a) - np.asarray(b) + 0.5) % 1 - 0.5)
 
@@ -106,7 +103,7 @@ def test_every_preset_is_held_against_its_program():
 @EACH
 def test_a_program_looks_for_a_direction_where_the_preset_says(name):
     axes, point = PROGRAMS[name]
-    for direction in spread(200):
+    for direction in spread(200, 4):
         u, v = point(axes(direction))
         expected = ORIENTATIONS[name].image_points(direction)
         assert circle_difference(u, expected[0]) < 1e-9
@@ -116,7 +113,7 @@ def test_a_program_looks_for_a_direction_where_the_preset_says(name):
 @EACH
 def test_points_and_directions_of_a_preset_are_each_others_inverse(name):
     preset = ORIENTATIONS[name]
-    directions = spread(100)
+    directions = spread(100, 4)
     np.testing.assert_allclose(preset.directions(preset.image_points(directions)), directions, atol=1e-12)
 
 

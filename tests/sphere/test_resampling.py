@@ -6,34 +6,21 @@ import numpy as np
 import pytest
 
 import relume.sphere.resampling.resampling as engine
-from lights import lone
+from lights import WHOLE, lone
 from relume._kernel import in_threads
 from relume.image.files import read_radiance
 from relume.image.radiance import OUTSIDE, SATURATED
 from relume.sphere.directions import normalised, rotation_about
 from relume.sphere.environment_files import as_environment
 from relume.sphere.environment_map import EnvironmentMap
-from relume.sphere.mappings.cubes import CubeCross, Strip, VerticalCubeCross
+from relume.sphere.mappings.cubes import CubeCross, Strip
 from relume.sphere.mappings.discs import Angular, Fisheye, Hemispheres, MirrorBall
 from relume.sphere.mappings.kernels import solid_angle
 from relume.sphere.mappings.layouts import layout
-from relume.sphere.mappings.mapping import LatLong, Mapping, pixel_directions, pixel_points
-from relume.sphere.mappings.squares import EqualArea, Octahedral
+from relume.sphere.mappings.mapping import LatLong, pixel_directions, pixel_points
+from relume.sphere.mappings.squares import Octahedral
 from relume.sphere.resampling import splatting as pushing
 
-WHOLE: list[Mapping] = [
-    LatLong(),
-    Angular(),
-    MirrorBall(),
-    Hemispheres(),
-    CubeCross(),
-    VerticalCubeCross(),
-    Strip(),
-    Octahedral(),
-    EqualArea(),
-    Fisheye(2 * np.pi),
-    Fisheye(2 * np.pi, equisolid=True),
-]
 ROWS = {"cross": 96, "cross-vertical": 128, "strip": 32}
 PAIRS = pytest.mark.parametrize(
     ("source", "target"), [(a, b) for a in WHOLE for b in WHOLE if a != b], ids=lambda m: m.name
