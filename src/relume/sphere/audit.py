@@ -71,9 +71,10 @@ class Audit:
         Compare the light as it was turned: irradiance belongs to directions.
         """
         lines = []
-        change = _relative(after.total, self.total)
+        change = (after.total - self.total) / np.maximum(self.total, 1e-30 + 1e-6 * self.total.max(initial=0))
         if np.abs(change).max() > LOSS:
-            lines.append(f"the light's total changed by {_percent(change)} (R, G, B)")
+            percent = ", ".join(f"{100 * each:+.2g} %" for each in change)
+            lines.append(f"the light's total changed by {percent} (R, G, B)")
         was, fall = luminance(self.irradiance), luminance(after.irradiance - self.irradiance)
         # A lamp that moves by a share of a pixel is no loss, but counts where it shines along a surface.
         grazing = max(GRAZING, _MOVED * max(self.pixel, after.pixel))
@@ -150,14 +151,6 @@ def _divides(mapping: Mapping, rows: int, columns: int, block: int) -> bool:
     return True
 
 
-def _relative(after: np.ndarray, before: np.ndarray) -> np.ndarray:
-    return (after - before) / np.maximum(before, 1e-30 + 1e-6 * before.max(initial=0))
-
-
 def six_digits(values: np.ndarray) -> list[float]:
     """Values with six significant digits, as files of facts show them."""
     return [float(f"{value:.6g}") for value in values]
-
-
-def _percent(changes: np.ndarray) -> str:
-    return ", ".join(f"{100 * change:+.2g} %" for change in changes)

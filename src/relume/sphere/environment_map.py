@@ -9,6 +9,7 @@ import numpy as np
 
 from relume.image.bilinear import bilinear
 from relume.sphere.directions import required_rotation
+from relume.sphere.mappings.layouts import layout
 from relume.sphere.mappings.mapping import LatLong, Mapping, continued_round, matching_size, pixel_directions
 
 if TYPE_CHECKING:
@@ -92,13 +93,18 @@ class EnvironmentMap:
 
         rotation : turned by it as well, in one step, which blurs less than two
         """
-        from relume.sphere.resampling.resampling import resampled
+        from relume.sphere.resampling.resampling import moved, whole_columns
 
         turn = np.eye(3) if rotation is None else required_rotation(rotation)
-        rows = self.matching_size(mapping) if size is None else size
-        radiance, clipped = resampled(self.radiance, self.clipped, (self.mapping, self.size), (mapping, rows), turn)
-        if radiance is self.radiance:
+        here, there = (self.mapping, self.size), (mapping, self.matching_size(mapping) if size is None else size)
+        columns = whole_columns(here, there, turn)
+        if columns == 0:
             return self
+        if columns is None:
+            radiance, clipped, _ = moved(self.radiance, self.clipped, layout(*here), layout(*there), turn)
+        else:
+            radiance = np.roll(self.radiance, -columns, axis=1)
+            clipped = None if self.clipped is None else np.roll(self.clipped, -columns, axis=1)
         return EnvironmentMap(radiance, mapping, self.unit, clipped, self.attributes)
 
     def matching_size(self, mapping: Mapping) -> int:

@@ -93,46 +93,41 @@ def _flipped(light: EnvironmentMap) -> EnvironmentMap:
 
 _SAME = "its axes are ours"
 
+
+def _lat_long(name: str, rotation: np.ndarray, axes: str, source: str) -> Orientation:
+    return Orientation(name, LatLong(), rotation, False, axes, source)
+
+
 ORIENTATIONS: dict[str, Orientation] = {
     orientation.name: orientation
     for orientation in (
-        Orientation(
+        _lat_long(
             "blender",
-            LatLong(),
             _AHEAD_IS_PLUS_X,
-            False,
             "+X is our +X, +Z our +Y, +Y our −Z: (x, y, z) here is (x, −z, y) there, as its importers turn Y-up files",
             "Cycles, intern/cycles/kernel/camera/projection.h, direction_to_equirectangular; rendered with bpy 5.0.1",
         ),
-        Orientation(
+        _lat_long(
             "usd",
-            LatLong(),
             _AHEAD_IS_PLUS_Z,
-            False,
             _SAME + ", on a stage of upAxis = Y (a DomeLight's pole is +Y on any stage)",
             "UsdLux, DomeLight: the OpenEXR specification, latitude 0, longitude 0 points to +Z, π/2 to +X",
         ),
-        Orientation(
+        _lat_long(
             "gltf",
-            LatLong(),
             _AHEAD_IS_PLUS_X,
-            False,
             _SAME,
             "KhronosGroup/glTF pull request 1761, Appendix D: a draft; glTF holds cubes only (EXT_lights_image_based)",
         ),
-        Orientation(
+        _lat_long(
             "three",
-            LatLong(),
             _AHEAD_IS_PLUS_X,
-            False,
             _SAME,
             "three.js, src/renderers/shaders/ShaderChunk/common.glsl.js, equirectUv; rendered with r187",
         ),
-        Orientation(
+        _lat_long(
             "mitsuba",
-            LatLong(),
             _AHEAD_IS_PLUS_Z,
-            False,
             _SAME,
             "Mitsuba 3, src/emitters/envmap.cpp (its first and last rows stand at the poles themselves); rendered",
         ),
@@ -145,20 +140,16 @@ ORIENTATIONS: dict[str, Orientation] = {
             _SAME + ", with `Scale -1 1 1` before LookAt: pbrt's camera alone is left-handed",
             "pbrt-v4, src/pbrt/lights.h, ImageInfiniteLight, and util/math.cpp, EqualAreaSquareToSphere",
         ),
-        Orientation(
+        _lat_long(
             "arnold",
-            LatLong(),
             _AHEAD_IS_PLUS_Z,
-            False,
             _SAME,
             "Autodesk/arnold-usd, read_light.cpp and write_light.cpp: a DomeLight and a skydome_light of format latlong"
             " have the same file and matrix",
         ),
-        Orientation(
+        _lat_long(
             "radiance",
-            LatLong(),
             np.eye(3),
-            False,
             "+X is our +X, +Z our +Y, +Y our −Z: (x, y, z) here is (x, −z, y) there",
             "Radiance has no default: .rad files written by relume bring their mapping; traced with rtrace 6.0a",
         ),

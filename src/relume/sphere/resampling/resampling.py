@@ -15,7 +15,7 @@ from scipy.ndimage import uniform_filter1d
 
 from relume._kernel import in_threads
 from relume.sphere.mappings.kernels import found, grain, toward, turned
-from relume.sphere.mappings.layouts import LAT_LONG, Layout, Planes, layout
+from relume.sphere.mappings.layouts import LAT_LONG, Layout, Planes
 from relume.sphere.mappings.mapping import LatLong, Mapping
 from relume.sphere.resampling.kernels import (
     RUN,
@@ -47,41 +47,17 @@ _LINES, _PIXELS, _CELLS = 32, 1 << 20, 1 << 17
 """Lines a thread takes at a time, pixels it scales, and cells it looks up."""
 
 
-def resampled(
-    radiance: np.ndarray,
-    clipped: np.ndarray | None,
-    here: tuple[Mapping, int],
-    there: tuple[Mapping, int],
-    rotation: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray | None]:
-    """Light in another mapping and size, turned by `rotation`: what came from ω comes from `rotation` @ ω.
-
-    radiance, clipped : (rows, columns, 3) and (rows, columns) or None, in `here`
-    here, there : the mapping and rows of what is given, and of the result
-    rotation : (3, 3), active
-
-    Each channel's total is kept, unless one of the mappings shows a part of the sphere only: light that falls outside
-    is lost then, and what no pixel showed stays 0 and is marked OUTSIDE. Constant light stays constant. Marks in
-    `clipped` travel: a pixel is SATURATED when any of the pixels it is made from is, else marked when all of them are.
-    The arrays themselves come back where nothing changes. Raises ValueError for a size no such map has.
-    """
-    rotation = np.asarray(rotation, np.float64)
-    columns = _whole_columns(here, there, rotation)
-    if columns is not None:
-        if columns == 0:
-            return radiance, clipped
-        marks = None if clipped is None else np.roll(clipped, -columns, axis=1)
-        return np.roll(radiance, -columns, axis=1), marks
-    moved_radiance, marks, _ = moved(radiance, clipped, layout(*here), layout(*there), rotation)
-    return moved_radiance, marks
-
-
 def moved(
     radiance: np.ndarray, clipped: np.ndarray | None, source: Layout, target: Layout, rotation: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
     """Light of one layout in another: radiance (H, W, 3) float32, marks (H, W) uint8 or None, and the share covered.
 
-    The share (H, W) float32 of each target pixel that the source shows; empty where it shows the whole sphere.
+    rotation : (3, 3), active: what came from ω comes from `rotation` @ ω
+
+    The share (H, W) float32 is of each target pixel what the source shows; empty where it shows the whole sphere.
+    Each channel's total is kept, unless one of the layouts shows a part of the sphere only: light that falls outside
+    is lost then, and what no pixel showed stays 0 and is marked OUTSIDE. Constant light stays constant. Marks in
+    `clipped` travel: a pixel is SATURATED when any of the pixels it is made from is, else marked when all of them are.
     """
     light = np.ascontiguousarray(radiance, np.float32).reshape(-1, 3)
     codes = np.zeros(0, np.uint8) if clipped is None else np.ascontiguousarray(clipped, np.uint8).reshape(-1)
@@ -191,7 +167,7 @@ def _caps(light: np.ndarray, source: Layout) -> np.ndarray:
     return caps
 
 
-def _whole_columns(here: tuple[Mapping, int], there: tuple[Mapping, int], rotation: np.ndarray) -> int | None:
+def whole_columns(here: tuple[Mapping, int], there: tuple[Mapping, int], rotation: np.ndarray) -> int | None:
     """Columns by which to roll a lat-long map, if that is all: 0 for no turn in any mapping, None otherwise."""
     if here != there:
         return None
