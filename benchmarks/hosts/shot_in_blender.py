@@ -24,7 +24,7 @@ from relume.light.constellations.residual import key_lights
 from relume.project.insertion.prepared import PreparedShot
 from relume.project.shot_file.objects import placed_meshes
 from relume.renderers.raytrace.raycast import RayCaster
-from relume.scene.distant import Box
+from relume.scene.scene import Box
 
 ROOM = Path(__file__).resolve().parents[2] / "examples" / "room"
 WIDTH, HEIGHT = 192, 128

@@ -19,7 +19,7 @@ from shot_in_blender import room
 from trial import finish, run_inside
 
 from relume.export.shot_files import SHOT_FORMATS, export_shot
-from relume.scene.distant import Box
+from relume.scene.scene import Box
 
 
 def main(python: str, light: Path, folder: Path) -> None:

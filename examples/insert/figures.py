@@ -20,7 +20,7 @@ from relume.project.shot_file.local_table import distant_scene
 from relume.project.shot_file.shot import Shot, read_shot
 from relume.report import plots
 from relume.scene.cameras.camera import Camera
-from relume.scene.distant import Box
+from relume.scene.scene import Box
 from relume.sphere.environment_files import as_environment
 from relume.sphere.environment_map import EnvironmentMap
 from relume.virtual_camera.developing import develop

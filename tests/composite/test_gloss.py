@@ -7,9 +7,8 @@ from relume.image.radiance import RadianceMap
 from relume.renderers.mitsuba.lobes import arriving
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.scene.cameras.camera import Camera
-from relume.scene.distant import Box
 from relume.scene.materials.materials import Diffuse
-from relume.scene.scene import Scene
+from relume.scene.scene import Box, Scene
 from relume.scene.shapes.shapes import Mesh, Plane
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions

@@ -10,10 +10,9 @@ from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.renderers.mitsuba.scene import scene_dictionary
 from relume.scene.cameras.camera import Camera
-from relume.scene.distant import Box
 from relume.scene.lights import DistantLight, PointLight
 from relume.scene.materials.materials import Diffuse, Material
-from relume.scene.scene import Scene
+from relume.scene.scene import Box, Scene
 from relume.scene.shapes.shapes import Mesh, Plane
 from relume.sphere.directions import normalised
 from relume.sphere.environment_map import EnvironmentMap

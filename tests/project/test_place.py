@@ -17,10 +17,9 @@ from relume.project.shot_file.local_table import distant_scene
 from relume.project.shot_file.objects import doubts_about, placed_meshes, require_outside
 from relume.project.shot_file.shot import Shot
 from relume.scene.cameras.camera import Camera
-from relume.scene.distant import Box, Dome, Enclosure, Infinite
 from relume.scene.lights import SphereLight
 from relume.scene.materials.materials import Diffuse
-from relume.scene.scene import Scene
+from relume.scene.scene import Box, Dome, Enclosure, Infinite, Scene
 from relume.scene.shapes.shapes import Plane
 from relume.sphere.environment_files import as_radiance_map
 from relume.sphere.environment_map import EnvironmentMap

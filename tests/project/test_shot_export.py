@@ -21,11 +21,10 @@ from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.renderers.mitsuba.scene import scene_dictionary
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
-from relume.scene.distant import Box
 from relume.scene.lights import AmbientLight, DistantLight, PointLight, SphereLight
 from relume.scene.materials.materials import Diffuse, Material, Ward
 from relume.scene.materials.whitted import WhittedMaterial
-from relume.scene.scene import Scene
+from relume.scene.scene import Box, Scene
 from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import Mesh, Plane, Sphere
 from relume.sphere.environment_map import EnvironmentMap

@@ -9,10 +9,9 @@ import pytest
 
 from relume.renderers.progressive.accumulation import pass_seed
 from relume.scene.cameras.camera import Camera
-from relume.scene.distant import Box, Distant, Dome, Infinite
 from relume.scene.lights import SphereLight
 from relume.scene.materials.materials import Diffuse, Material
-from relume.scene.scene import Scene
+from relume.scene.scene import Box, Distant, Dome, Infinite, Scene
 from relume.scene.shapes.shapes import Plane, Sphere
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions

@@ -6,9 +6,8 @@ import pytest
 from relume.renderers.mitsuba.distant import walls
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.scene.cameras.camera import Camera
-from relume.scene.distant import Box, Distant, Dome, Enclosure
 from relume.scene.materials.materials import Diffuse
-from relume.scene.scene import Scene
+from relume.scene.scene import Box, Distant, Dome, Enclosure, Scene
 from relume.scene.shapes.shapes import Plane, Sphere
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions

@@ -9,9 +9,8 @@ import pytest
 import trimesh
 
 from relume.errors import UnsupportedScene
-from relume.scene.distant import Box, Distant, Dome, Enclosure, Infinite
 from relume.scene.lights import DistantLight, Linear, PointLight, SphereLight
-from relume.scene.scene import Scene
+from relume.scene.scene import Box, Distant, Dome, Enclosure, Infinite, Scene
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
 

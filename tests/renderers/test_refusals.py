@@ -16,10 +16,9 @@ from relume.renderers.whitted.materials import as_whitted
 from relume.renderers.whitted.whitted import Whitted, view_of
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
-from relume.scene.distant import Dome
 from relume.scene.lights import SphereLight
 from relume.scene.materials.materials import Diffuse, Material, Ward
-from relume.scene.scene import Scene
+from relume.scene.scene import Dome, Scene
 from relume.scene.shapes.shapes import Sphere
 
 CAMERA = Camera(6, 6, 40.0, np.array([0, 0, 6.0]), np.eye(3))

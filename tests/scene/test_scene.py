@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from relume.scene.distant import Box, Dome, Enclosure
 from relume.scene.materials.materials import Diffuse, Material
-from relume.scene.scene import Scene
+from relume.scene.scene import Box, Dome, Enclosure, Scene
 from relume.scene.shapes.shapes import Mesh, Plane
 from relume.sphere.environment_map import EnvironmentMap
 

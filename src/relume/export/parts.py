@@ -10,11 +10,10 @@ import numpy as np
 
 from relume.errors import UnsupportedScene
 from relume.renderers.mitsuba.distant import Walls, walls
-from relume.scene.distant import Dome
 from relume.scene.materials.materials import Diffuse, Material, Ward, mean_colour
 from relume.scene.materials.reflective import Reflective
 from relume.scene.materials.whitted import WhittedMaterial
-from relume.scene.scene import Scene
+from relume.scene.scene import Dome, Scene
 from relume.scene.shapes.shapes import Mesh, Patches, Plane, Polygon, Shape, Sphere
 from relume.scene.shapes.tessellation import tessellated, triangulated
 

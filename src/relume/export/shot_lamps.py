@@ -17,8 +17,8 @@ from relume.light.constellations.placement import PlacedLights, radii_at
 from relume.light.reflection.convolution import as_latlong
 from relume.project.insertion.prepared import PreparedShot
 from relume.renderers.mitsuba.distant import wall_distances
-from relume.scene.distant import Infinite
 from relume.scene.lights import AmbientLight, DistantLight, Light, PointLight, SphereLight, SquareLaw
+from relume.scene.scene import Infinite
 from relume.sphere.environment_files import as_radiance_map
 from relume.sphere.environment_map import EnvironmentMap
 

@@ -3,8 +3,6 @@ from .cameras.camera import reprojected as reprojected
 from .cameras.camera import undistorted as undistorted
 from .cameras.distortion import Distortion as Distortion
 from .cameras.vanishing_lines import fit_vanishing_lines as fit_vanishing_lines
-from .distant import Box as Box
-from .distant import Dome as Dome
 from .lights import AmbientLight as AmbientLight
 from .lights import DistantLight as DistantLight
 from .lights import PointLight as PointLight
@@ -15,6 +13,8 @@ from .materials.presets import material_preset as material_preset
 from .materials.reflective import Reflective as Reflective
 from .materials.whitted import Checks as Checks
 from .materials.whitted import WhittedMaterial as WhittedMaterial
+from .scene import Box as Box
+from .scene import Dome as Dome
 from .shapes.shapes import Patches as Patches
 from .shapes.shapes import Polygon as Polygon
 from .shapes.shapes import read_patches as read_patches

@@ -30,10 +30,9 @@ from relume.renderers.renderer import Renderer
 from relume.renderers.results import Progress
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.fit import CameraFit
-from relume.scene.distant import Infinite
 from relume.scene.lights import SphereLight
 from relume.scene.materials.checks import triple
-from relume.scene.scene import Scene
+from relume.scene.scene import Infinite, Scene
 from relume.scene.shapes.shapes import Mesh
 from relume.sphere.directions import UP, rotation_about
 from relume.sphere.environment_map import EnvironmentMap

@@ -12,8 +12,8 @@ from pydantic import Field, model_validator
 from relume.errors import InvalidShot
 from relume.project.mesh_tables import Placement, placed
 from relume.project.schema import Positive, Share, Table, Vector
-from relume.scene.distant import Box, Distant, Dome, Enclosure, Infinite
 from relume.scene.materials.materials import Diffuse, Material
+from relume.scene.scene import Box, Distant, Dome, Enclosure, Infinite
 from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import Mesh, Plane, Shape
 from relume.surface.gloss import Gloss, glossy

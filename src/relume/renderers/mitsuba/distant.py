@@ -15,9 +15,8 @@ import numpy as np
 from relume.light.reflection.convolution import as_latlong
 from relume.renderers.mitsuba.arrays import triangles
 from relume.renderers.raytrace.raycast import RayCaster
-from relume.scene.distant import Distant, Dome, Enclosure, Infinite
 from relume.scene.materials.materials import Diffuse
-from relume.scene.scene import Scene
+from relume.scene.scene import Distant, Dome, Enclosure, Infinite, Scene
 from relume.scene.shapes.shapes import Mesh, Polygon, Shape, Sphere
 from relume.sphere.bilinear_kernels import padded
 from relume.sphere.mappings.mapping import LatLong

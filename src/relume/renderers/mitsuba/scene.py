@@ -17,11 +17,10 @@ from relume.renderers.mitsuba.arrays import rgb, triangles
 from relume.renderers.mitsuba.distant import distant_shape, require_inside
 from relume.renderers.mitsuba.materials import bsdf, emission, interior
 from relume.scene.cameras.camera import Camera
-from relume.scene.distant import Infinite
 from relume.scene.lights import AmbientLight, Light, PointLight, SphereLight, SquareLaw
 from relume.scene.materials.reflective import Reflective
 from relume.scene.materials.whitted import WhittedMaterial
-from relume.scene.scene import Scene
+from relume.scene.scene import Infinite, Scene
 from relume.scene.shapes.shapes import Patches, Plane, Polygon, Shape, Sphere
 from relume.scene.shapes.tessellation import tessellated, triangulated
 from relume.sphere.bilinear_kernels import padded

@@ -28,11 +28,10 @@ from relume.renderers.raytrace.visibility import Seen, Stage
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Progress, Render
 from relume.scene.cameras.camera import Camera
-from relume.scene.distant import Infinite
 from relume.scene.materials.materials import Diffuse, Material, Ward
 from relume.scene.materials.reflective import Reflective
 from relume.scene.materials.whitted import WhittedMaterial
-from relume.scene.scene import Scene
+from relume.scene.scene import Infinite, Scene
 from relume.scene.shapes.shapes import Patches, Polygon, Solid, Sphere
 from relume.sphere.bilinear_kernels import padded
 from relume.sphere.environment_map import EnvironmentMap

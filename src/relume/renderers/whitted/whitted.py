@@ -24,9 +24,8 @@ from relume.renderers.whitted.kernel import CHANNELS, MOST_RAYS, trace
 from relume.renderers.whitted.kernel_data import Record, Settings, attenuation_code, empty_record, light_table
 from relume.renderers.whitted.materials import MaterialTables
 from relume.scene.cameras.camera import Camera
-from relume.scene.distant import Infinite
 from relume.scene.lights import Attenuation, SphereLight, Unattenuated
-from relume.scene.scene import Scene
+from relume.scene.scene import Infinite, Scene
 from relume.scene.shapes.shapes import Mesh, Sphere, bounding_sphere
 from relume.sphere.bilinear_kernels import padded
 

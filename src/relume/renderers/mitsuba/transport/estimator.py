@@ -20,9 +20,8 @@ from relume.renderers.mitsuba.transport.sampling import Guide, Numbers, two
 from relume.renderers.progressive.accumulation import pass_seed
 from relume.renderers.raytrace.alpha_coverage import is_pierced
 from relume.scene.cameras.camera import Camera
-from relume.scene.distant import Enclosure, Infinite
 from relume.scene.materials.materials import Material
-from relume.scene.scene import Scene
+from relume.scene.scene import Enclosure, Infinite, Scene
 from relume.scene.shapes.shapes import Plane, Shape, bounding_sphere, bounds
 
 LOOKS = 2

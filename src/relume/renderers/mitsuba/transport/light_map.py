@@ -16,9 +16,8 @@ import numpy as np
 from relume.light.reflection.convolution import as_latlong
 from relume.renderers.mitsuba.arrays import triangles
 from relume.renderers.mitsuba.transport.sampling import Sample, Spheres, aimed, parallel
-from relume.scene.distant import Box, Dome, Enclosure, Infinite
 from relume.scene.materials.materials import Diffuse
-from relume.scene.scene import Scene
+from relume.scene.scene import Box, Dome, Enclosure, Infinite, Scene
 from relume.scene.shapes.shapes import Mesh
 from relume.sphere.bilinear_kernels import padded
 from relume.sphere.mappings.mapping import LatLong
