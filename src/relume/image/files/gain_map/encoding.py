@@ -38,14 +38,14 @@ def encoded_rendition(
 ) -> tuple[bytes, str]:
     """A gain-map JPEG of two renditions of a picture, both made for displays: nothing of it is measured light.
 
-    Returns all bytes of the file, and a sentence on what it loses, "" where that is little.
-
-
-    bright : (H, W, 3) float32, linear Rec. 709, 1 = the base's white, at least 0
+    bright : (H, W, 3) float32, linear Rec. 709, 1 = the base's white, finite and at least 0
     base : (H, W, 3) uint8 sRGB, what every program shows
-    Raises ValueError for pixels that are negative or no numbers, and for a size that no JPEG has.
+    returns : all bytes of the file, and a sentence on what it loses, "" where that is little
+    Raises ValueError for a size that no JPEG has.
     """
-    _refuse_unusable(path, bright)
+    height, width = bright.shape[:2]
+    if max(height, width) > _LONGEST or min(height, width) < 1:
+        raise ValueError(f"{path}: the picture is {width} x {height}; a JPEG has 1 to {_LONGEST} a side: write .exr")
     base_jpeg = _jpeg(base, quality)
     shown = _decoded(base_jpeg)
     linear = icc_profile.srgb().curves[:, 0]
@@ -53,24 +53,6 @@ def encoded_rendition(
     map_jpeg = _jpeg(_codes(bright, shown, linear, metadata), quality)
     given = Pictures(shown, _decoded(map_jpeg), icc_profile.srgb().curves, REC709, REC709, metadata)
     return _assembled(base_jpeg, map_jpeg, metadata), _losses(given, bright)
-
-
-def _refuse_unusable(path: str | os.PathLike[str], pixels: np.ndarray) -> None:
-    """ValueError for pixels that no gain map holds, counted, and for sides that no JPEG has."""
-    height, width = pixels.shape[:2]
-    if max(height, width) > _LONGEST or min(height, width) < 1:
-        raise ValueError(f"{path}: the picture is {width} x {height}; a JPEG has 1 to {_LONGEST} a side: write .exr")
-
-    def work(begin: int, end: int) -> list[int]:
-        rows = pixels[begin:end]
-        return [int(np.count_nonzero(marked.any(-1))) for marked in (rows < 0, np.isnan(rows), np.isinf(rows))]
-
-    counts = np.sum(in_threads(work, height, chunk=_ROWS), axis=0)
-    if counts.any():
-        found = ", ".join(
-            f"{count} {name}" for count, name in zip(counts, ("negative", "NaN", "infinite"), strict=True)
-        )
-        raise ValueError(f"{path}: a gain map holds no such pixels: {found}; write .exr, or mend them first")
 
 
 def _metadata(bright: np.ndarray, shown: np.ndarray, linear: np.ndarray) -> GainMapMetadata:

@@ -102,10 +102,11 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
 def write_rendition(path: str | os.PathLike[str], bright: np.ndarray, base: np.ndarray, quality: int = 95) -> None:
     """Write a JPEG of a picture made for displays, with a gain map from it to the same for brighter ones.
 
-    bright : (H, W, 3) float32, linear Rec. 709, 1 = the base's white; base : (H, W, 3) uint8 sRGB
+    bright : (H, W, 3) float32, linear Rec. 709, 1 = the base's white, finite and at least 0
+    base : (H, W, 3) uint8 sRGB
 
     Warns where more than 5 % of the bright one's luminance is lost in 1 pixel of 100.
-    Raises ValueError for negative, NaN and infinite pixels (counted), OutputNotWritten.
+    Raises ValueError for a size that no JPEG has, OutputNotWritten.
     """
     from relume.image.files.gain_map import encoding as gain_map_encoding
 
