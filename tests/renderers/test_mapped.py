@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 import pytest
 import trimesh
+from numpy.typing import ArrayLike
 
 from lights import constant, of_directions, sunny
 from montecarlo import assert_matte_of_disc
@@ -68,7 +69,7 @@ def facing(cosines):
 COSINES = np.cos(np.radians([0, 30, 60, 75, 85]))
 
 
-def in_furnace(material, cosines=COSINES):
+def in_furnace(material, cosines: ArrayLike = COSINES):
     """Surfaces seen at these cosines under constant light of 1: (N, 3)."""
     return Shading.of([material], constant(64)).shade(facing(cosines))[0]
 

@@ -101,15 +101,18 @@ def test_the_probe_sees_its_own_map_and_another_place_sees_it_shifted():
     assert np.median(np.abs(shown / light.lookup(rays) - 1)) > 0.1  # which light at infinity would show
 
 
-def test_an_enclosure_of_the_rooms_own_shape_is_the_room():
-    built, corners = walls(ROOM, PROBE, 16), np.array(np.meshgrid([-2, 2], [-0.5, 2], [-1.5, 1.5], indexing="ij"))
-    corners = corners.reshape(3, -1).T
+def cuboid(low, high) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (8, 3) and faces (12, 3); the last two faces are those at the highest z."""
+    corners = np.array(np.meshgrid(*zip(low, high, strict=True), indexing="ij"), np.float32).reshape(3, -1).T
     quads = [(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)]
-    faces = np.array([f for a, b, c, d in quads for f in ((a, b, c), (a, c, d))], np.int32)
-    same = walls(Enclosure(corners.astype(np.float32), faces), PROBE, 16)
-    assert same.vertices == pytest.approx(built.vertices, abs=1e-5)
+    return corners, np.array([f for a, b, c, d in quads for f in ((a, b, c), (a, c, d))], np.int32)
+
+
+def test_an_enclosure_of_the_rooms_own_shape_is_the_room():
+    built, (corners, faces) = walls(ROOM, PROBE, 16), cuboid(ROOM.low, ROOM.high)
+    assert walls(Enclosure(corners, faces), PROBE, 16).vertices == pytest.approx(built.vertices, abs=1e-5)
     with pytest.raises(ValueError, match="open"):
-        walls(Enclosure(corners.astype(np.float32), faces[:-2]), (1.9, 0.4, -0.2), 16)
+        walls(Enclosure(corners, faces[:-2]), (1.9, 0.4, -0.2), 16)
 
 
 def test_walls_enclose_all_and_face_the_probe():
@@ -134,9 +137,7 @@ def test_what_stands_outside_is_refused():
 
 
 def test_a_wall_that_hides_another_is_told():
-    corners = np.array(np.meshgrid([-2, 2], [-2, 2], [-2, 2], indexing="ij"), np.float32).reshape(3, -1).T
-    quads = [(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)]
-    faces = np.array([f for a, b, c, d in quads for f in ((a, b, c), (a, c, d))], np.int32)
+    corners, faces = cuboid((-2, -2, -2), (2, 2, 2))
     pillar = 0.2 * corners * [1, 9, 1] + [1.0, 0, 0]
     both = Enclosure(np.concatenate([corners, pillar]).astype(np.float32), np.concatenate([faces, faces + 8]))
     with pytest.warns(UserWarning, match="hidden from the probe"):

@@ -18,6 +18,9 @@ from relume.renderers.prefiltered.shading_inputs import Samples, Term
 from relume.sphere.bilinear_kernels import padded
 from relume.sphere.mappings.mapping import LatLong
 
+Lookup = Callable[[np.ndarray, np.ndarray], None]
+"""Writes what samples see, whose indices (Q,) are given second, to `seen` (Q, 4) float32."""
+
 
 @dataclass(frozen=True, eq=False)
 class Spans:
@@ -50,6 +53,28 @@ class Spans:
             self._found[wanted] = places
         return self._found[wanted]
 
+    def over_quads(self, term: Term, lookup: Callable[[np.ndarray, np.ndarray, np.ndarray], None]) -> Lookup:
+        """What `lookup(seen, quads, samples' indices)` sees in the directions (Q, 4, 3) that samples' corners span."""
+        keys, middles = self.corners(term, 3), self.middles(term, 3)
+
+        def over(seen: np.ndarray, here: np.ndarray) -> None:
+            quads = np.empty((len(here), 4, 3), np.float32)
+            kernels.quadrilaterals(quads, here, self.samples, middles, keys)
+            lookup(seen, quads, here)
+
+        return over
+
+    def add(self, light: np.ndarray, chosen: np.ndarray, term: Term, lookup: Lookup, *, chunk: int = 65536) -> None:
+        """Add what is looked up for the chosen samples, times the term's weight, to `light` (P, 4) float32."""
+
+        def work(begin: int, end: int) -> None:
+            here = chosen[begin:end]
+            seen = np.zeros((len(here), 4), np.float32)
+            lookup(seen, here)
+            kernels.add_seen(light, here, seen, self.samples, term)
+
+        in_threads(work, len(chosen), self.threads, chunk=chunk)
+
 
 class Filter(Protocol):
     """A way to read a table."""
@@ -75,9 +100,7 @@ class Plain(Filter):
             )  # fmt: skip
             return
         points = spans.middles(term, 2)
-        add_looked_up(
-            light, chosen, spans, term, lambda seen, here: kernels.looked_up_at(seen, here, points, prepared)
-        )  # fmt: skip
+        spans.add(light, chosen, term, lambda seen, here: kernels.looked_up_at(seen, here, points, prepared))
 
 
 @dataclass(frozen=True)
@@ -95,10 +118,9 @@ class Subdivision(Filter):
             raise ValueError(f"depth of the subdivision is {self.depth}; expected 0 to 30")
 
     def add(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
-        _add_spans(
-            light, chosen, spans, term,
-            lambda seen, quads, here: kernels.subdivided(seen, quads, prepared, self.depth),
-        )  # fmt: skip
+        depth = self.depth
+        lookup = spans.over_quads(term, lambda seen, quads, here: kernels.subdivided(seen, quads, prepared, depth))
+        spans.add(light, chosen, term, lookup, chunk=1024)
 
 
 @dataclass(frozen=True)
@@ -106,10 +128,8 @@ class Quadrilateral(Filter):
     """The mean over the quadrilateral that the pixel's reflected corners span (§8.2)."""
 
     def add(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
-        _add_spans(
-            light, chosen, spans, term,
-            lambda seen, quads, here: kernels.spanned(seen, quads, prepared),
-        )  # fmt: skip
+        lookup = spans.over_quads(term, lambda seen, quads, here: kernels.spanned(seen, quads, prepared))
+        spans.add(light, chosen, term, lookup, chunk=1024)
 
 
 @dataclass(frozen=True)
@@ -128,10 +148,11 @@ class Preintegrated(Filter):
 
     def add(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
         points, samples = spans.corners(term, 2), spans.samples
-        add_looked_up(
-            light, chosen, spans, term,
-            lambda seen, here: kernels.preintegrated(seen, here, samples, term.kind, term.ratio, points, prepared),
-        )  # fmt: skip
+
+        def lookup(seen: np.ndarray, here: np.ndarray) -> None:
+            kernels.preintegrated(seen, here, samples, term.kind, term.ratio, points, prepared)
+
+        spans.add(light, chosen, term, lookup)
 
 
 @dataclass(frozen=True)
@@ -149,11 +170,11 @@ class Mip(Filter):
 
     def add(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
         points = spans.middles(term, 2)
-        _add_spans(
-            light, chosen, spans, term,
-            lambda seen, quads, here: kernels.from_pyramid(seen, quads, points[here], prepared),
-            chunk=16384,
-        )  # fmt: skip
+
+        def lookup(seen: np.ndarray, quads: np.ndarray, here: np.ndarray) -> None:
+            kernels.from_pyramid(seen, quads, points[here], prepared)
+
+        spans.add(light, chosen, term, spans.over_quads(term, lookup), chunk=16384)
 
 
 def background(table: np.ndarray, rays: np.ndarray, threads: int | None) -> np.ndarray:
@@ -187,43 +208,3 @@ def _pairs(values: np.ndarray, axis: int) -> np.ndarray:
         before = (np.arange(count) / count).reshape(-1, *[1] * (values.ndim - 1))
         sums += (before + 1 / count) * values[2::2] - before * values[: 2 * count : 2]
     return np.moveaxis(sums, 0, axis)
-
-
-def _add_spans(
-    light: np.ndarray,
-    chosen: np.ndarray,
-    spans: Spans,
-    term: Term,
-    lookup: Callable[[np.ndarray, np.ndarray, np.ndarray], None],
-    *,
-    chunk: int = 1024,
-) -> None:
-    """Add what `lookup(seen, quads, samples' indices)` sees in the directions (Q, 4, 3) that their corners span."""
-    keys, middles = spans.corners(term, 3), spans.middles(term, 3)
-
-    def over_quads(seen: np.ndarray, here: np.ndarray) -> None:
-        quads = np.empty((len(here), 4, 3), np.float32)
-        kernels.quadrilaterals(quads, here, spans.samples, middles, keys)
-        lookup(seen, quads, here)
-
-    add_looked_up(light, chosen, spans, term, over_quads, chunk=chunk)
-
-
-def add_looked_up(
-    light: np.ndarray,
-    chosen: np.ndarray,
-    spans: Spans,
-    term: Term,
-    lookup: Callable[[np.ndarray, np.ndarray], None],
-    *,
-    chunk: int = 65536,
-) -> None:
-    """Add what `lookup(seen, samples' indices)` writes to `seen` (Q, 4), times the term's weight."""
-
-    def work(begin: int, end: int) -> None:
-        here = chosen[begin:end]
-        seen = np.zeros((len(here), 4), np.float32)
-        lookup(seen, here)
-        kernels.add_seen(light, here, seen, spans.samples, term)
-
-    in_threads(work, len(chosen), spans.threads, chunk=chunk)

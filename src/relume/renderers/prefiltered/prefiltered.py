@@ -20,7 +20,7 @@ from relume.light.reflection.brdf import Reflectance
 from relume.light.reflection.convolution import as_latlong
 from relume.light.reflection.glossy import AZIMUTHS, GlossyMap, glossy_map
 from relume.light.reflection.reflection_map import reflection_map
-from relume.renderers.prefiltered.filters import Filter, Plain, Preintegrated, Spans, add_looked_up, background
+from relume.renderers.prefiltered.filters import Filter, Plain, Preintegrated, Spans, background
 from relume.renderers.prefiltered.glossy_kernel import lookup_glossy
 from relume.renderers.prefiltered.materials import ShadedLayer, layers_of
 from relume.renderers.prefiltered.shading_inputs import GBuffer, Samples, Term, term
@@ -166,10 +166,9 @@ class Shading:
     def _add_glossy(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, part: Term, table: GlossyMap) -> None:
         most = 1 if isinstance(self.filter, Plain) else LOOK_UPS
         tilts, tables, samples = table.tilts.astype(np.float32), table.padded, spans.samples
-        add_looked_up(
-            light, chosen, spans, part,
-            lambda seen, here: lookup_glossy(seen, here, samples, tables, tilts, most), chunk=4096,
-        )  # fmt: skip
+        spans.add(
+            light, chosen, part, lambda seen, here: lookup_glossy(seen, here, samples, tables, tilts, most), chunk=4096
+        )
 
 
 @dataclass(frozen=True, eq=False)

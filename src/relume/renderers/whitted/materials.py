@@ -92,24 +92,15 @@ class BumpTable(NamedTuple):
     picture: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class MaterialTables:
-    """All that kernels need to know of the materials."""
-
-    coefficients: Coefficients
-    pictures: Pictures
-    bumps: BumpTable
-
-    @staticmethod
-    def of(materials: Sequence[AnyMaterial]) -> MaterialTables:
-        """The tables of these materials; raises UnsupportedScene for what eq. 2 cannot say."""
-        pictures: list[np.ndarray] = []
-        every_bumps: list[Bumps] = []
-        rows = [_row(as_whitted(material), pictures, every_bumps) for material in materials]
-        # A first row that is cut off again gives an empty scene's tables their shapes.
-        columns = zip(_row(Model(WhittedMaterial()), [], []), *rows, strict=True)
-        coefficients = Coefficients(*(np.array(column, np.float64)[1:].copy() for column in columns))
-        return MaterialTables(coefficients, *_bump_tables(every_bumps, pictures))
+def material_tables(materials: Sequence[AnyMaterial]) -> tuple[Coefficients, Pictures, BumpTable]:
+    """All that kernels need to know of these materials; raises UnsupportedScene for what eq. 2 cannot say."""
+    pictures: list[np.ndarray] = []
+    every_bumps: list[Bumps] = []
+    rows = [_row(as_whitted(material), pictures, every_bumps) for material in materials]
+    # A first row that is cut off again gives an empty scene's tables their shapes.
+    columns = zip(_row(Model(WhittedMaterial()), [], []), *rows, strict=True)
+    coefficients = Coefficients(*(np.array(column, np.float64)[1:].copy() for column in columns))
+    return coefficients, *_bump_tables(every_bumps, pictures)
 
 
 @dataclass(frozen=True, eq=False)

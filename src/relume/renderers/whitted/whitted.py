@@ -22,7 +22,7 @@ from relume.renderers.results import Progress, Render
 from relume.renderers.whitted.antialiasing import Antialiasing, Small, Traced, Tracer, sampled
 from relume.renderers.whitted.kernel import CHANNELS, MOST_RAYS, trace
 from relume.renderers.whitted.kernel_data import Record, Settings, attenuation_code, empty_record, light_table
-from relume.renderers.whitted.materials import MaterialTables
+from relume.renderers.whitted.materials import material_tables
 from relume.scene.cameras.camera import Camera
 from relume.scene.lights import Attenuation, SphereLight, Unattenuated
 from relume.scene.scene import Infinite, Scene
@@ -126,7 +126,7 @@ class PreparedWhitted:
         materials = [shape.material for shape in shapes]
         different = list({id(material): material for material in materials}.values())
         which = np.array([[m is d for d in different].index(True) for m in materials], np.int64)
-        made = MaterialTables.of(different)
+        coefficients, pictures, bumps = material_tables(different)
         lights = light_table(self.scene, self.method.constellation)
         if not len(lights.place) and not np.any(lights.ambient) and not np.any(self.scene.light.radiance):
             raise UnsupportedScene("nothing shines in this scene: it has no lights and its light map is black; add one")
@@ -134,7 +134,7 @@ class PreparedWhitted:
         entries = padded(sky).reshape(-1) if sky.size else np.zeros(0, np.float32)
         surfaces = (*Surfaces.of(shapes), self.caster.primitive, which)
         return (
-            self.caster.geometry, surfaces, made.coefficients, made.pictures, made.bumps, lights, (entries, len(sky))
+            self.caster.geometry, surfaces, coefficients, pictures, bumps, lights, (entries, len(sky))
         )  # fmt: skip
 
     def render(
