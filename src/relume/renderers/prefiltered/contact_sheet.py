@@ -85,11 +85,12 @@ def balls(
         raise ValueError(f"balls are {size} pixels wide; expected 2 or more")
     light = _coarse(as_latlong(light))
     points, cover = _disc(size * _FINER)
-    matte = _binned(cover)
+    matte, towards = _binned(cover), np.broadcast_to(np.array([0.0, 0.0, 1.0]), points.shape)
     made = []
     for index, (caption, section, surface) in enumerate(SURFACES):
         normals = _wrinkled(points, surface.bumps if isinstance(surface, Reflective) else None)
-        seen = _light(surface, light, normals, cover)
+        pixels = GBuffer(normals, towards, np.where(cover > 0, 0, -1))
+        seen = Shading.of([surface], light, Preintegrated(), azimuths=_AZIMUTHS).shade(pixels)
         radiance = _binned(seen * cover[..., None]) / np.maximum(matte, 1e-6)[..., None]
         made.append(Ball(caption, section, radiance.astype(np.float32), matte.astype(np.float32)))
         if progress:
@@ -106,12 +107,6 @@ def _coarse(light: EnvironmentMap) -> EnvironmentMap:
     flux = (light.radiance * areas).reshape(rows, block, 2 * rows, block, 3).sum((1, 3))
     radiance = flux / LatLong().solid_angles(rows)[..., None]
     return EnvironmentMap(radiance.astype(np.float32), LatLong(), light.unit)
-
-
-def _light(surface: Reflective | Material, light: EnvironmentMap, normals: np.ndarray, cover: np.ndarray) -> np.ndarray:
-    towards = np.broadcast_to(np.array([0.0, 0.0, 1.0]), normals.shape)
-    pixels = GBuffer(normals, towards, np.where(cover > 0, 0, -1))
-    return Shading.of([surface], light, Preintegrated(), azimuths=_AZIMUTHS).shade(pixels)
 
 
 def _disc(size: int) -> tuple[np.ndarray, np.ndarray]:

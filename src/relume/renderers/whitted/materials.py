@@ -25,7 +25,7 @@ CONSTANT, FRESNEL, SCHLICK = 0, 1, 2
 FLAT, CHECKED, PICTURE = 0, 1, 2
 """What paints the diffuse colour."""
 SMOOTH = 0.03
-"""Below this roughness a surface is smooth, as for Mitsuba (`mitsuba_scene`)."""
+"""Below this roughness a surface is smooth, as for Mitsuba (`mitsuba.materials`)."""
 BROAD = 0.25
 """Above this microfacet width the reflected lights stand for the whole reflection: no rays are scattered."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -109,7 +108,7 @@ def breakdown(prepared: PreparedWhitted, camera: Camera, *, seed: int = 0) -> Br
     total = int(rays.sum())
     trees = sum(alone.spent)
     # The rays of the grid stand for all: they are of the same kinds, in the same proportions.
-    meetings = _seconds(_meetings(alone, record, count, alone.settings(camera, seed))) / count * total
+    meetings = _seconds_of_meetings(alone, record, count, alone.settings(camera, seed)) / count * total
     meetings = min(meetings, trees)
     return Breakdown((seconds - trees) / seconds, meetings / seconds, (trees - meetings) / seconds, seconds, total)
 
@@ -127,8 +126,8 @@ class _Timed(PreparedWhitted):
         return traced
 
 
-def _meetings(prepared: PreparedWhitted, record: Record, count: int, settings: Settings) -> Callable[[], object]:
-    """What finds only the intersections of recorded rays."""
+def _seconds_of_meetings(prepared: PreparedWhitted, record: Record, count: int, settings: Settings) -> float:
+    """How long it takes to find only the intersections of recorded rays."""
     start, kind, limits = record.ends[:count, :3], record.kind[:count], record.limits[:count]
     towards = record.ends[:count, 3:] - start
     length = np.linalg.norm(towards, axis=1, keepdims=True)
@@ -139,21 +138,14 @@ def _meetings(prepared: PreparedWhitted, record: Record, count: int, settings: S
     first = origins[nearest], directions[nearest]
     others = origins[~nearest], directions[~nearest], limits[~nearest, 1]
 
-    def work() -> None:
+    times = []
+    # The first round may compile.
+    for _ in range(1 + ROUNDS):
+        begin = time.thread_time()
         prepared.caster.nearest(*first, **cone)
         prepared.caster.occluded(*others, **cone)
-
-    work()
-    return work
-
-
-def _seconds(work: Callable[[], object]) -> float:
-    times = []
-    for _ in range(ROUNDS):
-        begin = time.thread_time()
-        work()
         times.append(time.thread_time() - begin)
-    return float(np.median(times))
+    return float(np.median(times[1:]))
 
 
 NAMES = {EYE: "eye", REFLECTED: "S", REFRACTED: "T", SHADOW: "L"}
