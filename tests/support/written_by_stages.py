@@ -21,14 +21,11 @@ def read_ptm(path: Path) -> PolynomialTexture:
         end = content.index(b"\n", start)
         words += content[start:end].decode("latin-1").split()
         start = end + 1
-    version, form, width, height = words[0], words[1], int(words[2]), int(words[3])
+    form, width, height = words[1], int(words[2]), int(words[3])
     scales, biases = np.array(words[4:10], np.float64), np.array(words[10:16], np.float64)
     body = np.frombuffer(content, np.uint8, width * height * (18 if form == "PTM_FORMAT_RGB" else 9), start)
     if form == "PTM_FORMAT_RGB":
         codes, colour = np.moveaxis(body.reshape(3, height, width, 6), 0, 2), None
-    elif version == "PTM_1.1":
-        both = body.reshape(height, width, 9)
-        codes, colour = both[:, :, None, :6], both[..., 6:]
     else:
         size = width * height * 6
         codes, colour = body[:size].reshape(height, width, 1, 6), body[size:].reshape(height, width, 3)

@@ -136,17 +136,19 @@ def test_a_ball_behind_the_camera_is_refused() -> None:
         target_on_ball(CAMERA, np.array([0, 0, 3.0]), 0.7, 0.5)
 
 
-def test_a_dark_target_is_refused() -> None:
-    with pytest.raises(ValueError, match="no light reaches the target"):
-        calibrate(Pictures(np.zeros((60, 32, 40, 3), np.float32), LIGHTS), Target(everywhere(), 0.9, TILTED))
-
-
 @pytest.mark.parametrize("reflectance", [0.0, -0.1, 1.2, (0.1, 0.2)])
 def test_a_reflectance_that_cannot_be_is_refused(reflectance: float) -> None:
     with pytest.raises(ValueError, match="a reflectance of"):
         Target(everywhere(), reflectance)
 
 
-def test_a_target_of_another_size_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"expected the pictures' \(32, 40\)"):
-        calibrate(Pictures(pictures(TILTED, 0.9, intensities()), LIGHTS), Target(np.ones((9, 9), bool), 0.9, TILTED))
+@pytest.mark.parametrize(
+    ("values", "seen", "said"),
+    [
+        (np.zeros((60, 32, 40, 3), np.float32), everywhere(), "no light reaches the target"),
+        (np.ones((60, 32, 40, 3), np.float32), np.ones((9, 9), bool), r"expected the pictures' \(32, 40\)"),
+    ],
+)
+def test_a_dark_target_and_one_of_another_size_are_refused(values: np.ndarray, seen: np.ndarray, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        calibrate(Pictures(values, LIGHTS), Target(seen, 0.9, TILTED))

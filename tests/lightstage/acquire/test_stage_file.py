@@ -127,27 +127,6 @@ def test_a_wrong_light_is_named(tmp_path: Path, change: dict[str, object], told:
     assert told in text and ("lights[0]" in text or "b.exr" in text)
 
 
-def test_a_light_without_direction_is_refused(tmp_path: Path) -> None:
-    assert "lights[1] (d.png): no direction" in refused(tmp_path, {"lights": [THREE[0], {"file": "d.png"}]})
-
-
-@pytest.mark.parametrize(
-    ("table", "told"),
-    [
-        ([], "expected a table"),
-        ({"lights": []}, 'has no "lights"'),
-        ({"lights": THREE, "grid": {"inclination": 2, "azimuth": 2}}, "a grid of 2 × 2 lights, but it lists 3"),
-        ({"lights": THREE, "camera_x": {"position": [0, 0, 1], "look_at": [0, 0, 0]}}, 'no "hfov_deg"'),
-        (
-            {"lights": THREE, "target": {"rectangle": [0, 0, 1, 1], "reflectance": 2}},
-            "at most 1",
-        ),
-    ],
-)
-def test_a_wrong_stage_is_refused(tmp_path: Path, table: object, told: str) -> None:
-    assert told in refused(tmp_path, table)
-
-
 VIEW = {"position": [0, 0, 1], "look_at": [0, 0, 0], "hfov_deg": 30}
 
 
@@ -168,9 +147,19 @@ VIEW = {"position": [0, 0, 1], "look_at": [0, 0, 0], "hfov_deg": 30}
         ({"Target": {}}, 'unknown key "Target"; did you mean target?'),
         ({"gird": {}}, 'unknown key "gird"; did you mean grid?'),
         ({"mehs": "a.obj"}, 'unknown key "mehs"; did you mean mesh?'),
+        # What is no stage.
+        ({"lights": []}, 'has no "lights"'),
+        ({"lights": [THREE[0], {"file": "d.png"}]}, "lights[1] (d.png): no direction"),
+        (
+            {"lights": [THREE[0] | {"name": "top"}, *THREE[1:], {"file": "a.exr", "position": [1, 1, 1]}]},
+            'a.exr is the picture of two lights, "top" and "a.exr"',
+        ),
+        ({"grid": {"inclination": 2, "azimuth": 2}}, "a grid of 2 × 2 lights, but it lists 3"),
+        ({"camera_x": {"position": [0, 0, 1], "look_at": [0, 0, 0]}}, 'no "hfov_deg"'),
+        ({"target": {"rectangle": [0, 0, 1, 1], "reflectance": 2}}, "at most 1"),
     ],
 )
-def test_a_misspelt_key_is_refused(tmp_path: Path, change: dict[str, object], told: str) -> None:
+def test_a_misspelt_key_or_a_wrong_stage_is_refused(tmp_path: Path, change: dict[str, object], told: str) -> None:
     assert told in refused(tmp_path, {"lights": THREE} | change)
 
 
@@ -179,14 +168,8 @@ def test_keys_of_other_programs_are_kept(tmp_path: Path) -> None:
     assert read_stage_file(written(tmp_path, {"lights": THREE} | others)).others == others
 
 
-def test_a_picture_of_two_lights_is_refused(tmp_path: Path) -> None:
-    told = refused(
-        tmp_path, {"lights": [THREE[0] | {"name": "top"}, *THREE[1:], {"file": "a.exr", "position": [1, 1, 1]}]}
-    )
-    assert 'a.exr is the picture of two lights, "top" and "a.exr"' in told
-
-
-def test_broken_json_tells_where(tmp_path: Path) -> None:
+def test_what_is_no_table_is_refused(tmp_path: Path) -> None:
+    assert "expected a table" in refused(tmp_path, [])
     (tmp_path / "stage.json").write_text('{"lights": [}')
     with pytest.raises(InvalidStage, match="line 1 column 13"):
         read_stage_file(tmp_path / "stage.json")

@@ -50,19 +50,17 @@ def test_lights_on_one_circle_share_the_sphere_by_their_turns():
     np.testing.assert_allclose(voronoi_solid_angles(ring, "abcd"), np.pi, rtol=2e-3)
 
 
-def test_two_lights_in_one_place_are_refused_by_name():
-    with pytest.raises(ValueError, match='"left" and "again" have one direction'):
-        StageLights.towards(np.array([[1.0, 0, 0], [0, 1, 0], [2, 0, 0]]), ("left", "top", "again"))
-
-
-def test_a_light_without_a_direction_is_refused_by_name():
-    with pytest.raises(ValueError, match='the light "b" has the direction'):
-        StageLights.towards(np.array([[1.0, 0, 0], [0, 0, 0]]), ("a", "b"))
-
-
-def test_two_lights_of_one_name_are_refused():
-    with pytest.raises(ValueError, match='two lights are called "a"'):
-        StageLights.towards(AXES[:2], ("a", "a"))
+@pytest.mark.parametrize(
+    ("directions", "names", "said"),
+    [
+        ([[1.0, 0, 0], [0, 1, 0], [2, 0, 0]], ("left", "top", "again"), '"left" and "again" have one direction'),
+        ([[1.0, 0, 0], [0, 0, 0]], ("a", "b"), 'the light "b" has the direction'),
+        (AXES[:2], ("a", "a"), 'two lights are called "a"'),
+    ],
+)
+def test_impossible_lights_are_refused_by_name(directions, names, said):
+    with pytest.raises(ValueError, match=said):
+        StageLights.towards(np.array(directions), names)
 
 
 def test_chosen_lights_fill_the_sphere_again():

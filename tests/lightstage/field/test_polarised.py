@@ -69,19 +69,6 @@ def test_a_shifted_take_is_told() -> None:
         PolarisedPair(parallel, moved)
 
 
-def test_swapped_takes_are_refused() -> None:
-    parallel, crossed = pair()
-    with pytest.raises(ValueError, match="swap the two"):
-        PolarisedPair(crossed, parallel)
-
-
-def test_a_take_given_twice_is_refused() -> None:
-    parallel, crossed = pair()
-    for take in (parallel, crossed):
-        with pytest.raises(ValueError, match="the crossed take is the parallel one itself"):
-            PolarisedPair(take, take)
-
-
 @pytest.mark.parametrize("drift", [0.985, 1.0, 1.015])
 def test_a_polariser_that_was_not_turned_is_told(drift: float) -> None:
     parallel = pair()[0]
@@ -98,17 +85,23 @@ def test_the_faintest_highlights_of_a_white_body_are_enough() -> None:
     np.testing.assert_allclose(whole(both.specular), 0.04, atol=1e-6)
 
 
-def test_black_takes_are_refused() -> None:
-    black = Pictures(np.zeros((12, 8, 8, 3), np.float32), LIGHTS)
-    with pytest.raises(ValueError, match="both takes are black"):
-        PolarisedPair(black, black)
+PARALLEL, CROSSED = pair()
+BLACK = Pictures(np.zeros((12, 8, 8, 3), np.float32), LIGHTS)
+REVERSED = LIGHTS.chosen(np.array([0, *range(10, 0, -1), 11]))
 
 
-def test_other_sizes_and_other_lights_are_refused() -> None:
-    parallel, crossed = pair()
-    with pytest.raises(ValueError, match="48×48 pixels and the crossed one 40×48"):
-        PolarisedPair(parallel, replace(crossed, values=crossed.values[:, :, :40]))
-    with pytest.raises(ValueError, match="has 12 lights and the crossed one 11"):
-        PolarisedPair(parallel, Pictures(crossed.values[:11], LIGHTS.chosen(np.arange(11))))
-    with pytest.raises(ValueError, match='the light "1" of the parallel take is "10"'):
-        PolarisedPair(parallel, replace(crossed, lights=LIGHTS.chosen(np.array([0, *range(10, 0, -1), 11]))))
+@pytest.mark.parametrize(
+    ("parallel", "crossed", "said"),
+    [
+        (CROSSED, PARALLEL, "swap the two"),
+        (PARALLEL, PARALLEL, "the crossed take is the parallel one itself"),
+        (CROSSED, CROSSED, "the crossed take is the parallel one itself"),
+        (BLACK, BLACK, "both takes are black"),
+        (PARALLEL, replace(CROSSED, values=CROSSED.values[:, :, :40]), "48×48 pixels and the crossed one 40×48"),
+        (PARALLEL, Pictures(CROSSED.values[:11], LIGHTS.chosen(np.arange(11))), "12 lights and the crossed one 11"),
+        (PARALLEL, replace(CROSSED, lights=REVERSED), 'the light "1" of the parallel take is "10"'),
+    ],
+)
+def test_takes_that_are_no_pair_are_refused(parallel: Pictures, crossed: Pictures, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        PolarisedPair(parallel, crossed)

@@ -123,12 +123,6 @@ def test_a_term_that_is_the_same_everywhere_is_kept(tmp_path):
     np.testing.assert_allclose(back.coefficients, 0.7, atol=1e-6)
 
 
-def test_comments_and_unix_lines_are_read(tmp_path):
-    numbers = np.array([255] * 4 + [0] * 4, "<f4").tobytes()
-    (tmp_path / "a.rti").write_bytes(b"#HSH1.2\n# made by hand\n3\n1 1 3\n4 2 1\n" + numbers + bytes(range(12)))
-    np.testing.assert_allclose(read_hsh(tmp_path / "a.rti").coefficients.ravel(), np.arange(12), atol=1e-4)
-
-
 def test_too_few_lights_are_refused():
     with pytest.raises(ValueError, match="degree 2 needs 9 or more"):
         fit_hsh(np.zeros((8, 2, 2, 3), np.float32), DOME[:8])

@@ -117,17 +117,6 @@ def test_a_file_is_read_by_its_scales_and_biases(tmp_path):
     np.testing.assert_allclose(found, [[4, 0, 0, 0, 0, 100], [0, 0, 0, 0, 0, 50], [-4, 0, 0, 0, 0, 0]], atol=1e-5)
 
 
-def test_the_older_form_with_nine_bytes_together_is_read(tmp_path):
-    header = b"PTM_1.1\nPTM_FORMAT_LRGB\n1\n2\n1 1 1 1 1 1\n0 0 0 0 0 0\n"
-    (tmp_path / "a.ptm").write_bytes(header + bytes(range(18)))
-    found = read_ptm(tmp_path / "a.ptm")
-    assert found.colour is not None
-    np.testing.assert_allclose(
-        found.coefficients[:, 0, 0] * 255, [[9, 10, 11, 12, 13, 14], [0, 1, 2, 3, 4, 5]], atol=1e-4
-    )
-    np.testing.assert_allclose(found.colour[:, 0] * 255, [[15, 16, 17], [6, 7, 8]], atol=1e-4)
-
-
 def test_wrong_calls_are_refused(tmp_path):
     with pytest.raises(ValueError, match="needs 6 or more"):
         fit_rgb(np.zeros((5, 2, 2, 3), np.float32), DOME[:5])
