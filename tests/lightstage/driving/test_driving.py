@@ -10,10 +10,11 @@ from scipy.optimize import lsq_linear
 from relume.errors import OutputNotWritten
 from relume.lightstage.driving.drive_file import drive_as_csv, drive_as_json, write_drive
 from relume.lightstage.driving.driving import Drive, LampPrimaries, bounded_least_squares, drive
-from relume.lightstage.driving.subjects import MeasuredSubject, SurfaceSubject, voronoi_irradiances
+from relume.lightstage.driving.subjects import MeasuredSubject, SurfaceSubject
 from relume.lightstage.field.field import Pictures
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.interpolation import NearestLight
+from relume.lightstage.relighting.stage_lighting import irradiances
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
@@ -67,7 +68,7 @@ def test_a_drive_lights_a_matte_subject_better_than_the_cells_of_the_map():
     light, normals = smooth_map(), even_directions(300)
     truth = light.irradiance(normals)
     ours = drive(EVEN, light)
-    plain = Drive(EVEN, LampPrimaries.rgb(), voronoi_irradiances(EVEN, light), np.zeros(3))
+    plain = Drive(EVEN, LampPrimaries.rgb(), irradiances(EVEN, light, NearestLight()), np.zeros(3))
 
     def error(which):
         return np.sqrt(np.mean((seen(which, normals) - truth) ** 2) / np.mean(truth**2))
@@ -89,7 +90,7 @@ def test_what_is_seen_counts_by_its_solid_angle():
 
 def test_cell_sums_hold_all_the_light():
     light = smooth_map()
-    np.testing.assert_allclose(voronoi_irradiances(EVEN, light).sum(axis=0), light.total(), rtol=1e-12)
+    np.testing.assert_allclose(irradiances(EVEN, light, NearestLight()).sum(axis=0), light.total(), rtol=1e-12)
 
 
 def test_bounded_least_squares_finds_what_scipy_finds():
@@ -143,7 +144,7 @@ def test_a_given_subject_looks_as_its_own_field_says():
     light = smooth_map()
     result = drive(EVEN, light, subject=MeasuredSubject(field, by=NearestLight()))
     # The field's lights are the stage's: each stands for its own cell.
-    np.testing.assert_allclose(result.intensities, voronoi_irradiances(EVEN, light), rtol=1e-6)
+    np.testing.assert_allclose(result.intensities, irradiances(EVEN, light, NearestLight()), rtol=1e-6)
     assert result.residual.max() < 1e-6
 
 
@@ -158,12 +159,6 @@ def test_a_smooth_subject_is_told_between_the_lights_of_its_field():
     shown = MeasuredSubject(Pictures(pictures(EVEN.directions), EVEN)).lit_by(lamps)
     truth = pictures(lamps.directions).reshape(30, 40, 3).transpose(1, 0, 2)
     assert np.abs(shown - truth).mean() / truth.mean() < 0.01
-
-
-def test_lamps_that_stand_closer_than_a_maps_pixels_all_get_light():
-    lights = StageLights.towards(even_directions(1000))
-    sums = voronoi_irradiances(lights, EnvironmentMap(np.ones((16, 32, 3), np.float32)))
-    np.testing.assert_allclose(sums[:, 0], lights.solid_angles, rtol=0.15)
 
 
 def test_a_given_subject_is_matched_by_a_stage_of_fewer_lights():

@@ -19,8 +19,10 @@ from scipy.optimize import nnls
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from relume.lightstage.driving.subjects import MeasuredSubject, SurfaceSubject, voronoi_irradiances
+from relume.lightstage.driving.subjects import MeasuredSubject, SurfaceSubject
 from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.interpolation import NearestLight
+from relume.lightstage.relighting.stage_lighting import irradiances
 from relume.sphere.environment_map import EnvironmentMap
 
 _STEPS = 200
@@ -145,7 +147,7 @@ def drive(
     if not 0 < closeness < np.inf:
         raise ValueError(f"closeness is {closeness}; expected a number above 0, like 0.1")
     weights, seen, wanted = subject.weights, subject.lit_by(lights), subject.under(light)
-    start = lamps.nearest(voronoi_irradiances(lights, light))
+    start = lamps.nearest(irradiances(lights, light, NearestLight()))
     gram, rhs = _normal_equations(seen, wanted, weights, lamps.irradiance)
     # A change counts less where there is much, so that a sun's lamps give way first.
     mean = float(start.mean())

@@ -14,7 +14,7 @@ from relume.light.reflection.convolution import as_latlong, convolved, cut_up
 from relume.light.reflection.lobes import GGXLobe, Lambert, Lobe
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.relighting.interpolation import Interpolation, NearestLight, Smooth
+from relume.lightstage.relighting.interpolation import Interpolation, Smooth
 from relume.lightstage.relighting.stage_lighting import irradiances
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
@@ -107,8 +107,3 @@ class MeasuredSubject:
             for row in np.unique(rows)
         ]
         return np.concatenate(parts).astype(np.float64)
-
-
-def voronoi_irradiances(lights: StageLights, light: EnvironmentMap) -> np.ndarray:
-    """∫ L dω over the part of the sphere that is nearer to each light than to any other, (N, 3) float64."""
-    return irradiances(lights, light, NearestLight())

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 
@@ -32,7 +32,6 @@ class Noise:
             raise ValueError(f"{self}: expected two finite numbers that are not below 0")
 
 
-@runtime_checkable
 class ReflectanceField(Protocol):
     """What can be relit.
 
