@@ -15,7 +15,6 @@ from relume.lightstage.field.bar_shadow import bar_shadow
 from relume.lightstage.field.corrected import Corrected
 from relume.lightstage.field.field import Pictures, whole
 from relume.lightstage.field.invalid_samples import (
-    AnyOf,
     PackedMask,
     direct_light,
     lens_flare_and_direct_light,
@@ -145,12 +144,6 @@ def test_a_packed_mask_is_the_mask() -> None:
     assert np.array_equal(packed.block(slice(1, 4), slice(2, 6)), masked[1:4, 2:6])
 
 
-def test_any_of_two_masks_is_both_together() -> None:
-    first, second = (np.random.default_rng(s).random((5, 6, 13)) < 0.3 for s in (1, 2))
-    joined = AnyOf([PackedMask.of(first), PackedMask.of(second)]).block(slice(0, 5), slice(1, 3))
-    assert np.array_equal(joined, (first | second)[:, 1:3])
-
-
 THREE = StageLights.towards(even_directions(3), ("a.exr", "b.exr", "c.exr"))
 
 
@@ -227,7 +220,7 @@ def test_a_bar_and_a_flare_before_a_rendered_head_are_found_and_filled() -> None
         found = mask.block(*everything)
         assert (found & planted).sum() >= 0.95 * planted.sum()
         assert (found & ~planted)[:, subject].mean() <= 0.01
-    filled = whole(Corrected(field, mask=AnyOf([bar, flare])))
+    filled = whole(Corrected(field, masks=(bar, flare)))
 
     def relit_error(values: np.ndarray) -> float:
         """Under the even light of the whole sphere, over the subject."""

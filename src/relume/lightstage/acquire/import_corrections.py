@@ -150,9 +150,8 @@ def correct(
     noise = corrections.noise
     if noise is None and taken.noise is None and corrections.estimate_noise:
         noise = _estimated_noise(taken, step)
-    mask = invalid_samples.AnyOf(tuple(masks)) if masks else None
     gains = None if measured is None else measured.gains
-    return Corrected(taken, gains, even, mask, measured_noise=noise), measured
+    return Corrected(taken, gains, even, masks, measured_noise=noise), measured
 
 
 def _fall_off(

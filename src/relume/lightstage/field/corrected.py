@@ -7,6 +7,7 @@ a block is corrected when it is asked for.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,7 +38,7 @@ class Corrected(Derived):
     field : as taken
     gains : (N, 3), as of a `Calibration`; None for 1
     flat : patterns to divide by; None where the lights are even
-    mask : what says nothing; None where all does
+    masks : what one of them at least calls empty says nothing
     measured_noise : of the field as taken, where it does not know its own (`estimate_noise`); its own unless given
 
     A block with masked values takes those rows under all lights, in bands of a quarter of a gibibyte.
@@ -46,7 +47,7 @@ class Corrected(Derived):
     field: ReflectanceField
     gains: np.ndarray | None = None
     flat: FlatField | NearLights | None = None
-    mask: Mask | None = None
+    masks: Sequence[Mask] = ()
     measured_noise: Noise | None = None
 
     @property
@@ -73,7 +74,7 @@ class Corrected(Derived):
         return Noise(float(taken.constant * square.mean()), float(taken.slope * factor.mean()))
 
     def block(self, lights: slice, rows: slice) -> np.ndarray:
-        if self.mask is None or not self.mask.block(lights, rows).any():
+        if not any(mask.block(lights, rows).any() for mask in self.masks):
             return self._even(lights, rows)
         chosen = range(self.shape[0])[rows]
         result = np.empty((len(range(len(self.lights))[lights]), len(chosen), self.shape[1], 3), np.float32)
@@ -81,7 +82,7 @@ class Corrected(Derived):
         everything = slice(0, len(self.lights))
         for first in range(0, len(chosen), band):
             part = slice(chosen[first], chosen[min(first + band, len(chosen)) - 1] + 1)
-            masked = self.mask.block(everything, part)
+            masked = np.any([mask.block(everything, part) for mask in self.masks], axis=0)
             if masked[lights].any():
                 done = filled(self._even(everything, part), masked, self.lights, lights)
             else:

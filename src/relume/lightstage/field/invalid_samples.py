@@ -9,7 +9,6 @@ stay. The bar is found by `bar_shadow`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -42,16 +41,6 @@ class Mask(Protocol):
     def block(self, lights: slice, rows: slice) -> np.ndarray:
         """(lights, rows, columns) bool, True where a value says nothing; slices have a step of 1."""
         ...
-
-
-@dataclass(frozen=True, eq=False)
-class AnyOf:
-    """What one mask at least calls empty."""
-
-    masks: Sequence[Mask]
-
-    def block(self, lights: slice, rows: slice) -> np.ndarray:
-        return np.any([mask.block(lights, rows) for mask in self.masks], axis=0)
 
 
 @dataclass(frozen=True, eq=False)
