@@ -120,14 +120,8 @@ def _pictures(bracket: MergedBracket) -> str:
 
 
 def _exposures(bracket: MergedBracket) -> str:
-    found = {name: f"{stops:+.3f} ± {error:.3f}" for name, (stops, error) in bracket.corrections.items()}
-    motions, shares = {}, {}
-    if bracket.aligned is not None:
-        for photograph, motion in zip(bracket.aligned.bracket.photographs, bracket.aligned.motions, strict=True):
-            motions[photograph.name] = f"{motion.dx:+.2f}, {motion.dy:+.2f} px, {np.degrees(motion.angle):+.3f}°"
-    if bracket.deghosted is not None:
-        names = [p.name for p in bracket.deghosted.bracket.photographs]
-        shares = {name: f"{100 * s:.2g} %" for name, s in zip(names, bracket.deghosted.shares, strict=True)}
+    corrected = {name: f"{stops:+.3f} ± {error:.3f}" for name, (stops, error) in bracket.corrections.items()}
+    facts = frame_facts(bracket)
     rows = [
         (
             Path(frame.name).name,
@@ -136,14 +130,29 @@ def _exposures(bracket: MergedBracket) -> str:
             f"{frame.iso:g}" if frame.iso else "–",
             f"{frame.stops:+.2f}",
             frame.source,
-            found.get(frame.name, "–"),
-            motions.get(frame.name, "–"),
-            shares.get(frame.name, "–"),
+            corrected.get(frame.name, "–"),
+            "{dx:+.2f}, {dy:+.2f} px, {angle_degrees:+.3f}°".format(**known) if "dx" in known else "–",
+            f"{100 * known['ghost_share']:.2g} %" if "ghost_share" in known else "–",
         )
-        for frame in bracket.frames
+        for frame, known in ((each, facts[each.name]) for each in bracket.frames)
     ]
     head = ("photograph", "time used", "aperture", "ISO", "stops", "source", "corrected by", "moved by", "ghosts")
     return table(rows, head=head)
+
+
+def frame_facts(bracket: MergedBracket) -> dict[str, dict[str, float]]:
+    """What was found of each photograph, by its name: stops by which its exposure was corrected, motion, ghosts."""
+    facts: dict[str, dict[str, float]] = {frame.name: {} for frame in bracket.frames}
+    for name, (stops, _) in bracket.corrections.items():
+        facts[name]["corrected_stops"] = stops
+    if (aligned := bracket.aligned) is not None:
+        for photograph, motion in zip(aligned.bracket.photographs, aligned.motions, strict=True):
+            degrees = float(np.degrees(motion.angle))
+            facts[photograph.name] |= {"dx": float(motion.dx), "dy": float(motion.dy), "angle_degrees": degrees}
+    if (deghosted := bracket.deghosted) is not None:
+        for photograph, share in zip(deghosted.bracket.photographs, deghosted.shares, strict=True):
+            facts[photograph.name]["ghost_share"] = float(share)
+    return facts
 
 
 def seconds_in_words(seconds: float) -> str:

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from relume.image import files
-from relume.image.radiance import RadianceMap
 from relume.project.developing.develop_files import DevelopedFile
 from relume.report import plots
 from relume.report.page import figure, heading, page, paragraph, side_by_side, slide, table
@@ -38,12 +37,13 @@ def write_develop_report(
     if image is not scene:
         drawn = develop(image, VirtualCamera(), view)
         pictures.insert(1, figure(plots.encoded(drawn.pixels), "The light that the lens drew, plainly exposed."))
+    stops = stops_sheet(image, STOPS, Film(VirtualCamera().tone_map(image, View(1.0)).gain))
     parts = [
         slide(before, after, "The scene, plainly exposed, to the left of the handle; the picture to the right."),
         heading("Side by side"),
         side_by_side(pictures),
         heading("At several exposures"),
-        figure(plots.encoded(_stops(image)), "The light that the lens drew, in stops from plain exposure."),
+        figure(plots.encoded(stops.pixels), "The light that the lens drew, in stops from plain exposure."),
         heading("How bright it is"),
         figure(plots.encoded(false_colour(image).pixels), f"Luminance, {image.unit}."),
         heading("How it was made"),
@@ -51,11 +51,6 @@ def write_develop_report(
         paragraph("Everything before the tone operator is done in linear light, in the order in which light meets it."),
     ]
     files.write_text(path, page(title, parts))
-
-
-def _stops(image: RadianceMap) -> np.ndarray:
-    gain = VirtualCamera().tone_map(image, View(1.0)).gain
-    return stops_sheet(image, STOPS, Film(gain)).pixels
 
 
 def _words(value: object) -> str:

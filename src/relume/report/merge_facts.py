@@ -9,7 +9,7 @@ import numpy as np
 
 from relume.capture.brackets.result import MergedBracket
 from relume.capture.brackets.shoot import MergedShoot, MergePlan
-from relume.report.capture_report import clipped_facts, counted, in_words, seconds_in_words
+from relume.report.capture_report import clipped_facts, counted, frame_facts, in_words, seconds_in_words
 
 Block = tuple[str, dict[str, object]]
 """A title and lines under it, by their first words."""
@@ -122,16 +122,7 @@ def _bracket(bracket: MergedBracket, target: Path) -> dict[str, Any]:
 
 
 def _frames(bracket: MergedBracket) -> list[dict[str, Any]]:
-    facts: dict[str, dict[str, Any]] = {frame.name: {} for frame in bracket.frames}
-    for name, (stops, _) in bracket.corrections.items():
-        facts[name]["corrected_stops"] = stops
-    if (aligned := bracket.aligned) is not None:
-        for photograph, motion in zip(aligned.bracket.photographs, aligned.motions, strict=True):
-            degrees = float(np.degrees(motion.angle))
-            facts[photograph.name] |= {"dx": float(motion.dx), "dy": float(motion.dy), "angle_degrees": degrees}
-    if (deghosted := bracket.deghosted) is not None:
-        for photograph, share in zip(deghosted.bracket.photographs, deghosted.shares, strict=True):
-            facts[photograph.name]["ghost_share"] = float(share)
+    facts = frame_facts(bracket)
     return [
         _FRAME | {"name": Path(frame.name).name} | _exposure(frame, frame.stops) | facts[frame.name]
         for frame in bracket.frames

@@ -206,7 +206,6 @@ def _caption(tree: RayTree, node: int, shapes: Sequence[Shape]) -> str:
 
 def _laid_out(tree: RayTree, kept: np.ndarray) -> dict[int, tuple[float, float]]:
     """Where each node stands: leaves one beside the other, parents above the middle of their children."""
-    within = set(kept.tolist())
     children: dict[int, list[int]] = {int(node): [] for node in kept}
     level = {int(kept[0]): 0}
     for node in kept[1:]:
@@ -219,7 +218,7 @@ def _laid_out(tree: RayTree, kept: np.ndarray) -> dict[int, tuple[float, float]]
             across[node] = (across[children[node][0]] + across[children[node][-1]]) / 2
         else:
             across[node], leaves = float(leaves), leaves + 1
-    return {node: (across[node], -float(level[node])) for node in across if node in within}
+    return {node: (place, -float(level[node])) for node, place in across.items()}
 
 
 def _leaves_first(root: int, children: dict[int, list[int]]) -> list[int]:

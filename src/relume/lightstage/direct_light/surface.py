@@ -89,16 +89,12 @@ def disc_directions(centre: np.ndarray, radius: float, count: int) -> np.ndarray
     if count == 1:
         return np.array(centre, np.float64)[None]
     place = np.arange(count)
-    # Neighbouring rays of a pixel take places far apart on the disc.
-    away = radius * np.sqrt(((place * _stride(count)) % count + 0.5) / count)
+    # Neighbouring rays of a pixel take places far apart on the disc: a step of about 0.6 that meets every one of them.
+    stride = next(step for step in range(max(1, round(0.6 * count)), 2 * count + 1) if np.gcd(step, count) == 1)
+    away = radius * np.sqrt(((place * stride) % count + 0.5) / count)
     turn = _GOLDEN_TURN * place
     local = np.stack([np.sin(away) * np.cos(turn), np.sin(away) * np.sin(turn), np.cos(away)], axis=1)
     return local @ rotation_between([0.0, 0.0, 1.0], centre).T
-
-
-def _stride(count: int) -> int:
-    """A step that meets every one of `count` places: coprime, about 0.6 of them."""
-    return next(step for step in range(max(1, round(0.6 * count)), 2 * count + 1) if np.gcd(step, count) == 1)
 
 
 def direct_light(

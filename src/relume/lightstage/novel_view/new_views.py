@@ -49,10 +49,6 @@ def measured_view(
     """The subject under light of these irradiances, seen by a new camera.
 
     irradiances : (N, 3), of every light's cell; or such an array for each source, where their lights differ
-    camera : the new one
-    meshes : the subject's geometry, world
-    Nothing is invented: what no camera saw is a hole in `alpha`, counted by `unseen` and, from a quarter of the subject
-    on, by a warning.
     Raises ValueError for irradiances of another shape, a mesh that does not match a source's picture, and a new camera
     that sees nothing of it.
     Source: Debevec et al. 2000, §4.5.
@@ -147,9 +143,7 @@ def direct_light_view(
     """The subject under light from many directions, seen by a new camera.
 
     light : as `quadtree_lights` makes it from a map
-    camera : the new one
-    meshes : the subject's geometry, world
-    The sources' parts and chromaticity ramps are not used. What no camera saw is a hole, as in `measured_view`.
+    The sources' parts and chromaticity ramps are not used.
     Raises ValueError for a mesh that does not match a source's picture, and a new camera that sees nothing of it.
     """
     given = _given(sources)

@@ -183,8 +183,11 @@ def _analysed(values: np.ndarray, view: np.ndarray, lights: StageLights, light: 
     rough = values - specular_part(values, body[None], separable, light)
     normal = lambertian_lobes(brightness(rough), lights, reached).normals
 
+    # The ramp, less where the half vector is near the normal and highlights are.
     cosines = facing(lights.directions, normal, view)
-    weights = reached * (1 - np.exp(-((_mirror_angle(lights, normal, view) / MIRROR) ** 2)))
+    half = lights.directions.astype(np.float32)[:, None] + view[None]
+    cosine = np.einsum("npk,pk->np", half, normal) / np.maximum(np.linalg.norm(half, axis=-1), 1e-12)
+    weights = reached * (1 - np.exp(-((np.arccos(np.clip(cosine, -1, 1)) / MIRROR) ** 2)))
     weights = (weights * (cosines > 0) * separable).astype(np.float32)
     alpha = fitted_ramp(values, weights, cosines, body, light)
     for _ in range(ROUNDS):
@@ -198,10 +201,3 @@ def _analysed(values: np.ndarray, view: np.ndarray, lights: StageLights, light: 
     final = values - specular_part(values, chromaticity, separable, light)
     normal = lambertian_lobes(brightness(final), lights, reached).normals
     return normal, alpha, body, separable[:, None], level[:, None]
-
-
-def _mirror_angle(lights: StageLights, normal: np.ndarray, view: np.ndarray) -> np.ndarray:
-    """Radians (N, P) between the normal and the half vector of light and view: 0 at the mirror angle."""
-    half = lights.directions.astype(np.float32)[:, None] + view[None]
-    cosine = np.einsum("npk,pk->np", half, normal) / np.maximum(np.linalg.norm(half, axis=-1), 1e-12)
-    return np.arccos(np.clip(cosine, -1, 1))
