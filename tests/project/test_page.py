@@ -3,31 +3,15 @@
 from __future__ import annotations
 
 import base64
-from html.parser import HTMLParser
 
 import numpy as np
 
+from parsed_page import Parsed
 from relume.image.files.photographs import png
 from relume.report.page import figure, heading, note, page, paragraph, side_by_side, slide, table, triple
 
 NASTY = "<script>alert('1')</script> & \"2\" é 日"
 PICTURE = png.encode(np.zeros((2, 3, 3), np.uint8))
-
-
-class Parsed(HTMLParser):
-    """The tags, their attributes and the words of a page."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.words: list[str] = []
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_data(self, data: str) -> None:
-        self.words.append(data)
 
 
 def test_words_stay_words():

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from relume.image.files import write
 from relume.image.radiance import RadianceMap
+from relume.lightstage.field.field import Pictures
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.scene.cameras.camera import Camera
 
@@ -16,6 +18,14 @@ LIGHTS = 24
 ALBEDO = np.array([0.7, 0.4, 0.3])
 CAMERA = {"position": [0.0, 0.0, 4.0], "look_at": [0.0, 0.0, 0.0], "hfov_deg": 36.0}
 SIZE = (32, 24)
+
+
+@dataclass(frozen=True, eq=False)
+class SeparatedPictures:
+    """A field whose two parts are known."""
+
+    diffuse: Pictures
+    specular: Pictures
 
 
 def camera(width: int = SIZE[0], height: int = SIZE[1]) -> Camera:

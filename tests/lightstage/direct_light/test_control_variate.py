@@ -30,6 +30,8 @@ ALBEDO = np.array([0.5, 0.3, 0.2])
 EXACT = DirectLightSettings(light_radius=0.0, alpha=0.2, side=1, filter_share=0.0)
 LIGHTS = StageLights.towards(even_directions(80))
 BETWEEN = StageLights.towards(even_directions(37))
+EVEN = DirectedLight(BETWEEN.directions, np.ones((37, 3)), np.zeros(37))
+"""Light from `BETWEEN`, where none of the stage's lights is."""
 
 
 def quad(height: float, half: float) -> Mesh:
@@ -99,7 +101,7 @@ def test_in_its_own_lights_the_field_is_what_was_measured() -> None:
 
 def test_a_map_is_the_sum_over_its_directions() -> None:
     power = np.random.default_rng(3).random((len(BETWEEN), 3))
-    light = DirectedLight(BETWEEN.directions, power, np.zeros(len(BETWEEN)))
+    light = replace(EVEN, irradiances=power)
     summed = np.einsum("mhwc,mc->hwc", upsampled(FIELD, BETWEEN, MESHES, EXACT), power)
     np.testing.assert_allclose(relight_with_mesh(FIELD, light, MESHES, EXACT), summed, atol=1e-4)
 
@@ -107,7 +109,7 @@ def test_a_map_is_the_sum_over_its_directions() -> None:
 def test_relighting_is_linear_in_the_light() -> None:
     power = np.random.default_rng(4).random((2, len(BETWEEN), 3))
     one, other, both = (
-        relight_with_mesh(FIELD, DirectedLight(BETWEEN.directions, p, np.zeros(len(BETWEEN))), MESHES, EXACT)
+        relight_with_mesh(FIELD, replace(EVEN, irradiances=p), MESHES, EXACT)
         for p in (power[0], power[1], 2 * power[0] + power[1])
     )
     np.testing.assert_allclose(both, 2 * one + other, rtol=1e-4, atol=1e-4)
@@ -130,34 +132,31 @@ def test_lights_add_whatever_share_of_the_whole_they_make() -> None:
 
 
 def test_pictures_do_not_depend_on_memory_or_threads() -> None:
-    light = DirectedLight(BETWEEN.directions, np.ones((len(BETWEEN), 3)), np.zeros(len(BETWEEN)))
     settings = DirectLightSettings(alpha=0.2, side=2)
-    little = relight_with_mesh(FIELD, light, MESHES, settings, memory=80 * 28 * 96 * 5, threads=1)
-    np.testing.assert_allclose(little, relight_with_mesh(FIELD, light, MESHES, settings, threads=2), atol=1e-5)
+    little = relight_with_mesh(FIELD, EVEN, MESHES, settings, memory=80 * 28 * 96 * 5, threads=1)
+    np.testing.assert_allclose(little, relight_with_mesh(FIELD, EVEN, MESHES, settings, threads=2), atol=1e-5)
     assert row_blocks(FIELD, 80 * 28 * 96 * 5) == tuple(slice(i, min(i + 3, 20)) for i in range(0, 20, 3))
     with pytest.raises(ValueError, match=r"memory is 0.1 MB; rows of 28 pixels under 80 lights need at least 0.7 MB"):
-        relight_with_mesh(FIELD, light, MESHES, settings, memory=100_000)
+        relight_with_mesh(FIELD, EVEN, MESHES, settings, memory=100_000)
 
 
 def test_the_time_of_a_mesh_is_estimated(monkeypatch: pytest.MonkeyPatch) -> None:
     # Of the processor, so that what else runs on it does not count.
     monkeypatch.setattr("relume.lightstage.direct_light.control_variate.perf_counter", process_time)
-    light = DirectedLight(BETWEEN.directions, np.ones((len(BETWEEN), 3)), np.zeros(len(BETWEEN)))
     begin = process_time()
-    relight_with_mesh(FIELD, light, MESHES, EXACT)
+    relight_with_mesh(FIELD, EVEN, MESHES, EXACT)
     took = process_time() - begin
-    assert 0.05 * took < estimate_seconds(FIELD, light, MESHES, EXACT) < 20 * took + 1
+    assert 0.05 * took < estimate_seconds(FIELD, EVEN, MESHES, EXACT) < 20 * took + 1
 
 
 def test_mirrors_are_never_below_zero() -> None:
     glints = FIELD.values.copy()
     glints[7, 4:12] += 5.0
     field = Pictures(glints, LIGHTS, CAMERA)
-    light = DirectedLight(BETWEEN.directions, np.ones((len(BETWEEN), 3)), np.zeros(len(BETWEEN)))
     assert upsampled(field, BETWEEN, MESHES, EXACT)[:, 4:12].min() >= 0
     assert upsampled(field, BETWEEN, MESHES, replace(EXACT, spike_interpolation=Smooth()))[:, 4:12].min() < -0.1
     for i in (3, 20):
-        one = DirectedLight(light.directions[i : i + 1], light.irradiances[:1], light.radii[:1])
+        one = DirectedLight(EVEN.directions[i : i + 1], EVEN.irradiances[:1], EVEN.radii[:1])
         assert relight_with_mesh(field, one, MESHES, EXACT)[4:12].min() >= 0
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -25,6 +24,7 @@ from relume.scene.materials.materials import Material
 from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import Mesh, Sphere
 from relume.surface.projection import triangles_of_shape
+from small_stages import SeparatedPictures
 
 LIGHTS = StageLights.towards(even_directions(100))
 SIZE = 56
@@ -44,14 +44,8 @@ def camera(degrees: float, size: int = SIZE) -> Camera:
     return Camera.looking_at(place, np.zeros(3), width=size, height=size, focal_length=2 * size)
 
 
-@dataclass(frozen=True, eq=False)
-class Parts:
-    diffuse: Pictures
-    specular: Pictures
-
-
 @cache
-def taken(degrees: float, size: int = SIZE, gloss: float = 0.0, background: float = 0.0) -> Parts:
+def taken(degrees: float, size: int = SIZE, gloss: float = 0.0, background: float = 0.0) -> SeparatedPictures:
     """The ball's two parts from there; each pixel the mean of 2 × 2 rays, the background in the diffuse one."""
     at = camera(degrees, size)
     steps = (np.arange(2 * size) + 0.5) / 2
@@ -71,7 +65,7 @@ def taken(degrees: float, size: int = SIZE, gloss: float = 0.0, background: floa
             lobe = np.exp(-((lean / 0.25) ** 2)) * grooved_reflection(views, light, normals) * (facing > 0)
             fine[1][met] = gloss * lobe[:, None]
         diffuse[index], specular[index] = fine.reshape(2, size, 2, size, 2, 3).mean((2, 4))
-    return Parts(Pictures(diffuse, LIGHTS, at), Pictures(specular, LIGHTS, at))
+    return SeparatedPictures(Pictures(diffuse, LIGHTS, at), Pictures(specular, LIGHTS, at))
 
 
 def source(degrees: float, size: int = SIZE, gloss: float = 0.0, background: float = 0.0) -> SourceView:
@@ -86,7 +80,7 @@ def sunlight() -> np.ndarray:
     return np.outer(width, [3.0, 2.5, 2.0]) + np.array([0.02, 0.03, 0.05])
 
 
-def relit(parts: Parts) -> np.ndarray:
+def relit(parts: SeparatedPictures) -> np.ndarray:
     return np.einsum("nhwc,nc->hwc", parts.diffuse.values + parts.specular.values, sunlight())
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +29,7 @@ from relume.scene.shapes.shapes import Mesh
 from relume.sphere.directions import normalised
 from small_stages import ALBEDO as BALL
 from small_stages import CAMERA as FRONT
-from small_stages import lit, normals, write_stage
+from small_stages import SeparatedPictures, lit, normals, write_stage
 
 STAGE = Path(__file__).resolve().parents[4] / "shared" / "stages" / "head"
 LIGHTS = StageLights.towards(even_directions(1000))
@@ -60,19 +60,11 @@ def pair(diffuse: np.ndarray, specular: np.ndarray) -> PolarisedPair:
     return PolarisedPair(field(specular[..., None] + diffuse / 2), field(diffuse / 2))
 
 
-@dataclass(frozen=True, eq=False)
-class Parts:
-    """A field told apart, of known parts."""
-
-    diffuse: Pictures
-    specular: Pictures
-
-
-def parts(diffuse: np.ndarray, specular: np.ndarray) -> Parts:
+def parts(diffuse: np.ndarray, specular: np.ndarray) -> SeparatedPictures:
     """Pictures of 2×2 pixels."""
     above = np.repeat(specular[..., None], 3, axis=-1)
     fields = [values.reshape(len(LIGHTS), 2, 2, 3).astype(np.float32) for values in (diffuse, above)]
-    return Parts(*(Pictures(values, LIGHTS) for values in fields))
+    return SeparatedPictures(*(Pictures(values, LIGHTS) for values in fields))
 
 
 @pytest.fixture(scope="module")
