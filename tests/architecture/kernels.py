@@ -61,7 +61,7 @@ PROOFS: dict[str, tuple[str, str]] = {
     "virtual_camera/lens/disc_table.py": ("virtual_camera/lens/test_disc_table.py", "closed form: areas of discs"),
     "virtual_camera/lens/disocclusion.py": ("virtual_camera/lens/test_disocclusion.py", "closed forms"),
     "virtual_camera/lens/geometry_kernels.py": ("virtual_camera/lens/test_geometry.py", "slow twin"),
-    "virtual_camera/lens/glare/polar_kernel.py": ("virtual_camera/lens/glare/test_point_spread.py", "slow twin"),
+    "virtual_camera/lens/glare/point_spread.py": ("virtual_camera/lens/glare/test_point_spread.py", "slow twin"),
     "virtual_camera/lens/motion/kernels.py": (
         "virtual_camera/lens/motion/test_path.py",
         "slow twin in naive_motion.py",
@@ -74,7 +74,6 @@ PROOFS: dict[str, tuple[str, str]] = {
         "virtual_camera/tone/display/test_code_table.py",
         "slow twin",
     ),
-    "virtual_camera/tone/ferwerda_kernel.py": ("virtual_camera/tone/test_ferwerda.py", "slow twin"),
     "virtual_camera/tone/histogram/kernels.py": (
         "virtual_camera/tone/test_histogram.py",
         "the paper's algorithm in NumPy",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,24 +15,51 @@ BAND = 64
 """Rows that are scaled at once."""
 
 
+class _Falloff(Relative, ABC):
+    """A factor on the light by its place in the picture."""
+
+    def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
+        """Radiance (H, W, 3) float32 times the falloff; raises ValueError where that is not above 0."""
+        return self._scaled(radiance, view, undo=False)
+
+    def undo(self, radiance: np.ndarray, view: View) -> np.ndarray:
+        """Radiance (H, W, 3) float32 over the falloff; raises ValueError where that is not above 0."""
+        return self._scaled(radiance, view, undo=True)
+
+    @abstractmethod
+    def _rows(self, width: int, height: int, view: View, top: int, bottom: int) -> np.ndarray:
+        """The falloff (rows, W) float64 of rows top…bottom."""
+
+    def _scaled(self, radiance: np.ndarray, view: View, *, undo: bool) -> np.ndarray:
+        from relume._kernel import in_threads
+
+        height, width = radiance.shape[:2]
+        out = np.empty_like(radiance)
+
+        def work(top: int, bottom: int) -> None:
+            share = self._rows(width, height, view, top, bottom)
+            gain = (1 / share if undo else share).astype(np.float32)
+            np.multiply(radiance[top:bottom], gain[..., None], out=out[top:bottom])
+
+        in_threads(work, height, chunk=BAND)
+        return out
+
+
 @dataclass(frozen=True)
-class CosineFourth(Relative):
+class CosineFourth(_Falloff):
     """The natural falloff cos⁴α of the light at an angle α to the axis, whose lens does not bend lines (ISO 517).
 
     The angle follows from the view's focal length; the axis meets the picture's middle.
     """
 
-    def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) float32 times cos⁴α."""
-        return _scaled(radiance, _cosine_fourth(radiance, view))
-
-    def undo(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) float32 over cos⁴α, which is above 0 everywhere."""
-        return _scaled(radiance, _cosine_fourth(radiance, view), undo=True)
+    def _rows(self, width: int, height: int, view: View, top: int, bottom: int) -> np.ndarray:
+        # cos²α = f² / (f² + distance²)
+        square = _squared_distance(width, top, bottom, width / 2, height / 2)
+        return (1 + square / view.focal_length**2) ** -2
 
 
 @dataclass(frozen=True)
-class PolynomialVignetting(Relative):
+class PolynomialVignetting(_Falloff):
     """Relative illuminance 1 + a₁r² + a₂r⁴ + a₃r⁶ + …, as lens databases have it.
 
     coefficients : a₁, a₂, …; r is the distance from `centre`, 1 at half the picture's diagonal. Where a database's r
@@ -46,20 +73,15 @@ class PolynomialVignetting(Relative):
     def __post_init__(self) -> None:
         self._measured()
 
-    def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) float32 times the polynomial; raises ValueError where that is not above 0."""
-        return self._measured().apply(radiance, view)
-
-    def undo(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) float32 over the polynomial; raises ValueError where that is not above 0."""
-        return self._measured().undo(radiance, view)
+    def _rows(self, width: int, height: int, view: View, top: int, bottom: int) -> np.ndarray:
+        return self._measured()._rows(width, height, view, top, bottom)
 
     def _measured(self) -> MeasuredVignetting:
         return MeasuredVignetting(Vignetting(self.coefficients, self.centre))
 
 
 @dataclass(frozen=True)
-class MeasuredVignetting(Relative):
+class MeasuredVignetting(_Falloff):
     """What `recover_vignetting` found of a lens, or its profile holds.
 
     vignetting : it holds at the aperture it was measured at
@@ -67,32 +89,19 @@ class MeasuredVignetting(Relative):
 
     vignetting: Vignetting
 
-    def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) float32 times the falloff; raises ValueError where that is not above 0."""
-        return _scaled(radiance, self._falloff(radiance))
-
-    def undo(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) float32 over the falloff; raises ValueError where that is not above 0."""
-        return _scaled(radiance, self._falloff(radiance), undo=True)
-
-    def _falloff(self, radiance: np.ndarray) -> Callable[[int, int], np.ndarray]:
-        height, width = radiance.shape[:2]
+    def _rows(self, width: int, height: int, view: View, top: int, bottom: int) -> np.ndarray:
         x0, y0 = self.vignetting.centre[0] * width, self.vignetting.centre[1] * height
-
-        def falloff(top: int, bottom: int) -> np.ndarray:
-            square = _squared_distance(width, top, bottom, x0, y0) * (4 / (width**2 + height**2))
-            share = np.zeros_like(square)
-            for coefficient in reversed(self.vignetting.coefficients):
-                share = (share + coefficient) * square
-            share += 1
-            if share.min() <= 0:
-                raise ValueError(
-                    f"the vignetting leaves {share.min():.3g} of the light in row {top + int(share.min(1).argmin())}; "
-                    "a lens leaves some everywhere: check the coefficients, whose r is 1 at half the diagonal"
-                )
-            return share
-
-        return falloff
+        square = _squared_distance(width, top, bottom, x0, y0) * (4 / (width**2 + height**2))
+        share = np.zeros_like(square)
+        for coefficient in reversed(self.vignetting.coefficients):
+            share = (share + coefficient) * square
+        share += 1
+        if share.min() <= 0:
+            raise ValueError(
+                f"the vignetting leaves {share.min():.3g} of the light in row {top + int(share.min(1).argmin())}; "
+                "a lens leaves some everywhere: check the coefficients, whose r is 1 at half the diagonal"
+            )
+        return share
 
 
 def image_illuminance(
@@ -114,32 +123,6 @@ def image_illuminance(
     return np.pi / 4 * transmittance * np.asarray(luminance, np.float64) * np.cos(angle) ** 4 / f_number**2
 
 
-def _cosine_fourth(radiance: np.ndarray, view: View) -> Callable[[int, int], np.ndarray]:
-    height, width = radiance.shape[:2]
-
-    def falloff(top: int, bottom: int) -> np.ndarray:
-        # cos²α = f² / (f² + distance²)
-        square = _squared_distance(width, top, bottom, width / 2, height / 2)
-        return (1 + square / view.focal_length**2) ** -2
-
-    return falloff
-
-
 def _squared_distance(width: int, top: int, bottom: int, x: float, y: float) -> np.ndarray:
     """Of the pixels of rows top…bottom from a point, (rows, W) float64, pixels²."""
     return (np.arange(width) + 0.5 - x) ** 2 + ((np.arange(top, bottom) + 0.5 - y) ** 2)[:, None]
-
-
-def _scaled(radiance: np.ndarray, falloff: Callable[[int, int], np.ndarray], *, undo: bool = False) -> np.ndarray:
-    """The picture times, or over, a falloff of rows, some rows at a time."""
-    from relume._kernel import in_threads
-
-    out = np.empty_like(radiance)
-
-    def work(top: int, bottom: int) -> None:
-        share = falloff(top, bottom)
-        gain = (1 / share if undo else share).astype(np.float32)
-        np.multiply(radiance[top:bottom], gain[..., None], out=out[top:bottom])
-
-    in_threads(work, radiance.shape[0], chunk=BAND)
-    return out

@@ -6,10 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume._kernel import in_threads
 from relume.image.primaries import REC709
 from relume.virtual_camera.protocols import Absolute, Adaptation
 from relume.virtual_camera.tone.display_range import DisplayRange
+from relume.virtual_camera.tone.histogram.eye import blurred_by_acuity
 from relume.virtual_camera.tone.luminance_curve import without_overflow
+from relume.virtual_camera.tone.luminance_kernels import see
+from relume.virtual_camera.tone.luminance_statistics import light_sum, percentiles
 from relume.virtual_camera.tone.vision import (
     BRIGHTEST_MESOPIC,
     DARKEST_MESOPIC,
@@ -59,8 +63,6 @@ class Ferwerda(Absolute):
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
         """What cones and rods before radiance (H, W, 3) are adapted to in the end."""
-        from relume.virtual_camera.tone.luminance_statistics import light_sum, percentiles
-
         bright = percentiles(radiance, self.percentile)[0] * view.luminance_scale
         mean = REC709.to_xyz() @ light_sum(radiance)[0]
         rods_per_cones = float(scotopic_luminance(mean)) / mean[1] if mean[1] > 0 else 1.0
@@ -69,10 +71,6 @@ class Ferwerda(Absolute):
 
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Display values (H, W, 3): `DisplayRange.values_of` what an eye would see, its channels in cd/m² of white."""
-        from relume._kernel import in_threads
-        from relume.virtual_camera.tone.ferwerda_kernel import see
-        from relume.virtual_camera.tone.histogram.eye import blurred_by_acuity
-
         contrast = self.screen.white - self.screen.black
         cones, rods = (multipliers(adaptation, self.screen) * view.luminance_scale / contrast).astype(np.float32)
         black = np.float32(self.screen.black / contrast)

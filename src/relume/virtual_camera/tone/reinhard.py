@@ -23,7 +23,22 @@ _REACH = 4.6
 
 
 @dataclass(frozen=True)
-class Reinhard(Relative):
+class _Keyed(Relative):
+    """An operator that brings the log average to a key."""
+
+    key: float | None = 0.18
+
+    def __post_init__(self) -> None:
+        if self.key is not None and not (np.isfinite(self.key) and self.key > 0):
+            raise ValueError(f"key is {self.key}; expected a display value above 0, 0.18 for a usual scene, or None")
+
+    def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
+        """Log average (eq. 1), highest luminance and key of radiance (H, W, 3)."""
+        return Adaptation(np.log(settled(radiance, self.key)))
+
+
+@dataclass(frozen=True)
+class Reinhard(_Keyed):
     """Middle grey by the log average, highlights rolled off as film does; colours keep their proportions.
 
     key : the display value that the log average goes to before highlights are compressed; 0.18 is a grey card's. 0.36
@@ -35,17 +50,12 @@ class Reinhard(Relative):
     key's, and it stays black.
     """
 
-    key: float | None = 0.18
     white: float | None = None
 
     def __post_init__(self) -> None:
-        require_key(self.key)
+        super().__post_init__()
         if self.white is not None and not self.white > 0:
             raise ValueError(f"white is {self.white}; expected a luminance above 0, infinity, or None")
-
-    def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """Log average (eq. 1), highest luminance and key of radiance (H, W, 3)."""
-        return Adaptation(np.log(settled(radiance, self.key)))
 
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Display values (H, W, 3) (eq. 2 and 4)."""
@@ -77,14 +87,8 @@ def settled(radiance: np.ndarray, key: float | None) -> tuple[float, float, floa
     return average, highest, key
 
 
-def require_key(key: float | None) -> None:
-    """Raise ValueError for a key that is no display value."""
-    if key is not None and not (np.isfinite(key) and key > 0):
-        raise ValueError(f"key is {key}; expected a display value above 0, 0.18 for a usual scene, or None")
-
-
 @dataclass(frozen=True)
-class ReinhardLocal(Relative):
+class ReinhardLocal(_Keyed):
     """Middle grey by the log average; each pixel darkened by the light of its even surroundings, so that detail stays.
 
     key : the display value that the log average goes to before compression; 0.18 is a grey card's. None estimates it
@@ -99,23 +103,18 @@ class ReinhardLocal(Relative):
     Adaptation: (3,), natural logarithms of log average, highest luminance and key.
     """
 
-    key: float | None = 0.18
     sharpening: float = 8.0
     threshold: float = 0.05
     scales: int = 8
 
     def __post_init__(self) -> None:
-        require_key(self.key)
+        super().__post_init__()
         if not abs(self.sharpening) <= 50:
             raise ValueError(f"sharpening is {self.sharpening}; expected a power of two, −50 to 50; the paper's is 8")
         if not self.threshold > 0:
             raise ValueError(f"threshold is {self.threshold}; expected a contrast above 0; the paper's is 0.05")
         if not 1 <= self.scales <= 12:
             raise ValueError(f"scales is {self.scales}; expected 1 to 12; 12 reach over hundreds of pixels")
-
-    def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """Log average (eq. 1), highest luminance and key of radiance (H, W, 3)."""
-        return Adaptation(np.log(settled(radiance, self.key)))
 
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Display values (H, W, 3) (eq. 9)."""

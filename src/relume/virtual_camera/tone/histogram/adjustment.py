@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume._kernel import in_threads
 from relume.image.colour import LUMINANCE_WEIGHTS, luminance
 from relume.virtual_camera.protocols import Adaptation
 from relume.virtual_camera.tone.display_range import DisplayRange
@@ -29,6 +30,7 @@ from relume.virtual_camera.tone.histogram.eye import (
     veiled,
 )
 from relume.virtual_camera.tone.histogram.fovea import FOVEA, foveal_samples
+from relume.virtual_camera.tone.histogram.kernels import counted, shown_by
 from relume.virtual_camera.tone.luminance_curve import MOST, without_overflow
 from relume.virtual_camera.tone.luminance_statistics import log_average
 from relume.virtual_camera.view import View
@@ -104,9 +106,6 @@ class HistogramAdjustment:
 
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Linear display values: the eye's losses where they are asked for, then the curve, a factor to each pixel."""
-        from relume._kernel import in_threads
-        from relume.virtual_camera.tone.histogram.kernels import shown_by
-
         unit, mean, darkest, brightest, *_ = adaptation.values
         scale = float(view.luminance_scale / np.exp(unit))
         if self.veil or self.acuity or self.colour:
@@ -134,9 +133,6 @@ def _weights(scale: float) -> tuple[np.float32, np.float32, np.float32]:
 
 def _counted(radiance: np.ndarray, scale: float) -> tuple[np.ndarray, float, float]:
     """The pixels in each upper half of a float32, and the least luminance above 0 and the greatest, times `scale`."""
-    from relume._kernel import in_threads
-    from relume.virtual_camera.tone.histogram.kernels import counted
-
     weights = _weights(scale)
     bands = in_threads(lambda begin, end: counted(radiance, *weights, begin, end), len(radiance), chunk=64)
     counts, least, most = zip(*bands, strict=True)

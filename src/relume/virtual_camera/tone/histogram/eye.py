@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from relume._kernel import in_threads
 from relume.image.primaries import REC709
 from relume.virtual_camera.tone.histogram.fovea import (
     FOVEA,
@@ -14,6 +15,7 @@ from relume.virtual_camera.tone.histogram.fovea import (
     foveal_samples,
     foveal_shape,
 )
+from relume.virtual_camera.tone.histogram.kernels import added, blended, greyed, halved, scattered
 from relume.virtual_camera.tone.vision import acuity, cone_share, scotopic_luminance
 from relume.virtual_camera.view import View
 
@@ -35,9 +37,6 @@ def veil_luminance(foveal: np.ndarray, view: View, picture: tuple[int, int]) -> 
     θ² ≈ 2 − 2·cos θ (Ward Larson et al. 1997, eqs. 9–10); a sample weighs as much as its solid angle. Where everything
     has one luminance, the veil is 0.087 of it. Light from outside the picture is not known, and is taken to be like it.
     """
-    from relume._kernel import in_threads
-    from relume.virtual_camera.tone.histogram.kernels import scattered
-
     rows, columns = foveal.shape[:2]
     rays = directions((rows, columns), picture, view).reshape(-1, 3)
     light = np.ascontiguousarray(foveal.reshape(rows * columns, -1), np.float64)
@@ -58,9 +57,6 @@ def veiled(radiance: np.ndarray, view: View) -> np.ndarray:
 
     The veil, in colours, is interpolated bilinearly between the samples. Even light stays as it is.
     """
-    from relume._kernel import in_threads
-    from relume.virtual_camera.tone.histogram.kernels import added
-
     height, width = radiance.shape[:2]
     rows, columns = foveal_shape((height, width), view)
     fewer = max(1.0, np.sqrt(rows * columns / _MOST))
@@ -94,9 +90,6 @@ def blurred_by_acuity(
     border the picture goes on as it ends. What is brightly lit stays sharp to the bit. The mean is kept, to about 1e-3,
     where the adaptation is one.
     """
-    from relume._kernel import in_threads
-    from relume.virtual_camera.tone.histogram.kernels import blended, halved
-
     shape = radiance.shape[:2]
     seen = np.empty(radiance.shape, np.float32) if out is None else out
     width = blur_width(shape, view, adaptation_luminance)
@@ -157,9 +150,6 @@ def colours_in_the_dark(
     unit in which white is as bright to rods as to cones: greys stay as they are, reds darken and blues brighten. What
     the picture loses in brightness in the dark is the tone operator's to say.
     """
-    from relume._kernel import in_threads
-    from relume.virtual_camera.tone.histogram.kernels import greyed
-
     height, width = radiance.shape[:2]
     cones = cone_share(adaptation_grid(adaptation_luminance)).astype(np.float32)
     to_xyz = REC709.to_xyz()

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from relume._kernel import in_threads
+from relume.virtual_camera.tone.histogram.kernels import averaged
 from relume.virtual_camera.view import View
 
 FOVEA = np.radians(1.0)
@@ -28,9 +30,6 @@ def foveal_samples(picture: np.ndarray, view: View, shape: tuple[int, int] | Non
 
     shape : rows and columns; None for samples of one degree
     """
-    from relume._kernel import in_threads
-    from relume.virtual_camera.tone.histogram.kernels import averaged
-
     height, width = picture.shape[:2]
     rows, columns = shape or foveal_shape((height, width), view)
     samples = np.empty((rows, columns, 3), np.float32)
