@@ -27,7 +27,7 @@ from relume.image.files.photographs import png
 from relume.image.files.photographs.header import Form, form_of
 from relume.image.files.photographs.jpeg_decoding import decoded
 from relume.image.files.photographs.jpeg_segments import header_at, length_of
-from relume.image.files.photographs.salvage import PROFILE, Salvaged, embedded_profile, opened, salvaged
+from relume.image.files.photographs.salvage import PROFILE, embedded_profile, opened, salvaged
 from relume.image.files.read_options import ReadOptions
 from relume.image.files.signatures import kind_of, one_line
 from relume.image.files.tiff.layout import EXTRA, ZIP, upright
@@ -61,7 +61,20 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
     if form.pages > 1:
         warnings.warn(f"{path}: only the first of its {form.pages} pages is read", stacklevel=4)
     found = salvaged(path, kind, form, options) if options.salvage else None
-    pixels, outside, profile = _decoded(path, kind, form, options) if found is None else _placed(path, found)
+    if found is None:
+        stored, profile = _decoded(path, kind, form, options)
+    else:
+        stored, profile = found.pixels, found.profile
+        missing = found.height - len(stored)
+        warnings.warn(f"{path}: ends early; {missing} of {found.height} rows are missing", stacklevel=4)
+    outside = _transparent(path, stored[..., -1]) if stored.shape[2] in (2, 4) else None
+    pixels = stored[..., :3] if stored.shape[2] >= 3 else np.repeat(stored[..., :1], 3, axis=2)
+    if found is not None:  # what is missing is 0 and outside
+        outside = np.zeros(pixels.shape[:2], bool) if outside is None else outside
+        outside = np.pad(outside, ((0, missing), (0, 0)), constant_values=True)
+        pixels = np.pad(pixels, ((0, missing), (0, 0), (0, 0)))
+        if profile is not None:
+            _warn_of_profile(path, _description(profile))
     tags = exif.tags(path, kind)
     height, width = pixels.shape[:2]
     orientation = exif.orientation_of(tags)
@@ -192,8 +205,8 @@ def _is_of_rgb(profile: bytes) -> bool:
 
 def _decoded(
     path: str | os.PathLike[str], kind: str, form: Form, options: ReadOptions
-) -> tuple[np.ndarray, np.ndarray | None, bytes | None]:
-    """(H, W, 3) uint8 or uint16 as stored, (H, W) bool where alpha is 0, None where it is nowhere, and the profile."""
+) -> tuple[np.ndarray, bytes | None]:
+    """(H, W, 1 to 4) uint8 or uint16 as stored, and the profile."""
     if kind == "PNG":
         return _of_png(path, options)
     if form.gain_map:
@@ -218,54 +231,31 @@ def _decoded(
     if complaint:
         _refuse_truncated(path, kind)
         _warn_of_stray_bytes(path)
-    pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
-    outside = _transparent(path, pixels[..., -1]) if spec.nchannels in (2, 4) else None
-    return _three(pixels), outside, embedded_profile(spec)
+    return pixels.reshape(spec.height, spec.width, spec.nchannels), embedded_profile(spec)
 
 
-def _of_png(path: str | os.PathLike[str], options: ReadOptions) -> tuple[np.ndarray, np.ndarray | None, bytes | None]:
+def _of_png(path: str | os.PathLike[str], options: ReadOptions) -> tuple[np.ndarray, bytes | None]:
     chunks = png.chunks(path)
     if (profile := png.profile(chunks, options)) is not None:
         _warn_of_profile(path, _description(profile))
-    pixels = png.decoded(path, chunks)
-    outside = _transparent(path, pixels[..., -1]) if pixels.shape[2] in (2, 4) else None
-    return _three(pixels), outside, profile
+    return png.decoded(path, chunks), profile
 
 
-def _base_of_gain_map(path: str | os.PathLike[str], options: ReadOptions) -> tuple[np.ndarray, None, bytes | None]:
+def _base_of_gain_map(path: str | os.PathLike[str], options: ReadOptions) -> tuple[np.ndarray, bytes | None]:
     """As `_decoded`, of the picture that every program shows; a library that knows gain maps decodes to light."""
     data = Path(path).read_bytes()
     header = header_at(path, io.BytesIO(data), 0, options)
     if profile := header.profile:
         _warn_of_profile(path, _description(profile))
     end = length_of(data, header.scan) or len(data)
-    pixels = _three(decoded(path, data[:end], header, "base picture"))
+    pixels = decoded(path, data[:end], header, "base picture")
     if header.stray:
         _warn_of_stray_bytes(path)
-    return pixels, None, header.profile
+    return pixels, header.profile
 
 
 def _warn_of_stray_bytes(path: str | os.PathLike[str]) -> None:
     warnings.warn(f"{path}: has stray bytes among its headers; look whether the picture is whole", stacklevel=6)
-
-
-def _three(pixels: np.ndarray) -> np.ndarray:
-    return pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
-
-
-def _placed(path: str | os.PathLike[str], found: Salvaged) -> tuple[np.ndarray, np.ndarray, bytes | None]:
-    """As `_decoded`, of a file that ends early: what is missing is 0 and outside."""
-    height = found.height
-    rows, width, channels = found.pixels.shape
-    warnings.warn(f"{path}: ends early; {height - rows} of {height} rows are missing", stacklevel=4)
-    pixels = np.zeros((height, width, 3), found.pixels.dtype)
-    pixels[:rows] = _three(found.pixels)
-    outside = np.ones((height, width), bool)
-    seen = _transparent(path, found.pixels[..., -1]) if channels in (2, 4) else None
-    outside[:rows] = False if seen is None else seen
-    if found.profile is not None:
-        _warn_of_profile(path, _description(found.profile))
-    return pixels, outside, found.profile
 
 
 def _refuse_unusable(path: str | os.PathLike[str], kind: str, spec: oiio.ImageSpec) -> None:
