@@ -8,7 +8,7 @@ import pytest
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.merging import merge
 from relume.capture.scale.absolute import apply_scale
-from relume.capture.scale.luminaire import ChannelGains, apply_balance, balance_from_luminaire, scale_from_luminaire
+from relume.capture.scale.readings import ChannelGains, apply_balance, balance_from_luminaire, scale_from_luminaire
 from relume.capture.scale.regions import measured_patch, rectangle
 from relume.image.photograph import Exposure
 from relume.image.radiance import SATURATED, RadianceMap

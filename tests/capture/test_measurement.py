@@ -12,7 +12,7 @@ from scipy.ndimage import map_coordinates
 from handheld import FINE, MARGIN, luminance, stack, unplaced
 from moving_scenes import CAMERA, known_response, moving_scene
 from relume.capture.brackets.merging import merge_brackets
-from relume.capture.brackets.photographs import _warn_of_an_odd_frame
+from relume.capture.brackets.one_camera import _warn_of_an_odd_frame
 from relume.capture.brackets.result import MergeResult, clipping_report
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import Bracket
@@ -20,11 +20,10 @@ from relume.capture.exposure.consistency import NOTHING_TO_DO, Doubt
 from relume.capture.ghosts.deghosting import Deghosted
 from relume.capture.lens.glare import Glare, diminish_glare
 from relume.capture.lens.vignetting import Vignetting, corrected
-from relume.capture.merging import merge
+from relume.capture.merging import Hat, merge
 from relume.capture.response.calibration import DOUBTFUL_MISFIT
 from relume.capture.scale.absolute import Scale, apply_scale, scale_from_spot
-from relume.capture.scale.luminaire import ChannelGains, apply_balance
-from relume.capture.weighting import Hat
+from relume.capture.scale.readings import ChannelGains, apply_balance
 from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap

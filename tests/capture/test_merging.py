@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from relume.capture.exposure.bracket import Bracket
-from relume.capture.merging import merge
+from relume.capture.merging import Hat, InverseVariance, Weighting, hat, merge
 from relume.capture.response.calibration import recover_response
-from relume.capture.weighting import Hat, InverseVariance, Weighting, hat
 from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED

@@ -11,7 +11,7 @@ import pytest
 
 from dng_files import RGGB, sensed
 from relume.capture.brackets.merging import merge_brackets
-from relume.capture.brackets.raws import preview
+from relume.capture.brackets.one_camera import preview
 from relume.capture.brackets.result import MergeResult
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.lens.vignetting import Vignetting, corrected
@@ -19,8 +19,7 @@ from relume.capture.raw.merging import calibrate_raw, merge_raw
 from relume.capture.raw.sensor import Sensor, SensorNoise
 from relume.capture.response.camera_profile import CameraProfile
 from relume.capture.scale.absolute import Scale, apply_scale, scale_from_saturation
-from relume.capture.scale.luminaire import ChannelGains, apply_balance
-from relume.capture.scale.readings import SpotReading
+from relume.capture.scale.readings import ChannelGains, SpotReading, apply_balance
 from relume.errors import NotABracket
 from relume.image.files import read_raw
 from relume.image.photograph import Exposure, RawPhotograph, Settings

@@ -7,11 +7,10 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from relume.capture.exposure.bracket import Bracket, read_bracket
-from relume.capture.merging import merge
+from relume.capture.merging import hat, merge
 from relume.capture.response.calibration import recover_response
 from relume.capture.response.debevec_malik import DebevecMalik, Equations, roughness
 from relume.capture.response.sampling import Observations, observations
-from relume.capture.weighting import hat
 from relume.image.colour import luminance
 from relume.image.files import read_radiance
 from relume.image.photograph import Exposure

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from relume.capture.exposure.bracket import Bracket
-from relume.capture.merging import merge
+from relume.capture.merging import Hat, merge
 from relume.capture.response.calibration import recover_response
 from relume.capture.scans import merge_scans
-from relume.capture.weighting import Hat
 from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED

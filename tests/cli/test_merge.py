@@ -15,6 +15,7 @@ from moving_scenes import known_response
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.brackets.shoot import targets
 from relume.capture.lens.vignetting import Vignetting
+from relume.capture.merging import Hat
 from relume.capture.raw.sensor import Sensor, SensorNoise
 from relume.capture.response.camera_profile import CameraProfile, read_profile, write_profile
 from relume.capture.response.debevec_malik import DebevecMalik
@@ -29,7 +30,6 @@ from relume.capture.scale.readings import (
     SpotReading,
     WhiteCard,
 )
-from relume.capture.weighting import Hat
 from relume.cli import main
 from relume.errors import NotABracket
 from relume.image.files import read_layers, read_photograph, read_radiance, write

@@ -12,7 +12,7 @@ from relume.image.files import read_photograph
 from relume.probe.ball.outline import find_outline
 from relume.probe.ball.rim_selection import picked_rim
 from relume.probe.ball.silhouette import Outline, outline_of_circle
-from relume.probe.single_photograph import linear
+from relume.probe.clipped_light import linear
 
 
 def texture(x: np.ndarray, y: np.ndarray, period: float, seed: int) -> np.ndarray:

@@ -11,8 +11,8 @@ from relume.image.files import read_photograph, write
 from relume.image.photograph import Photograph
 from relume.image.radiance import BLACK, SATURATED
 from relume.image.response import Response
+from relume.probe.clipped_light import linear
 from relume.probe.panorama.view_files import read_sources
-from relume.probe.single_photograph import linear
 
 
 def test_a_photograph_is_read_by_the_rule_for_all_single_ones(tmp_path: Path) -> None:

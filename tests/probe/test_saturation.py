@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from relume.image.radiance import SATURATED, RadianceMap
-from relume.probe.ball.saturation import in_the_colour_beside
+from relume.probe.clipped_light import in_the_colour_beside
 
 WARM = np.array([1.0, 0.6, 0.3])
 

@@ -25,7 +25,7 @@ from relume.capture.lens.vignetting import Vignetting
 from relume.capture.noise import Noise
 from relume.capture.response.calibration import Calibration
 from relume.capture.scale.absolute import Scale
-from relume.capture.scale.luminaire import ChannelGains
+from relume.capture.scale.readings import ChannelGains
 from relume.errors import OutputNotWritten
 from relume.image.colour import luminance
 from relume.image.photograph import Exposure

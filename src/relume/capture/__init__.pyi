@@ -25,6 +25,8 @@ from .lens.glare_recovery import recover_glare_from_lamp as recover_glare_from_l
 from .lens.vignetting import Vignetting as Vignetting
 from .lens.vignetting import read_flat_fields as read_flat_fields
 from .lens.vignetting import recover_vignetting as recover_vignetting
+from .merging import Hat as Hat
+from .merging import InverseVariance as InverseVariance
 from .raw.merging import RawCalibration as RawCalibration
 from .raw.merging import calibrate_raw as calibrate_raw
 from .raw.merging import merge_raw as merge_raw
@@ -44,10 +46,7 @@ from .scale.absolute import scale_from_illuminance as scale_from_illuminance
 from .scale.absolute import scale_from_lux as scale_from_lux
 from .scale.absolute import scale_from_saturation as scale_from_saturation
 from .scale.absolute import scale_from_spot as scale_from_spot
-from .scale.luminaire import ChannelGains as ChannelGains
-from .scale.luminaire import apply_balance as apply_balance
-from .scale.luminaire import balance_from_luminaire as balance_from_luminaire
-from .scale.luminaire import scale_from_luminaire as scale_from_luminaire
+from .scale.readings import ChannelGains as ChannelGains
 from .scale.readings import DarkPlace as DarkPlace
 from .scale.readings import ExposureScale as ExposureScale
 from .scale.readings import LuminaireReading as LuminaireReading
@@ -55,6 +54,7 @@ from .scale.readings import LuxReading as LuxReading
 from .scale.readings import Rectangle as Rectangle
 from .scale.readings import SpotReading as SpotReading
 from .scale.readings import WhiteCard as WhiteCard
+from .scale.readings import apply_balance as apply_balance
+from .scale.readings import balance_from_luminaire as balance_from_luminaire
+from .scale.readings import scale_from_luminaire as scale_from_luminaire
 from .scans import merge_scans as merge_scans
-from .weighting import Hat as Hat
-from .weighting import InverseVariance as InverseVariance

@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relume.capture.lens.vignetting import robust_deviation
-from relume.capture.merging import clipping_bounds
-from relume.capture.weighting import InverseVariance, Weighting
+from relume.capture.merging import InverseVariance, Weighting, clipping_bounds
 from relume.errors import NotABracket
 from relume.image.photograph import Photograph
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap

@@ -15,7 +15,7 @@ from relume.capture.lens.glare import Glare, diminish_glare
 from relume.capture.lens.vignetting import corrected as without_vignetting
 from relume.capture.raw.merging import RawCalibration
 from relume.capture.scale.absolute import Scale, apply_scale
-from relume.capture.scale.luminaire import ChannelGains, apply_balance
+from relume.capture.scale.readings import ChannelGains, apply_balance
 from relume.image.files.metadata.gps import text_of
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap

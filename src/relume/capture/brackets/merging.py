@@ -12,8 +12,7 @@ from typing import NoReturn
 import numpy as np
 
 from relume.capture.brackets.lens_steps import Steps
-from relume.capture.brackets.photographs import merge_photographs
-from relume.capture.brackets.raws import merge_raws
+from relume.capture.brackets.one_camera import merge_photographs, merge_raws
 from relume.capture.brackets.result import MergedBracket, MergedCamera, MergeResult
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import Bracket, FrameFacts, read_bracket
@@ -22,7 +21,7 @@ from relume.capture.lens.vignetting import Vignetting
 from relume.capture.raw.merging import RawCalibration, RawSource
 from relume.capture.response.camera_profile import CameraProfile, profile_of
 from relume.capture.scale.absolute import METER, Scale
-from relume.capture.scale.luminaire import ChannelGains
+from relume.capture.scale.readings import ChannelGains
 from relume.errors import NotABracket
 from relume.image import files
 from relume.image.files.signatures import kind_of

@@ -14,7 +14,7 @@ from relume.capture.ghosts.deghosting import Deghosted
 from relume.capture.raw.sensor import Sensor
 from relume.capture.response.calibration import DOUBTFUL_MISFIT, Calibration
 from relume.capture.scale.absolute import Scale
-from relume.capture.scale.luminaire import ChannelGains
+from relume.capture.scale.readings import ChannelGains
 from relume.image.colour import luminance
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 from relume.image.response import Response

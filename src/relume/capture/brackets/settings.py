@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.lens.glare import Glare
 from relume.capture.lens.vignetting import Vignetting
+from relume.capture.merging import InverseVariance, Weighting
 from relume.capture.raw.merging import RawCalibration
 from relume.capture.response.calibration import ResponseMethod
 from relume.capture.response.debevec_malik import DebevecMalik
 from relume.capture.response.other_methods import MitsunagaNayar, Robertson
 from relume.capture.scale.absolute import Scale
-from relume.capture.scale.luminaire import ChannelGains
-from relume.capture.scale.readings import PLACED
-from relume.capture.weighting import InverseVariance, Weighting
+from relume.capture.scale.readings import PLACED, ChannelGains
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 

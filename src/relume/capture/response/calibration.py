@@ -11,11 +11,11 @@ from typing import Protocol
 import numpy as np
 
 from relume.capture.exposure.bracket import Bracket
+from relume.capture.merging import hat
 from relume.capture.noise import Noise, fit_noise
 from relume.capture.response.debevec_malik import DebevecMalik
 from relume.capture.response.ratios import ExposureRatios, Ratios
 from relume.capture.response.sampling import Observations, levels_of, observations, still_values
-from relume.capture.weighting import hat
 from relume.errors import NotABracket
 from relume.image.response import Response
 

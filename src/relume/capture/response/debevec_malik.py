@@ -10,8 +10,8 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import nnls
 from scipy.sparse import csr_array
 
+from relume.capture.merging import hat
 from relume.capture.response.sampling import Observations
-from relume.capture.weighting import hat
 
 KNOTS = 256
 """Unknowns of the curve: every 8-bit value; photographs of 16 bits are interpolated between as many."""

@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from relume.capture.scale.luminaire import ChannelGains, apply_balance, balance_from_luminaire
+from relume.capture.scale.readings import ChannelGains, apply_balance, balance_from_luminaire
 from relume.capture.scale.regions import disc
 from relume.image import arithmetic
 from relume.image.blurring import motion_blurred, soft_blurred

@@ -22,9 +22,8 @@ from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.probe.ball.edge_tracking import refined
 from relume.probe.ball.outline import find_outline
-from relume.probe.ball.saturation import in_the_colour_beside
 from relume.probe.ball.silhouette import Outline, outline_of_circle
-from relume.probe.single_photograph import linear
+from relume.probe.clipped_light import in_the_colour_beside, linear
 from relume.sphere.directions import rotation_about
 
 Point = tuple[float, float, float]

@@ -20,8 +20,8 @@ from relume.errors import NotAPanorama, UnreadableFile
 from relume.image import files
 from relume.image.files.signatures import kind_of
 from relume.image.radiance import RadianceMap
+from relume.probe.clipped_light import linear
 from relume.probe.panorama.views import FACES, PanoramaView, focal_length_of, orientation
-from relume.probe.single_photograph import linear
 from relume.sphere.directions import required_rotation
 
 COLUMNS = ("name", "yaw", "pitch", "roll", "field")

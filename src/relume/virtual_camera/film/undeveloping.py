@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relume.capture.exposure.bracket import Bracket
-from relume.capture.merging import merge
-from relume.capture.weighting import Weighting
+from relume.capture.merging import Weighting, merge
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response

@@ -1,4 +1,7 @@
-"""The steps from the brackets of one camera to radiance maps: check, align, response, ghosts, merge, lens."""
+"""The steps from the brackets of one camera to radiance maps.
+
+Photographs: check, align, response, ghosts, merge, lens. Camera raws: exposures and noise, check, merge, lens.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +19,12 @@ from relume.capture.exposure.bracket import Bracket
 from relume.capture.exposure.consistency import Doubt, check
 from relume.capture.ghosts.deghosting import Deghosted, deghost
 from relume.capture.merging import merge
+from relume.capture.raw.merging import RawCalibration, RawSource, calibrate_raw, merge_raw, opened
+from relume.capture.raw.sensor import Sensor
 from relume.capture.response.calibration import Calibration, corrected, recover_response
 from relume.capture.response.ratios import Ratios
 from relume.errors import NotABracket
+from relume.image.photograph import Photograph, RawPhotograph
 from relume.image.response import Response
 
 ODD = 0.02
@@ -26,6 +32,12 @@ ODD = 0.02
 OBSERVED = 0.7
 """Share of white up to which every curve must have been observed for the channels to be tied at white; beyond its
 observations a curve is a guess: sixteen scans of film, whose blue is hardly seen above the middle, came out yellow."""
+PREVIEW = 1600
+"""Pixels, about, of a preview's longer side: enough to see a shift of half a pixel of the raw."""
+LEVELS = 65536
+MOVED = 0.5
+"""Pixels of the raw by which a frame may lie off before it is doubted: sharp detail is smeared from there on."""
+DEVELOP = "develop the raws to 16-bit TIFF with a known curve and merge those"
 
 
 def merge_photographs(
@@ -116,3 +128,86 @@ def _warn_of_an_odd_frame(deghosted: Deghosted) -> None:
             "and it is what they were measured against; if it does not belong to them, leave it out",
             stacklevel=2,
         )
+
+
+def merge_raws(
+    brackets: Sequence[tuple[Sequence[RawSource], Sequence[float] | None]],
+    sensor: Sensor | None,
+    settings: MergeSettings,
+    steps: Steps,
+) -> tuple[list[MergedBracket], MergedCamera]:
+    """Radiance maps of the raw brackets of one camera, merged photosite by photosite, on one scale.
+
+    brackets : each its raws and, in place of the whole EXIF exposure, the time of each in seconds
+    sensor : of the camera, where it was measured before; see `calibrate_raw`
+
+    Frames that moved against each other, and things that moved in them, are found in small pictures of them and
+    become doubts. The ratios of the exposures are always measured from the pixels: without a curve to recover,
+    nothing else could explain the differences. Raises UnreadableFile, NotABracket; warns.
+    """
+    # Values as they are; a preview's noise is small beside 1 % of its value.
+    values = np.arange(LEVELS) + 0.5
+    response = Response(np.tile(np.log(values / LEVELS), (3, 1)), np.tile(8 + 0.01 * values, (3, 1)))
+    lens, merged, sensors = LensSteps(settings, steps), [], []
+    for sources, times in brackets:
+        with steps.step("exposures and noise"):
+            known = calibrate_raw(sources, times=times, sensor=sensor)
+        with steps.step("check"):
+            bracket, shrunk = _previews(sources, known)
+            doubts = (*check(bracket, response), *_movement(bracket, response, shrunk))
+        with steps.step("merge"):
+            picture = merge_raw(sources, calibration=known)
+        found = lens.applied(picture, bracket, known, doubts)
+        merged.append(replace(found, corrections=known.corrections()))
+        sensors.append(known.sensor)
+    with_noise = [one for one in sensors if one.noise is not None] or sensors
+    return merged, MergedCamera(merged[0].camera, None, None, with_noise[0])
+
+
+def _previews(photographs: Sequence[RawSource], known: RawCalibration) -> tuple[Bracket, int]:
+    """Small linear pictures of the raws, their focal length the raws' own, and how many raw pixels theirs are wide."""
+    frames, shrunk = [], 2
+    for raw, factor, exposure in zip(opened(photographs), known.factors, known.exposures, strict=True):
+        shrunk = 2 * max(1, max(raw.size) // (2 * PREVIEW))
+        refined = replace(exposure, seconds=exposure.seconds * float(factor) / exposure.factor)
+        frames.append(replace(preview(raw, shrunk, known.saturation), exposure=refined, focal_length=raw.focal_length))
+    return Bracket(tuple(frames)), shrunk
+
+
+def preview(raw: RawPhotograph, shrunk: int, saturation: float = 1.0) -> Photograph:
+    """The raw as a small linear picture of 16 bits in camera colours, black at 0 and saturation at 65535.
+
+    shrunk : even; raw pixels along the side of one of its pixels. One that holds a saturated photosite is saturated
+    saturation : as in `RawCalibration`; as white is written in the file unless given
+    """
+    width, height = (side // shrunk * shrunk for side in raw.size)
+    pixels = np.empty((height // shrunk, width // shrunk, 3), np.uint16)
+    for channel in range(3):
+        planes, saturated = [], []
+        for row, column in zip(*np.nonzero(raw.pattern == channel), strict=True):
+            sites = raw.mosaic[row:height:2, column:width:2]
+            blocks = sites.reshape(height // shrunk, shrunk // 2, width // shrunk, shrunk // 2)
+            black = raw.black[row, column]
+            planes.append((blocks.mean((1, 3), dtype=np.float32) - black) / (raw.white - black))
+            saturated.append(blocks.max((1, 3)) > black + saturation * (raw.white - black) - 0.5)
+        mean = np.where(np.any(saturated, axis=0), 1.0, np.mean(planes, axis=0))
+        pixels[..., channel] = np.rint(np.clip(mean, 0, 1) * (LEVELS - 1))
+    focal_length = raw.focal_length and raw.focal_length / shrunk
+    return Photograph(pixels, raw.name, raw.exposure, raw.camera, focal_length, settings=raw.settings)
+
+
+def _movement(bracket: Bracket, response: Response, shrunk: int) -> list[Doubt]:
+    if len(bracket.photographs) == 1:
+        return []
+    aligned = align(bracket)
+    doubts = []
+    for photograph, motion in zip(aligned.bracket.photographs, aligned.motions, strict=True):
+        moved = motion.displacement(photograph.size) * shrunk
+        if moved > MOVED:
+            what = f"lies {moved:.1f} pixels off the others, and raws are merged as they lie"
+            doubts.append(Doubt(photograph.name, what, f"{DEVELOP}, or photograph from a tripod", True))
+    share = float(deghost(aligned.bracket, response).ghosts.mean())
+    if share > 1e-3:
+        what = f"something moved in {100 * share:.2g} % of the picture, and raws are merged without taking it out"
+        doubts.append(Doubt(bracket.name, what, f"{DEVELOP}, or leave out the frames it is in", True))
+    return doubts
