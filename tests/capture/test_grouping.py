@@ -37,24 +37,34 @@ def numbers(brackets) -> list[list[int]]:
     return [[int(Path(p.name).stem[4:]) for p in bracket] for bracket in brackets]
 
 
-def test_brackets_of_a_panorama_are_parted_where_the_exposures_start_over():
-    shots = shoot(THREE * 8, pause=2.0)
-    assert numbers(group(shots)) == [[3 * i + 1, 3 * i + 2, 3 * i + 3] for i in range(8)]
+TWICE = (1 / 60, 1 / 60, 1 / 15, 1 / 15, 1 / 4, 1 / 4)
+CASES = {
+    "a panorama": (shoot(THREE * 8, pause=2.0), [[3 * i + 1, 3 * i + 2, 3 * i + 3] for i in range(8)]),
+    "automatic bracketing, in its order": (
+        shoot((1 / 15, 1 / 60, 1 / 4, 1 / 4, 1 / 15, 1 / 60)), [[1, 2, 3], [4, 5, 6]]
+    ),
+    "of different length": (shoot((*THREE, *THREE, 1.0, 4.0)), [[1, 2, 3], [4, 5, 6, 7, 8]]),
+    "long exposures are no pauses": (shoot((1 / 30, 1 / 4, 30.0, 60.0, 120.0), pause=2.0), [[1, 2, 3, 4, 5]]),
+    "set by hand, with slow pauses": (shoot((15, 2.5, 1 / 4, 1 / 30), pause=100.0), [[1, 2, 3, 4]]),
+    "every frame twice": (shoot(TWICE), [[1, 2, 3, 4, 5, 6]]),
+    "of one exposure": (shoot((1 / 20,) * 5), [[1, 2, 3, 4, 5]]),
+    "of no exposure": (shoot((None,) * 5), [[1, 2, 3, 4, 5]]),
+    "of no exposure, without a clock": (shoot((None,) * 5, clock=False), [[1, 2, 3, 4, 5]]),
+    "a varied ISO": (shoot((1 / 60, 1 / 15)) + shoot((1 / 15, 1 / 4), at=2.0, first=3, iso=800.0), [[1, 2, 3, 4]]),
+    "nothing": ([], []),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_brackets_are_parted_where_the_exposures_start_over(case):
+    shots, expected = CASES[case]
+    assert numbers(group(shots)) == expected
 
 
 @pytest.mark.parametrize("clock", [True, False])
 def test_the_number_in_the_name_stands_in_for_the_clock(clock):
     shots = shoot(THREE * 4, clock=clock)  # IMG_10 comes after IMG_9
     assert numbers(group(shots[::-1])) == [[1, 2, 3], [4, 5, 6], [7, 8, 9], [10, 11, 12]]
-
-
-def test_the_order_of_automatic_bracketing_does_not_matter():
-    shots = shoot((1 / 15, 1 / 60, 1 / 4, 1 / 4, 1 / 15, 1 / 60))
-    assert numbers(group(shots)) == [[1, 2, 3], [4, 5, 6]]
-
-
-def test_brackets_of_different_length():
-    assert numbers(group(shoot((*THREE, 1 / 60, 1 / 15, 1 / 4, 1.0, 4.0)))) == [[1, 2, 3], [4, 5, 6, 7, 8]]
 
 
 def test_a_pause_parts_brackets_whose_exposures_differ():
@@ -74,23 +84,6 @@ def test_a_bracket_that_goes_on_after_a_pause_stays_whole():
     # The same after an hour is another bracket.
     shots = shoot(dark, pause=0.2) + shoot(middle, at=3600, pause=0.2, first=4)
     assert numbers(group(shots)) == [[1, 2, 3], [4, 5, 6]]
-
-
-def test_long_exposures_are_no_pauses():
-    shots = shoot((1 / 30, 1 / 4, 30.0, 60.0, 120.0), pause=2.0)
-    assert numbers(group(shots)) == [[1, 2, 3, 4, 5]]
-
-
-def test_a_bracket_set_by_hand_is_not_torn_by_its_slow_pauses():
-    assert numbers(group(shoot((15, 2.5, 1 / 4, 1 / 30), pause=100.0))) == [[1, 2, 3, 4]]
-
-
-def test_frames_taken_twice_and_frames_of_one_exposure_stay_together():
-    assert numbers(group(shoot((1 / 60, 1 / 60, 1 / 15, 1 / 15, 1 / 4, 1 / 4)))) == [[1, 2, 3, 4, 5, 6]]
-    assert numbers(group(shoot((1 / 20,) * 5))) == [[1, 2, 3, 4, 5]]
-    assert numbers(group(shoot((None,) * 5))) == [[1, 2, 3, 4, 5]]
-    assert numbers(group(shoot((None,) * 5, clock=False))) == [[1, 2, 3, 4, 5]]
-    assert group([]) == ()
 
 
 @pytest.mark.parametrize(
@@ -113,11 +106,6 @@ def test_another_size_makes_another_bracket():
     wide = Photograph(np.zeros((4, 6, 3), np.uint8), "wide.png", Exposure(1.0))
     tall = Photograph(np.zeros((6, 4, 3), np.uint8), "tall.png", Exposure(2.0))
     assert group([wide, tall]) == ((tall,), (wide,))
-
-
-def test_a_varied_iso_makes_no_other_bracket():
-    shots = shoot((1 / 60, 1 / 15), iso=100.0) + shoot((1 / 15, 1 / 4), at=2.0, first=3, iso=800.0)
-    assert numbers(group(shots)) == [[1, 2, 3, 4]]
 
 
 def grey(path: Path, seconds: float, second: int) -> Path:

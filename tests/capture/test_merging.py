@@ -8,7 +8,6 @@ import pytest
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.merging import Hat, InverseVariance, Weighting, hat, merge
 from relume.capture.response.calibration import recover_response
-from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED
 from relume.image.response import Response
@@ -309,8 +308,6 @@ def test_photographs_of_16_bits_merge_as_those_of_8():
     known = merged.clipped == 0
     assert known.mean() > 0.9
     np.testing.assert_allclose(merged.radiance[known], truth[known], rtol=2e-3)
-    with pytest.raises(NotABracket, match="uint16 photographs and a response of 256 values"):
-        merge(Bracket(tuple(frames)), logarithmic_response())
 
 
 def test_pictures_larger_than_a_stretch_of_the_kernel_merge_alike():

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from angles import degrees_turned
 from panoramas import patchwork, photograph
-from relume.image.radiance import RadianceMap
+from relume.capture.response.camera_profile import CameraProfile
+from relume.image.files import read_photograph, write
+from relume.image.photograph import Photograph
+from relume.image.radiance import BLACK, SATURATED, RadianceMap
+from relume.image.response import Response
+from relume.probe.clipped_light import linear
 from relume.probe.panorama.bundle_adjustment import levelling
 from relume.probe.panorama.coverage import continued, shrunk, view_in_map
 from relume.probe.panorama.matching import features_of, fitted_rotation, match, most_agreed_rotation
 from relume.probe.panorama.seams import sphere_graph
+from relume.probe.panorama.view_files import read_sources
 from relume.probe.panorama.views import PanoramaView, angles_of, focal_length_of, orientation
 from relume.sphere.directions import normalised, rotation_from_vector
 from relume.sphere.mappings.mapping import LatLong, pixel_points
@@ -159,3 +167,21 @@ def test_the_graph_of_the_sphere_has_every_edge_both_ways_and_crosses_the_poles(
     assert (0, 16) in edges and (0, 31) in edges and (0, 0) not in edges
     assert edges[0, 16] == pytest.approx(np.pi / 16)
     assert length.max() < 2 * np.pi / 16
+
+
+def test_a_photograph_is_read_by_the_rule_for_all_single_ones(tmp_path: Path) -> None:
+    # 250/255 of 16 bits is 64250: what is below it was measured.
+    codes = np.array([[0, 1, 30000, 64240, 64250, 65535]], np.uint16)
+    write(tmp_path / "view.png", Photograph(np.repeat(codes[..., None], 3, axis=-1)))
+    line = np.linspace(0, 1, 256)
+    squared = Response(np.repeat(2 * np.log(np.maximum(line, 1e-6))[None], 3, axis=0), np.zeros((3, 256)))
+    for response in (None, squared):
+        (source,) = read_sources([tmp_path / "view.png"], profile=response and CameraProfile("", response))
+        expected = linear(read_photograph(tmp_path / "view.png"), response)
+        assert source.picture.clipped is not None and expected.clipped is not None
+        assert source.picture.clipped.tolist() == [[BLACK, 0, 0, 0, SATURATED, SATURATED]]
+        assert np.array_equal(source.picture.clipped, expected.clipped)
+        assert np.array_equal(source.picture.radiance, expected.radiance)
+        assert source.assumed == (response is None)
+    # A curve of 256 values serves 16 bits: √ of the light.
+    assert abs(source.picture.radiance[0, 2, 0] / (30000 / 65535) ** 2 - 1) < 1e-4
