@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gltf_files import square_glb
+from gltf_files import Channels, animated, as_glb, square_glb
 from relume.errors import Interrupted, InvalidShot
 from relume.image import files
 from relume.image.photograph import Photograph
@@ -111,28 +110,9 @@ def test_the_interpolation_is_the_files(folder, way, x):
 def test_motion_in_a_file_begins_with_the_sequence(folder):
     from scipy.spatial.transform import Rotation
 
-    quarter = np.sqrt(0.5)
-    times, turns = np.array([0, 0.125], np.float32), np.array([[0, 0, 0, 1], [0, quarter, 0, quarter]], np.float32)
-    blob = times.tobytes() + turns.tobytes()
-    header = json.loads(square_glb()[20:].split(b"BIN")[0][:-4].rstrip())
-    start = header["buffers"][0]["byteLength"]
-    header["buffers"][0]["byteLength"] += len(blob)
-    header["bufferViews"] += [{"buffer": 0, "byteOffset": start, "byteLength": 8},
-                              {"buffer": 0, "byteOffset": start + 8, "byteLength": 32}]  # fmt: skip
-    views, accessors = len(header["bufferViews"]), len(header["accessors"])
-    header["accessors"] += [
-        {"bufferView": views - 2, "componentType": 5126, "count": 2, "type": "SCALAR"},
-        {"bufferView": views - 1, "componentType": 5126, "count": 2, "type": "VEC4"},
-    ]
-    header["animations"] = [{
-        "samplers": [{"input": accessors, "output": accessors + 1}],
-        "channels": [{"sampler": 0, "target": {"node": 0, "path": "rotation"}}],
-    }]  # fmt: skip
-    from gltf_files import as_glb
-
-    data = square_glb()
-    whole = data[data.index(b"BIN\0") + 4 :][:start]
-    (folder / "cube.glb").write_bytes(as_glb(header, whole + blob))
+    turns = [[0, 0, 0, 1], [0, np.sqrt(0.5), 0, np.sqrt(0.5)]]
+    channels: Channels = [(0, "rotation", [0, 0.125], turns, "LINEAR")]
+    (folder / "cube.glb").write_bytes(as_glb(*animated(channels, [{"name": "square", "mesh": 0}])))
     shot = shot_of(folder, SHOT.replace('"1-4"', '"3-6"'))
     assert at_frame(shot, 3).objects[0].time == 0.0 and at_frame(shot, 6).objects[0].time == 0.125
     (rest,) = placed_meshes(shot)

@@ -77,3 +77,44 @@ def as_glb(header: dict[str, Any], blob: bytes = b"") -> bytes:
     if blob:
         chunks += struct.pack("<I4s", len(blob), b"BIN\0") + blob
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+Channels = list[tuple[int, str, list[float], Any, str]]
+
+
+def animated(
+    channels: Channels,
+    nodes: list[dict[str, Any]],
+    short: bool = False,
+) -> tuple[dict[str, Any], bytes]:
+    """Header and buffer of a square that moves; a channel is node, path, times, values and interpolation."""
+    blob, views, accessors = b"", [], []
+
+    def stored(array: np.ndarray, kind: str) -> int:
+        nonlocal blob
+        views.append({"buffer": 0, "byteOffset": len(blob), "byteLength": array.nbytes})
+        code = {"float32": 5126, "uint16": 5123, "int16": 5122}[array.dtype.name]
+        accessors.append({"bufferView": len(views) - 1, "componentType": code, "count": len(array), "type": kind,
+                          "normalized": array.dtype.name == "int16"})  # fmt: skip
+        blob += array.tobytes() + b"\0" * (-array.nbytes % 4)
+        return len(accessors) - 1
+
+    position, indices = stored(CORNERS, "VEC3"), stored(TRIANGLES, "SCALAR")
+    samplers, targets = [], []
+    for node, path, times, values, kind in channels:
+        values = np.asarray(values, np.float32)
+        if short:
+            values = np.round(values * 32767).astype(np.int16)
+        samplers.append({
+            "input": stored(np.array(times, np.float32), "SCALAR"),
+            "output": stored(values, f"VEC{values.shape[1]}"),
+            "interpolation": kind,
+        })  # fmt: skip
+        targets.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
+    header = {
+        "asset": {"version": "2.0"}, "accessors": accessors, "bufferViews": views,
+        "buffers": [{"byteLength": len(blob)}], "nodes": nodes, "scenes": [{"nodes": [0]}], "scene": 0,
+        "meshes": [{"primitives": [{"attributes": {"POSITION": position}, "indices": indices}]}],
+        "animations": [{"samplers": samplers, "channels": targets}],
+    }  # fmt: skip
+    return header, blob

@@ -1,4 +1,4 @@
-"""The keys of an animated glTF file: nodes, what moves them, and cameras (glTF 2.0, §3.6, §3.10, §3.11)."""
+"""The keys of an animated glTF file: nodes, and what moves them (glTF 2.0, §3.5, §3.11)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from relume.errors import UnreadableFile
-from relume.scene.gltf.document import GltfDocument, read_document
+from relume.scene.gltf.document import AT_REST, GltfDocument, read_document
 from relume.scene.motion.animation import Animation, Node
 from relume.scene.motion.keyframes import Interpolation, Linear, Slerp, Step, Tangents, Track
 
@@ -50,7 +50,7 @@ def _animation(document: GltfDocument) -> Animation:
         warnings.warn(f"{path}: not rendered of its motion: {', '.join(dict.fromkeys(lost))}", stacklevel=3)
     parents = {child: i for i, node in enumerate(header["nodes"]) for child in node.get("children", [])}
     nodes = [
-        _node(i, table, parents.get(i), {what: tracks[i, what] for what in _MOVING if (i, what) in tracks}, header)
+        _node(i, table, parents.get(i), {what: tracks[i, what] for what in _MOVING if (i, what) in tracks})
         for i, table in enumerate(header["nodes"])
     ]
     _require_tree(nodes)
@@ -73,19 +73,13 @@ def _track(what: str, sampler: Mapping[str, Any], document: GltfDocument) -> Tra
     return Track(times, values, between)
 
 
-def _node(
-    index: int, table: Mapping[str, Any], parent: int | None, tracks: Mapping[str, Track], header: Mapping[str, Any]
-) -> Node:
-    camera: dict[str, Any] = header["cameras"][table["camera"]] if "camera" in table else {"type": "none"}
+def _node(index: int, table: Mapping[str, Any], parent: int | None, tracks: Mapping[str, Track]) -> Node:
     return Node(
         name=str(table.get("name", index)),
         parent=parent,
         matrix=np.reshape(table["matrix"], (4, 4)).T.astype(np.float64) if "matrix" in table else None,
-        translation=np.array(table.get("translation", (0, 0, 0)), np.float64),
-        rotation=np.array(table.get("rotation", (0, 0, 0, 1)), np.float64),
-        scale=np.array(table.get("scale", (1, 1, 1)), np.float64),
+        at_rest={what: np.array(table.get(what, default), np.float64) for what, default in AT_REST.items()},
         tracks=tracks,
-        field_of_view=float(camera["perspective"]["yfov"]) if camera["type"] == "perspective" else None,
         shaped="mesh" in table,
     )
 

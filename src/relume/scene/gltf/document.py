@@ -15,8 +15,11 @@ from urllib.parse import unquote
 import numpy as np
 
 from relume.errors import UnreadableFile
+from relume.scene.motion.animation import matrix_of
 
 _NUMBERS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5126: "<f4"}
+AT_REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
+"""What a node has that says nothing of itself (§5.25)."""
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
@@ -102,12 +105,6 @@ def read_document(path: Path) -> GltfDocument:
 
 def local_matrix(node: dict[str, Any]) -> np.ndarray:
     """A node's matrix (4, 4) to its parent, of column vectors; glTF writes them column by column (§3.5.3)."""
-    from scipy.spatial.transform import Rotation
-
     if "matrix" in node:
         return np.array(node["matrix"], np.float64).reshape(4, 4).T
-    turn = Rotation.from_quat(node.get("rotation", (0.0, 0.0, 0.0, 1.0))).as_matrix()
-    matrix = np.eye(4)
-    matrix[:3, :3] = turn * np.array(node.get("scale", (1.0, 1.0, 1.0)), np.float64)
-    matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
-    return matrix
+    return matrix_of(*(node.get(what, default) for what, default in AT_REST.items()))

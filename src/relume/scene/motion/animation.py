@@ -1,15 +1,13 @@
-"""Meshes and a camera that a file moves: where each node is at a time."""
+"""Meshes that a file moves: where each node is at a time."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
-from math import tan
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from relume.scene.cameras.camera import Camera
 from relume.scene.motion.keyframes import Track
 from relume.scene.shapes.shapes import Mesh, carried
 
@@ -20,37 +18,36 @@ class Node:
 
     name : its own, or its number
     parent : the index of the node it hangs on, or None
-    matrix : (4, 4) to its parent, or None where it is made of the three below, scaled first and moved last
-    translation, rotation, scale : metres, a unit quaternion (x, y, z, w), factors
+    matrix : (4, 4) to its parent, or None where it is scaled, turned and moved by the three below
+    at_rest : by name "translation", metres; "rotation", a unit quaternion (x, y, z, w); "scale", factors
     tracks : what of the three moves, over seconds
-    field_of_view : of a perspective camera, vertical, radians; None for other nodes
     shaped : whether it holds a mesh
     """
 
     name: str
     parent: int | None
     matrix: np.ndarray | None
-    translation: np.ndarray
-    rotation: np.ndarray
-    scale: np.ndarray
+    at_rest: Mapping[str, np.ndarray]
     tracks: Mapping[str, Track]
-    field_of_view: float | None = None
     shaped: bool = False
 
     def to_parent(self, time: float | None) -> np.ndarray:
         """(4, 4) at a time in seconds; None for the place where the file puts it at rest."""
-        from scipy.spatial.transform import Rotation
-
         if self.matrix is not None:
             return self.matrix
-        held = {"translation": self.translation, "rotation": self.rotation, "scale": self.scale}
-        if time is not None:
-            held |= {what: track.at(time) for what, track in self.tracks.items()}
-        result = np.eye(4)
-        # A cubic between two unit quaternions is none itself; it is made one.
-        result[:3, :3] = Rotation.from_quat(held["rotation"]).as_matrix() * held["scale"]
-        result[:3, 3] = held["translation"]
-        return result
+        moving = {} if time is None else {what: track.at(time) for what, track in self.tracks.items()}
+        return matrix_of(**{**self.at_rest, **moving})
+
+
+def matrix_of(translation: ArrayLike, rotation: ArrayLike, scale: ArrayLike) -> np.ndarray:
+    """(4, 4) of column vectors that scales, then turns by a quaternion (x, y, z, w), then moves."""
+    from scipy.spatial.transform import Rotation
+
+    result = np.eye(4)
+    # A cubic between two unit quaternions is none itself; it is made one.
+    result[:3, :3] = Rotation.from_quat(rotation).as_matrix() * np.asarray(scale, np.float64)
+    result[:3, 3] = translation
+    return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,34 +61,11 @@ class Animation:
     nodes: tuple[Node, ...]
     source: str = "the animation"
 
-    @cached_property
-    def seconds(self) -> tuple[float, float]:
-        """The times of the first and the last key."""
-        times = [track.times for node in self.nodes for track in node.tracks.values()]
-        if not times:
-            return 0.0, 0.0
-        return float(min(t[0] for t in times)), float(max(t[-1] for t in times))
-
     def to_world(self, index: int, time: float | None) -> np.ndarray:
         """(4, 4) of a node at a time in seconds, or at rest."""
         node = self.nodes[index]
         own = node.to_parent(time)
         return own if node.parent is None else self.to_world(node.parent, time) @ own
-
-    def camera(self, time: float, width: int, height: int) -> Camera | None:
-        """The file's first perspective camera at a time, for a picture of `width` by `height` pixels; None for none.
-
-        Its field of view is that of the picture's height. Raises ValueError where its node is scaled to nothing.
-        """
-        for index, node in enumerate(self.nodes):
-            if node.field_of_view is not None:
-                world = self.to_world(index, time)
-                left, sizes, right = np.linalg.svd(world[:3, :3])
-                if sizes[-1] <= 0 or np.linalg.det(world[:3, :3]) <= 0:
-                    raise ValueError(f"{self.source}: the camera {node.name!r} is mirrored or scaled to nothing")
-                focal_length = height / 2 / tan(node.field_of_view / 2)
-                return Camera(width, height, focal_length, world[:3, 3], left @ right)
-        return None
 
 
 def posed(meshes: tuple[Mesh, ...], animation: Animation, time: float) -> tuple[Mesh, ...]:
