@@ -24,7 +24,12 @@ def read_matte(path: str | Path, size: tuple[int, int]) -> np.ndarray:
     Raises UnreadableFile for another size, colours, and EXR values beyond 0 to 1.
     """
     kind = files.kind_of(path)
-    values = _grey_map(path) if kind in MAPS else _painted(path, kind)
+    if kind in MAPS:
+        values = _grey(path, files.read_radiance(path).radiance).astype(np.float32)
+        if not (np.isfinite(values).all() and values.min() >= 0 and values.max() <= 1):
+            raise UnreadableFile(f"{path}: a matte with values beyond 0 to 1; save the share that the thing covers")
+    else:
+        values = _painted(path, kind)
     height, width = values.shape
     if (width, height) != size:
         raise UnreadableFile(
@@ -59,21 +64,12 @@ def solid_foreground(plate: np.ndarray, occluder: np.ndarray) -> np.ndarray:
 
 def _painted(path: str | Path, kind: str) -> np.ndarray:
     """Alpha where a PNG has it, else its grey."""
-    if kind == "PNG":
-        from relume.image.files.photographs.photographs import read_png
+    from relume.image.files.photographs.photographs import read_png
 
-        pixels = read_png(path)
-        if pixels.shape[2] in (2, 4):
-            return _shares(pixels[..., -1])
-        return _shares(_grey(path, pixels))
-    return _shares(_grey(path, files.read_photograph(path).pixels))
-
-
-def _grey_map(path: str | Path) -> np.ndarray:
-    values = _grey(path, files.read_radiance(path).radiance)
-    if not (np.isfinite(values).all() and values.min() >= 0 and values.max() <= 1):
-        raise UnreadableFile(f"{path}: a matte with values beyond 0 to 1; save the share that the thing covers")
-    return values.astype(np.float32)
+    pixels = read_png(path) if kind == "PNG" else files.read_photograph(path).pixels
+    alpha = kind == "PNG" and pixels.shape[2] in (2, 4)
+    shares = pixels[..., -1] if alpha else _grey(path, pixels)
+    return (shares / np.iinfo(pixels.dtype).max).astype(np.float32)
 
 
 def _grey(path: str | Path, pixels: np.ndarray) -> np.ndarray:
@@ -81,7 +77,3 @@ def _grey(path: str | Path, pixels: np.ndarray) -> np.ndarray:
     if np.ptp(pixels.astype(np.float64), axis=2).max() > (2 if pixels.dtype == np.uint8 else 1e-3 * pixels.max()):
         raise UnreadableFile(f"{path}: a matte in colours; save it grey, white in front, or with alpha")
     return pixels[..., min(1, pixels.shape[2] - 1)]
-
-
-def _shares(pixels: np.ndarray) -> np.ndarray:
-    return (pixels / np.iinfo(pixels.dtype).max).astype(np.float32)

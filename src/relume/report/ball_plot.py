@@ -9,13 +9,11 @@ import numpy as np
 from relume.image.colour import luminance
 from relume.probe.ball.silhouette import Cone
 from relume.probe.ball.unwrapping import BallView
-from relume.report.plots import encoded_figure
+from relume.report.plots import encoded_figure, exposed_at
 from relume.virtual_camera.developing import develop
-from relume.virtual_camera.film.film import Film
 
 MARGIN = 0.25
 """Radii shown beside the ball: enough to see what is behind it go on."""
-MIDDLE_GREY = 0.18
 _RIM, _RIVAL = "#00e0ff", "#ffb000"
 
 
@@ -47,8 +45,7 @@ def _draw(axis, view: BallView, name: str) -> None:
     down, across = np.ogrid[top + 0.5 : bottom, left + 0.5 : right]
     inside = luminance(light)[np.hypot(across - x, down - y) < radius]
     middle = float(np.median(inside)) if inside.size else 0.0
-    film = Film(MIDDLE_GREY / middle) if middle > 0 else Film()
-    axis.imshow(develop(light, film).pixels, extent=(left, right, bottom, top), interpolation="nearest")
+    axis.imshow(develop(light, exposed_at(middle)).pixels, extent=(left, right, bottom, top), interpolation="nearest")
     turns = np.linspace(0, 2 * np.pi, 361)
     for rival_x, rival_y, rival in view.outline.rivals[:2]:
         axis.plot(rival_x + rival * np.cos(turns), rival_y + rival * np.sin(turns), "--", color=_RIVAL, lw=0.9)

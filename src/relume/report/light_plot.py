@@ -13,15 +13,13 @@ from relume.light.constellations.constellation import Constellation
 from relume.light.constellations.residual import glow_level
 from relume.light.light_set import LightSet
 from relume.report.page import triple
-from relume.report.plots import block_means, borders, encoded_figure, in_squares
+from relume.report.plots import block_means, borders, encoded_figure, exposed_at, in_squares
 from relume.sphere.audit import AXES, Audit
 from relume.sphere.environment_map import EnvironmentMap
 from relume.virtual_camera.developing import develop
-from relume.virtual_camera.film.film import Film
 
 STOPS = (4, 0, -4)
 """Brightest first: what hides in the dark, the whole, and what the lamps are."""
-MIDDLE_GREY = 0.18
 _WIDEST = 900
 WIDE = 1600
 """Pixels across the picture of a constellation, about."""
@@ -53,7 +51,7 @@ def light_plot(light: EnvironmentMap, title: str) -> bytes:
     pictures = figure.subplots(down, across, squeeze=False).ravel()
     shown = in_squares(light.radiance, step).mean((1, 3))
     for axis, stops in zip(pictures, STOPS, strict=True):
-        film = Film(2.0**stops * MIDDLE_GREY / mean) if mean > 0 else Film()
+        film = exposed_at(mean * 2.0**-stops)
         axis.imshow(develop(shown, film).pixels, extent=(0, 1, 1, 0), aspect=1 / aspect)
         _mark_unmeasured(axis, light, step)
         _name_axes(axis, light)
@@ -126,7 +124,7 @@ def lights_plot(light: EnvironmentMap, lights: Constellation, title: str = "") -
     rows, columns = light.radiance.shape[:2]
     values, areas = luminance(light.radiance), light.mapping.solid_angles(light.size)
     mean = glow_level(values, areas, 4.0) / 4 or float(values.max(initial=0)) or 1.0
-    picture = develop(_sized(light.radiance), Film(0.18 / mean)).pixels.astype(np.float32) / 255
+    picture = develop(_sized(light.radiance), exposed_at(mean)).pixels.astype(np.float32) / 255
     if lights.labels is not None:
         picture[borders(_thinned(lights.labels))] = (0.1, 0.9, 0.9)
     wide = 12.0

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 CHANNELS = (("red", "#c0392b"), ("green", "#27803f"), ("blue", "#2c5fb3"))
+MIDDLE_GREY = 0.18
 WIDEST = 1024
 """Pictures in the report are made at most this wide, so that the page stays a few megabytes."""
 
@@ -60,6 +61,11 @@ def encoded_figure(figure: Figure, format: str = "png") -> bytes:
     stream = io.BytesIO()
     figure.savefig(stream, format=format, metadata={"Software": None} if format == "png" else {"Date": None})
     return stream.getvalue()
+
+
+def exposed_at(radiance: float) -> Film:
+    """The film on which this radiance is middle grey."""
+    return Film(MIDDLE_GREY / radiance) if radiance > 0 else Film()
 
 
 def exposed(radiance: np.ndarray, white: float) -> bytes:

@@ -11,6 +11,7 @@ from relume.image import files
 from relume.image.colour import luminance
 from relume.image.photograph import Photograph
 from relume.renderers.prefiltered.contact_sheet import Ball, balls
+from relume.report.plots import exposed_at
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_points
 from relume.virtual_camera.developing import develop
@@ -21,7 +22,6 @@ COLUMNS = 6
 _MAP_COLUMNS = 4
 _GAP, _MARGIN, _CAPTION = 28, 40, 58
 _PAGE, _INK, _FAINT = 28, "#e8e6e1", "#9a978f"
-MIDDLE_GREY = 0.18
 NOTES = (
     "",
     "Above left, I: the environment map, its middle −Z,",
@@ -55,8 +55,7 @@ def draw_reflection_sheet(
 
 def exposed_for(ball: Ball) -> Film:
     """The film on which the mean of a ball, the Lambert one, is middle grey."""
-    mean = float((luminance(ball.radiance) * ball.matte).sum() / ball.matte.sum())
-    return Film(MIDDLE_GREY / mean) if mean > 0 else Film()
+    return exposed_at(float((luminance(ball.radiance) * ball.matte).sum() / ball.matte.sum()))
 
 
 def contact_sheet(balls: Sequence[Ball], light: EnvironmentMap, film: Film, title: str) -> Photograph:
