@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 from relume.errors import UnreadableFile
 from relume.image import files
 from relume.image.photograph import Photograph
+from relume.lightstage.acquire.read_stage import read_stage
 from relume.lightstage.field.bar_shadow import bar_shadow
 from relume.lightstage.field.corrected import Corrected
 from relume.lightstage.field.field import Pictures, whole
@@ -24,22 +24,13 @@ from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
+from small_stages import grid_directions
 
 HEAD = Path(__file__).resolve().parents[4] / "shared" / "stages" / "head"
 HEIGHT, WIDTH = 60, 80
 ROWS, COLUMNS = 8, 16
 CAMERA = Camera.looking_at(np.array([0, 0, 4.0]), np.zeros(3), width=WIDTH, height=HEIGHT, focal_length=160.0)
-
-
-def grid_lights() -> StageLights:
-    inclination = (np.arange(ROWS) + 0.5) * np.pi / ROWS
-    azimuth = (np.arange(COLUMNS) + 0.5) * 2 * np.pi / COLUMNS
-    theta, phi = (a.ravel() for a in np.meshgrid(inclination, azimuth, indexing="ij"))
-    directions = np.stack([np.sin(theta) * np.sin(phi), np.cos(theta), np.sin(theta) * np.cos(phi)], axis=1)
-    return StageLights.towards(directions, grid=(ROWS, COLUMNS))
-
-
-LIGHTS = grid_lights()
+LIGHTS = StageLights.towards(grid_directions(ROWS, COLUMNS, 0.5), grid=(ROWS, COLUMNS))
 EVERYTHING = slice(0, len(LIGHTS)), slice(0, HEIGHT)
 
 
@@ -185,18 +176,11 @@ def test_drawn_masks_that_do_not_fit_are_refused(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(not HEAD.is_dir(), reason="the rendered stage is not here")
 def test_a_bar_and_a_flare_before_a_rendered_head_are_found_and_filled() -> None:
-    stage = json.loads((HEAD / "stage.json").read_text())
-    clean = np.stack([files.read_radiance(HEAD / light["file"]).radiance for light in stage["lights"]])
-    clean = np.maximum(clean, 0)
-    lights = StageLights.towards(np.array([light["direction"] for light in stage["lights"]]), grid=(12, 24))
-    seen = stage["camera_front"]
-    camera = Camera.looking_at(
-        np.array(seen["position"]),
-        np.array(seen["look_at"]),
-        width=256,
-        height=256,
-        focal_length=128 / np.tan(np.radians(seen["hfov_deg"] / 2)),
-    )
+    stage = read_stage(HEAD)
+    with pytest.warns(UserWarning, match="a rounding below 0"):
+        clean = whole(stage)
+    lights, camera = stage.lights, stage.camera
+    assert camera is not None
     subject = files.read_radiance(HEAD / "truth" / "mask_head.exr").radiance[..., 0] > 0.5
     everything = slice(0, 288), slice(0, 256)
     taken, hit = clean.copy(), np.zeros(clean.shape[:3], bool)

@@ -7,15 +7,9 @@ import pytest
 
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.voronoi_cells import even_directions, voronoi_solid_angles
+from small_stages import grid_directions
 
 AXES = np.concatenate([np.eye(3), -np.eye(3)])
-
-
-def grid(rows: int, columns: int) -> np.ndarray:
-    polar, azimuth = np.pi * (np.arange(rows) + 0.5) / rows, 2 * np.pi * (np.arange(columns) + 0.5) / columns
-    ring, height = np.sin(polar)[:, None], np.cos(polar)[:, None]
-    parts = np.broadcast_arrays(ring * np.sin(azimuth), height, ring * np.cos(azimuth))
-    return np.stack(parts, axis=-1).reshape(-1, 3)
 
 
 def test_six_lights_along_the_axes_have_a_sixth_of_the_sphere_each():
@@ -38,7 +32,7 @@ def test_a_cell_is_what_is_nearest_to_its_light():
 
 
 def test_the_cells_of_a_grid_go_as_the_sine_of_the_inclination():
-    areas = StageLights.towards(grid(64, 128)).solid_angles.reshape(64, 128)
+    areas = StageLights.towards(grid_directions(64, 128, 0.5)).solid_angles.reshape(64, 128)
     sines = np.sin(np.pi * (np.arange(64) + 0.5) / 64)
     expected = sines / sines.sum() * 4 * np.pi / 128
     np.testing.assert_allclose(areas[4:-4], np.broadcast_to(expected[4:-4, None], (56, 128)), rtol=5e-3)
