@@ -275,7 +275,9 @@ def _triangulate(made: LightSet, second: SecondProbe, suns: int) -> tuple[LightS
         taken = extract_sun(second.light, suns)
     except SunNotFound as error:
         raise SunNotFound(f"{second.name}: {error}") from None
-    pixel = max(_pixel(each) for each in (made.light, second.light))
+    # Radians, the side of a pixel of mean solid angle, were all the sphere shown.
+    shown = (np.count_nonzero(each.mapping.solid_angles(each.size)) for each in (made.light, second.light))
+    pixel = float(np.sqrt(4 * np.pi / min(shown)))
     own = chosen(made.lights, np.arange(len(made.suns)))
     try:
         found = triangulated(own, taken.lights(), second.probe, second.at, uncertainty=max(float(FINEST), pixel))
@@ -313,11 +315,6 @@ def _triangulate(made: LightSet, second: SecondProbe, suns: int) -> tuple[LightS
         },
     )
     return placed, taken.suns, notes
-
-
-def _pixel(light: EnvironmentMap) -> float:
-    """Radians, the side of a pixel of mean solid angle, were all the sphere shown."""
-    return float(np.sqrt(4 * np.pi / np.count_nonzero(light.mapping.solid_angles(light.size))))
 
 
 def _sun_facts(sun: Sun) -> dict[str, object]:

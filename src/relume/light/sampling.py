@@ -132,7 +132,10 @@ def _within_pixels(
     directions = np.empty((len(rows), 3))
     waiting, numbers = np.arange(len(rows)), within
     for turn in range(_ROUNDS):
-        drawn = _in_box(frames[waiting], low[waiting], high[waiting], numbers)
+        longitude, height = np.moveaxis(low[waiting] + numbers * (high[waiting] - low[waiting]), -1, 0)
+        ring = np.sqrt(np.maximum(1 - height * height, 0))
+        local = np.stack([ring * np.cos(longitude), ring * np.sin(longitude), height], axis=-1)
+        drawn = np.einsum("nij,ni->nj", frames[waiting], local)
         directions[waiting] = drawn
         j, i = _pixels(mapping, drawn, *shape)
         missed = (j != rows[waiting]) | (i != columns[waiting])
@@ -170,13 +173,6 @@ def pixel_boxes(
     margin = _MARGIN * np.maximum(high - low, 0.2 * (high - low).max(-1, keepdims=True))
     frames[wide], low[wide], high[wide] = np.eye(3), (-np.pi, -1), (np.pi, 1)
     return frames, np.maximum(low - margin, [-np.pi, -1]), np.minimum(high + margin, [np.pi, 1])
-
-
-def _in_box(frames: np.ndarray, low: np.ndarray, high: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-    longitude, height = np.moveaxis(low + numbers * (high - low), -1, 0)
-    ring = np.sqrt(np.maximum(1 - height * height, 0))
-    local = np.stack([ring * np.cos(longitude), ring * np.sin(longitude), height], axis=-1)
-    return np.einsum("nij,ni->nj", frames, local)
 
 
 def _hashed(numbers: np.ndarray, turn: int) -> np.ndarray:

@@ -17,10 +17,9 @@ from relume.image.files import ktx2
 from relume.light.harmonics.spherical_harmonics import project_sh
 from relume.light.reflection.brdf import Reflectance
 from relume.light.reflection.glossy import glossy_map
-from relume.light.reflection.irradiance_harmonics import as_json
 from relume.light.reflection.lobes import GGXLobe, Lambert, Lobe, Phong
 from relume.light.reflection.reflection_map import Normalisation, reflection_map, rows_for
-from relume.light.reflection.storage import as_layers, as_picture
+from relume.light.reflection.storage import as_json, as_layers, as_picture
 from relume.sphere.audit import six_digits
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.cubes import Strip
