@@ -119,8 +119,3 @@ def test_noise_is_added_to_pixel_values_and_what_saturates_stays():
     deviation = np.array([1, 2, 3]) + before
     values = np.clip(255 * encode_srgb(before.astype(np.float64)) + np.moveaxis(noise, 0, -1) * deviation, 0, 255)
     np.testing.assert_allclose(shown[2:], decode_srgb(values / 255)[2:], atol=2e-6, rtol=1e-5)
-
-
-def test_a_seed_below_0_is_refused():
-    with pytest.raises(ValueError, match="seed is -1; expected 0 or more"):
-        noise_of(kernels(), -1)

@@ -50,17 +50,3 @@ def test_a_faster_layer_has_the_same_curve_at_less_light():
     shift = moved.inertia - CURVE.inertia
     x = np.linspace(-3, 3, 30)
     np.testing.assert_allclose(moved.density(x + shift), CURVE.density(x), atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    "wrong, message",
-    [
-        ({"gamma": 0.0}, "gamma is 0.0; expected a positive number"),
-        ({"toe": np.nan}, "toe is nan"),
-        ({"maximum": 0.1}, "densities from 0.2 to 0.1"),
-        ({"inertia": np.inf}, "inertia is inf"),
-    ],
-)
-def test_curves_that_are_none_are_refused(wrong, message):
-    with pytest.raises(ValueError, match=message):
-        CharacteristicCurve(**({"gamma": 0.7, "minimum": 0.2, "maximum": 2.2} | wrong))

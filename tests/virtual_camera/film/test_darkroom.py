@@ -11,7 +11,6 @@ from relume.image.photograph import Exposure
 from relume.virtual_camera.film import darkroom as module
 from relume.virtual_camera.film.darkroom import Darkroom
 from relume.virtual_camera.film.film import Film
-from relume.virtual_camera.film.halation import Halation
 from relume.virtual_camera.film.negative import FilmStock
 from relume.virtual_camera.film.stocks import (
     black_and_white_negative,
@@ -160,18 +159,6 @@ def test_a_camera_with_film_in_it_exposes_as_its_settings_say():
     )
 
 
-def test_exposures_that_say_too_little_or_contradict_the_film_are_refused():
-    with pytest.raises(ValueError, match="has no f-number"):
-        Darkroom(slide_film(), exposure=Exposure(0.01))
-    with pytest.raises(ValueError, match="at ISO 200 and the film's speed is 100"):
-        Darkroom(slide_film(100.0), exposure=Exposure(0.01, 8.0, 200.0))
-    Darkroom(slide_film(100.0), exposure=Exposure(0.01, 8.0, 100.0))
-    with pytest.raises(ValueError, match="frame is 0"):
-        Darkroom(slide_film(), frame=0)
-    with pytest.raises(ValueError, match="stops is nan"):
-        Darkroom(slide_film(), stops=np.nan)
-
-
 def test_a_film_that_the_exposure_does_not_reach_says_so():
     camera = Darkroom(plain(black_and_white_negative(400.0)), black_and_white_paper(2), Exposure(1 / 8000, 22.0))
     # 0.65 · 7 / 8000 / 22² = 1.2e-6 lx·s, and the first trace takes two fifths of the speed point's 0.8 / 400.
@@ -183,20 +170,6 @@ def test_a_film_that_the_exposure_does_not_reach_says_so():
     least, most = camera.negative.reach()
     np.testing.assert_allclose(camera.negative.density(least, 0), 0.25 + 0.02)
     np.testing.assert_allclose(camera.negative.density(most, 0), 2.3 - 0.02)
-
-
-def test_films_that_are_none_are_refused():
-    film = colour_negative()
-    with pytest.raises(ValueError, match="3 curves, sensitivity"):
-        replace(film, sensitivity=np.ones((1, 3)) / 3)
-    with pytest.raises(ValueError, match="rows of crosstalk have the sums"):
-        replace(film, crosstalk=2 * np.eye(3))
-    with pytest.raises(ValueError, match="sensitivity is negative"):
-        replace(film, sensitivity=np.array([[1.5, -0.5, 0], [0, 1, 0], [0, 0, 1]]))
-    with pytest.raises(ValueError, match="halation has 1 shares and the film 3 layers"):
-        replace(film, halation=Halation((0.1,)))
-    with pytest.raises(ValueError, match="speed is 0"):
-        replace(film, speed=0)
 
 
 def test_a_black_picture_prints_black_and_a_blinding_one_white():

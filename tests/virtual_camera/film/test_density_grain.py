@@ -106,9 +106,3 @@ def test_a_thin_layer_is_measured_at_half_its_density():
     grain = DensityGrain(10.0, clump=1e-3, fog=0.0)
     at = grain.deviation(np.array(0.6), thin, np.pi * 24**2)
     assert float(at) == pytest.approx(0.01, rel=1e-3)
-
-
-@pytest.mark.parametrize("wrong", [{"granularity": 0.0}, {"clump": -1.0}, {"fog": np.nan}])
-def test_grain_that_is_none_is_refused(wrong):
-    with pytest.raises(ValueError, match=f"{next(iter(wrong))} is"):
-        DensityGrain(**({"granularity": 10.0} | wrong))

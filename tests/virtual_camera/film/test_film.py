@@ -80,12 +80,6 @@ def test_a_brighter_film_is_one_exposed_longer():
     np.testing.assert_array_equal(develop(light, film.brighter(2)).pixels, develop(4 * light, film).pixels)
 
 
-@pytest.mark.parametrize("exposure", [0.0, -1.0, np.nan, np.inf])
-def test_a_film_without_a_positive_exposure_is_refused(exposure):
-    with pytest.raises(ValueError, match=r"exposure is .*; expected a positive number"):
-        Film(exposure)
-
-
 def test_a_developed_picture_leaves_its_radiance_alone():
     light = wide_scene(24, 16)
     before = light.copy()

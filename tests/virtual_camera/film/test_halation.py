@@ -93,9 +93,3 @@ def test_the_kernel_has_the_sum_one_and_no_direction():
     assert kernel[rim].max() < 1e-5 * kernel.max()
     along = kernel[len(kernel) // 2, len(kernel) // 2 + 12 :]
     assert np.all(np.diff(along) <= 0) and np.abs(np.diff(np.log(along[along > 1e-4 * kernel.max()]))).max() < 0.4
-
-
-@pytest.mark.parametrize("wrong", [{"share": (1.0,)}, {"share": (-0.1,)}, {"thickness": 0.0}, {"index": 1.0}])
-def test_halation_that_cannot_be_is_refused(wrong):
-    with pytest.raises(ValueError, match=f"{next(iter(wrong))} is"):
-        Halation(**wrong)

@@ -74,12 +74,3 @@ def test_round_blades_make_a_disc_and_half_round_ones_lie_between():
     radii = [np.ptp(np.linalg.norm(Blades(5, c).outline(), axis=1)) for c in (0.0, 0.5, 1.0)]
     assert radii[0] > radii[1] > 0.05 and radii[2] < 1e-12
     np.testing.assert_allclose(Blades(5, 1.0).outline(), Blades().outline(), atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("fields", "message"),
-    [((2,), "at least 3"), ((-1,), "at least 3"), ((5, 1.5), "curvature is 1.5"), ((5, 0, np.nan), "rotation is nan")],
-)
-def test_what_is_no_iris_is_refused(fields, message):
-    with pytest.raises(ValueError, match=message):
-        Blades(*fields)

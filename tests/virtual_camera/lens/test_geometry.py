@@ -146,9 +146,3 @@ def test_unscaled_is_the_inverse():
     points = np.random.default_rng(1).uniform(-0.7, 0.7, (50, 2))
     for scale in (RadialScale(0.002), RadialScale(-0.003, 0.002, 0.001)):
         np.testing.assert_allclose(scale.unscaled(scale.scaled(points)), points, atol=1e-12)
-
-
-def test_what_is_no_scale_is_refused():
-    for fields, message in (((-1.0,), "above −1"), ((np.nan,), "above −1"), ((0.0, np.inf), "finite")):
-        with pytest.raises(ValueError, match=message):
-            RadialScale(*fields)

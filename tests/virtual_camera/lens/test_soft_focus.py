@@ -60,9 +60,3 @@ def test_even_and_black_light_stay_and_nothing_is_changed_in_place():
         assert np.array_equal(sharp, radiance) and sharp is not radiance
     SoftFocus().apply(radiance, VIEW)
     assert np.array_equal(radiance, before)
-
-
-def test_what_is_no_soft_focus_is_refused():
-    for fields, message in (((1.2,), "share is 1.2"), ((np.nan,), "share"), ((0.5, -0.1), "radius is -0.1")):
-        with pytest.raises(ValueError, match=message):
-            SoftFocus(*fields)

@@ -80,12 +80,3 @@ def test_a_stop_is_a_factor_of_exactly_two():
 def test_it_goes_with_cos4_and_keeps_shapes():
     angle = np.radians([[0.0, 30.0, 60.0]])
     np.testing.assert_allclose(image_illuminance(16 / np.pi, 1.0, angle=angle), [[4, 4 * 0.5625, 0.25]])
-
-
-@pytest.mark.parametrize(
-    ("fields", "message"),
-    [({"f_number": 0}, "f-number is 0"), ({"f_number": 2, "transmittance": 1.1}, "transmittance is 1.1")],
-)
-def test_what_is_no_lens_is_refused(fields, message):
-    with pytest.raises(ValueError, match=message):
-        image_illuminance(1.0, **fields)

@@ -92,17 +92,6 @@ def test_spikes_count_as_blades_in_the_picture():
         assert np.count_nonzero(smooth & ~np.roll(smooth, 1)) == rays
 
 
-def test_impossible_lenses_are_refused():
-    for arguments, words in (
-        ({"f_number": 0.0}, "f_number is 0"),
-        ({"sensor_width": np.inf}, "sensor_width is inf"),
-        ({"veil": 0.6, "halo": 0.5}, "together below 1"),
-        ({"halo_power": 1.0}, "halo_power is 1"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            CameraGlare(**arguments)  # type: ignore[arg-type]
-
-
 def test_frames_of_one_size_share_a_point_spread_and_others_do_not(monkeypatch):
     made = []
     drawn = CameraGlare.point_spread

@@ -151,12 +151,6 @@ def test_the_picture_tells_what_the_eye_is_used_to():
     assert not EYE.apply(np.zeros((9, 30, 3), np.float32), View(50.0)).any()
 
 
-def test_a_wrong_eye_is_refused():
-    for name, value in (("adaptation", 0.0), ("adaptation", np.inf), ("pupil", -1.0)):
-        with pytest.raises(ValueError, match=f"{name} is .*above 0"):
-            EyeGlare(**{name: value})  # type: ignore[arg-type]
-
-
 def test_frames_of_one_light_share_a_point_spread_and_others_do_not(monkeypatch):
     made = []
     drawn = EyeGlare.point_spread

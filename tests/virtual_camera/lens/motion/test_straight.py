@@ -30,8 +30,6 @@ def test_the_light_of_a_shutter_sums_to_one():
     for opening in (0.0, 0.1, 0.5):
         assert Shutter(opening).light(times).mean() == pytest.approx(1, abs=1e-7)
     np.testing.assert_allclose(Shutter(0.25).light(np.array([-0.5, -0.375, 0, 0.4375])), [0, 2 / 3, 4 / 3, 1 / 3])
-    with pytest.raises(ValueError, match=r"share of the exposure from 0 to 0\.5"):
-        Shutter(0.6)
 
 
 @pytest.mark.parametrize("motion", [(3.3, -7.7), (0.0, 21.5), (33.4, 0.0), (0.4, 0.3)])
@@ -89,9 +87,3 @@ def test_even_light_stays_even_and_small_pictures_are_right():
             np.testing.assert_allclose(
                 StraightMotion(*motion).apply(np.full(shape, 0.25, np.float32), VIEW), 0.25, rtol=1e-6
             )
-
-
-def test_motion_that_is_no_number_or_endless_is_refused():
-    for wrong in ((np.nan, 0), (0, np.inf), (7e4, 0)):
-        with pytest.raises(ValueError, match="at most 65536 pixels"):
-            StraightMotion(*wrong)
