@@ -100,7 +100,7 @@ def read_store(path: str | os.PathLike[str]) -> StoredField:
         noise, rounding = attributes["noise"], attributes.get("rounding")
     except Exception as error:
         raise UnreadableFile(f"{path}: the store's description is damaged ({error}); {RESUME}") from error
-    missing = unfinished(Path(path), values, sizes)
+    missing = unfinished(Path(path), sizes)
     if missing.any() or rounding is None:
         lacking = np.count_nonzero(missing)
         short = f"{lacking} of its {len(missing)} groups of lights are missing or cut short" if lacking else "cut short"
@@ -159,7 +159,7 @@ def required_zarr() -> Any:
     return zarr
 
 
-def unfinished(path: Path, values: Any, sizes: np.ndarray) -> np.ndarray:
+def unfinished(path: Path, sizes: np.ndarray) -> np.ndarray:
     """Which groups of lights (groups,) have a chunk that is not there in the length it was written in."""
     return (sizes == 0).any(axis=(1, 2)) | (chunk_sizes(path, sizes.shape) != sizes).any(axis=(1, 2))
 

@@ -170,7 +170,7 @@ def _fill(
     """Write the groups that are not finished, each with its sizes last, and see that all are there."""
     sizes = root["sizes"]
     depth, count = values.chunks[0], len(field.lights)
-    waiting = np.flatnonzero(unfinished(path, values, np.asarray(sizes)))
+    waiting = np.flatnonzero(unfinished(path, np.asarray(sizes)))
     if len(waiting) == 0 and "rounding" in root.attrs:
         raise OutputNotWritten(f"{path}: the store is whole already; delete it to import again")
     if depth > _depth(field, values.dtype, max_memory):
@@ -189,7 +189,7 @@ def _fill(
         del coded
         if progress:
             progress((done + 1) / len(waiting))
-    lost = np.count_nonzero(unfinished(path, values, np.asarray(sizes)))
+    lost = np.count_nonzero(unfinished(path, np.asarray(sizes)))
     if lost:
         raise OutputNotWritten(f"{path}: {lost} groups of lights were written and are not there; {RESUME}")
 
