@@ -19,8 +19,8 @@ from relume.lightstage.field.field import Pictures
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.field.polarised import PolarisedPair
 from relume.lightstage.relighting.voronoi_cells import even_directions
-from relume.lightstage.surface.material_export import textured, write_material
 from relume.lightstage.surface.separation import separate
+from relume.lightstage.surface.surface_files import textured, write_material
 from relume.lightstage.surface.surface_maps import SurfaceMaps, schlick_rise, surface_maps
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Material
