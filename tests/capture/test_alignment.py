@@ -228,14 +228,16 @@ def test_values_and_gradients_are_looked_up_as_the_picture_is() -> None:
     np.testing.assert_allclose(looked[sound, :3], expected[sound], atol=1e-4)
 
 
-def test_the_street_held_by_hand(shared: Path) -> None:
+def street(shared: Path, times: dict[str, float]) -> Bracket:
     folder = shared / "data/brackets/handheld_street"
-    times = {"IMG_4210.jpg": 1 / 320, "IMG_4209.jpg": 1 / 80, "IMG_4211.jpg": 1 / 20}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # their colour profile
-        bracket = Bracket(
-            tuple(replace(files.read_photograph(folder / n), exposure=Exposure(t)) for n, t in times.items())
-        )
+        frames = {name: files.read_photograph(folder / name) for name in times}
+    return Bracket(tuple(replace(frames[name], exposure=Exposure(t)) for name, t in times.items()))
+
+
+def test_the_street_held_by_hand(shared: Path) -> None:
+    bracket = street(shared, {"IMG_4210.jpg": 1 / 320, "IMG_4209.jpg": 1 / 80, "IMG_4211.jpg": 1 / 20})
     aligned = align(bracket)
     assert aligned.moved and max(aligned.errors) < 0.1
 
@@ -249,11 +251,7 @@ def test_the_street_held_by_hand(shared: Path) -> None:
 
 def test_an_independent_reading_of_the_street(shared: Path) -> None:
     """The motions found move points of one frame onto the same points of another: their gradients line up."""
-    folder = shared / "data/brackets/handheld_street"
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        frames = [files.read_photograph(folder / name) for name in ("IMG_4210.jpg", "IMG_4209.jpg")]
-    bracket = Bracket(tuple(replace(p, exposure=Exposure(t)) for p, t in zip(frames, (1.0, 4.0), strict=True)))
+    bracket = street(shared, {"IMG_4210.jpg": 1.0, "IMG_4209.jpg": 4.0})
     aligned = align(bracket)
     own, other = (p.pixels[..., 1].astype(float) for p in bracket.photographs)
     fixed, moving = (own, other) if aligned.reference == 0 else (other, own)

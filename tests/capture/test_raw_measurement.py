@@ -49,6 +49,14 @@ def raw(mosaic: np.ndarray, **fields) -> RawPhotograph:
     return RawPhotograph(mosaic, np.array(RGGB), np.full((2, 2), 512.0), 16383.0, np.eye(3), np.ones(3), **fields)
 
 
+def taken(light: np.ndarray, f_number: float | None = None, iso: float | None = None, full: int = 16383) -> list:
+    """A bracket of raws of the times SECONDS, by a sensor that is full at a level."""
+    return [
+        raw(np.minimum(sensed(light, t, seed=i), full), name=f"{i}.dng", exposure=Exposure(t, f_number, iso))
+        for i, t in enumerate(SECONDS)
+    ]
+
+
 def test_a_sound_bracket_is_measured_and_nothing_is_said_against_it(light, sound, whole):
     (one,) = whole.brackets
     assert whole.warnings == whole.notes == whole.messages == ()
@@ -217,10 +225,7 @@ def test_brackets_of_two_cameras_are_merged_apart_but_not_by_a_reading_in_one_of
 
 
 def test_what_was_measured_of_the_sensor_is_reported_and_used_again(light):
-    photographs = [
-        raw(np.minimum(sensed(light, t, seed=i), 13600), name=f"{i}.dng", exposure=Exposure(t, 2.0, 200.0))
-        for i, t in enumerate(SECONDS)
-    ]
+    photographs = taken(light, 2.0, 200.0, 13600)
     told = merge_brackets(photographs).camera.sensor
     assert told is not None and told.noise is not None
     assert (told.black, told.white, told.noise.iso) == ((512.0,) * 4, 16383.0, 200.0)
@@ -231,8 +236,8 @@ def test_what_was_measured_of_the_sensor_is_reported_and_used_again(light):
     longest = photographs[-1:]
 
     def saturated(iso: float, sensor: Sensor | None) -> int:
-        taken = [replace(longest[0], exposure=Exposure(SECONDS[-1], 2.0, iso))]
-        (one,) = merge_brackets(taken, profile=sensor and CameraProfile("", sensor=sensor)).brackets
+        alone = [replace(longest[0], exposure=Exposure(SECONDS[-1], 2.0, iso))]
+        (one,) = merge_brackets(alone, profile=sensor and CameraProfile("", sensor=sensor)).brackets
         assert one.picture.clipped is not None
         return int((one.picture.clipped == SATURATED).sum())
 
@@ -242,9 +247,7 @@ def test_what_was_measured_of_the_sensor_is_reported_and_used_again(light):
 
 def test_noise_that_is_known_counts_at_the_photographs_own_sensitivity(light):
     known = Sensor((512.0, 512.0, 512.0, 512.0), 16383.0, 1.0, SensorNoise(5e-5, 1.5e-4, 100.0))
-    photographs = [
-        raw(sensed(light, t, seed=i), name=f"{i}.dng", exposure=Exposure(t, 2.0, 800.0)) for i, t in enumerate(SECONDS)
-    ]
+    photographs = taken(light, 2.0, 800.0)
     for times in (None, SECONDS):
         noise = calibrate_raw(photographs, times=times, sensor=known).noise
         assert (noise.shot, noise.read, noise.iso) == pytest.approx((4e-4, 1.2e-3, 800.0))
@@ -261,7 +264,7 @@ def test_noise_that_is_known_counts_at_the_photographs_own_sensitivity(light):
 
 
 def test_levels_that_are_not_the_profile_s_are_reported(light):
-    photographs = [raw(sensed(light, t, seed=i), name=f"{i}.dng", exposure=Exposure(t)) for i, t in enumerate(SECONDS)]
+    photographs = taken(light)
     known = Sensor((512.0, 512.0, 512.0, 512.0), 16383.0, 1.0, SensorNoise(5e-5, 1.5e-4))
     assert merge_brackets(photographs, profile=CameraProfile("", sensor=known)).notes == ()
     other = replace(known, black=(512.0, 512.0, 512.0, 600.0), white=16000.0)
@@ -323,11 +326,6 @@ def test_a_preview_is_saturated_where_one_photosite_is(row, column, channel):
 
 
 def test_a_sensor_that_is_full_below_its_white_does_not_look_as_if_things_moved(light):
-    photographs = [
-        raw(np.minimum(sensed(light, t, seed=i), 13600), name=f"{i}.dng", exposure=Exposure(t))
-        for i, t in enumerate(SECONDS)
-    ]
-    found = merge_brackets(photographs)
-    assert found.warnings == ()
+    found = merge_brackets(taken(light, full=13600))
+    assert found.warnings == () and found.notes == found.messages
     assert any("saturated at" in line for line in found.messages)
-    assert found.notes == found.messages

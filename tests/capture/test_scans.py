@@ -67,11 +67,16 @@ def negative(width: int = 160, height: int = 120) -> np.ndarray:
     return np.exp(ramp + np.array([0.0, 0.15, -0.1]))
 
 
-def both(seed: int = 1) -> list[tuple[Photograph, Response]]:
+def scanned(exposure: np.ndarray, seed: int = 0) -> list[tuple[Photograph, Response]]:
+    """A negative at both density settings."""
     return [
-        (scanner.scan(negative(), seed=10 * seed + i, name=f"scan_{i}.tif"), scanner.response())
+        (scanner.scan(exposure, seed=seed + i, name=f"scan_{i}.tif"), scanner.response())
         for i, scanner in enumerate((SHADOWS, LIGHTS))
     ]
+
+
+def both() -> list[tuple[Photograph, Response]]:
+    return scanned(negative(), 10)
 
 
 def test_two_scans_cover_more_than_either():
@@ -137,8 +142,7 @@ def test_what_no_scan_holds_is_marked_and_bounded():
     exposure = negative()
     exposure[:, :3] = np.exp(-12.0)
     exposure[:, -3:] = np.exp(8.0)
-    scans = [(s.scan(exposure, seed=i, name=f"scan_{i}.tif"), s.response()) for i, s in enumerate((SHADOWS, LIGHTS))]
-    merged = merge_scans(scans)
+    merged = merge_scans(scanned(exposure))
     assert merged.clipped is not None and merged.variance is not None
     assert (merged.clipped[:, :3] == BLACK).all() and (merged.clipped[:, -3:] == SATURATED).all()
     assert (merged.clipped[:, 30:130] == 0).all()
@@ -194,8 +198,8 @@ def test_the_response_of_each_setting_is_recovered_from_a_bracket_scanned_at_it(
     for scanner in (SHADOWS, LIGHTS):
         frames = [scanner.scan(scene * t, seed=i, name=f"{i}.tif", taken=Exposure(t)) for i, t in enumerate(times)]
         responses.append(recover_response(Bracket(tuple(frames))).response)
-    photographs = [s.scan(negative(), seed=50 + i, name=f"scan_{i}.tif") for i, s in enumerate((SHADOWS, LIGHTS))]
-    merged = merge_scans(list(zip(photographs, responses, strict=True)))
+    photographs = scanned(negative(), 50)
+    merged = merge_scans([(scan, response) for (scan, _), response in zip(photographs, responses, strict=True)])
     assert merged.variance is not None
     for channel in range(3):
         where = np.isfinite(merged.variance[..., channel])
@@ -231,7 +235,7 @@ def test_scans_that_do_not_belong_together_are_refused():
 
 def test_scans_that_are_not_in_register_are_reported():
     texture = np.exp(np.random.default_rng(3).uniform(-7, 1, (60, 80, 1))) * np.ones(3)
-    scans = [(s.scan(texture, seed=i, name=f"scan_{i}.tif"), s.response()) for i, s in enumerate((SHADOWS, LIGHTS))]
+    scans = scanned(texture)
     merge_scans(scans)
     moved = replace(scans[1][0], pixels=np.roll(scans[1][0].pixels, 2, axis=1))
     with pytest.warns(UserWarning, match=r"scan_0\.tif and scan_1\.tif disagree by .*; register the scans"):

@@ -17,7 +17,7 @@ import numpy as np
 
 from relume.capture.exposure.comparison import brightness_chain, reduced
 from relume.capture.exposure.folder import listed_exposures
-from relume.capture.exposure.sidecar import ExposureList, read_times
+from relume.capture.exposure.sidecar import ExposureList, number_in, read_times
 from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph
 
@@ -195,7 +195,7 @@ def _advice(photographs: Sequence[Photograph], seen: np.ndarray) -> str:
     times = times_in_names([p.name for p in photographs])
     if times is None:
         return "give the exposure times with --times"
-    seconds = [_seconds(time) for time in times]
+    seconds = [number_in(time) for time in times]
     if list(np.argsort(seconds)) != list(np.argsort(seen)):
         return "give the exposure times with --times; the file names read like times, but not of these photographs"
     return f"the file names read like times: if they are, give --times {','.join(times)}"
@@ -211,11 +211,6 @@ def _time_in(stem: str) -> str | None:
     if found := re.search(r"(?<![\d.])(\d+\.\d+|\d+(?=s|sec))(?:s|sec)?$", stem):
         return found[1] if float(found[1]) > 0 else None
     return None
-
-
-def _seconds(time: str) -> float:
-    above, _, below = time.partition("/")
-    return float(above) / float(below or 1)
 
 
 def true_shutter(seconds: float, shutter_speed: float | None = None) -> float:

@@ -188,7 +188,7 @@ def _table(path: str | os.PathLike[str], columns: tuple[str, ...], rows: list[li
         names.append(cells.get("name", ""))
         try:
             exposures.append(_exposure(cells))
-            stops.extend([_number(cells["stops"])] if "stops" in cells else [])
+            stops.extend([number_in(cells["stops"])] if "stops" in cells else [])
         except (KeyError, ValueError, OverflowError, ZeroDivisionError) as error:
             raise UnreadableFile(f'{path}: "{" ".join(row)}" is not an exposure ({error}); mend the line') from None
         plain &= _is_plain(cells.get("shutter", "1/2"))
@@ -202,16 +202,16 @@ def _table(path: str | os.PathLike[str], columns: tuple[str, ...], rows: list[li
 
 def _exposure(cells: dict[str, str]) -> Exposure:
     """Debevec's rules: the gain doubles the exposure per 3 dB, a filter of one stop halves it."""
-    readings = [_number(cells[kind]) for kind in ("seconds", "shutter") if kind in cells]
-    readings += [1 / _number(cells["reciprocal"])] if "reciprocal" in cells else []
+    readings = [number_in(cells[kind]) for kind in ("seconds", "shutter") if kind in cells]
+    readings += [1 / number_in(cells["reciprocal"])] if "reciprocal" in cells else []
     if readings and max(readings) > 1.05 * min(readings):
         raise ValueError("its time and its reciprocal disagree")
-    seconds = readings[0] if readings else 2.0 ** _number(cells["stops"])
-    gain, iso = _number(cells.get("gain", "0")), _number(cells.get("iso", "0"))
+    seconds = readings[0] if readings else 2.0 ** number_in(cells["stops"])
+    gain, iso = number_in(cells.get("gain", "0")), number_in(cells.get("iso", "0"))
     if gain:
         iso = 100.0 * 2.0 ** (gain / 3.0)
-    f_number = _number(cells.get("f_number", "0").lower().removeprefix("f/"))
-    seconds *= 2.0 ** -_number(cells.get("filters", "0"))
+    f_number = number_in(cells.get("f_number", "0").lower().removeprefix("f/"))
+    seconds *= 2.0 ** -number_in(cells.get("filters", "0"))
     return Exposure(seconds, f_number or None, iso or None, "sidecar")
 
 
@@ -224,15 +224,16 @@ def _bare(path: Path, rows: list[list[str]]) -> ExposureList:
     else:
         raise UnreadableFile(f"{path}: numbers without names; write a name and a time per line")
     try:
-        exposures = tuple(Exposure(_number(word), source="sidecar") for word in times)
+        exposures = tuple(Exposure(number_in(word), source="sidecar") for word in times)
         return ExposureList(
-            str(path), (), exposures, all(map(_is_plain, times)), tuple(_number(word) for word in stops)
+            str(path), (), exposures, all(map(_is_plain, times)), tuple(number_in(word) for word in stops)
         )
     except (ValueError, ZeroDivisionError) as error:
         raise UnreadableFile(f"{path}: no list of exposure times ({error}); write seconds, like 1/30") from None
 
 
-def _number(word: str) -> float:
+def number_in(word: str) -> float:
+    """The number that a word gives, as a fraction too and with or without its unit; raises ValueError for none."""
     # Not through Fraction, which would write out 1e999999999 in full.
     above, slash, below = re.sub(r'\s*("|s|sec|seconds|db|stops?)$', "", word.strip().lower()).partition("/")
     number = float(above) / float(below) if slash else float(above)
@@ -243,7 +244,7 @@ def _number(word: str) -> float:
 
 def _is_number(word: str) -> bool:
     try:
-        _number(word)
+        number_in(word)
     except (ValueError, ZeroDivisionError):
         return False
     return True
