@@ -26,6 +26,11 @@ class Weighting(Protocol):
         ...
 
 
+def log_deviation(response: Response) -> np.ndarray:
+    """(3, levels) standard deviation of the ln exposure that each pixel value says."""
+    return np.gradient(response.log_exposure, axis=1) * response.deviation
+
+
 def hat(levels: int) -> np.ndarray:
     """w(z) of every pixel value: 0 at the ends, rising linearly to the middle (Debevec & Malik 1997, eq. 4)."""
     values = np.arange(levels, dtype=np.float64)
@@ -56,7 +61,7 @@ class InverseVariance:
 
     def table(self, response: Response) -> np.ndarray:
         """Weights (3, levels)."""
-        deviation = np.gradient(response.log_exposure, axis=1) * response.deviation
+        deviation = log_deviation(response)
         if response.levels == 256:
             counted = np.clip((hat(256) - self.guard) / self.fade, 0.0, 1.0)
         else:
@@ -89,9 +94,9 @@ def merge(bracket: Bracket, response: Response, *, weighting: Weighting = Invers
             f"merging needs a response of {np.iinfo(kind).max + 1} values"
         )
     # What is not part of the picture.
-    inside = np.zeros((1, height * width), bool)
-    masks = [inside[0] if p.outside is None else p.outside.ravel() for p in bracket.photographs]
     masked = any(p.outside is not None for p in bracket.photographs)
+    inside = np.zeros(height * width, bool)
+    masks = [inside if p.outside is None else p.outside.ravel() for p in bracket.photographs]
     bounds, tables, log_times = clipping_bounds(response), _tables(response, weighting), np.log(bracket.exposures)
     radiance = np.empty((height * width, 3), np.float32)
     variance, clipped = np.empty_like(radiance), np.empty(height * width, np.uint8)
@@ -134,8 +139,7 @@ def clipping_bounds(response: Response) -> np.ndarray:
 def _tables(response: Response, weighting: Weighting) -> np.ndarray:
     """(3, levels, 3): w g, w and w² var(ln E) of every pixel value."""
     weights = weighting.table(response)
-    deviation = np.gradient(response.log_exposure, axis=1) * response.deviation
-    return np.stack([weights * response.log_exposure, weights, (weights * deviation) ** 2], axis=-1)
+    return np.stack([weights * response.log_exposure, weights, (weights * log_deviation(response)) ** 2], axis=-1)
 
 
 def refuse_unlit(name: str, saturated: bool) -> NoReturn:

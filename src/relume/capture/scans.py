@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relume.capture.lens.vignetting import robust_deviation
-from relume.capture.merging import InverseVariance, Weighting, clipping_bounds
+from relume.capture.merging import InverseVariance, Weighting, clipping_bounds, log_deviation
 from relume.errors import NotABracket
 from relume.image.photograph import Photograph
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
@@ -91,14 +91,13 @@ def _read(photograph: Photograph, response: Response, weighting: Weighting) -> _
         )
     assert photograph.exposure is not None  # _require_one_exposure refused the others
     values, channels = photograph.pixels.astype(np.intp), np.arange(3)
-    slope = np.gradient(response.log_exposure, axis=1)
     outside = np.zeros(values.shape[:2], bool) if photograph.outside is None else photograph.outside
     weights = np.where(outside[..., None], 0.0, weighting.table(response)[channels, values])
     known = np.where(weights > 0, response.log_exposure[channels, values], clipping_bounds(response)[channels, values])
     return _Scan(
         photograph.name,
         known - np.log(photograph.exposure.factor),
-        ((slope * response.deviation) ** 2)[channels, values],
+        (log_deviation(response) ** 2)[channels, values],
         weights,
         values > levels // 2,
         outside,

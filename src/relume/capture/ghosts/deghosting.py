@@ -14,6 +14,7 @@ import numpy as np
 from relume.capture.exposure.bracket import Bracket, without
 from relume.capture.ghosts.levels import Scale, corrections
 from relume.capture.ghosts.regions import Regions, excluded_frames, moving_regions
+from relume.capture.merging import log_deviation
 from relume.errors import NotABracket
 from relume.image.response import Response
 
@@ -82,7 +83,7 @@ def deghost(bracket: Bracket, response: Response, *, method: Consistency = Consi
         )
     # Squares that the frames are compared in, and the noise of their means.
     side = max(2, int(np.ceil(np.sqrt(width * height / SQUARES))))
-    deviation = np.gradient(response.log_exposure, axis=1) * response.deviation
+    deviation = log_deviation(response)
     scale = Scale(response.log_exposure, _ends(deviation, depth))
     exposures = np.exp(response.log_exposure).astype(np.float32)
     # Neighbours share the noise that JPEG and demosaicking leave: side pixels of a square count, not their square.
