@@ -19,7 +19,6 @@ from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 from relume.virtual_camera.film.film import Film, srgb_response
-from relume.virtual_camera.film.grain import Grain
 from relume.virtual_camera.film.undeveloping import AllButEnds, undevelop
 from relume.virtual_camera.lens.vignetting import MeasuredVignetting
 from relume.virtual_camera.plate_matching.grain_measuring import photograph_grain
@@ -106,7 +105,9 @@ def match_camera(
     if grain is None:
         facts.append("grain: the plate shows too few flat patches; none is added")
     else:
-        grain = _of_eight_bits(grain, photograph)
+        # Of values 0 to 255, from one of the photograph's own.
+        factor = 255 / float(np.iinfo(photograph.pixels.dtype).max)
+        grain = replace(grain, values=grain.values * factor, deviation=grain.deviation * factor)
         middle = float(grain.deviation_at(np.full(3, 255 * MIDDLE)).mean())
         facts.append(f"grain: standard deviation {middle:.2f} of 255 at middle grey, from the plate's flat patches")
     return MatchedCamera(replace(film, grain=grain), tuple(optics), tuple(facts))
@@ -214,12 +215,6 @@ def _median(picture: RadianceMap) -> float:
     light = luminance(picture.radiance[::step, ::step])
     lit = light[np.isfinite(light) & (light > 0)]
     return float(np.median(lit)) if lit.size else 0.0
-
-
-def _of_eight_bits(grain: Grain, photograph: Photograph) -> Grain:
-    """The grain of values 0 to 255, of one of the photograph's own."""
-    factor = 255 / float(np.iinfo(photograph.pixels.dtype).max)
-    return replace(grain, values=grain.values * factor, deviation=grain.deviation * factor)
 
 
 def profiled_response(profile: CameraProfile) -> Response:

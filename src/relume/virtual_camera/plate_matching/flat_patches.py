@@ -73,7 +73,9 @@ def flat_patches(
         patches = patches - _views(clean)[kept]
     residual = _without_planes(patches)
     variance = (residual**2).mean((1, 2))
-    unevenness = _block_means(residual).var((1, 2))
+    blocks = SIDE // MEAN
+    block_means = residual.reshape(len(residual), blocks, MEAN, blocks, MEAN, 3).mean((2, 4))
+    unevenness = block_means.var((1, 2))
     bins = _bins(means)
 
     # The flattest few give a first idea of the noise; then all patches count that are as flat as noise lets them be.
@@ -93,7 +95,7 @@ def flat_patches(
     level = level / shrinkage[:, None]
     # 1 over the variances, as the residuals were divided by what they were before the planes' share was added back.
     rounding_share = (1 / of_patch[noisy]).mean(0)
-    values = np.stack([_bin_means(means[:, c], bins[:, c]) for c in range(3)])
+    values = np.array([[means[bins[:, c] == b, c].mean() for b in range(bins.max() + 1)] for c in range(3)])
     return FlatPatches(values, level, covariance, rounding_share, int(noisy.sum()))
 
 
@@ -126,11 +128,6 @@ def _without_planes(patches: np.ndarray) -> np.ndarray:
     flat, plane = patches.reshape(len(patches), -1, 3), _plane()
     share = np.einsum("pk,npc->nkc", plane, flat, optimize=True)
     return (flat - np.einsum("pk,nkc->npc", plane, share, optimize=True)).reshape(patches.shape)
-
-
-def _block_means(residual: np.ndarray) -> np.ndarray:
-    n, blocks = len(residual), SIDE // MEAN
-    return residual.reshape(n, blocks, MEAN, blocks, MEAN, 3).mean((2, 4))
 
 
 def _bins(means: np.ndarray) -> np.ndarray:
@@ -166,10 +163,6 @@ def _medians(variance: np.ndarray, chosen: np.ndarray, bins: np.ndarray) -> np.n
     return np.array(
         [min(v, SMOOTH * np.median(filled[n])) if len(n) else v for v, n in zip(filled, beside, strict=True)]
     )
-
-
-def _bin_means(means: np.ndarray, bins: np.ndarray) -> np.ndarray:
-    return np.array([means[bins == b].mean() for b in range(bins.max() + 1)])
 
 
 def _offsets() -> list[tuple[int, int]]:

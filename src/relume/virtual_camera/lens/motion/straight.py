@@ -56,15 +56,8 @@ class StraightMotion(Relative):
             level = self.dy == 0
             ends = _ends(columns if level else rows, weights, half)
             totals = _totals(ends, half, 1 / length, width if level else height)
-            if level:
-                in_threads(
-                    lambda b, e: level_sums(flat, half, 1 / length, *ends, totals, out, b, e), height, chunk=_BAND
-                )
-            else:
-                strip = 3 * 4 * _BAND
-                in_threads(
-                    lambda b, e: upright_sums(flat, half, 1 / length, *ends, totals, out, b, e), 3 * width, chunk=strip
-                )
+            sums, count, chunk = (level_sums, height, _BAND) if level else (upright_sums, 3 * width, 3 * 4 * _BAND)
+            in_threads(lambda b, e: sums(flat, half, 1 / length, *ends, totals, out, b, e), count, chunk=chunk)
             return result
         in_threads(lambda b, e: gathered(flat, rows, columns, weights, out, b, e), height, chunk=_BAND)
         return result

@@ -61,7 +61,7 @@ class Pattanaik(Absolute):
         """Linear display values (H, W, 3) float32: light is never negative, and what is darker than the
         screen's black is below 0 by that at most."""
         adapted = self.screen_adaptation or MEAN_OF_A_SCREEN * self.screen.white
-        eye = Eye(signals_of_rgb() * view.luminance_scale, ACHROMATIC, light_of_signals(adapted))
+        eye = Eye(signals_of_rgb() * view.luminance_scale, light_of_signals(adapted))
         radiance = np.ascontiguousarray(without_overflow(radiance, view.luminance_scale), np.float32)
         blurs = levels(radiance, view.degrees_per_pixel)
         picture = eye.small_bands(blurs)
@@ -104,12 +104,10 @@ class Eye:
     """From a scene's radiance to a screen's luminances, for whatever the gains are.
 
     seen : (4, 3) from radiance, linear Rec. 709, to signals of long, middle and short cones and of rods
-    achromatic : (3,) from cones to their achromatic signal
     shown : (3, 3) from the cones' adapted signals to luminances of the screen, linear Rec. 709
     """
 
     seen: np.ndarray
-    achromatic: np.ndarray
     shown: np.ndarray
 
     def base(self, scene: np.ndarray) -> np.ndarray:
@@ -162,5 +160,5 @@ class Eye:
     ) -> np.ndarray:
         bends = np.array([(t.threshold, t.meeting, t.exponent) for t in (CONES[band], RODS[band])])
         rods_see, finer = not RODS[band].is_blind, np.empty_like(fine)
-        add_band(fine, coarse, picture, ratio, first, self.seen, self.achromatic, self.shown, bends, rods_see, finer)
+        add_band(fine, coarse, picture, ratio, first, self.seen, ACHROMATIC, self.shown, bends, rods_see, finer)
         return finer
