@@ -13,11 +13,11 @@ from relume.errors import InvalidShot
 from relume.image.radiance import RadianceMap
 from relume.lightstage.novel_view.source_views import NewView
 from relume.project.insertion.light_stage_objects import laid_over, with_stages
-from relume.project.shot_file.shot import read_shot
 from relume.renderers.results import Change
 from relume.scene.scene import Scene
 from relume.sphere.environment_map import EnvironmentMap
 from small_stages import ALBEDO, camera, normals, write_stage
+from toml_files import shot_of
 
 SHOT = """
 [plate]
@@ -83,8 +83,7 @@ def folder(tmp_path_factory) -> Path:
 
 @pytest.mark.parametrize("placed", ["", "rotate = [0, 25, 0]\ntranslate = [0.05, 0, 0]\nscale = 1.02"])
 def test_a_real_ball_in_even_light_shows_its_albedo_however_it_is_placed(placed, folder):
-    (folder / "shot.toml").write_text(SHOT.format(object=f'stage = "stage"\n{placed}'))
-    shot = read_shot(folder / "shot.toml")
+    shot = shot_of(folder, SHOT.format(object=f'stage = "stage"\n{placed}'))
     light = EnvironmentMap(np.full((32, 64, 3), 2.0, np.float32))
     ball = normals().any(axis=-1)
     found = with_stages(shot, Scene(light), camera(), change_of(away()))
@@ -94,12 +93,12 @@ def test_a_real_ball_in_even_light_shows_its_albedo_however_it_is_placed(placed,
 
 
 def test_the_light_of_the_place_comes_from_where_it_is(folder):
-    (folder / "shot.toml").write_text(SHOT.format(object='stage = "stage"\nrotate = [0, 25, 0]'))
+    shot = shot_of(folder, SHOT.format(object='stage = "stage"\nrotate = [0, 25, 0]'))
     radiance = np.full((32, 64, 3), 0.01, np.float32)
     radiance[10:22, 44:52] = 20  # to the right of the camera, +X
     ball = np.linalg.norm(normals(), axis=-1) > 0
     change = change_of(away())
-    found = with_stages(read_shot(folder / "shot.toml"), Scene(EnvironmentMap(radiance)), camera(), change).objects
+    found = with_stages(shot, Scene(EnvironmentMap(radiance)), camera(), change).objects
     half = ball.shape[1] // 2
     assert found[:, half:][ball[:, half:]].mean() > 2 * found[:, :half][ball[:, :half]].mean()
 
@@ -112,6 +111,5 @@ def test_the_light_of_the_place_comes_from_where_it_is(folder):
     ],
 )
 def test_a_table_that_contradicts_itself_is_refused(object, said, folder):
-    (folder / "bad.toml").write_text(SHOT.format(object=object))
     with pytest.raises(InvalidShot, match=said):
-        read_shot(folder / "bad.toml")
+        shot_of(folder, SHOT.format(object=object))

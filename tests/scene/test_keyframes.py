@@ -6,9 +6,9 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 from scipy.spatial.transform import Slerp as ScipySlerp
 
-from relume.scene.cameras.shutter import Shutter
 from relume.scene.motion.keyframes import (
     Linear,
+    Shutter,
     Slerp,
     Smooth,
     Step,

@@ -12,7 +12,7 @@ import numpy as np
 from relume.renderers.progressive.accumulation import NO_SESSION, RenderSession
 from relume.renderers.results import Change, Progress, Render
 from relume.scene.cameras.camera import Camera
-from relume.scene.cameras.shutter import Shutter
+from relume.scene.motion.keyframes import Shutter
 from relume.scene.scene import Scene
 
 Moments = Callable[[float], tuple[Scene, Camera]]

@@ -24,7 +24,7 @@ from relume.renderers.progressive.fingerprint import without_threads
 from relume.renderers.progressive.graceful_shutdown import HardStop
 from relume.renderers.renderer import Moments, Renderer
 from relume.renderers.results import Change
-from relume.scene.cameras.shutter import Shutter
+from relume.scene.motion.keyframes import Shutter
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Mesh
 from relume.virtual_camera.developing import develop

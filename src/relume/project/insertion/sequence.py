@@ -25,7 +25,7 @@ from relume.project.shot_file.shot import Shot
 from relume.project.stages import Progress
 from relume.renderers.progressive.fingerprint import fingerprint, program
 from relume.renderers.renderer import Renderer
-from relume.scene.cameras.shutter import Shutter
+from relume.scene.motion.keyframes import Shutter
 
 MakeFrame = Callable[[Shot, Path, tuple[Path, ...]], Sequence[str]]
 """Inserts one frame's shot into its folder and returns notes. The last are folders of stages of earlier frames, which

@@ -23,7 +23,7 @@ from relume.renderers.progressive.fingerprint import fingerprint, render_key
 from relume.renderers.renderer import Moments, subtracted
 from relume.renderers.results import Change, Progress, Render
 from relume.scene.cameras.camera import Camera
-from relume.scene.cameras.shutter import Shutter
+from relume.scene.motion.keyframes import Shutter
 from relume.scene.scene import Scene
 
 FEW_RAYS = 500_000

@@ -1,4 +1,7 @@
-"""Values that change with time: keys, and what lies between them. Before the first and after the last the ends hold."""
+"""Values that change with time: keys, and what lies between them; and when the shutter is open.
+
+Before the first key and after the last the ends hold.
+"""
 
 from __future__ import annotations
 
@@ -167,3 +170,42 @@ def _hermite(times: np.ndarray, ends: np.ndarray, slopes: Sequence[np.ndarray], 
         + (3 * t**2 - 2 * t**3) * second
         + (t**3 - t**2) * span * arriving
     )
+
+
+@dataclass(frozen=True)
+class Shutter:
+    """When the shutter opens and closes, as shares of a frame's time after the frame's moment.
+
+    open, close : −0.25 and 0.25, half of the frame's time about its moment as a film camera's half-turn shutter, unless
+        given; alike for no blur
+    """
+
+    open: float = -0.25
+    close: float = 0.25
+
+    def __post_init__(self) -> None:
+        if not -1 <= self.open <= self.close <= 1:
+            raise ValueError(f"a shutter from {self.open} to {self.close}; expected shares from −1 to 1, in order")
+
+    def times(self, passes: int, seed: int = 0) -> np.ndarray:
+        """(passes,) shares of a frame's time, one a pass: one in each of as many equal parts, in a mixed order.
+
+        Mixed, so that the first few passes, which a preview shows and a stop at a noise leaves it at, cover the whole
+        time too. The same for every frame of a seed.
+        """
+        if passes < 1:
+            raise ValueError(f"{passes} passes; expected 1 or more")
+        rng = np.random.default_rng(np.random.SeedSequence([seed, 0x5107]))
+        shift = rng.random(passes)
+        # The radical inverse orders any first part of the passes evenly, whatever their number.
+        order = np.argsort(np.argsort([_inverse(index) for index in range(passes)], kind="stable"))
+        return self.open + (self.close - self.open) * (order + shift) / passes
+
+
+def _inverse(index: int) -> float:
+    """The bits of `index` mirrored about the point (van der Corput)."""
+    result, part = 0.0, 0.5
+    while index:
+        result += part * (index & 1)
+        index, part = index >> 1, part / 2
+    return result
