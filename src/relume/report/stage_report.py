@@ -48,6 +48,9 @@ def write_stage_report(
     small = reduced(field, side)
     # In bands, for some copies of each are made.
     basis = compress_low_rank(small, rank=min(RANK, len(field.lights)), memory=MEMORY // 8)
+    size_note = f"Each of its pixels is the mean of {side}×{side} of the stage's."
+    if side == 1:
+        size_note = f"It is shown in all of its {field.shape[1]}×{field.shape[0]} pixels."
     shown = dict(lights or {}) or {"from the upper left": _window()}
     parts = [
         *(note(line) for line in doubts),
@@ -56,8 +59,7 @@ def write_stage_report(
         paragraph(
             "Drag the subject or the map: the light turns about the vertical, and tips. What is shown is the sum of "
             f"{len(basis.basis)} pictures; it differs from that of all {len(field.lights)} by "
-            f"{basis.error.random:.1%} "
-            f"under light from everywhere; mirrored lamps are left out. {_size_note(field.shape, side)}"
+            f"{basis.error.random:.1%} under light from everywhere; mirrored lamps are left out. {size_note}"
         ),
         turning_part(interactive_basis(basis), shown),
         heading("Lights"),
@@ -173,12 +175,6 @@ def reduced(field: ReflectanceField, side: int) -> Pictures:
     for light in range(len(field.lights)):
         values[light] = plots.block_means(field.block(slice(light, light + 1), slice(0, field.shape[0]))[0], side)
     return Pictures(values, field.lights)
-
-
-def _size_note(shape: tuple[int, int], side: int) -> str:
-    if side == 1:
-        return f"It is shown in all of its {shape[1]}×{shape[0]} pixels."
-    return f"Each of its pixels is the mean of {side}×{side} of the stage's."
 
 
 def _facts(field: ReflectanceField) -> Sequence[tuple[str, str]]:

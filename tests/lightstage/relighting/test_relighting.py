@@ -1,6 +1,7 @@
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import dataclasses
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ class Lazy(Derived):
     """The same field, known only by its blocks; it counts how many of its values were asked for."""
 
     field: Pictures
-    asked: list[int] = field(default_factory=list)
+    asked: list[int] = dataclasses.field(default_factory=list)
 
     def block(self, lights, rows):
         found = self.field.block(lights, rows)

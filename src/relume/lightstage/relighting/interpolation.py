@@ -52,9 +52,8 @@ class NearestLight:
 
     def gathered(self, lights: StageLights, directions: np.ndarray, irradiances: np.ndarray) -> np.ndarray:
         """As of every `Interpolation`."""
-        power = checked_irradiances(irradiances, checked_directions(directions))
-        nearest = self._nearest(lights, directions)
-        return _totals(nearest, power, len(lights))
+        power = checked_irradiances(irradiances, directions)
+        return _totals(self._nearest(lights, directions), power, len(lights))
 
     def _nearest(self, lights: StageLights, directions: np.ndarray) -> np.ndarray:
         return np.asarray(KDTree(lights.directions).query(np.asarray(directions, np.float64))[1])
@@ -79,7 +78,7 @@ class Barycentric:
 
     def gathered(self, lights: StageLights, directions: np.ndarray, irradiances: np.ndarray) -> np.ndarray:
         """As of every `Interpolation`."""
-        power = checked_irradiances(irradiances, checked_directions(directions))
+        power = checked_irradiances(irradiances, directions)
         total = np.zeros((len(lights), power.shape[1]))
         for part, index, share in self._shares(lights, directions):
             for corner in range(index.shape[1]):
@@ -181,7 +180,7 @@ def reached(lights: StageLights, directions: np.ndarray) -> np.ndarray:
 
 def unreached_share(lights: StageLights, directions: np.ndarray, irradiances: np.ndarray) -> float:
     """The share, 0 … 1, of light (M, 3) from M directions that comes from where no light of the stage is near."""
-    power = checked_irradiances(irradiances, checked_directions(directions)).sum(axis=1)
+    power = checked_irradiances(irradiances, directions).sum(axis=1)
     total = power.sum()
     return float(power @ (1 - reached(lights, directions)) / total) if total > 0 else 0.0
 
@@ -212,13 +211,13 @@ class Smooth:
         constrained = np.concatenate([near, np.ones((len(near), 1))], axis=1)
         known = reached(lights, directions)[:, None]
         shares = np.linalg.solve(self._system(lights), constrained.T)[:-1].T * known
-        return (
-            shares if known.min(initial=1) == 1 else shares + NearestLight().weights(lights, directions) * (1 - known)
-        )
+        if known.min(initial=1) == 1:
+            return shares
+        return shares + NearestLight().weights(lights, directions) * (1 - known)
 
     def gathered(self, lights: StageLights, directions: np.ndarray, irradiances: np.ndarray) -> np.ndarray:
         """As of every `Interpolation`; sums covariances first and solves once, so that M may be millions."""
-        power = checked_irradiances(irradiances, checked_directions(directions))
+        power = checked_irradiances(irradiances, directions)
         right = np.zeros((len(lights) + 1, power.shape[1]))
         beyond = np.zeros((len(lights), power.shape[1]))
         tree = KDTree(lights.directions)
@@ -260,7 +259,8 @@ def checked_directions(directions: np.ndarray) -> np.ndarray:
 
 
 def checked_irradiances(irradiances: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """The irradiances (M, C), float64; raises ValueError unless there is one row for each direction, finite."""
+    """The irradiances (M, C), float64; raises ValueError unless there is one row for each unit direction, finite."""
+    checked_directions(directions)
     array = np.asarray(irradiances, np.float64)
     if array.ndim != 2 or len(array) != len(directions) or not np.all(np.isfinite(array)):
         raise ValueError(f"irradiances are {array.shape}; expected {len(directions)} rows of finite numbers")
