@@ -124,6 +124,15 @@ def test_holes_at_the_pole_and_the_edge_are_filled_from_all_sides(towards):
     np.testing.assert_allclose(continued(start, ~hole), 1.0, atol=1e-9)
 
 
+def test_holes_beside_a_pole_are_filled_alike_wherever_the_map_begins():
+    light, known = np.random.default_rng(0).random((16, 32, 3)), np.ones((16, 32), bool)
+    known[0, 5:9] = known[-1, 20] = False
+    filled = continued(light, known)
+    for turn in range(1, 32):
+        turned = continued(np.roll(light, turn, 1), np.roll(known, turn, 1))
+        np.testing.assert_allclose(turned, np.roll(filled, turn, 1), rtol=1e-9)
+
+
 def test_saturated_light_is_marked_as_a_lower_bound(views):
     cut = []
     for one in views:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from relume.sphere.mappings.mapping import LatLong, pixel_points
+from relume.sphere.mappings.mapping import LatLong, continued_round, pixel_points
 
 AT_ONCE = 4_000_000
 """Pairs of pixels that are held at a time."""
@@ -42,11 +42,9 @@ def continued(radiance: np.ndarray, known: np.ndarray) -> np.ndarray:
     """
     if known.all() or not known.any():
         return radiance
-    tiled = np.concatenate([known[:, -1:], known, known[:, :1]], axis=1)
     # The rows beside the poles touch each other across them.
-    half = known.shape[1] // 2
-    tall = np.concatenate([np.roll(tiled[:1], half, 1), tiled, np.roll(tiled[-1:], half, 1)])
-    rim = (binary_dilation(~tall, np.ones((3, 3), bool)) & tall)[1:-1, 1:-1] & known
+    around = continued_round(known)
+    rim = (binary_dilation(~around, np.ones((3, 3), bool)) & around)[1:-1, 1:-1]
     directions = LatLong().directions(pixel_points(LatLong(), len(radiance)))
     # A pixel near a pole is narrow, so it stands for less of the rim.
     length = np.sqrt(LatLong().solid_angles(len(radiance)))[rim]
