@@ -1,7 +1,5 @@
 """glTF's materials arrive with every number and picture that the extensions name, where they lie on the mesh."""
 
-import io
-
 import numpy as np
 import pytest
 from PIL import Image
@@ -208,35 +206,27 @@ def test_what_lies_on_another_set_of_coordinates_than_the_first_is_said(read):
         assert material_of(read(description, [CORNERS])).normal is None
 
 
-def test_a_missing_picture_is_told_with_its_material(read, tmp_path):
+@pytest.mark.parametrize(
+    ("uri", "message"),
+    [
+        ("gone.png", r"normalTexture of its material 'paint' cannot be read.*gone\.png"),
+        ("../secret.png", "lies outside of the file's folder"),
+    ],
+)
+def test_a_picture_that_is_missing_or_outside_of_the_files_folder_is_refused(tmp_path, uri, message):
+    Image.fromarray(CORNERS).save(tmp_path / "secret.png")
+    path = tmp_path / "within" / "thing.glb"
+    path.parent.mkdir()
     description = {"name": "paint", "normalTexture": {"index": 0}}
-    top = {"images": [{"uri": "gone.png"}], "textures": [{"source": 0}]}
-    path = tmp_path / "thing.glb"
+    top = {"images": [{"uri": uri}], "textures": [{"source": 0}]}
     path.write_bytes(gltf_files.square_glb(material=description, top=top))
-    with pytest.raises(UnreadableFile, match=r"normalTexture of its material 'paint' cannot be read.*gone\.png"):
+    with pytest.raises(UnreadableFile, match=message):
         read_meshes(path)
 
 
-def test_a_picture_outside_of_the_files_folder_is_refused(tmp_path):
-    Image.fromarray(CORNERS).save(tmp_path / "secret.png")
-    folder = tmp_path / "within"
-    folder.mkdir()
-    top = {"images": [{"uri": "../secret.png"}], "textures": [{"source": 0}]}
-    description = {"name": "paint", "normalTexture": {"index": 0}}
-    (folder / "thing.glb").write_bytes(gltf_files.square_glb(material=description, top=top))
-    with pytest.raises(UnreadableFile, match="lies outside of the file's folder"):
-        read_meshes(folder / "thing.glb")
-
-
-def test_sixteen_bits_of_grey_are_not_clipped_to_eight(read, tmp_path):
-    png = io.BytesIO()
-    Image.fromarray(np.full((2, 2), 32768, np.uint16)).save(png, "PNG")
-    top = {"images": [{"uri": "deep.png"}], "textures": [{"source": 0}]}
-    (tmp_path / "deep.png").write_bytes(png.getvalue())
+def test_sixteen_bits_of_grey_are_not_clipped_to_eight(read):
     description = {"pbrMetallicRoughness": {"metallicRoughnessTexture": {"index": 0}}}
-    path = tmp_path / "thing.glb"
-    path.write_bytes(gltf_files.square_glb(material=description, top=top))
-    roughness = np.asarray(material_of(read_meshes(path)).roughness)
+    roughness = np.asarray(material_of(read(description, [np.full((2, 2), 32768, np.uint16)])).roughness)
     assert roughness[0, 0] == pytest.approx(32768 / 65535, abs=1e-6)
 
 
