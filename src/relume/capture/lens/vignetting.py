@@ -276,7 +276,7 @@ class _Flat:
         centre, coefficients = unknown[:2], unknown[2 : 2 + self.terms]
         parts = []
         for field, own in zip(self.fields, unknown[2 + self.terms :].reshape(-1, 3), strict=True):
-            square = _squared_radius(*field.places.T, self.size, centre)
+            square = _squared_radius(field.places[:, 0], field.places[:, 1], self.size, centre)
             even = _polynomial(coefficients, square) * (1 + (field.places - 0.5) @ own[:2])
             parts.append(field.logarithm - np.log(np.maximum(even, 1e-3)) - own[2])
         # The prior on the centre weighs as one observation of that deviation would.

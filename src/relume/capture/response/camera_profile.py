@@ -117,8 +117,8 @@ def read_profile(path: str | Path) -> CameraProfile:
             raise ValueError(f"it is a {table['relume']} of version {table.get('version')}; update relume")
         sensor = Sensor.from_dict(table["sensor"]) if "sensor" in table else None
         response = Response.from_json(text) if sensor is None or "log_exposure" in table else None
-        own = {name: table[name] for name in _OWN if name in table}
-        own = {name: tuple(value) if isinstance(value, list) else value for name, value in own.items()}
+        own: dict[str, Any] = {name: table[name] for name in _OWN if name in table}
+        own |= {name: tuple(value) for name, value in own.items() if isinstance(value, list)}
         return CameraProfile(str(table["camera"]), response, sensor, **own)
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path.name}: not a camera profile of relume: {' '.join(str(error).split())}") from None
