@@ -6,6 +6,7 @@ python examples/develop/sheet.py CHURCH.hdr PROBE.hdr ROOM docs/images      ROOM
 from __future__ import annotations
 
 import sys
+import tomllib
 import warnings
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from relume.image.colour import luminance
 from relume.image.radiance import RadianceMap
 from relume.image.resizing import resized
 from relume.project.developing.depth_and_motion import read_depth
-from relume.project.presets.preset import preset_of, preset_table
+from relume.project.presets.preset import CameraPreset, preset_of
 from relume.virtual_camera.developing import develop
 from relume.virtual_camera.tone.display.lettering import Words, lettered
 from relume.virtual_camera.view import log_mean
@@ -41,9 +42,9 @@ LOOKS: dict[str, dict[str, Any]] = {
     "Pattanaik et al. 1998, multiscale": {"tone": {"kind": "pattanaik"}},
     "ACES, through OpenColorIO": {"tone": {"kind": "ocio"}},
     "black point 10 %, white point 4 (HDRExpose)": {"tone": {"kind": "black-white", "black": 0.1, "white": 4.0}},
-    "black-and-white negative on paper, with grain": preset_table("black-and-white")[0],
-    "colour negative on paper, with grain and halation": preset_table("colour-negative")[0],
-    "slide": preset_table("slide")[0],
+    "black-and-white negative on paper, with grain": tomllib.loads(CameraPreset.text("black-and-white")),
+    "colour negative on paper, with grain and halation": tomllib.loads(CameraPreset.text("colour-negative")),
+    "slide": tomllib.loads(CameraPreset.text("slide")),
     "glare of an eye by day (Spencer et al. 1995)": {"glare": {"kind": "eye", "adaptation": 100.0}, "tone": GREY},
     "glare of an eye at night": {"glare": {"kind": "eye", "adaptation": 0.01}, "tone": GREY},
     "a lens of seven blades at f/16, veiling glare 1 %": {
