@@ -22,7 +22,7 @@ def test_the_chain_in_the_readme_puts_an_object_into_the_photograph(
     monkeypatch.chdir(REPOSITORY)
     exec(compile(program, "README.md", "exec"), {})
     picture = rl.read_photograph(tmp_path / "suzanne.png").pixels.astype(int)
-    plate = rl.read_photograph(REPOSITORY / "examples/room/plate/IMG_0002.jpg").pixels.astype(int)
+    plate = rl.read_photograph(REPOSITORY / "examples/room/plate/IMG_0003.jpg").pixels.astype(int)
     changed = np.abs(picture - plate).max(-1) > 12
     assert 0.01 < changed.mean() < 0.15
     # The object is green.
