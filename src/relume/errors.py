@@ -1,4 +1,4 @@
-"""The errors a caller would catch; each message says what, where and what to do.
+"""The errors a caller would catch, each message with what, where and what to do; and `warn`, for what is only doubtful.
 
     RelumeError
     ├── UnreadableFile      a photograph, map or mesh is missing, damaged or of a kind relume does not read
@@ -21,6 +21,15 @@
 
 A wrong call (an array of the wrong shape, a negative size) raises ``ValueError``: got, expected, remedy.
 """
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from pathlib import Path
+
+_PACKAGE = f"{Path(__file__).parent}{os.sep}"
 
 
 class RelumeError(Exception):
@@ -135,3 +144,11 @@ class DoubtfulResult(RelumeError):
 
 class OutputNotWritten(RelumeError):
     """A file or folder could not be written."""
+
+
+def warn(message: str) -> None:
+    """Warn at the first line outside relume, however deep in it the warning arises."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, stacklevel=level)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from relume.capture.lens.vignetting import robust_deviation
 from relume.capture.merging import InverseVariance, Weighting, clipping_bounds, log_deviation
-from relume.errors import NotABracket
+from relume.errors import NotABracket, warn
 from relume.image.photograph import Photograph
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 from relume.image.response import Response
@@ -118,10 +117,9 @@ def _aligned(first: _Scan, other: _Scan) -> _Scan:
         noise = np.sqrt((first.relative_variance + other.relative_variance)[..., channel][both])
         middle, scatter = float(np.median(apart)), robust_deviation(apart)
         if scatter > max(APART, 3 * float(np.median(noise))):
-            warnings.warn(
+            warn(
                 f"{first.name} and {other.name} disagree by {scatter:.2f} of ln exposure in {name}; register the scans "
-                "and check that each has the response of its own setting",
-                stacklevel=3,
+                "and check that each has the response of its own setting"
             )
         # The mean of what lies within three deviations: the median of rounded values would come in steps.
         width = 3 * np.maximum(noise, scatter)

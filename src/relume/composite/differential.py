@@ -5,13 +5,13 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from relume.composite.mattes import solid_foreground
+from relume.errors import warn
 from relume.renderers.results import Change
 
 ROUNDING = 1e-6
@@ -102,10 +102,9 @@ def composed(
     picture, below = _joined(plate, change.objects, difference, change.matte, occluder)
     if below:
         remedy = "check the reflectance" + (", or composite by ratio" if isinstance(mode, Additive) else "")
-        warnings.warn(
+        warn(
             f"{below} pixel{'s' if below > 1 else ''} ({100 * below / change.matte.size:.2g} %) came out below 0 and "
-            f"were held there: the shadows are rendered darker than the plate is bright; {remedy}",
-            stacklevel=2,
+            f"were held there: the shadows are rendered darker than the plate is bright; {remedy}"
         )
     return picture
 

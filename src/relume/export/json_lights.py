@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from relume.errors import UnreadableFile
+from relume.errors import UnreadableFile, warn
 from relume.export.lamps import FRAME, LampFile, figure, rounded
 from relume.light.constellations.constellation import Constellation
 
@@ -62,9 +61,7 @@ def read_lights(path: str | Path) -> Constellation:
     if document.get("points"):
         raise UnreadableFile(f"{path}: has lights with a place, which are not read; write it without them")
     if document.get("background"):
-        warnings.warn(
-            f"{path}: the light that its lights do not carry is in {document['background']}; give it too", stacklevel=2
-        )
+        warn(f"{path}: the light that its lights do not carry is in {document['background']}; give it too")
     try:
         directions = np.array([light["direction"] for light in document["lights"]], np.float64).reshape(-1, 3)
         irradiance = np.array([light["irradiance"] for light in document["lights"]], np.float64).reshape(-1, 3)

@@ -5,14 +5,13 @@ from __future__ import annotations
 import os
 import secrets
 import shutil
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from relume.errors import OutputNotWritten
+from relume.errors import OutputNotWritten, warn
 from relume.export.blender import shot as blender
 from relume.export.mitsuba import shot as mitsuba_xml
 from relume.export.usd import shot as usd
@@ -78,7 +77,7 @@ def export_shot(shot: PreparedShot, folder: str | os.PathLike[str], program: Pro
         written = sorted(path.name for path in temporary.iterdir())
         files.write_text(temporary / "README.txt", _readme(form, written, notes))
     for note in notes:
-        warnings.warn(f"{form.name}: {note}", stacklevel=2)
+        warn(f"{form.name}: {note}")
     return ExportedShot(Path(folder) / form.main, notes)
 
 

@@ -8,12 +8,12 @@ pixel is known.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from relume.errors import warn
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 
 Operand = RadianceMap | float | tuple[float, float, float]
@@ -71,7 +71,7 @@ def divided(first: RadianceMap, second: Operand) -> RadianceMap:
     result = _combined(first, second, quotient, variance, _unit_of_quotient, opposing=True, factors=True)
     lost = none.any(-1)
     if constant is None and lost.any():
-        warnings.warn(f"the divisor is 0 in {int(lost.sum())} pixels; they are 0 and marked as not seen", stacklevel=2)
+        warn(f"the divisor is 0 in {int(lost.sum())} pixels; they are 0 and marked as not seen")
         marks = np.zeros(lost.shape, np.uint8) if result.clipped is None else result.clipped.copy()
         marks[lost] = OUTSIDE
         result = replace(result, clipped=marks)
@@ -104,10 +104,9 @@ def without_negative(picture: RadianceMap) -> RadianceMap:
     if not below.any():
         return picture
     depth = -float(picture.radiance.min())
-    warnings.warn(
+    warn(
         f"{int(below.any(-1).sum())} of {below[..., 0].size} pixels came out negative, down to −{depth:.4g}, and are "
-        "set to 0",
-        stacklevel=2,
+        "set to 0"
     )
     return replace(picture, radiance=np.maximum(picture.radiance, np.float32(0)))
 
@@ -142,7 +141,7 @@ def _combined(
         raise ValueError(f"{beyond} values are beyond float32, 3.4e38; scale the maps down first")
     known = first.variance is not None and spread is not None
     if not known and (first.variance is not None or (isinstance(second, RadianceMap) and spread is not None)):
-        warnings.warn("only one of the maps has a variance, so the result has none", stacklevel=4)
+        warn("only one of the maps has a variance, so the result has none")
     noise = None
     if first.variance is not None and spread is not None:
         with np.errstate(over="ignore", invalid="ignore"):

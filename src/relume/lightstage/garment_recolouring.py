@@ -8,7 +8,6 @@ as long as light that it throws twice is left out. Colours are linear Rec. 709.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.ndimage import gaussian_filter
 from scipy.ndimage import shift as shifted
 
+from relume.errors import warn
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.lightstage.field.field import Derived, Noise, ReflectanceField
 from relume.lightstage.relighting.relighting import weighted_sum
@@ -57,10 +57,9 @@ class ClothAlbedos:
         white, black = np.broadcast_to(self.white, 3), np.broadcast_to(self.black, 3)
         tint = (np.broadcast_to(wanted, 3) - black) / (white - black)
         if np.any(tint > 1 + 1e-9) or np.any(tint < -1e-9):
-            warnings.warn(
+            warn(
                 f"a cloth of albedo {wanted.tolist()} lies outside the two that were worn, {self.black} to "
-                f"{self.white}; its light is extrapolated",
-                stacklevel=2,
+                f"{self.white}; its light is extrapolated"
             )
         return tint
 
@@ -212,8 +211,7 @@ def _detail(picture: np.ndarray) -> np.ndarray:
 
 def _warn_moved(pixels: float) -> None:
     if pixels > MOVED:
-        warnings.warn(
+        warn(
             f"the subject moved by about {pixels:.1f} pixels between the takes; what they differ in is then edges too: "
-            "align them, or take them again",
-            stacklevel=3,
+            "align them, or take them again"
         )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 
+from relume.errors import warn
 from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.lightstage.acquire.read_stage import read_stage, stage_geometry
@@ -202,10 +202,9 @@ def _relight_compressed(
     """Pictures under each of the irradiances (K, N, 3) from the compressed field; its error is warned of."""
     compress = compress_cosine if settings.compression == "cosine" else compress_low_rank
     small = compress(field, memory=settings.memory, progress=progress)
-    warnings.warn(
+    warn(
         f"the field is compressed to {small.byte_count / 1e6:.3g} MB: pictures differ from exact ones by "
-        f"{small.error.random:.1%} under light from everywhere, by up to {small.error.worst:.1%} under one light",
-        stacklevel=3,
+        f"{small.error.random:.1%} under light from everywhere, by up to {small.error.worst:.1%} under one light"
     )
     return (small.relight(each) for each in given)
 
@@ -230,7 +229,7 @@ def usable_mesh(
     except ValueError as error:
         if given.required:
             raise ValueError(f"{given.name}: {error}") from None
-        warnings.warn(f"{given.name} is not used: {error}", stacklevel=3)
+        warn(f"{given.name} is not used: {error}")
         return None
     return replace(given, checked=True)
 
@@ -252,10 +251,9 @@ def warn_unreached(lights: StageLights, several: Sequence[StageLighting]) -> Non
     share = max(unreached_share(lights, each.directions, each.irradiances) for each in directed)
     if share >= FAR:
         most = "up to " if len(several) > 1 else ""
-        warnings.warn(
+        warn(
             f"{most}{share:.0%} of the light comes from where the stage has no lights; the nearest lights give it "
-            "instead, and shading and shadows are wrong for it",
-            stacklevel=4,
+            "instead, and shading and shadows are wrong for it"
         )
 
 

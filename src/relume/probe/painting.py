@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from relume.errors import warn
 from relume.image.colour import decode_srgb, luminance
 from relume.image.photograph import Photograph
 from relume.sphere.environment_map import EnvironmentMap
@@ -103,7 +103,7 @@ def environment_from_painting(
             f"{mapping.shape(rows)[1]} wide; scale the painting, or give its mapping"
         )
     if not hot and float(luminance(radiance).max(initial=0)) < 1e-6 * float(scale.max()):
-        warnings.warn(f"{painting.name}: black all over, so it lights nothing; raise parts of it", stacklevel=2)
+        warn(f"{painting.name}: black all over, so it lights nothing; raise parts of it")
     for spot in hot:
         radiance = _raised(radiance, spot, scale, painting.name)
     return EnvironmentMap(radiance.astype(np.float32), mapping, unit)
@@ -152,10 +152,9 @@ def _raised(radiance: np.ndarray, spot: HotSpot, white: np.ndarray, name: str) -
     if spot.factor is not None:
         black = int(np.count_nonzero((mask >= 0.5) & ~radiance.any(axis=-1)))
         if black:
-            warnings.warn(
+            warn(
                 f"{spot.name}: {black} pixels of {name} are black there, and stay so times {spot.factor:.6g}; paint "
-                "them, or give the spot's radiance",
-                stacklevel=3,
+                "them, or give the spot's radiance"
             )
         return radiance * spot.factor**share
     goal = np.broadcast_to(np.asarray(spot.radiance, np.float64), 3)

@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from relume.errors import OutputNotWritten
+from relume.errors import OutputNotWritten, warn
 from relume.image.files import replacing
 from relume.renderers.progressive.fingerprint import fingerprint, program
 
@@ -97,7 +97,7 @@ class Steps:
         if was_kept:
             self.kept.append(name)
         for line in lines:
-            warnings.warn(line, stacklevel=2)
+            warn(line)
         return result
 
 

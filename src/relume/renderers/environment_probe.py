@@ -5,13 +5,13 @@ Miller & Hoffman (1984), §5.2: simulated environments.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from relume.errors import warn
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Progress
 from relume.scene.cameras.camera import Camera
@@ -141,10 +141,9 @@ def arrivals(scene: Scene, point: np.ndarray) -> list[Arrival]:
     behind = met.distance < np.array(distances) * (1 - 1e-9)
     clear = sum(bool(hidden) and _is_clear(shapes[index]) for hidden, index in zip(behind, met.shape, strict=True))
     if clear:
-        warnings.warn(
+        warn(
             f"{clear} of the scene's lamps shine through something transparent; they are left out of the map, which "
-            "has no way of bending their light",
-            stacklevel=3,
+            "has no way of bending their light"
         )
     return [arrival for arrival, hidden in zip(found, behind, strict=True) if not hidden]
 

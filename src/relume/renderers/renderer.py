@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
+from relume.errors import warn
 from relume.renderers.progressive.accumulation import NO_SESSION, RenderSession
 from relume.renderers.results import Change, Progress, Render
 from relume.scene.cameras.camera import Camera
@@ -52,10 +52,9 @@ class Renderer(Protocol):
         Raises UnsupportedScene naming what cannot be shaded.
         """
         if moments is not None:
-            warnings.warn(
+            warn(
                 f"{type(self).__name__} does not blur what moves: the frame shows the middle of its exposure; "
-                "rl.Differential blurs it",
-                stacklevel=2,
+                "rl.Differential blurs it"
             )
         return subtracted(self, scene, camera, seed=seed, progress=progress)
 

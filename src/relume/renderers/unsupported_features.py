@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
+from relume.errors import warn
 from relume.scene.materials.materials import Material
 
 
@@ -15,10 +14,9 @@ def warn_of_unsupported(material: Material, whose: str) -> None:
     whose : the renderer, to begin the sentence
     """
     if found := unsupported_features(material):
-        warnings.warn(
+        warn(
             f"{whose} not show {', '.join(found)} of {material.name or 'a material'!r}; "
-            "use rl.Mitsuba (--renderer mitsuba)",
-            stacklevel=3,
+            "use rl.Mitsuba (--renderer mitsuba)"
         )
 
 

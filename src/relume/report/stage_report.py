@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from relume.errors import warn
 from relume.image import files
 from relume.lightstage.field.field import Pictures, ReflectanceField
 from relume.lightstage.field.lights import StageLights
@@ -42,7 +42,7 @@ def write_stage_report(
     levels, even = levels_of(field)
     doubts = doubts_of(field, levels)
     for line in doubts:
-        warnings.warn(line, stacklevel=2)
+        warn(line)
     functions = mosaic(field, *mosaic_size(field.shape))
     side = square_side(field)
     small = reduced(field, side)

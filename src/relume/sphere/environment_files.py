@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from relume.errors import UnreadableFile
+from relume.errors import UnreadableFile, warn
 from relume.image import files
 from relume.image.files.read_options import ReadOptions
 from relume.image.radiance import RadianceMap
@@ -79,10 +78,7 @@ def require_light(path: Path | str, picture: RadianceMap, *, clamp: bool) -> Rad
             f"{path}: {' and '.join(faults)}, which is not light; paint over them, or export the map again"
             + ("; --clamp sets the negative ones to 0" if dark and not odd else "")
         )
-    warnings.warn(
-        f"{path}: {dark} pixels were negative, the lowest {picture.radiance.min():.3g}; they are set to 0 (--clamp)",
-        stacklevel=3,
-    )
+    warn(f"{path}: {dark} pixels were negative, the lowest {picture.radiance.min():.3g}; they are set to 0 (--clamp)")
     return replace(picture, radiance=np.maximum(picture.radiance, np.float32(0)))
 
 

@@ -7,12 +7,12 @@ so that what the photograph shows and what it does not are surfaces of their own
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from relume.errors import warn
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.scene.cameras.camera import Camera
 from relume.scene.shapes.shapes import AnyMaterial, Mesh, Patches, Plane, Polygon, Shape, Sphere
@@ -209,10 +209,9 @@ def _split(soup: np.ndarray, camera: Camera, sight: _Sight | None, name: str) ->
             return soup
         marks = _agreed(soup, marks, camera)
         if len(soup) + marks.sum() > MOST:
-            warnings.warn(
+            warn(
                 f"{name!r}: {MOST} triangles do not follow the photograph to {STRAIGHT} pixels on this surface; "
-                "give it a size, or a simpler mesh",
-                stacklevel=3,
+                "give it a size, or a simpler mesh"
             )
             return soup
         whole = ~marks.any(1)

@@ -7,12 +7,12 @@ another, so rendering and dividing are repeated until it stops changing (§7, st
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from relume.errors import warn
 from relume.image.radiance import RadianceMap
 from relume.renderers.mitsuba.denoise import smoothed
 from relume.renderers.mitsuba.path_tracer import Mitsuba
@@ -319,7 +319,7 @@ def _doubts(local: Sequence[Shape], wanted: Sequence[Recovery], raw: np.ndarray,
             if share < FEW:
                 notes.append(line)
             else:
-                warnings.warn(line, stacklevel=3)
+                warn(line)
     return notes
 
 

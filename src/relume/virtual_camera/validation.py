@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from relume.errors import warn
 from relume.image.radiance import RadianceMap
 
 _BAND = 2**18
@@ -38,10 +38,7 @@ def validate_radiance(
         lowest, highest = _range(radiance)
     if lowest < 0:
         negative = sum(_of_bands(radiance, lambda band: int(np.count_nonzero(band < 0))))
-        warnings.warn(
-            f"{name}: {negative} of {radiance.size} values are negative, as low as {lowest:.3g}; taken as 0",
-            stacklevel=2,
-        )
+        warn(f"{name}: {negative} of {radiance.size} values are negative, as low as {lowest:.3g}; taken as 0")
         radiance = np.maximum(radiance, 0)
     if lit and not highest > 0:
         raise ValueError(f"{name} is black everywhere: there is nothing to develop; check what it was made from")
@@ -96,9 +93,8 @@ def _repaired(radiance: np.ndarray, name: str) -> np.ndarray:
                 total += np.where(known, radiance[y, x], 0)
                 count += known
         radiance[unknown] = total / count
-    warnings.warn(
+    warn(
         f"{name}: {int(unknown.sum())} pixels that were no number were replaced by what is about them, and "
-        f"{int(endless.any(-1).sum())} infinite ones by the largest finite value, {largest:.3g}",
-        stacklevel=3,
+        f"{int(endless.any(-1).sum())} infinite ones by the largest finite value, {largest:.3g}"
     )
     return radiance

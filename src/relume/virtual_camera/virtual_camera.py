@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from relume.errors import warn
 from relume.image.colour import luminance
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
@@ -110,10 +110,9 @@ class VirtualCamera:
         scale = 1.0 if luminance_scale is None else luminance_scale
         if self.is_absolute and luminance_scale is None and picture.unit != "cd/m²":
             scale = SUPPOSED_LUMINANCE / log_mean(luminance(picture.radiance))
-            warnings.warn(
+            warn(
                 f"the picture's unit is relative: its log mean is taken to be {SUPPOSED_LUMINANCE:g} cd/m², a lit "
-                "room; give cd/m² per unit if you know it (--luminance)",
-                stacklevel=2,
+                "room; give cd/m² per unit if you know it (--luminance)"
             )
         focal_length = width / 2 / np.tan(field_of_view / 2)
         return View(float(focal_length), float(scale), depth, motion, seed)

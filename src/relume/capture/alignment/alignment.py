@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -12,6 +11,7 @@ import numpy as np
 
 from relume.capture.alignment.warping import Motion, move
 from relume.capture.exposure.bracket import Bracket
+from relume.errors import warn
 
 if TYPE_CHECKING:
     from relume.capture.alignment.estimate import Estimate
@@ -83,10 +83,9 @@ def align(bracket: Bracket, *, rotation: bool = True) -> Aligned:
     moved = any(motion != Motion() for motion in motions)
     for photograph, estimate in zip(photographs, found, strict=True):
         if moved and not _reliable(estimate):
-            warnings.warn(
+            warn(
                 f"{photograph.name}: too little in common with the other frames to align it; it is moved as its "
-                "neighbour is; leave it out if edges are doubled",
-                stacklevel=2,
+                "neighbour is; leave it out if edges are doubled"
             )
     frames = tuple(move(photograph, motion) for photograph, motion in zip(photographs, motions, strict=True))
     return Aligned(

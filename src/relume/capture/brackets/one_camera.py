@@ -5,7 +5,6 @@ Photographs: check, align, response, ghosts, merge, lens. Camera raws: exposures
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -23,7 +22,7 @@ from relume.capture.raw.merging import RawCalibration, RawSource, calibrate_raw,
 from relume.capture.raw.sensor import Sensor
 from relume.capture.response.calibration import Calibration, corrected, recover_response
 from relume.capture.response.ratios import Ratios
-from relume.errors import NotABracket
+from relume.errors import NotABracket, warn
 from relume.image.photograph import Photograph, RawPhotograph
 from relume.image.response import Response
 
@@ -123,10 +122,9 @@ def _warn_of_an_odd_frame(deghosted: Deghosted) -> None:
     shares, names = deghosted.shares, [p.name for p in deghosted.bracket.photographs]
     others = np.delete(shares, deghosted.reference)
     if len(others) >= 3 and shares[deghosted.reference] == 0 and others.min() > ODD:
-        warnings.warn(
+        warn(
             f"{names[deghosted.reference]}: in {100 * others.min():.2g} % of the picture it differs from all others, "
-            "and it is what they were measured against; if it does not belong to them, leave it out",
-            stacklevel=2,
+            "and it is what they were measured against; if it does not belong to them, leave it out"
         )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from relume.capture.exposure.exposures import Times, exposed
-from relume.errors import NotABracket
+from relume.errors import NotABracket, warn
 from relume.image import files
 from relume.image.photograph import Photograph, RawPhotograph
 
@@ -158,10 +157,9 @@ def _ignoring(photographs: list[Photograph], colour: tuple[int, int, int]) -> li
             )
     found = [np.all(p.pixels == np.array(colour), axis=2) for p in photographs]
     if photographs and not any(outside.any() for outside in found):
-        warnings.warn(
+        warn(
             f"{photographs[0].name} and the others have no pixel of the colour {','.join(map(str, colour))} to ignore; "
-            "give it as it is stored in the files",
-            stacklevel=3,
+            "give it as it is stored in the files"
         )
     return [without(p, outside) if outside.any() else p for p, outside in zip(photographs, found, strict=True)]
 
@@ -178,10 +176,7 @@ def _once_each(photographs: list[Photograph]) -> tuple[Photograph, ...]:
         if twin is None:
             kept.append(photograph)
         else:
-            warnings.warn(
-                f"{photograph.name}: pixel for pixel {twin.name}, so it is left out; take one of them away",
-                stacklevel=3,
-            )
+            warn(f"{photograph.name}: pixel for pixel {twin.name}, so it is left out; take one of them away")
     return tuple(kept)
 
 

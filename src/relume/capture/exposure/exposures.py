@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import re
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +17,7 @@ import numpy as np
 from relume.capture.exposure.comparison import brightness_chain, reduced
 from relume.capture.exposure.folder import listed_exposures
 from relume.capture.exposure.sidecar import ExposureList, number_in, read_times
-from relume.errors import NotABracket
+from relume.errors import NotABracket, warn
 from relume.image.photograph import Exposure, Photograph
 
 # In the order of the dial, so that each is a step from the one before it; s, or 1/s for the fast ones.
@@ -103,18 +102,14 @@ def estimated(photographs: Sequence[Photograph]) -> list[Photograph]:
             for i in unknown
         ]
         names = ", ".join(photographs[i].name for i in unknown)
-        warnings.warn(
-            f"{names}: no exposure is known; it is estimated from the other photographs, so give all with --times",
-            stacklevel=4,
-        )
+        warn(f"{names}: no exposure is known; it is estimated from the other photographs, so give all with --times")
     else:
         middle = np.sort(seen)[len(seen) // 2]
         exposures = [Exposure(float(seconds), source="estimated") for seconds in np.exp(seen - middle)]
         ratios = " : ".join(f"{ratio:.3g}" for ratio in np.exp(np.sort(seen) - seen.min()))
-        warnings.warn(
+        warn(
             f"{photographs[0].name} and others: no exposure is known; only the ratios {ratios} are known, from the "
-            f"pixels under an assumed sRGB curve; {_advice(photographs, seen)}",
-            stacklevel=4,
+            f"pixels under an assumed sRGB curve; {_advice(photographs, seen)}"
         )
     by_index = dict(zip(unknown, exposures, strict=True))
     return [replace(p, exposure=by_index[i]) if i in by_index else p for i, p in enumerate(photographs)]
@@ -160,7 +155,7 @@ def _given_list(photographs: Sequence[Photograph], given: ExposureList) -> list[
             f"{given.path}: names none of the photographs, such as {paths[0].name}; check which list it is"
         )
     if missing:
-        warnings.warn(f"{given.path}: does not name {', '.join(missing)}; add them to the list", stacklevel=4)
+        warn(f"{given.path}: does not name {', '.join(missing)}; add them to the list")
     return [replace(exposure, source="given") if exposure else None for exposure in listed]
 
 

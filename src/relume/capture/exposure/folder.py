@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 import re
-import warnings
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from relume.capture.exposure.sidecar import ExposureList, read_times
-from relume.errors import NotABracket, UnreadableFile
+from relume.errors import NotABracket, UnreadableFile, warn
 from relume.image.files.signatures import kind_of
 from relume.image.photograph import Exposure
 
@@ -79,7 +78,7 @@ def listed_exposures(paths: Sequence[Path], brightness: Callable[[], Sequence[fl
     chosen = max(listed, key=lambda path: sum(exposure is not None for exposure in listed[path]))
     missing = [path.name for path, exposure in zip(paths, listed[chosen], strict=True) if exposure is None]
     if missing and brightness is not None:
-        warnings.warn(f"{chosen}: does not name {', '.join(missing)}; add them to the list", stacklevel=5)
+        warn(f"{chosen}: does not name {', '.join(missing)}; add them to the list")
     return listed[chosen]
 
 
@@ -102,21 +101,18 @@ def _list_in(path: Path, paths: Sequence[Path]) -> ExposureList | None:
         except OSError:
             return None
         if sum(p.name.lower() in text for p in paths) > len(paths) // 2:
-            warnings.warn(f"{error}; it is passed over", stacklevel=6)
+            warn(f"{error}; it is passed over")
         return None
 
 
 def _warn_of_strangers(found: ExposureList, paths: Sequence[Path], pictures: int) -> None:
     if found.names:
-        warnings.warn(
-            f"{found.path}: lists exposures, but of none of the photographs, such as {paths[0].name}; it is "
-            "passed over",
-            stacklevel=6,
+        warn(
+            f"{found.path}: lists exposures, but of none of the photographs, such as {paths[0].name}; it is passed over"
         )
     elif len(found.exposures) > 1:
-        warnings.warn(
-            f"{found.path}: {len(found.exposures)} numbers for {pictures} photographs in its folder; it is passed over",
-            stacklevel=6,
+        warn(
+            f"{found.path}: {len(found.exposures)} numbers for {pictures} photographs in its folder; it is passed over"
         )
 
 

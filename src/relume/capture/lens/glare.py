@@ -7,13 +7,13 @@ in a halo about itself. All the scattered light lands in the picture; light that
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import fft
 from scipy.sparse import csr_array
 
+from relume.errors import warn
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 
 MOST = 0.4
@@ -160,16 +160,14 @@ def diminish_glare(picture: RadianceMap, glare: Glare) -> Diminished:
 
 def _report(picture: RadianceMap, bounded: np.ndarray) -> None:
     if bounded.any():
-        warnings.warn(
+        warn(
             f"in {100 * bounded.mean():.2g} % of the picture more glare was reckoned than light was seen; they are "
-            "black now, so take a smaller share",
-            stacklevel=3,
+            "black now, so take a smaller share"
         )
     if picture.clipped is not None and (picture.clipped == SATURATED).any():
-        warnings.warn(
+        warn(
             f"{int((picture.clipped == SATURATED).sum())} pixels are saturated in every photograph: they scatter more "
-            "than is known, so glare is left about them; add shorter exposures",
-            stacklevel=3,
+            "than is known, so glare is left about them; add shorter exposures"
         )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 from scipy.optimize import least_squares
 
-from relume.errors import NotABracket
+from relume.errors import NotABracket, warn
 from relume.image import files
 from relume.image.radiance import OUTSIDE, RadianceMap
 
@@ -140,10 +139,9 @@ def recover_vignetting(
             "plain surface that fills the picture, out of focus"
         )
     if unevenness > DOUBTFUL:
-        warnings.warn(
+        warn(
             f"the flat field varies by {100 * unevenness:.1f} % beyond the vignetting, which is no surer than that; "
-            "photograph a more evenly lit surface",
-            stacklevel=2,
+            "photograph a more evenly lit surface"
         )
     covariance = np.linalg.pinv(fit.jac.T @ fit.jac) * unevenness**2
     sigma = np.sqrt(np.diag(covariance))[2 : 2 + terms]
@@ -200,10 +198,9 @@ def _chosen(known: list[Vignetting], f_number: float | None) -> Vignetting:
     nearest = min(known, key=lambda v: 0.0 if v.f_number is None else abs(float(np.log(v.f_number / f_number))))
     # Nominal f-numbers differ from the true ones by less than 3 %.
     if nearest.f_number is not None and abs(np.log(nearest.f_number / f_number)) > 0.03:
-        warnings.warn(
+        warn(
             f"the vignetting was measured at f/{nearest.f_number:g}, the photographs are at f/{f_number:g}; measure it "
-            "at their aperture",
-            stacklevel=3,
+            "at their aperture"
         )
     return nearest
 

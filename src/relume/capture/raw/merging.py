@@ -12,7 +12,6 @@ a deviation too dark.)
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -23,7 +22,7 @@ import numpy as np
 from relume.capture.exposure.bracket import require_facts_of_all
 from relume.capture.merging import refuse_unlit
 from relume.capture.raw.sensor import Sensor, SensorNoise, fitted_noise, noise_between, noise_within
-from relume.errors import NotABracket
+from relume.errors import NotABracket, warn
 from relume.image import files
 from relume.image.photograph import Exposure, RawPhotograph
 from relume.image.radiance import SATURATED, RadianceMap
@@ -184,13 +183,12 @@ def calibrate_raw(
     a, b, c, d = (float(level) for level in first.black.ravel())
     found = Sensor((a, b, c, d), float(first.white), saturation, noise)
     if sensor is not None and sensor.differs(found):
-        warnings.warn(
+        warn(
             f"{names[0]}: its black is {_words(found.black)} and its white {found.white:g}, those of the profile "
-            f"{_words(sensor.black)} and {sensor.white:g}; scale and noise may be wrong, so measure them anew",
-            stacklevel=2,
+            f"{_words(sensor.black)} and {sensor.white:g}; scale and noise may be wrong, so measure them anew"
         )
     if noise is None:
-        warnings.warn(f"{names[0]}: its noise cannot be measured; taken as one electron a value", stacklevel=2)
+        warn(f"{names[0]}: its noise cannot be measured; taken as one electron a value")
         noise = SensorNoise(1 / (first.white - first.black.mean()), 0.0, iso)
     return RawCalibration(names, exposures, factors, noise, saturation, errors, found)
 
@@ -239,10 +237,9 @@ def _refined(
         found, stated = _ratio(samples[short].ravel(), samples[long].ravel()), nominal[long] / nominal[short]
         ratio, error = found or (stated, _MARKED_STOPS * np.log(2))
         if abs(np.log2(ratio / stated)) > _DOUBTFUL_STOPS:
-            warnings.warn(
+            warn(
                 f"{names[long]}: it got {ratio:.3g} times the light of {names[short]}, not {stated:.3g} times as its "
-                "exposure says; merged as the pixels have it",
-                stacklevel=4,
+                "exposure says; merged as the pixels have it"
             )
         # All longer exposures move with this one.
         later = order[position:]
@@ -293,10 +290,7 @@ def _saturation(
         if 0.5 < level < seen:
             seen = level
             if level < 0.97 * known:
-                warnings.warn(
-                    f"{names[long]}: saturated at {level:.0%} of the white its file states; taken as saturated there",
-                    stacklevel=4,
-                )
+                warn(f"{names[long]}: saturated at {level:.0%} of the white its file states; taken as saturated there")
     return seen
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -16,7 +15,7 @@ from relume.capture.noise import Noise, fit_noise
 from relume.capture.response.debevec_malik import DebevecMalik
 from relume.capture.response.ratios import ExposureRatios, Ratios
 from relume.capture.response.sampling import Observations, levels_of, observations, still_values
-from relume.errors import NotABracket
+from relume.errors import NotABracket, warn
 from relume.image.response import Response
 
 CHANNELS = ("red", "green", "blue")
@@ -161,10 +160,9 @@ def _require_enough(brackets: Sequence[Bracket], observed: list[Observations], c
         )
     # N(P − 1) > Z_max − Z_min (Debevec & Malik 1997, §2.1).
     if sum(int((o.values > 0).sum()) - len(o.values) for o in observed) < 256:
-        warnings.warn(
+        warn(
             f"{brackets[0].name}: only {pixels} pixels show the {CHANNELS[channel]} response; it is "
-            "uncertain, so use larger photographs or a response recovered before",
-            stacklevel=3,
+            "uncertain, so use larger photographs or a response recovered before"
         )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,6 +11,7 @@ from scipy.optimize import linprog
 
 from relume.capture.response.debevec_malik import KNOTS, MIDDLE, Equations, factored, roughness, smoothness_for
 from relume.capture.response.sampling import Observations
+from relume.errors import warn
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,10 +78,9 @@ class Ratios:
         owner = np.repeat(np.arange(len(names)), [len(each) for each in names])
         usable = _usable(observed, stated, owner)
         if not usable.any():
-            warnings.warn(
+            warn(
                 f"{names[0][0]} … {names[-1][-1]}: exposures are refined from four different ones on; of fewer, which "
-                "is wrong cannot be decided",
-                stacklevel=4,
+                "is wrong cannot be decided"
             )
         corrections = np.zeros(len(stated))
         errors = np.full(len(stated), np.nan)
@@ -95,10 +94,9 @@ class Ratios:
             errors = np.where(usable, np.sqrt(np.diag(covariance)) * stretch, np.nan)
             doubted = usable & (np.abs(found) > np.maximum(self.significance * np.nan_to_num(errors), self.least))
             if doubted.sum() > usable.sum() / 3:
-                warnings.warn(
+                warn(
                     f"{names[0][0]} … {names[-1][-1]}: {doubted.sum()} of {usable.sum()} exposures disagree with the "
-                    "photographs, so which are right cannot be decided and all are taken as stated; check the times",
-                    stacklevel=4,
+                    "photographs, so which are right cannot be decided and all are taken as stated; check the times"
                 )
                 return self._split(np.zeros(len(stated)), errors, names)
             corrections = np.where(doubted, found, 0.0)

@@ -5,7 +5,6 @@ A colour (r, g, b) in cd/m² is one whose luminance 0.2126 r + 0.7152 g + 0.0722
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -13,7 +12,7 @@ from itertools import combinations
 import numpy as np
 
 from relume.capture.scale.regions import disc, measured_patch
-from relume.errors import NotABracket
+from relume.errors import NotABracket, warn
 from relume.image.colour import luminance, triple
 from relume.image.photograph import Exposure
 from relume.image.radiance import RadianceMap
@@ -138,10 +137,9 @@ def scale_from_spot(
     patch = measured_patch(picture, disc(picture.size, x, y, radius))
     scale = _positive("reading", reading) / patch.luminance
     if patch.uncertainty > THIRD_OF_A_STOP:
-        warnings.warn(
+        warn(
             f"the spot at {x}, {y} is uneven to {100 * patch.uncertainty:.0f} %, worse than by shutter and aperture; "
-            "meter an even place",
-            stacklevel=2,
+            "meter an even place"
         )
     return Scale.grey(scale, float(np.hypot(deviation, patch.uncertainty)), f"a spot-meter reading at {x}, {y}")
 
@@ -201,10 +199,9 @@ def combine_scales(scales: Sequence[Scale]) -> Scale:
         apart = abs(float(np.log(one.luminance / other.luminance)))
         allowed = 2 * float(np.hypot(one.deviation, other.deviation))
         if apart > allowed:
-            warnings.warn(
+            warn(
                 f"{one.source} and {other.source} disagree by {apart / np.log(2):.2f} stops, more than the "
-                f"{allowed / np.log(2):.2f} they are sure of; check the readings",
-                stacklevel=2,
+                f"{allowed / np.log(2):.2f} they are sure of; check the readings"
             )
     weights = np.array([max(s.deviation, 1e-6) ** -2 for s in scales])
     logarithms = np.log([s.factor for s in scales])

@@ -10,7 +10,6 @@ gives its sensor's own values. Format libraries are imported at first use.
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
@@ -18,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from relume.errors import UnreadableFile
+from relume.errors import UnreadableFile, warn
 from relume.image.files import encodings
 from relume.image.files.encodings import Encoding, suffix_of
 from relume.image.files.read_options import ReadOptions
@@ -56,10 +55,7 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
     kind = kind_of(path)
     image = _read(path, kind, options)
     if _has_gain_map(path, kind):
-        warnings.warn(
-            f"{path}: only its base picture is read, though it has a gain map too; read_radiance gives its light",
-            stacklevel=2,
-        )
+        warn(f"{path}: only its base picture is read, though it has a gain map too; read_radiance gives its light")
     return image
 
 

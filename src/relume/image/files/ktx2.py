@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import os
 import struct
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from relume.errors import FormatError, UnreadableFile
+from relume.errors import FormatError, UnreadableFile, warn
 from relume.image.files.atomic import replacing
 from relume.image.files.hdr import radiance_hdr
 from relume.image.files.read_options import ReadOptions, refuse_absurd_size
@@ -113,7 +112,7 @@ def read_cube(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()
         seen_through += np.count_nonzero(texels[..., 3] != 1)
         levels.append(texels[..., :3].astype(np.float32))
     if seen_through:
-        warnings.warn(f"{path}: alpha is left out, though {seen_through} texels are not opaque", stacklevel=2)
+        warn(f"{path}: alpha is left out, though {seen_through} texels are not opaque")
     return levels
 
 

@@ -12,13 +12,12 @@ from __future__ import annotations
 
 import os
 import re
-import warnings
 from dataclasses import dataclass
 from typing import BinaryIO
 
 import numpy as np
 
-from relume.errors import FormatError, UnreadableFile
+from relume.errors import FormatError, UnreadableFile, warn
 from relume.image.files.atomic import replacing
 from relume.image.files.encodings import PFM
 from relume.image.files.metadata.attributes import warn_of_losses
@@ -87,15 +86,12 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
             f"{path}: its scale of {header.scale:g} takes {lost} values beyond float32; set it to 1 in the header"
         )
     if header.scale != 1:
-        warnings.warn(
-            f"{path}: its scale is {header.scale:g}; its samples were multiplied by it, which not every program does",
-            stacklevel=5,
-        )
+        warn(f"{path}: its scale is {header.scale:g}; its samples were multiplied by it, which not every program does")
     clipped = None
     if missing:
         clipped = np.zeros((height, width), np.uint8)
         clipped[:missing] = OUTSIDE
-        warnings.warn(f"{path}: ends early; the top {missing} of {height} rows are missing", stacklevel=5)
+        warn(f"{path}: ends early; the top {missing} of {height} rows are missing")
     attributes = {"comments": header.comments} if header.comments else {}
     return RadianceMap(radiance, clipped=clipped, attributes=attributes)
 
@@ -167,7 +163,7 @@ def _start(path: str | os.PathLike[str], file: BinaryIO, header: _Header, size: 
         if dos:
             what = f"{more} more: its line ends were converted to CR LF, which ruins the pixels"
             raise FormatError(path, "PFM", f"byte {start}", f"{pixels} bytes of pixels", what, "copy it in binary mode")
-        warnings.warn(f"{path}: {more} bytes after its pixels are left out; one picture is read", stacklevel=6)
+        warn(f"{path}: {more} bytes after its pixels are left out; one picture is read")
     return start
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 import os
-import warnings
 import zlib
 from contextlib import suppress
 from pathlib import Path
@@ -18,7 +17,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from relume.errors import FormatError, UnreadableFile
+from relume.errors import FormatError, UnreadableFile, warn
 from relume.image.files.atomic import replacing
 from relume.image.files.encodings import RawFloat
 from relume.image.files.metadata.attributes import warn_of_losses
@@ -73,7 +72,7 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
     if rows < height:
         clipped = np.zeros((height, width), np.uint8)
         clipped[rows:] = OUTSIDE
-        warnings.warn(f"{path}: ends early; the last {height - rows} of {height} rows are missing", stacklevel=5)
+        warn(f"{path}: ends early; the last {height - rows} of {height} rows are missing")
     return RadianceMap(radiance, clipped=clipped)
 
 
@@ -107,9 +106,7 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: RawFloat =
         raise ValueError(f"the map has {image.radiance.nbytes} bytes; gzip stores lengths below 4 GiB: write .float")
     warn_of_losses(path, image, (), unit=False)
     if width != height:
-        warnings.warn(
-            f"{path}: does not store its size; to read it again give it, --float-size {width}x{height}", stacklevel=3
-        )
+        warn(f"{path}: does not store its size; to read it again give it, --float-size {width}x{height}")
     number = ">f4" if encoding.big_endian else "<f4"
     packer = zlib.compressobj(_LEVEL, wbits=_WINDOW) if _is_packed(path) else None
     with replacing(path) as temporary, open(temporary, "wb") as file:
@@ -213,9 +210,7 @@ def _order(path: str | os.PathLike[str], values: np.ndarray) -> str:
     if shares[guess] < _CLEAR or shares[other] >= _UNCLEAR or few:
         sense = f"{shares[guess]:.0%} make sense so, {shares[other]:.0%} the other way"
         evidence = f"of its values, {different} different ones, {sense}"
-        warnings.warn(
-            f"{path}: {guess}-endian by a guess: {evidence}; give --float-order {guess} or {other}", stacklevel=5
-        )
+        warn(f"{path}: {guess}-endian by a guess: {evidence}; give --float-order {guess} or {other}")
     return guess
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from relume.errors import UnreadableFile
+from relume.errors import UnreadableFile, warn
 from relume.image import files
 from relume.image.arithmetic import multiplied
 from relume.image.files.encodings import SUFFIXES, Encoding, suffix_of
@@ -75,7 +74,7 @@ def change_format(
     if not isinstance(image, RadianceMap):
         files.write(out, image)
         if held := _blocks_of_others(path):
-            warnings.warn(f"{out}: does not keep the {' and '.join(held)} of {path.name}", stacklevel=2)
+            warn(f"{out}: does not keep the {' and '.join(held)} of {path.name}")
         facts = {"written": [str(out)], "size": list(image.size), "bits": 8 * image.pixels.itemsize}
         return {**facts, "kept": kept_codes(image, files.read_photograph(out, options))}
 
@@ -134,7 +133,7 @@ def exposed(picture: RadianceMap, stops: float) -> RadianceMap:
     if not stops:
         return picture
     if picture.unit != "relative":
-        warnings.warn(f"brightened by {stops:g} stops it is no longer {picture.unit}, but relative", stacklevel=2)
+        warn(f"brightened by {stops:g} stops it is no longer {picture.unit}, but relative")
     return replace(multiplied(picture, 2.0**stops), unit="relative")
 
 

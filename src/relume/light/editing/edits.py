@@ -6,7 +6,6 @@ of clipped pixels, unit and attributes go along. `edit` applies several edits an
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -15,6 +14,7 @@ import numpy as np
 
 from relume.capture.scale.readings import ChannelGains, apply_balance, balance_from_luminaire
 from relume.capture.scale.regions import disc
+from relume.errors import warn
 from relume.image import arithmetic
 from relume.image.blurring import motion_blurred, soft_blurred
 from relume.image.primaries import gains_from_temperature
@@ -61,9 +61,9 @@ class Crop:
         if not lost or part.size == picture.size:
             return part
         if "mapping" in lost:
-            warnings.warn("a part of an environment map is not one; the file no longer says its mapping", stacklevel=2)
+            warn("a part of an environment map is not one; the file no longer says its mapping")
         elif any(key.startswith("view-") for key in lost):
-            warnings.warn("a part of a view; the file no longer says where in its map that lay", stacklevel=2)
+            warn("a part of a view; the file no longer says where in its map that lay")
         return replace(part, attributes={key: text for key, text in part.attributes.items() if key not in lost})
 
 
@@ -97,7 +97,7 @@ class Resize:
                 "wide"
             )
         if picture.variance is not None:
-            warnings.warn("an environment map that is resized loses its variance", stacklevel=2)
+            warn("an environment map that is resized loses its variance")
         smaller = light.remapped(light.mapping, height)
         return replace(picture, radiance=smaller.radiance, variance=None, clipped=smaller.clipped)
 
@@ -231,9 +231,9 @@ class Spin:
         light = _environment(picture, as_environment)
         program, axis = picture.attributes.get("orientation"), picture.attributes.get("mirror")
         if program is not None:
-            warnings.warn(f"laid out for {program}; written in our frame: convert --for {program} again", stacklevel=2)
+            warn(f"laid out for {program}; written in our frame: convert --for {program} again")
         elif axis is not None:
-            warnings.warn(f"mirrored in {axis}; written in our frame: convert --mirror {axis} again", stacklevel=2)
+            warn(f"mirrored in {axis}; written in our frame: convert --mirror {axis} again")
         return as_radiance_map(spun(light, self.angle))
 
 
@@ -297,7 +297,7 @@ def edit(picture: RadianceMap, edits: Sequence[Edit], mapping: Mapping | None = 
     audits = _audit(before), _audit(after)
     if all(isinstance(each, Resize) for each in edits) and audits[0] is not None and audits[1] is not None:
         for line in audits[0].losses(audits[1]):
-            warnings.warn(line, stacklevel=2)
+            warn(line)
     return Edited(after, before, tuple(map(str, edits)))
 
 
@@ -342,7 +342,7 @@ def _environment(picture: RadianceMap, read: Callable[[RadianceMap], Environment
         remedy = "" if "mapping" in picture.attributes else "; give it with --from"
         raise ValueError(f"{error}{remedy}") from None
     if picture.variance is not None:
-        warnings.warn("an environment map that is blurred loses its variance", stacklevel=2)
+        warn("an environment map that is blurred loses its variance")
     return light
 
 

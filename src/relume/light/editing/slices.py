@@ -6,7 +6,7 @@ import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
-from relume.errors import UnreadableFile
+from relume.errors import UnreadableFile, warn
 from relume.image import files
 from relume.image.colour import luminance
 from relume.image.ldr_slices import (
@@ -149,30 +149,27 @@ def _opaque_srgb(path: Path) -> Photograph:
         text = str(warning.message)
         if "alpha is left out" in text or "colour profile" in text:
             raise UnreadableFile(f"{text}; flatten it and save it in sRGB, as the way back needs")
-        warnings.warn(text, stacklevel=2)
+        warn(text)
     return photograph
 
 
 def _warn(result: Repainted, picture: RadianceMap, *, scaled: bool) -> None:
     """Warn of what the paint program could not show."""
     if not result.changed.any():
-        warnings.warn("no pixel was changed; the map is written as it was", stacklevel=3)
+        warn("no pixel was changed; the map is written as it was")
     if result.above_white and result.lost > 0 and not scaled:
         share = result.lost / max(float(luminance(picture.radiance).sum(dtype="float64")), 1e-300)
-        warnings.warn(
+        warn(
             f"{result.above_white} changed pixels were brighter than the slice's white and are no more: "
-            f"{100 * share:.3g} % of the map's light; --scale keeps lights, a darker --slice shows them",
-            stacklevel=3,
+            f"{100 * share:.3g} % of the map's light; --scale keeps lights, a darker --slice shows them"
         )
     if result.places > DOUBTFUL_PLACES:
-        warnings.warn(
+        warn(
             f"{result.places} separate places changed, as a JPEG leaves them and no brush; save a PNG, or raise "
-            "--tolerance",
-            stacklevel=3,
+            "--tolerance"
         )
     if result.painted_white:
-        warnings.warn(
+        warn(
             f"{result.painted_white} pixels were painted white, the brightest a slice holds; paint on a darker slice "
-            "for more",
-            stacklevel=3,
+            "for more"
         )

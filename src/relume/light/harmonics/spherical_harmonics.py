@@ -7,13 +7,13 @@ Y_1 is y, z, x times √(3/4π). The polar axis is the world's +Z, and (l, m) st
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
+from relume.errors import warn
 from relume.light.harmonics.transform import analysed, as_complex, as_real, synthesised, turned
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, Mapping, pixel_directions
@@ -114,10 +114,9 @@ class SphericalHarmonics:
             radiance = np.where(areas > 0, self.evaluate(pixel_directions(mapping, size)), 0)
         lost = float((np.maximum(-radiance, 0) * areas).sum() / max((np.abs(radiance) * areas).sum(), 1e-300))
         if lost > 1e-6:
-            warnings.warn(
+            warn(
                 f"harmonics of degree {self.degree} ring below 0: {lost:.1%} of the light was negative and became 0; "
-                "take them windowed, or of a higher degree",
-                stacklevel=2,
+                "take them windowed, or of a higher degree"
             )
         return EnvironmentMap(np.maximum(radiance, 0).astype(np.float32), mapping, self.unit)
 

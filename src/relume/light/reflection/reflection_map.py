@@ -6,12 +6,12 @@ or by the view direction for a retro-reflector, or by the refracted direction (Â
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
+from relume.errors import warn
 from relume.light.reflection.convolution import FINEST, as_latlong, convolved, cut_up
 from relume.light.reflection.lobes import Lambert, Lobe, Phong
 from relume.sphere.environment_map import EnvironmentMap
@@ -88,7 +88,7 @@ def reflection_map(
     if lobe.integral > 0 and mirrored > 0 and normalisation is Normalisation.SUM:
         raise ValueError(f"{lobe} adds a mirror's radiance to sums of radiance Ã— solid angle; use RADIOMETRIC or PAPER")
     if lobe.integral > 0 and lobe.width < 2 * np.pi / FINEST:
-        warnings.warn(f"{lobe} is narrower than any map's pixels; it is taken for a mirror", stacklevel=2)
+        warn(f"{lobe} is narrower than any map's pixels; it is taken for a mirror")
         mirrored += lobe.integral / _divisor(lobe, normalisation)
     elif lobe.integral > 0:
         sums, bound = convolved(cut_up(source, lobe.width), lobe, rows)

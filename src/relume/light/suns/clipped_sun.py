@@ -9,13 +9,12 @@ several sources by one linear system as in Debevec et al., "A Single-Shot Light 
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import nnls
 
-from relume.errors import SunNotRecovered
+from relume.errors import SunNotRecovered, warn
 from relume.image.colour import LUMINANCE_WEIGHTS
 from relume.light.reflection.lobes import Lambert
 from relume.light.reflection.reflection_map import reflection_map
@@ -216,10 +215,9 @@ def _distinguishable(lit: np.ndarray, middles: list[np.ndarray], readings: Matte
             "higher level so that only the brightest counts"
         )
     if len(seen[:MOST]) < lit.shape[1]:
-        warnings.warn(
+        warn(
             f"{lit.shape[1] - len(seen[:MOST])} of {lit.shape[1]} clipped sources light no side that is seen, or are "
-            "too many; they stay as dark as they are",
-            stacklevel=3,
+            "too many; they stay as dark as they are"
         )
     return seen[:MOST]
 
@@ -290,24 +288,21 @@ def _least_squares(columns: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray,
 
 def _warn(recovered: list[RecoveredSource], residual: float, agreement: float, uncertainty: float) -> None:
     if residual > DISAGREEMENT:
-        warnings.warn(
+        warn(
             f"matte readings and map differ by {residual:.0%} (root mean square) even with the recovered sun; check "
-            "that both face the same way and stood in the same light",
-            stacklevel=3,
+            "that both face the same way and stood in the same light"
         )
     elif abs(agreement - 1) > max(AGREEMENT, 3 * uncertainty):
-        warnings.warn(
+        warn(
             f"where no clipped light falls the readings are {agreement:.3g} times what the map gives: the reflectance "
-            "is that much of the given one, or one exposure is off; the recovered sun is off by as much",
-            stacklevel=3,
+            "is that much of the given one, or one exposure is off; the recovered sun is off by as much"
         )
     for each in recovered:
         if each.width > WIDEST:
-            warnings.warn(
+            warn(
                 f"clipped pixels reach over {np.degrees(each.width):.0f}°, and where among them the light was is not "
-                "known: shadows and some directions will be off; photograph it with a shorter exposure",
-                stacklevel=3,
+                "known: shadows and some directions will be off; photograph it with a shorter exposure"
             )
         if each.uncertainty @ LUMINANCE_WEIGHTS > 0.2 * (each.irradiance @ LUMINANCE_WEIGHTS):
             towards = ", ".join(f"{v:.2f}" for v in each.direction)
-            warnings.warn(f"the light from ({towards}) is uncertain by more than a fifth", stacklevel=3)
+            warn(f"the light from ({towards}) is uncertain by more than a fifth")

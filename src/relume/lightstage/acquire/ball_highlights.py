@@ -8,14 +8,13 @@ camera.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, label
 
-from relume.errors import BallNotFound
+from relume.errors import BallNotFound, warn
 from relume.image.colour import luminance
 from relume.probe.ball.outline import find_outline
 from relume.probe.ball.silhouette import Outline, cone_through, outline_through
@@ -245,10 +244,9 @@ def light_places(readings: Sequence[BallReadings], names: Sequence[str]) -> tupl
         odd = names[int(np.argmax(apart))]
         raise ValueError(f"{odd}: the balls' rays run apart; check the balls' circles, their order and their radii")
     if not measurable.all():
-        warnings.warn(
+        warn(
             f"{names[int(np.argmin(measurable))]}: the balls' rays are parallel within half a degree "
             f"({(~measurable).sum()} such lights), so that its distance is a guess; put the balls farther apart, or "
-            "treat it as a distant light",
-            stacklevel=3,
+            "treat it as a distant light"
         )
     return positions, residuals

@@ -8,11 +8,11 @@ as one white, diffuse pixel that faces the light and reads 1/π is E = 1.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
+from relume.errors import warn
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
 from relume.scene.cameras.camera import Camera
@@ -128,10 +128,9 @@ def calibrate(field: ReflectanceField, target: Target, *, deviation: float = 0.2
         )
     if not measured.all():
         missing = np.flatnonzero(~measured)
-        warnings.warn(
+        warn(
             f"{len(missing)} of {len(measured)} lights do not reach the target, or it is shaded, the first is "
-            f'"{field.lights.names[missing[0]]}"; the irradiance of the lights around stands in',
-            stacklevel=2,
+            f'"{field.lights.names[missing[0]]}"; the irradiance of the lights around stands in'
         )
     return Calibration(
         _completed(field.lights, irradiances, measured), measured, np.where(measured, deviations, np.nan)

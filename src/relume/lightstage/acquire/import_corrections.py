@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from relume.errors import warn
 from relume.lightstage.acquire.calibration import Calibration, Target, calibrate
 from relume.lightstage.acquire.encoding import PhotographEncoding
 from relume.lightstage.acquire.import_lights import pictures_in
@@ -208,7 +208,7 @@ def _estimated_noise(field: ReflectanceField, step: float) -> Noise | None:
             if found.constant + found.slope * level > (NO_NOISE * level) ** 2:
                 return found
             why = "the pictures show none"
-    warnings.warn(f"the noise stays unknown: {why}; give it, if it is known", stacklevel=3)
+    warn(f"the noise stays unknown: {why}; give it, if it is known")
     return None
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -13,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from relume.capture.exposure.folder import name_order
-from relume.errors import BallNotFound, InvalidStage, OutputNotWritten, UnreadableFile
+from relume.errors import BallNotFound, InvalidStage, OutputNotWritten, UnreadableFile, warn
 from relume.image import files
 from relume.lightstage.acquire.ball_highlights import (
     BallReadings,
@@ -264,7 +263,7 @@ def pictures_in(folder: Path, leave_out: Sequence[Path] = ()) -> list[Path]:
     ]
     masks = [path for path in found if path.stem.endswith("mask")]
     if masks:
-        warnings.warn(f"{folder}: {masks[0].name} is taken for a mask and is no light's picture", stacklevel=2)
+        warn(f"{folder}: {masks[0].name} is taken for a mask and is no light's picture")
     kept = sorted((path for path in found if path not in masks), key=name_order)
     if not kept:
         raise UnreadableFile(f"{folder}: no pictures; it holds none of {', '.join(PICTURES)}")

@@ -8,7 +8,6 @@ frames that stayed dark and values that are no numbers are refused by file and p
 from __future__ import annotations
 
 import threading
-import warnings
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -16,7 +15,7 @@ import numpy as np
 
 from relume.capture.exposure.bracket import read_bracket
 from relume.capture.merging import merge
-from relume.errors import InvalidStage
+from relume.errors import InvalidStage, warn
 from relume.image import files
 from relume.image.photograph import Photograph
 from relume.image.radiance import OUTSIDE, SATURATED
@@ -235,7 +234,7 @@ class PictureFolder:
     def _warn_once(self, what: str, message: str) -> None:
         if what not in self._state.warned:
             self._state.warned.add(what)
-            warnings.warn(message, stacklevel=5)
+            warn(message)
 
 
 def _dark(name: str) -> InvalidStage:

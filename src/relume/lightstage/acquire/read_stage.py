@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
 
-from relume.errors import InvalidStage
+from relume.errors import InvalidStage, warn
 from relume.image import files
 from relume.lightstage.acquire.encoding import PhotographEncoding
 from relume.lightstage.acquire.light_files import LIST, read_lp
@@ -44,10 +43,7 @@ def read_stage(path: str | os.PathLike[str], camera: str | None = None, *, kept:
         return read_store(path)
     stage, source = find_stage_file(path)
     if stage.target is not None:
-        warnings.warn(
-            f'{source}: its "target" is passed over here; an import of the stage measures the lights on it',
-            stacklevel=2,
-        )
+        warn(f'{source}: its "target" is passed over here; an import of the stage measures the lights on it')
     return open_pictures(stage, source, camera, kept=kept)
 
 
@@ -191,8 +187,7 @@ def _warn_of_unnamed(stage: Stage, folder: Path, source: Path, known: Collection
     pictures = [f for f in beside if f.suffix.lower() in PICTURES and not f.name.startswith(".")]
     odd = [f for f in pictures if f not in named and f.resolve() not in meant]
     if odd:
-        warnings.warn(
+        warn(
             f"{source}: {len(odd)} pictures beside those of the lights are named by none, such as {odd[0].name}; they "
-            "are passed over",
-            stacklevel=4,
+            "are passed over"
         )

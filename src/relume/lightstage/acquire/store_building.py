@@ -8,14 +8,13 @@ same import began: a fingerprint of what the values are made from is kept beside
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from relume.errors import CannotResume, OutputNotWritten, UnreadableFile
+from relume.errors import CannotResume, OutputNotWritten, UnreadableFile, warn
 from relume.lightstage.acquire.store import (
     RESUME,
     chunk_sizes,
@@ -241,9 +240,8 @@ def _rounding(path: Path, root: Any) -> list[float]:
         return [0.0, max(float(greatest.max()), 0.0) * 2.0**-22 / 3]
     constant = float(np.mean(np.where(greatest > 0, steps**2, 0)) / 12)
     if constant**0.5 > COARSE * mean.mean():
-        warnings.warn(
+        warn(
             f"{path}: 8 bits are coarse here: they round by {100 * constant**0.5 / mean.mean():.0f} % of the mean "
-            "value, for the brightest pixels stand far above it; build it with float16",
-            stacklevel=4,
+            "value, for the brightest pixels stand far above it; build it with float16"
         )
     return [constant, 0.0]

@@ -9,7 +9,6 @@ the subject's irradiance; an intensity is a factor on the irradiance of one of a
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +18,7 @@ from scipy.optimize import nnls
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from relume.errors import warn
 from relume.lightstage.driving.subjects import MeasuredSubject, SurfaceSubject
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.interpolation import NearestLight
@@ -246,14 +246,12 @@ def _residual(seen: np.ndarray, wanted: np.ndarray, weights: np.ndarray, irradia
 
 def _warn(result: Drive) -> None:
     if result.headroom < 1:
-        warnings.warn(
+        warn(
             f"{result.clipped} intensities are at their maximum and the stage stays below the map's level; show the "
-            f"map times {result.headroom:.3g}",
-            stacklevel=3,
+            f"map times {result.headroom:.3g}"
         )
     if result.beyond_gamut > _WARNED:
-        warnings.warn(
+        warn(
             f"{result.beyond_gamut:.1%} of the light has colours that no mix of {', '.join(result.primaries.names)} "
-            "makes; the nearest are shown",
-            stacklevel=3,
+            "makes; the nearest are shown"
         )

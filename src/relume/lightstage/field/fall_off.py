@@ -8,12 +8,12 @@ stand. `Corrected` divides by it. Patterns are smooth, so that a board's dust an
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
+from relume.errors import warn
 from relume.lightstage.field.field import ReflectanceField
 from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
@@ -111,7 +111,7 @@ def flat_field_of_board(board: ReflectanceField) -> FlatField:
     if unseen == len(board.lights):
         raise ValueError("the board is dark under every light; check its pictures")
     if unseen:
-        warnings.warn(f"{unseen} of {len(board.lights)} lights do not show on the board; taken as even", stacklevel=2)
+        warn(f"{unseen} of {len(board.lights)} lights do not show on the board; taken as even")
     return FlatField(coefficients, shape)
 
 

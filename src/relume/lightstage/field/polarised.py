@@ -6,11 +6,11 @@ it, half of the diffuse part alone, for light from below the surface has lost it
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
+from relume.errors import warn
 from relume.lightstage.field.field import Derived, Noise, ReflectanceField
 
 SAME_DIRECTION = 1e-3
@@ -67,10 +67,9 @@ class PolarisedPair:
             raise ValueError(_alike(bright, dark))
         across, down = _shift(bright, dark)
         if (across, down) != (0, 0):
-            warnings.warn(
+            warn(
                 f"the crossed take is shifted by ({across:+d}, {down:+d}) pixels against the parallel one; align "
-                "them, or edges pass for highlights",
-                stacklevel=3,
+                "them, or edges pass for highlights"
             )
 
     @property

@@ -9,11 +9,11 @@ its upper edge down.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
+from relume.errors import warn
 from relume.lightstage.matting import fitting
 from relume.lightstage.matting.gray_code import Patterns
 
@@ -166,7 +166,7 @@ def _seen_straight(
     pixels = np.stack([np.arange(len(single)) % width + 0.5, np.arange(len(single)) // width + 0.5], axis=1)
     good = np.flatnonzero(misfit < _SHARP**2)
     if len(good) < _FEWEST:
-        warnings.warn("hardly any pixel's stripes could be read; is the subject sharp, and still?", stacklevel=3)
+        warn("hardly any pixel's stripes could be read; is the subject sharp, and still?")
         return None, nothing
     sample = good[:: max(1, len(good) // 20000)]
     homography, _ = cv2.findHomography(
@@ -179,14 +179,13 @@ def _seen_straight(
             plain = projected[:, :2] / projected[:, 2:]
             near[good] = np.abs(plain[good] - middles[good]).max(axis=1) < 1
     if np.count_nonzero(near) < max(_FEWEST, _SEEN * len(single)):
-        warnings.warn(
+        warn(
             "no part of the backdrop is seen straight through, so its white is not known; the brightest pixels are "
-            "taken for it",
-            stacklevel=3,
+            "taken for it"
         )
         return None, nothing
     if homography is not None and np.linalg.det(homography[:2, :2]) < 0:
-        warnings.warn("the backdrop is seen mirrored; were the pictures or the patterns flipped?", stacklevel=3)
+        warn("the backdrop is seen mirrored; were the pictures or the patterns flipped?")
     # A pixel's footprint is that of the map times what lens and filter add, which the narrow boxes show.
     columns = plain.reshape(height, width, 2)
     down, right = (np.asarray(np.gradient(columns, axis=axis)) for axis in range(2))

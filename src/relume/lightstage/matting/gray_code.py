@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, permutations
@@ -20,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from relume.errors import UnreadableFile
+from relume.errors import UnreadableFile, warn
 from relume.image import files
 from relume.image.colour import decode_srgb
 from relume.image.radiance import RadianceMap
@@ -227,7 +226,7 @@ def _pictures(paths: Sequence[Path]) -> np.ndarray:
                 f"{path}: {columns}×{rows} pixels, but {paths[0].name} has {width}×{height}; all pictures need one size"
             )
     if encoded:
-        warnings.warn(f"{paths[0].parent}: photographs, taken as sRGB; merged EXR files would be exact", stacklevel=3)
+        warn(f"{paths[0].parent}: photographs, taken as sRGB; merged EXR files would be exact")
     return np.stack(pictures)
 
 

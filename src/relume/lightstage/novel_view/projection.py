@@ -7,12 +7,12 @@ mixture is either undone, where behind it is background, or not used.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from relume.errors import warn
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
 from relume.scene.cameras.camera import Camera
@@ -248,4 +248,4 @@ def check_mesh_matches(brightness: np.ndarray, sight: Sight, name: str = "the ca
     if dark > 3 * MISMATCH or min(dark, beside) > MISMATCH:
         raise ValueError(f"the mesh does not match {name}: {said}")
     if min(dark, beside) > DOUBTFUL:
-        warnings.warn(f"the mesh hardly matches {name}: {said}", stacklevel=3)
+        warn(f"the mesh hardly matches {name}: {said}")

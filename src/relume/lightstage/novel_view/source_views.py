@@ -6,12 +6,12 @@ the sources are blended (Debevec et al. 2000, §4.5; Debevec, Yu, Borshukov 1998
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from relume.errors import warn
 from relume.image.radiance import OUTSIDE, RadianceMap
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.novel_view.projection import Outline, Subject, check_mesh_matches, outline, sampled
@@ -213,10 +213,9 @@ def _assembled(values: np.ndarray, seen: np.ndarray, place: np.ndarray, camera: 
     radiance = finer.reshape(*cells, 3).mean((1, 3)) / np.maximum(alpha, 1 / (2 * SIDE * SIDE))[..., None]
     missing = float(unseen.sum() / (alpha.sum() + unseen.sum()))
     if missing > 0.25:
-        warnings.warn(
+        warn(
             f"no camera saw {missing:.0%} of what the new view shows; it is left out (see `unseen`): add a source "
-            "camera on that side",
-            stacklevel=3,
+            "camera on that side"
         )
     clipped = np.where(alpha > 0, 0, OUTSIDE).astype(np.uint8)
     return NewView(

@@ -7,11 +7,11 @@ found from the field alone, never from the light, so that a picture stays linear
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 
 import numpy as np
 
+from relume.errors import warn
 from relume.image.radiance import RadianceMap
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
@@ -152,8 +152,7 @@ def share_below(radiance: np.ndarray) -> float:
 def warn_below(share: float) -> None:
     """Warn of pixels below 0; they are left as they are, for a sum stays linear only so."""
     if share > 0:
-        warnings.warn(
+        warn(
             f"{100 * share:.2g}% of the picture's pixels are below 0, as smooth interpolation makes them beside "
-            "bright light; they are written as they are",
-            stacklevel=3,
+            "bright light; they are written as they are"
         )

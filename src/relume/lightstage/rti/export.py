@@ -8,13 +8,12 @@ towards the camera.
 from __future__ import annotations
 
 import os
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from relume.errors import OutputNotWritten
+from relume.errors import OutputNotWritten, warn
 from relume.image.colour import encode_srgb
 from relume.image.files import write
 from relume.image.photograph import Photograph
@@ -110,16 +109,14 @@ def export_rti(
     if form.pictures:
         files.append(_write_pictures(field, chosen, directions, exposure, folder, name, form.pictures))
     if left_out:
-        warnings.warn(
+        warn(
             f"{len(left_out)} of {len(field.lights)} lights stand behind the subject and are left out: RTI knows the "
-            "hemisphere before the camera",
-            stacklevel=2,
+            "hemisphere before the camera"
         )
     if clipped > _TOLD:
-        warnings.warn(
+        warn(
             f"{clipped:.2%} of the values are above white at exposure {exposure:.3g} and are cut off; choose a "
-            "lower exposure to keep them",
-            stacklevel=2,
+            "lower exposure to keep them"
         )
     return RTIWritten(tuple(files), len(chosen), left_out, exposure, clipped, *errors)
 

@@ -8,7 +8,6 @@ maps' medians. Metres, world frame.
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from scipy import ndimage
 
-from relume.errors import OutputNotWritten
+from relume.errors import OutputNotWritten, warn
 from relume.image import files
 from relume.image.colour import encode_srgb
 from relume.image.photograph import Photograph
@@ -60,10 +59,9 @@ def measure_surface(field: ReflectanceField, crossed: ReflectanceField | None = 
     # Pictures hold the albedo in the unit of the lights' irradiance.
     usual = float(np.median(maps.albedo[known].mean(axis=-1)))
     if not SOOT < usual < 1:
-        warnings.warn(
+        warn(
             f"the median albedo is {usual:.3g}, which no subject has: the lights' irradiance is given too "
-            f"{'small' if usual >= 1 else 'large'}, or not at all; normals and roughness alone are right",
-            stacklevel=2,
+            f"{'small' if usual >= 1 else 'large'}, or not at all; normals and roughness alone are right"
         )
     return maps
 
@@ -148,7 +146,7 @@ def write_material(path: str | os.PathLike[str], meshes: Sequence[Mesh], camera:
     if not made:
         raise ValueError(faults[0])
     for fault in faults:
-        warnings.warn(f"{fault}; it is left out of {os.fspath(path)}", stacklevel=2)
+        warn(f"{fault}; it is left out of {os.fspath(path)}")
     write_glb(path, tuple(made))
 
 

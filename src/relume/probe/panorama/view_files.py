@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import Bracket, read_bracket, require_known_exposures
 from relume.capture.exposure.folder import pictures_in
 from relume.capture.response.camera_profile import CameraProfile
-from relume.errors import NotAPanorama, UnreadableFile
+from relume.errors import NotAPanorama, UnreadableFile, warn
 from relume.image import files
 from relume.image.files.signatures import kind_of
 from relume.image.radiance import RadianceMap
@@ -123,7 +122,7 @@ def stored_crop(picture: RadianceMap, name: str = "view") -> Crop | None:
             numbers = [float(word) for word in attributes["view-rotation"].split()]
             rotation = required_rotation(np.array(numbers).reshape(3, 3))
     except ValueError as error:
-        warnings.warn(f"{name}: its attributes hold an impossible view ({error}); they are not used", stacklevel=2)
+        warn(f"{name}: its attributes hold an impossible view ({error}); they are not used")
         return None
     return Crop(focal_length, rotation)
 

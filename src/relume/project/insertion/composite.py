@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from relume.capture.exposure.bracket import Bracket
 from relume.composite.differential import Additive, Ratio, composed
 from relume.composite.mattes import read_matte
+from relume.errors import warn
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.project.insertion.photographs import Calibrated
@@ -168,15 +168,13 @@ def _sharpness(table: MatchTable, plate: RadianceMap) -> Sharpness | None:
         return Sharpness(float(table.sharpness)) if table.sharpness else None
     sharpness = measured_sharpness(plate)
     if sharpness is None:
-        warnings.warn(
+        warn(
             "match.sharpness: the plate shows no clean edge to measure its sharpness at; the objects stay as sharp "
-            "as they are rendered, or give a number of pixels",
-            stacklevel=2,
+            "as they are rendered, or give a number of pixels"
         )
     elif sharpness.sigma > SOFT:
-        warnings.warn(
+        warn(
             f"match.sharpness: the plate's edges are blurred by σ = {sharpness.sigma:.2f} pixels, and so are the "
-            "objects; where those edges are out of focus, give a smaller number",
-            stacklevel=2,
+            "objects; where those edges are out of focus, give a smaller number"
         )
     return sharpness

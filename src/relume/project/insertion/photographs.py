@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -16,7 +15,7 @@ from relume.capture.denoising import denoise
 from relume.capture.exposure.bracket import Bracket, read_bracket, require_known_exposures
 from relume.capture.response.calibration import Calibration
 from relume.capture.response.camera_profile import CameraProfile, read_profile
-from relume.errors import InvalidShot, NotABracket
+from relume.errors import InvalidShot, NotABracket, warn
 from relume.image import files
 from relume.image.files.signatures import kind_of
 from relume.image.photograph import Exposure
@@ -158,10 +157,9 @@ def calibrate(shot: Shot, photographs: Photographs, steps: Steps) -> Calibrated:
             f"plate.photographs: the plate is in {radiance.unit} and the light in {probe.light.unit}; give both alike"
         )
     if isinstance(plate, RadianceMap) or shot.light.map is not None:
-        warnings.warn(
+        warn(
             "plate and light come from different files; relume cannot verify that they share one radiance scale. A "
-            "recovered reflectance that is not believable says that they do not",
-            stacklevel=2,
+            "recovered reflectance that is not believable says that they do not"
         )
     return Calibrated(radiance, bracket, focal_length, probe, cameras)
 
@@ -267,7 +265,7 @@ def _merged(shot: Shot, photographs: Photographs) -> tuple[list[MergedBracket], 
         known = before if profile is None else read[profile]
         result = merge_brackets([pairs[index][0] for index in chosen], profile=known, settings=settings)
         for line in (*result.warnings, *result.notes):
-            warnings.warn(line, stacklevel=2)
+            warn(line)
         found |= zip(chosen, result.brackets, strict=True)
         cameras = {**result.cameras, **cameras}
     return [found[index] for index in range(len(pairs))], cameras

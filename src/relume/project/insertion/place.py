@@ -5,14 +5,13 @@ A place is a scene without objects: the light projected onto the distant scene, 
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from relume.capture.lens.vignetting import Vignetting
-from relume.errors import InvalidShot
+from relume.errors import InvalidShot, warn
 from relume.image.radiance import RadianceMap
 from relume.light.constellations.local_lamps import free_lamp
 from relume.light.constellations.placement import PlacedLights
@@ -137,10 +136,7 @@ def bare_place(shot: Shot, probe: Probe) -> Scene:
         lamps.append(_sphere(found.lamp))
     local = tuple(shape for table in shot.local for shape in table.shapes(shot.folder))
     if not local:
-        warnings.warn(
-            "there is no local surface: the objects throw no shadow; describe what they stand on as [[local]]",
-            stacklevel=2,
-        )
+        warn("there is no local surface: the objects throw no shadow; describe what they stand on as [[local]]")
     return Scene(light, local, (), tuple(lamps), distant_scene(shot.light.distant, shot.folder), where)
 
 

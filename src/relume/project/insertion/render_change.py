@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from relume.errors import CannotResume, OutputNotWritten
+from relume.errors import CannotResume, OutputNotWritten, warn
 from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.project.insertion.photographs import Calibrated
@@ -118,7 +117,7 @@ def render_change(
             change = trace(watch)
         except CannotResume as error:
             what = str(error).partition(";")[0]
-            warnings.warn(f"cannot resume the saved render: {what}; starting over", stacklevel=2)
+            warn(f"cannot resume the saved render: {what}; starting over")
             change = trace(RenderSession(watch.checkpoint, True, preview=watch.preview, force=rendering.force))
         forget(watch)
         previews.remove()
@@ -166,7 +165,7 @@ class Previews:
             files.write(self.folder / "preview.exr", RadianceMap(composite, unit=self.plate.unit))
             files.write(self.folder / "preview.png", develop(composite, self.film))
         except OutputNotWritten as error:
-            warnings.warn(f"no preview: {error}", stacklevel=2)
+            warn(f"no preview: {error}")
 
     def remove(self) -> None:
         """Remove them, once the result itself is there."""

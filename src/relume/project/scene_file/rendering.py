@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from relume.errors import OutputNotWritten
+from relume.errors import OutputNotWritten, warn
 from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.project.scene_file.lights import metered_scene
@@ -337,7 +336,7 @@ def _by_trees(read: SceneFile, settings: RenderSettings, report: Report) -> Iter
     turning = isinstance(motion, motions.Turntable)
     moving = [solid for solid, orbit in zip(read.scene.objects, orbits, strict=True) if turning or orbit is not None]
     if left := left_in_space(moving):
-        warnings.warn(f"checks and waves lie in space: {', '.join(left)} will move through them", stacklevel=2)
+        warn(f"checks and waves lie in space: {', '.join(left)} will move through them")
     yield from motions.traced_frames(
         method, read.at, read.camera, motion, settings.frames, seed=seed, region=settings.region, progress=rendering
     )
@@ -354,7 +353,7 @@ def _warn_of_darkness(picture: Render, method: Whitted, read: SceneFile) -> None
         return
     unlit = not method.constellation and read.scene.light.radiance.any()
     reason = "the light map lights nothing while constellation is 0" if unlit else "is a lamp inside a shape, or below?"
-    warnings.warn(f"no light reaches the surfaces that are seen, so they are black; {reason}", stacklevel=3)
+    warn(f"no light reaches the surfaces that are seen, so they are black; {reason}")
 
 
 def _write_frames(out: Path, pictures: Iterator[Render], film: Film, unit: str) -> None:

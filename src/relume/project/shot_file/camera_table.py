@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
-from relume.errors import InvalidShot
+from relume.errors import InvalidShot, warn
 from relume.image import files
 from relume.project.schema import Positive, Table, Vector
 from relume.project.shot_file.sequence_table import CameraKey, require_rising
@@ -168,7 +167,7 @@ def _warn_of_residual(table: CameraTable, fit: CameraFit) -> None:
         return
     source = "grid" if table.grid is not None else "lines"
     remedy = "is focal_length right, or distortion missing?" if source == "grid" else "check which axis each is along"
-    warnings.warn(f"camera.{source} fits badly: {fit.agreement}; {remedy}", stacklevel=3)
+    warn(f"camera.{source} fits badly: {fit.agreement}; {remedy}")
 
 
 def _with(camera: Camera, key: str, **changes: Any) -> Camera:
@@ -220,10 +219,7 @@ def _from_lines(
             return fit(None)
         except ValueError:
             found = fit(exif)
-        warnings.warn(
-            f"camera.lines do not determine the focal length; that of the plate's EXIF is used: {exif:.0f} pixels",
-            stacklevel=3,
-        )
+        warn(f"camera.lines do not determine the focal length; that of the plate's EXIF is used: {exif:.0f} pixels")
         return found
     except ValueError as error:
         raise InvalidShot(f"camera.lines: {error}") from None

@@ -8,12 +8,11 @@ objects, beside the light's and the surface's own, weighed by the balance heuris
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from relume.errors import UnsupportedScene
+from relume.errors import UnsupportedScene, warn
 from relume.renderers.mitsuba.distant import require_inside
 from relume.renderers.mitsuba.path_tracer import MATTE_SAMPLES, PASS_RAYS, PASSES, Mitsuba, PathTracing, _mitsuba
 from relume.renderers.mitsuba.scene import why_not
@@ -108,10 +107,9 @@ class Differential(PathTracing):
                 progress=progress,
             )
             if target is not None and sums.passes == passes and not target.reached(sums):
-                warnings.warn(
+                warn(
                     f"the noise asked for, {self.noise:g}, was not reached with {self.samples} samples a pixel: it is "
-                    f"{target.error(sums):.2g}; give more samples",
-                    stacklevel=2,
+                    f"{target.error(sums):.2g}; give more samples"
                 )
             # Depth, normals and albedo, which need few samples.
             guides = still.guides(min(MATTE_SAMPLES, max(1, PASS_RAYS // (camera.width * camera.height))), seed)

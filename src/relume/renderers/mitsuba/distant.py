@@ -6,12 +6,12 @@ coordinates are therefore the probe's own directions, the map needs no resamplin
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from relume.errors import warn
 from relume.light.reflection.convolution import as_latlong
 from relume.renderers.mitsuba.arrays import triangles
 from relume.renderers.raytrace.raycast import RayCaster
@@ -67,10 +67,9 @@ def walls(distant: Distant, probe: tuple[float, float, float], rows: int = ROWS)
     grid = distance.reshape(rows + 1, -1)
     steps = np.concatenate([np.ravel(np.diff(np.log(grid), axis=0)), np.ravel(np.diff(np.log(grid), axis=1))])
     if isinstance(distant, Enclosure) and np.abs(steps).max() > np.log(LEAP):
-        warnings.warn(
+        warn(
             "parts of the distant scene's mesh are hidden from the probe: their light is drawn out from the edges that "
-            "hide them; take a simpler mesh, or put the probe where it sees all of it",
-            stacklevel=2,
+            "hide them; take a simpler mesh, or put the probe where it sees all of it"
         )
     corner = (np.arange(rows)[:, None] * (2 * rows + 1) + np.arange(2 * rows)).ravel()
     below = corner + 2 * rows + 1

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from relume.errors import UnsupportedScene
+from relume.errors import UnsupportedScene, warn
 from relume.renderers.mitsuba.arrays import rgb, texture_words
 from relume.renderers.unsupported_features import extra_lobes
 from relume.scene.materials.materials import Diffuse, Material, Ward
@@ -39,7 +38,7 @@ def bsdf(mi: Any, material: AnyMaterial, *, media: bool = False) -> Any:
         return {"type": "twosided", "bsdf": ward(material)}
     assert isinstance(material, Material)
     if lost := not_rendered(material, media=media, scalar=not _is_jit(mi)):
-        warnings.warn(f"not rendered of material {material.name!r}: {', '.join(lost)}", stacklevel=2)
+        warn(f"not rendered of material {material.name!r}: {', '.join(lost)}")
     medium = material.medium
     if not media and medium is not None and any(medium.scattering):
         material = replace(

@@ -6,7 +6,6 @@ and all of a scene's light comes from infinity.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from relume.errors import UnsupportedScene
+from relume.errors import UnsupportedScene, warn
 from relume.light.reflection.brdf import Reflectance
 from relume.light.reflection.convolution import as_latlong
 from relume.light.reflection.glossy import AZIMUTHS, GlossyMap, glossy_map
@@ -68,10 +67,9 @@ class Prefiltered(Renderer):
         materials = _mappable(scene)
         if len(shapes) > 1 or not all(_is_convex(shape) for shape in scene.objects):
             names = ", ".join(shape.name for shape in scene.objects[:4]) + ("…" if len(scene.objects) > 4 else "")
-            warnings.warn(
+            warn(
                 f"reflection maps show no shadows and no reflections of objects in themselves or each other ({names}); "
-                "light transport and ray tracing do (--renderer mitsuba, --renderer whitted)",
-                stacklevel=2,
+                "light transport and ray tracing do (--renderer mitsuba, --renderer whitted)"
             )
         shading = Shading.of(materials, scene.light, self.filter, self.threads)
         return Prepared(self, scene, Stage.of(shapes), shading)

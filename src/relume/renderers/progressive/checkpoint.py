@@ -11,14 +11,13 @@ import hashlib
 import json
 import os
 import struct
-import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from relume.errors import CannotResume, OutputNotWritten
+from relume.errors import CannotResume, OutputNotWritten, warn
 from relume.image.files import replacing
 
 MAGIC = b"relumeC1"
@@ -130,7 +129,7 @@ def _read(path: Path) -> Checkpoint | None:
         return None
     start = len(MAGIC) + 32
     if data[: len(MAGIC)] != MAGIC or hashlib.sha256(data[start:]).digest() != data[len(MAGIC) : start]:
-        warnings.warn(f"{path}: is damaged; its passes are traced again", stacklevel=4)
+        warn(f"{path}: is damaged; its passes are traced again")
         return None
     # From here on the bytes are those that were written.
     length = struct.unpack_from("<Q", data, start)[0]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from relume.errors import UnsupportedScene
+from relume.errors import UnsupportedScene, warn
 from relume.light.reflection.brdf import PhongReflectance, Reflectance
 from relume.light.reflection.lobes import Lambert, Lobe, Mirror, Phong
 from relume.light.reflection.weights import Complement, Even, Fresnel, Schlick, Weight
@@ -143,10 +142,7 @@ def _metallic_roughness(material: Material) -> Model:
     warn_of_unsupported(material, "Whitted's model does")
     for name in ("metallic", "roughness", "transmission"):
         if np.ndim(getattr(material, name)):
-            warnings.warn(
-                f"the {name} image of {material.name!r} is taken at its mean; Whitted's model has one for a surface",
-                stacklevel=2,
-            )
+            warn(f"the {name} image of {material.name!r} is taken at its mean; Whitted's model has one for a surface")
     metallic, roughness = float(np.mean(material.metallic)), float(np.mean(material.roughness))
     alpha = roughness**2 if roughness > SMOOTH else 0.0
     base = np.asarray(material.base_color, np.float64)

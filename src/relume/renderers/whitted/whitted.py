@@ -6,14 +6,13 @@ light that diffuse surfaces send to each other, and light that glass or mirrors 
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from relume._kernel import in_threads
-from relume.errors import UnsupportedScene
+from relume.errors import UnsupportedScene, warn
 from relume.light.reflection.convolution import as_latlong
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
@@ -112,10 +111,9 @@ class PreparedWhitted:
         """The one tree over all objects."""
         for solid in self.scene.objects:
             if isinstance(solid, Mesh) and (flat := _flat(solid)):
-                warnings.warn(
+                warn(
                     f"{flat} of the {len(solid.faces)} triangles of {solid.name!r} have no area and are left out; "
-                    "mend the mesh if it should have them",
-                    stacklevel=2,
+                    "mend the mesh if it should have them"
                 )
         return RayCaster.of((*self.scene.local, *self.scene.objects))
 
@@ -176,10 +174,7 @@ class PreparedWhitted:
         bands = in_threads(work, bottom - top, self.method.threads, chunk=max(BAND // (right - left), 1))
         means, rays = (np.concatenate(part) for part in zip(*bands, strict=True))
         if max(longest) >= MOST_RAYS:
-            warnings.warn(
-                f"a tree grew to {max(longest)} rays and was cut; lower the depth or raise the contribution",
-                stacklevel=2,
-            )
+            warn(f"a tree grew to {max(longest)} rays and was cut; lower the depth or raise the contribution")
         hit = np.maximum(means[..., 4:5], 1e-30)
         # Perturbed normals leave noise, and nobody has measured it.
         variance = np.full((*rays.shape, 3), np.nan if np.any(self.tables[2].roughness) else 0.0, np.float32)
@@ -268,10 +263,9 @@ class PreparedWhitted:
         innermost = [index for _, index in sorted(balls) if transparent[index]][:1]
         around = [i for i in innermost if glass[i]] if innermost else self._met_from_within(camera, seed, glass)
         for index in around[:1]:
-            warnings.warn(
+            warn(
                 f"the camera stands inside {getattr(shapes[index], 'name', 'the plane')!r}, which is transparent: the "
-                "picture shows what is seen from in there; move the camera out unless that is meant",
-                stacklevel=3,
+                "picture shows what is seen from in there; move the camera out unless that is meant"
             )
 
     def _met_from_within(self, camera: Camera, seed: int, glass: np.ndarray) -> list[int]:

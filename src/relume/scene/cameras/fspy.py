@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import struct
-import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from relume.errors import FormatError, UnreadableFile
+from relume.errors import FormatError, UnreadableFile, warn
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.pose import WORLD_FROM, UpAxis, pose, require_aspect
 
@@ -94,10 +93,9 @@ def _unit(path: Path, state: dict[str, Any]) -> float:
     name = str(settings.get("referenceDistanceUnit", ""))
     if settings.get("referenceDistanceAxis") and name in UNITS:
         return UNITS[name]
-    warnings.warn(
+    warn(
         f"{path}: holds no reference distance in a unit of length; its units are taken as metres: give one in fSpy "
-        "and use the project itself, or give unit",
-        stacklevel=3,
+        "and use the project itself, or give unit"
     )
     return 1.0
 
@@ -108,8 +106,7 @@ def _warn_of_tilt(path: Path, rotation: np.ndarray, axis: UpAxis) -> None:
     # The camera's up in the file's frame.
     up = WORLD_FROM[axis].T @ rotation[:, 1]
     if up["xyz".index(other)] > up["xyz".index(axis)]:
-        warnings.warn(
+        warn(
             f"{path}: its {other.upper()} axis is more upright in the photograph than its {axis.upper()}; "
-            f'give up = "{other}" if that is the one that points up',
-            stacklevel=3,
+            f'give up = "{other}" if that is the one that points up'
         )

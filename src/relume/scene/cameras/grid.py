@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from relume.errors import GridNotFound
+from relume.errors import GridNotFound, warn
 from relume.image.photograph import Photograph
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
@@ -178,19 +177,17 @@ def _with_k1(seen: _Seen, start: Camera, without: Minimum, focal_length: bool) -
     found, minimum = seen.refined(start, focal_length, True)
     k1, deviation = float(minimum.values[-1]), float(minimum.deviations[-1])
     if not abs(k1) >= SIGNIFICANT * deviation:
-        warnings.warn(
+        warn(
             f"{seen.name}: the lens's k1 from one flat board is {k1:.3g} ± {deviation:.2g}, which is not "
-            "significant: it is left out: give camera.distortion, or photograph a board that fills the picture",
-            stacklevel=4,
+            "significant: it is left out: give camera.distortion, or photograph a board that fills the picture"
         )
         return start, without
     across, down = found.principal_point
     corner = np.hypot(max(across, found.width - across), max(down, found.height - down)) / found.focal_length
-    warnings.warn(
+    warn(
         f"{seen.name}: the lens's k1 from one flat board is {k1:.3g} ± {deviation:.2g}, "
         f"± {deviation * corner**3 * found.focal_length:.1f} pixels in the picture's corners; "
-        "give camera.distortion where the lens has been calibrated",
-        stacklevel=4,
+        "give camera.distortion where the lens has been calibrated"
     )
     return found, minimum
 
@@ -203,10 +200,9 @@ def _warn_of_focal_length(seen: _Seen, found: Camera, minimum: Minimum) -> None:
             f"{seen.name}: the board does not determine the focal length ({found.focal_length:.0f} pixels, {spread}); "
             "give camera.focal_length, or photograph the board nearer and at a slant"
         )
-    warnings.warn(
+    warn(
         f"{seen.name}: the focal length from one flat board is {found.focal_length:.1f} ± "
-        f"{share * found.focal_length:.1f} pixels; give camera.focal_length where it is known",
-        stacklevel=4,
+        f"{share * found.focal_length:.1f} pixels; give camera.focal_length where it is known"
     )
 
 

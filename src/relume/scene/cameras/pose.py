@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from relume.errors import UnreadableFile
+from relume.errors import UnreadableFile, warn
 
 UpAxis = Literal["y", "z"]
 """The axis of a file that points up."""
@@ -77,8 +76,7 @@ def warn_of_aspect(path: Path, size: tuple[int, int], aspect: float, kept: str) 
     """Warn where a camera's own width ∕ height is not that of the picture; `kept` says what stays."""
     width, height = size
     if abs(width / height / aspect - 1) > SAME_ASPECT:
-        warnings.warn(
+        warn(
             f"{path}: the camera's aspect is {aspect:.3f}, the picture's {width / height:.3f}; {kept} is kept: check "
-            "it against the photograph",
-            stacklevel=4,
+            "it against the photograph"
         )

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import textwrap
-import warnings
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from relume.errors import UnreadableFile
+from relume.errors import UnreadableFile, warn
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.pose import UpAxis, pose, the_only, warn_of_aspect
 
@@ -50,9 +49,9 @@ def read_usd_camera(
         reason = textwrap.shorten(str(error.args[0].commentary), 160)
         raise UnreadableFile(f"{path}: not a readable USD file ({reason}); export it again") from None
     if faults:
-        warnings.warn(f"{path}: {faults[0]}" + (f" (and {len(faults) - 1} more)" if faults[1:] else ""), stacklevel=3)
+        warn(f"{path}: {faults[0]}" + (f" (and {len(faults) - 1} more)" if faults[1:] else ""))
     if moves:
-        warnings.warn(f"{path}: camera {prim.GetName()!r} changes with time; its first time is taken", stacklevel=3)
+        warn(f"{path}: camera {prim.GetName()!r} changes with time; its first time is taken")
     return _camera(path, lens, prim.GetName(), (width, height), axis, metres)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
@@ -10,6 +9,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from relume.errors import warn
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
 from relume.scene.cameras.fit import CameraFit, Minimum, least_squares
@@ -282,10 +282,9 @@ def _offsets(view: _View, segments: Sequence[np.ndarray]) -> list[np.ndarray]:
 
 def _check_determined(minimum: Minimum, view: _View, size: tuple[int, int], focal_length: bool, centre: bool) -> None:
     if focal_length and DOUBTFUL < minimum.deviations[3] <= LARGEST_DEVIATION:
-        warnings.warn(
+        warn(
             f"the lines determine the focal length to ± {100 * minimum.deviations[3]:.0f} % only "
-            f"({view.focal_length:.0f} pixels); give camera.focal_length where it is known",
-            stacklevel=3,
+            f"({view.focal_length:.0f} pixels); give camera.focal_length where it is known"
         )
     if focal_length and not minimum.deviations[3] <= LARGEST_DEVIATION:
         spread = f" (± {100 * minimum.deviations[3]:.0f} %)" if np.isfinite(minimum.deviations[3]) else ""

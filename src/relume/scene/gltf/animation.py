@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from relume.errors import UnreadableFile
+from relume.errors import UnreadableFile, warn
 from relume.scene.gltf.document import AT_REST, GltfDocument, read_document
 from relume.scene.motion.animation import Animation, Node
 from relume.scene.motion.keyframes import Interpolation, Linear, Slerp, Step, Tangents, Track
@@ -47,7 +46,7 @@ def _animation(document: GltfDocument) -> Animation:
     if any("skin" in node for node in header["nodes"]):
         lost.append("skins")
     if lost:
-        warnings.warn(f"{path}: not rendered of its motion: {', '.join(dict.fromkeys(lost))}", stacklevel=3)
+        warn(f"{path}: not rendered of its motion: {', '.join(dict.fromkeys(lost))}")
     parents = {child: i for i, node in enumerate(header["nodes"]) for child in node.get("children", [])}
     nodes = [
         _node(i, table, parents.get(i), {what: tracks[i, what] for what in _MOVING if (i, what) in tracks})

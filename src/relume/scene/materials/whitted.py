@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
+from relume.errors import warn
 from relume.scene.materials.bumps import Bumps
 from relume.scene.materials.materials import Colour
 
@@ -84,9 +84,8 @@ class WhittedMaterial:
             raise ValueError(f"roughness{who} is {self.roughness}; expected 0 or more")
         most = self.most()
         if most > 1 + 1e-6:
-            warnings.warn(
-                f"material {self.name!r} creates energy: its coefficients add up to {most:.3g}; keep them at 1 or less",
-                stacklevel=3,
+            warn(
+                f"material {self.name!r} creates energy: its coefficients add up to {most:.3g}; keep them at 1 or less"
             )
 
     def most(self) -> float:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import io
 import json
 import logging
-import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from relume.errors import UnreadableFile
+from relume.errors import UnreadableFile, warn
 from relume.scene.gltf.document import GltfDocument, read_document
 from relume.scene.gltf.materials import READ, GltfMaterial, read_materials
 from relume.scene.gltf.writing import glb_bytes
@@ -55,7 +54,7 @@ def read_meshes(path: str | Path) -> tuple[Mesh, ...]:
         raise UnreadableFile(f"{path}: holds no triangles; export the object's mesh")
     if lost:
         said = "; ".join(f"{part}: {', '.join(dict.fromkeys(words))}" for part, words in lost.items())
-        warnings.warn(f"{path}: not rendered {said}", stacklevel=2)
+        warn(f"{path}: not rendered {said}")
     return tuple(meshes)
 
 

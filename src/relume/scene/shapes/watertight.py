@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from relume.errors import warn
 from relume.scene.materials.materials import Material
 from relume.scene.shapes.shapes import Mesh
 
@@ -83,15 +83,14 @@ def facing_outwards(mesh: Mesh) -> Mesh:
             "edges wound both ways": found.turned_edges,
         }
         faults = ", ".join(f"{count} {name}" for name, count in parts.items() if count)
-        warnings.warn(
+        warn(
             f"mesh {mesh.name!r} lets light in but does not bound a body ({faults}): light that enters may not leave; "
-            "close it, or set thin = true for a sheet",
-            stacklevel=2,
+            "close it, or set thin = true for a sheet"
         )
         return mesh
     if found.volume >= 0:
         return mesh
-    warnings.warn(f"mesh {mesh.name!r} lets light in and was inside out; it was turned", stacklevel=2)
+    warn(f"mesh {mesh.name!r} lets light in and was inside out; it was turned")
     normals = None if mesh.normals is None else -mesh.normals
     return replace(mesh, faces=np.ascontiguousarray(mesh.faces[:, ::-1]), normals=normals)
 

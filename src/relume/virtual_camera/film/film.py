@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from relume.capture.scale.absolute import Scale, scale_from_exposure
+from relume.errors import warn
 from relume.image.colour import decode_srgb, encode_srgb, luminance
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import OUTSIDE, RadianceMap
@@ -48,10 +48,9 @@ def warn_of_range(
         return
     end, side, colour, where = (most, "most", "white", "above") if over > under else (least, "least", "black", "below")
     stops = float(np.log2(np.median(exposed.max(1)) / end.mean()))
-    warnings.warn(
+    warn(
         f"{100 * max(over, under):.0f} % of the picture is {colour}: its middle is {abs(stops):.1f} stops {where} the "
-        f"{side} exposure in the film's range; expose by {-stops:+.1f} stops or more",
-        stacklevel=3,
+        f"{side} exposure in the film's range; expose by {-stops:+.1f} stops or more"
     )
 
 

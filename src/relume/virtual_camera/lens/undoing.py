@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from relume.errors import warn
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 from relume.virtual_camera.protocols import Optics, Undoable
 from relume.virtual_camera.view import View
@@ -36,7 +36,7 @@ def undo_optics(picture: RadianceMap, optics: Sequence[Optics], view: View) -> R
     seen = _plane(np.ones(clipped.shape, bool))
     for step in reversed(optics):
         if not isinstance(step, Undoable):
-            warnings.warn(f"{type(step).__name__} cannot be undone; it is left in the picture", stacklevel=2)
+            warn(f"{type(step).__name__} cannot be undone; it is left in the picture")
             continue
         radiance, seen = step.undo(radiance, view), step.undo(seen, view)
         deviation = None if deviation is None else step.undo(deviation, view)

@@ -5,7 +5,6 @@ Of a camera's profile it takes the response, the vignetting and the scale, where
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +12,7 @@ import numpy as np
 from relume.capture.lens.vignetting import Vignetting
 from relume.capture.response.camera_profile import CameraProfile
 from relume.capture.scale.absolute import Scale, scale_from_exposure
-from relume.errors import NotABracket
+from relume.errors import NotABracket, warn
 from relume.image.colour import luminance
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
@@ -201,10 +200,9 @@ def _compare_brightness(picture: RadianceMap, seen: RadianceMap | None, facts: l
     words = f"the picture comes out {abs(stops):.1f} stops {'brighter' if stops >= 0 else 'darker'} than the plate"
     facts.append(f"brightness: {words}, by their medians")
     if abs(stops) > FAR:
-        warnings.warn(
+        warn(
             f"{words}, by their medians: the plate's exposure may not be of the picture's unit; where both show the "
-            f"same light, expose by {-stops:+.1f} stops",
-            stacklevel=3,
+            f"same light, expose by {-stops:+.1f} stops"
         )
 
 

@@ -9,12 +9,12 @@ a string (time codes, matrices, key codes) is not kept.
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from relume.errors import warn
 from relume.image.files.metadata.attributes import EXR, PREFIX
 
 # Of the file's form, not of the picture; "view" is an eye of a stereo pair, and not Radiance's VIEW.
@@ -69,7 +69,7 @@ def storable(path: str | os.PathLike[str], attributes: Mapping[str, str]) -> dic
     clean = {_clean(name).replace("\0", "?"): _clean(str(text)) for name, text in attributes.items()}
     if changed := sorted(set(attributes.items()) - set(clean.items())):
         names = ", ".join(ascii(name)[1:-1] for name, _ in changed)
-        warnings.warn(f"{path}: the attributes {names} hold characters that no text has; each becomes ?", stacklevel=5)
+        warn(f"{path}: the attributes {names} hold characters that no text has; each becomes ?")
     return clean
 
 

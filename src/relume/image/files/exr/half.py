@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-import warnings
 
 import numpy as np
+
+from relume.errors import warn
 
 _LARGEST = 65504
 _SMALLEST = 2**-14  # below, halves have fewer than eleven digits
@@ -29,14 +30,14 @@ def holds(path: str | os.PathLike[str], name: str, layer: np.ndarray) -> bool:
         black += np.count_nonzero(stored == 0)
     if beyond:
         reason = f"{beyond} values are beyond {_LARGEST}, the largest half"
-        warnings.warn(f"{path}: {name} is stored as float, not half: {reason}", stacklevel=4)
+        warn(f"{path}: {name} is stored as float, not half: {reason}")
         return False
     if not lost:
         return True
     what = f"{lost} of its {lit} values other than 0 are so small that halves lose more than 1/2048 of them"
     if lost > _DIM * lit:
-        warnings.warn(f"{path}: {name} is stored as float, not half: {what}", stacklevel=4)
+        warn(f"{path}: {name} is stored as float, not half: {what}")
         return False
     nothing = f", and {black} become 0" if black else ""
-    warnings.warn(f"{path}: {name} is stored as half, though {what}{nothing}; store float to keep them", stacklevel=4)
+    warn(f"{path}: {name} is stored as half, though {what}{nothing}; store float to keep them")
     return True

@@ -8,13 +8,12 @@ as it is, with whiteLuminance 1. Attributes: see `exr.attributes`.
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
 
-from relume.errors import UnreadableFile
+from relume.errors import UnreadableFile, warn
 from relume.image.files.encodings import OpenEXR
 from relume.image.files.exr import half as exr_half
 from relume.image.files.exr import picture as exr_picture
@@ -159,7 +158,7 @@ def _radiance_map(path: str | os.PathLike[str], parts: list[Part]) -> RadianceMa
     if primaries.is_close(REC709):
         return image
     named = ", ".join(f"{value:.4g}" for value in primaries.values)
-    warnings.warn(f"{path}: its primaries are {named} (x, y of R, G, B, white); converted to Rec. 709", stacklevel=4)
+    warn(f"{path}: its primaries are {named} (x, y of R, G, B, white); converted to Rec. 709")
     return _in_rec709(image, primaries, part.header)
 
 
@@ -202,7 +201,7 @@ def _primaries(path: str | os.PathLike[str], part: Part) -> Primaries:
     try:
         return Primaries.of(values)
     except (ValueError, TypeError) as error:
-        warnings.warn(f"{path}: its chromaticities are of no use and not applied: {error}", stacklevel=5)
+        warn(f"{path}: its chromaticities are of no use and not applied: {error}")
         return REC709
 
 
@@ -221,9 +220,7 @@ def _padding(path: str | os.PathLike[str], part: Part, shown: str) -> np.ndarray
     padding = outside(part.header)
     if padding is not None:
         count = np.count_nonzero(padding)
-        warnings.warn(
-            f"{path}: {count} of its {padding.size} pixels lie outside its data window; they are {shown}", stacklevel=5
-        )
+        warn(f"{path}: {count} of its {padding.size} pixels lie outside its data window; they are {shown}")
     return padding
 
 
@@ -236,14 +233,11 @@ def _neutral(value: object) -> tuple[float, float] | None:
 
 def _whole(path: str | os.PathLike[str], part: Part) -> bool:
     if part.missing is not None:
-        warnings.warn(f"{path}: its part {part.name} is incomplete and left out", stacklevel=5)
+        warn(f"{path}: its part {part.name} is incomplete and left out")
     return part.missing is None
 
 
 def _warn_of_missing(path: str | os.PathLike[str], missing: np.ndarray | None) -> None:
     if missing is not None:
         rows = np.count_nonzero(missing.any(1))
-        warnings.warn(
-            f"{path}: ends early; pixels of {rows} of {len(missing)} rows are missing, and 0, marked as outside",
-            stacklevel=5,
-        )
+        warn(f"{path}: ends early; pixels of {rows} of {len(missing)} rows are missing, and 0, marked as outside")

@@ -15,7 +15,6 @@ import os
 import sys
 import tempfile
 import threading
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from relume.errors import FormatError, OutputNotWritten
+from relume.errors import FormatError, OutputNotWritten, warn
 from relume.image.files.atomic import replacing
 from relume.image.files.exr import chunks as exr_chunks
 from relume.image.files.exr.header import Headers, read_headers, refuse_beyond
@@ -131,7 +130,7 @@ def warn_of_overscan(path: str | os.PathLike[str], header: Mapping[str, Any]) ->
     """Say how many pixels of the data window lie outside the display window."""
     width, height = extent(header["dataWindow"])
     if outside := width * height - _common(header)[2]:
-        warnings.warn(f"{path}: {outside} pixels around the display window (overscan) are left out", stacklevel=6)
+        warn(f"{path}: {outside} pixels around the display window (overscan) are left out")
 
 
 def _warn_of_contradiction(path: str | os.PathLike[str], headers: Headers) -> None:
@@ -146,7 +145,7 @@ def _warn_of_contradiction(path: str | os.PathLike[str], headers: Headers) -> No
     if headers.many or claimed is None or claimed == expected:
         return
     found = f'its attribute "type" is {claimed[:40]!a}, but its version field says {stored}'
-    warnings.warn(f"{path}: {found}, and as those it is read; save it again", stacklevel=5)
+    warn(f"{path}: {found}, and as those it is read; save it again")
 
 
 def _common(header: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray, int]:

@@ -9,12 +9,11 @@ Introduction to OpenEXR", "Luminance/Chroma Images"; weights: ImfRgbaYca, 27-pix
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Collection
 
 import numpy as np
 
-from relume.errors import UnreadableFile
+from relume.errors import UnreadableFile, warn
 from relume.image.files.exr.parts import Part, extent, placed
 from relume.image.primaries import Primaries
 
@@ -31,9 +30,7 @@ def picture(path: str | os.PathLike[str], parts: list[Part]) -> tuple[Part, str]
                 if {prefix + name for name in wanted} <= part.channels.keys():
                     chosen = _view(part, prefix)
                     if len(views) > 1:
-                        warnings.warn(
-                            f"{path}: holds the views {', '.join(views)}; {chosen or 'the first'} is read", stacklevel=5
-                        )
+                        warn(f"{path}: holds the views {', '.join(views)}; {chosen or 'the first'} is read")
                     return part, prefix
     held = _listed(sorted({name for part in parts for name in part.channels}))
     raise UnreadableFile(f"{path}: holds the channels {held}; relume needs R, G and B, or Y: save that on its own")
@@ -61,7 +58,7 @@ def warn_of_left_out(path: str | os.PathLike[str], parts: Collection[str], chann
     kinds = (("part", parts), ("channel", channels))
     lists = [f"the {kind}{'s' * (len(names) > 1)} {_listed(names)}" for kind, names in kinds if names]
     if lists:
-        warnings.warn(f"{path}: left out: {' and '.join(lists)}; save each on its own to read it", stacklevel=5)
+        warn(f"{path}: left out: {' and '.join(lists)}; save each on its own to read it")
 
 
 def _listed(names: Collection[str]) -> str:
@@ -161,7 +158,7 @@ def warn_of_alpha(path: str | os.PathLike[str], part: Part, prefix: str) -> None
     if part.missing is not None and part.missing.shape == alpha.shape:
         seen_through -= np.count_nonzero((alpha != 1) & part.missing)
     if seen_through:
-        warnings.warn(f"{path}: alpha is left out, though {seen_through} pixels are not opaque", stacklevel=5)
+        warn(f"{path}: alpha is left out, though {seen_through} pixels are not opaque")
 
 
 def to_rgb(luminance: np.ndarray, red: np.ndarray, blue: np.ndarray, primaries: Primaries) -> list[np.ndarray]:

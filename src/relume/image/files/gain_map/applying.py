@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
 from relume._kernel import in_threads, kernel
+from relume.errors import warn
 from relume.image.files.gain_map.metadata import GainMapMetadata
 from relume.image.files.metadata import icc_profile
 from relume.image.primaries import REC709, Primaries, between, mixed
@@ -53,9 +53,7 @@ def _profile(path: str | os.PathLike[str], profile: bytes | None) -> icc_profile
     if profile is None:
         return icc_profile.srgb()
     if (parsed := icc_profile.parsed(profile)) is None:
-        warnings.warn(
-            f"{path}: its colour profile is damaged or none of primaries and curves; taken for sRGB", stacklevel=6
-        )
+        warn(f"{path}: its colour profile is damaged or none of primaries and curves; taken for sRGB")
         return icc_profile.srgb()
     return parsed
 

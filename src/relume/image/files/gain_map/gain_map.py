@@ -11,12 +11,11 @@ whose base has no hdrgm:Version; so the reader is our own.
 from __future__ import annotations
 
 import os
-import warnings
 from typing import BinaryIO
 
 import numpy as np
 
-from relume.errors import FormatError, UnreadableFile
+from relume.errors import FormatError, UnreadableFile, warn
 from relume.image.files.atomic import replacing
 from relume.image.files.gain_map import layout as gain_map_layout
 from relume.image.files.gain_map.layout import Layout
@@ -66,7 +65,7 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
         jpegs = [_bytes(file, header, end) for header, end in zip(headers, ends, strict=True)]
     own = _own(layout.packet, options)
     if any(header.stray for header in headers):
-        warnings.warn(f"{path}: has stray bytes among its headers; look whether the picture is whole", stacklevel=4)
+        warn(f"{path}: has stray bytes among its headers; look whether the picture is whole")
     # Only now: these load libraries, and a header that claims too much is refused before.
     from relume.image.files.gain_map import applying as gain_map_applying
     from relume.image.files.metadata import exif, exif_attributes
@@ -86,15 +85,12 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
     if scale is None:
         attributes["rendition"] = "display"
         unit = "relative"
-        warnings.warn(f"{path}: made for displays, its light is not measured", stacklevel=4)
+        warn(f"{path}: made for displays, its light is not measured")
     else:
         radiance /= np.float32(scale)
     if not given.gain_primaries.is_close(REC709):
         attributes["primaries"] = given.gain_primaries.text
-        warnings.warn(
-            f"{path}: its primaries are {given.gain_primaries.text} (x, y of R, G, B, white); converted to Rec. 709",
-            stacklevel=4,
-        )
+        warn(f"{path}: its primaries are {given.gain_primaries.text} (x, y of R, G, B, white); converted to Rec. 709")
     del codes, given
     return RadianceMap(upright(radiance, exif.orientation_of(tags)), unit=unit, attributes=attributes)
 
@@ -114,7 +110,7 @@ def write_rendition(path: str | os.PathLike[str], bright: np.ndarray, base: np.n
     with replacing(path) as temporary:
         temporary.write_bytes(data)
     if losses:
-        warnings.warn(f"{path}: {losses}", stacklevel=3)
+        warn(f"{path}: {losses}")
 
 
 def _layout(path: str | os.PathLike[str], file: BinaryIO, options: ReadOptions) -> Layout:

@@ -12,11 +12,10 @@ white of R = G = B = 1, so that what is neutral in one is neutral in the other.
 from __future__ import annotations
 
 import os
-import warnings
 
 import numpy as np
 
-from relume.errors import FormatError
+from relume.errors import FormatError, warn
 from relume.image.files.atomic import replacing
 from relume.image.files.encodings import RadianceHDR
 from relume.image.files.hdr.header import FORMAT, Header, header_of, kept_attributes, read_header
@@ -76,16 +75,16 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
         attributes["primaries"] = given.text
         if not header.xyz:
             what = f"{given.text} (x, y of R, G, B, white)"
-            warnings.warn(f"{path}: its primaries are {what}; converted to Rec. 709", stacklevel=5)
+            warn(f"{path}: its primaries are {what}; converted to Rec. 709")
     if header.gamma:
         what = f"a GAMMA of {header.gamma[:20]}"
-        warnings.warn(f"{path}: its header names {what}; its pixels are taken to be linear all the same", stacklevel=5)
+        warn(f"{path}: its header names {what}; its pixels are taken to be linear all the same")
     clipped = None
     if whole < header.lines:
         clipped = np.zeros((height, width), np.uint8)
         along(clipped, header.axes)[whole:] = OUTSIDE
         what = f"{header.lines - whole} of {header.lines} scan lines are missing"
-        warnings.warn(f"{path}: ends early; {what}: they are 0 and marked as outside", stacklevel=5)
+        warn(f"{path}: ends early; {what}: they are 0 and marked as outside")
     return RadianceMap(radiance, clipped=clipped, unit=header.unit, attributes=attributes)
 
 
@@ -113,7 +112,7 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: RadianceHD
         )
     if dark:
         what = f"{dark} of {pixels} pixels are darker than {DARKEST:.2g} and become 0"
-        warnings.warn(f"{path}: {what}; .exr keeps them", stacklevel=3)
+        warn(f"{path}: {what}; .exr keeps them")
     warn_of_losses(path, image, kept_attributes(image))
     with replacing(path) as temporary, open(temporary, "wb") as file:
         file.write(header_of(image, xyz=encoding.xyz))

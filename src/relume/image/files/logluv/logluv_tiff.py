@@ -10,11 +10,10 @@ from __future__ import annotations
 
 import math
 import os
-import warnings
 
 import numpy as np
 
-from relume.errors import UnreadableFile
+from relume.errors import UnreadableFile, warn
 from relume.image.files.encodings import LogLuv
 from relume.image.files.logluv import blocks as logluv_blocks
 from relume.image.files.logluv import codes as logluv_codes
@@ -58,10 +57,9 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
     if scale is not None and scale > _SAFE_SCALE and not np.all(np.isfinite(picture)):
         raise UnreadableFile(f"{path}: times its STONITS of {scale:g}, pixels are beyond float32; correct it")
     if strange:
-        warnings.warn(
+        warn(
             f"{path}: {strange} of {picture[..., 0].size} pixels have a code that no colour has; read as neutral: the "
-            "file may be damaged",
-            stacklevel=5,
+            "file may be damaged"
         )
     with open(path, "rb") as file:
         attributes = attributes_of(path, file, folder, options)
@@ -86,9 +84,7 @@ def header(path: str | os.PathLike[str], options: ReadOptions) -> tuple[Folder, 
     """The first picture's tags, and where its pixels are."""
     folders = read_folders(path, options)
     if len(folders) > 1:
-        warnings.warn(
-            f"{path}: the first of its {len(folders)} pictures is read; split it for the others", stacklevel=6
-        )
+        warn(f"{path}: the first of its {len(folders)} pictures is read; split it for the others")
     return folders[0], blocks_of(path, folders[0], os.path.getsize(path), options)
 
 
@@ -116,11 +112,11 @@ def to_d65(path: str | os.PathLike[str], folder: Folder, blocks: Blocks) -> tupl
     with np.errstate(all="ignore"):
         matrix = adaptation((x, y), REC709.white) if seen else np.eye(3)
     if not (seen and np.all(np.abs(matrix) < _STRONGEST)):
-        warnings.warn(f"{path}: its white is {x:.4g} {y:.4g} (x, y), which no light has; read as D65", stacklevel=5)
+        warn(f"{path}: its white is {x:.4g} {y:.4g} (x, y), which no light has; read as D65")
         return np.eye(3), {}
     if np.array_equal(matrix, np.eye(3)):
         return matrix, {}
-    warnings.warn(f"{path}: its white is {x:.4g} {y:.4g} (x, y); adapted to D65", stacklevel=5)
+    warn(f"{path}: its white is {x:.4g} {y:.4g} (x, y); adapted to D65")
     return matrix, {"white": f"{x:.6g} {y:.6g}"}
 
 
@@ -129,7 +125,7 @@ def _outside(path: str | os.PathLike[str], rows: logluv_blocks.Rows, folder: Fol
         return None
     missing = rows.missing()
     count = int(np.count_nonzero(missing.any(axis=1)))
-    warnings.warn(f"{path}: {count} of its {rows.blocks.layout.height} rows are missing, and marked so", stacklevel=5)
+    warn(f"{path}: {count} of its {rows.blocks.layout.height} rows are missing, and marked so")
     marks = np.where(missing, np.uint8(OUTSIDE), np.uint8(0))
     return tiff_layout.upright(marks, tiff_layout.orientation_of(folder))
 
@@ -209,5 +205,5 @@ def _words(path: str | os.PathLike[str], radiance: np.ndarray, bits: int, scale:
         (kernels.NO_SUCH_COLOUR, "have a colour that LogLuv does not hold, and get the nearest; .exr keeps it"),
     ):
         if doubts[doubt] and not (doubt == kernels.COLOURED and bits != 16):
-            warnings.warn(f"{path}: {doubts[doubt]} of {len(pixels)} pixels {what}", stacklevel=5)
+            warn(f"{path}: {doubts[doubt]} of {len(pixels)} pixels {what}")
     return words.reshape(height, width)

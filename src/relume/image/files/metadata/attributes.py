@@ -7,12 +7,11 @@ relume's (their mapping, their orientation, …) or of the format they came from
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from relume.errors import UnreadableFile
+from relume.errors import UnreadableFile, warn
 from relume.image.radiance import RadianceMap
 
 PREFIX = "relume:"
@@ -79,7 +78,7 @@ def warn_of_losses(
     if dropped:
         lost.append(f"the attributes {', '.join(dropped)}")
     if lost:
-        warnings.warn(f"{path}: does not keep {'; '.join(lost)}; .exr keeps everything", stacklevel=4)
+        warn(f"{path}: does not keep {'; '.join(lost)}; .exr keeps everything")
 
 
 def scale_by(path: str | os.PathLike[str], pixels: np.ndarray, luminance: float, name: str) -> None:

@@ -19,6 +19,7 @@ from typing import BinaryIO
 import PIL
 from PIL import Image, JpegImagePlugin, PngImagePlugin
 
+from relume.errors import warn
 from relume.image.files.metadata import exif_attributes, gps
 from relume.image.files.metadata.attributes import EXIF
 from relume.image.files.metadata.exif_attributes import letters
@@ -59,10 +60,10 @@ def tags(path: str | os.PathLike[str], kind: str) -> dict[int, object]:
             if gps.FOLDER in exif:
                 found[gps.FOLDER] = _position_in(exif, damage)
     except Exception as error:  # Pillow raises SyntaxError, struct.error, KeyError and others for damaged tags
-        warnings.warn(f"{path}: its EXIF cannot be read ({one_line(error)}); exposure unknown", stacklevel=4)
+        warn(f"{path}: its EXIF cannot be read ({one_line(error)}); exposure unknown")
         return {}
     if damage:
-        warnings.warn(f"{path}: its EXIF is damaged ({one_line(damage[0])}); exposure may be missing", stacklevel=4)
+        warn(f"{path}: its EXIF is damaged ({one_line(damage[0])}); exposure may be missing")
     # Pillow takes every byte for a letter of Latin-1, so that none is lost.
     return {tag: letters(v.encode("latin-1", "replace")) if isinstance(v, str) else v for tag, v in found.items()}
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 import io
 import os
 import re
-import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +19,7 @@ import numpy as np
 import OpenImageIO as oiio
 from PIL import Image, ImageCms
 
-from relume.errors import FormatError, UnreadableFile
+from relume.errors import FormatError, UnreadableFile, warn
 from relume.image.files.atomic import replacing
 from relume.image.files.metadata import exif, exif_attributes
 from relume.image.files.photographs import png
@@ -59,14 +58,14 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
     if kind == "PNG":
         png.warn_of_other_encoding(path, png.header(path))
     if form.pages > 1:
-        warnings.warn(f"{path}: only the first of its {form.pages} pages is read", stacklevel=4)
+        warn(f"{path}: only the first of its {form.pages} pages is read")
     found = salvaged(path, kind, form, options) if options.salvage else None
     if found is None:
         stored, profile = _decoded(path, kind, form, options)
     else:
         stored, profile = found.pixels, found.profile
         missing = found.height - len(stored)
-        warnings.warn(f"{path}: ends early; {missing} of {found.height} rows are missing", stacklevel=4)
+        warn(f"{path}: ends early; {missing} of {found.height} rows are missing")
     outside = _transparent(path, stored[..., -1]) if stored.shape[2] in (2, 4) else None
     pixels = stored[..., :3] if stored.shape[2] >= 3 else np.repeat(stored[..., :1], 3, axis=2)
     if found is not None:  # what is missing is 0 and outside
@@ -124,7 +123,7 @@ def write_jpeg(path: str | os.PathLike[str], photograph: Photograph) -> None:
     if photograph.outside is not None and (count := int(np.count_nonzero(photograph.outside))):
         lost.append(f"which {count} of its pixels are outside the picture")
     if lost:
-        warnings.warn(f"{path}: does not keep {'; '.join(lost)}; .png keeps everything", stacklevel=3)
+        warn(f"{path}: does not keep {'; '.join(lost)}; .png keeps everything")
 
 
 def write_png(path: str | os.PathLike[str], photograph: Photograph) -> None:
@@ -194,7 +193,7 @@ def _with_alpha(photograph: Photograph) -> np.ndarray:
 def _profile_to_write(path: str | os.PathLike[str], photograph: Photograph) -> bytes | None:
     if photograph.profile is None or _is_of_rgb(photograph.profile):
         return photograph.profile
-    warnings.warn(f"{path}: does not keep its profile, which is not an ICC profile of RGB", stacklevel=4)
+    warn(f"{path}: does not keep its profile, which is not an ICC profile of RGB")
     return None
 
 
@@ -255,7 +254,7 @@ def _base_of_gain_map(path: str | os.PathLike[str], options: ReadOptions) -> tup
 
 
 def _warn_of_stray_bytes(path: str | os.PathLike[str]) -> None:
-    warnings.warn(f"{path}: has stray bytes among its headers; look whether the picture is whole", stacklevel=6)
+    warn(f"{path}: has stray bytes among its headers; look whether the picture is whole")
 
 
 def _refuse_unusable(path: str | os.PathLike[str], kind: str, spec: oiio.ImageSpec) -> None:
@@ -279,7 +278,7 @@ def _description(profile: bytes) -> str:
 
 def _warn_of_profile(path: str | os.PathLike[str], description: str) -> None:
     if "srgb" not in description.lower():
-        warnings.warn(f'{path}: its colour profile is "{one_line(description)}", not sRGB; not converted', stacklevel=6)
+        warn(f'{path}: its colour profile is "{one_line(description)}", not sRGB; not converted')
 
 
 def _refuse_truncated(path: str | os.PathLike[str], kind: str) -> None:
@@ -297,5 +296,5 @@ def _transparent(path: str | os.PathLike[str], alpha: np.ndarray) -> np.ndarray 
         raise UnreadableFile(f"{path}: alpha is 0 everywhere, so there is nothing to see; save it without alpha")
     seen_through = np.count_nonzero(~transparent & (alpha != np.iinfo(alpha.dtype).max))
     if seen_through:
-        warnings.warn(f"{path}: alpha is left out, though {seen_through} pixels are not opaque", stacklevel=5)
+        warn(f"{path}: alpha is left out, though {seen_through} pixels are not opaque")
     return transparent if transparent.any() else None

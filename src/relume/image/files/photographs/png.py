@@ -10,7 +10,6 @@ from __future__ import annotations
 import logging
 import os
 import struct
-import warnings
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.errors import FormatError
+from relume.errors import FormatError, warn
 from relume.image.files.read_options import ReadOptions
 from relume.image.files.signatures import one_line
 
@@ -116,10 +115,10 @@ def header(path: str | os.PathLike[str]) -> Header:
 def warn_of_other_encoding(path: str | os.PathLike[str], header: Header) -> None:
     """Say in a warning where the values of a PNG are encoded otherwise than those of sRGB."""
     if header.transfer:
-        warnings.warn(f"{path}: its values are {header.transfer}, not sRGB; not converted", stacklevel=4)
+        warn(f"{path}: its values are {header.transfer}, not sRGB; not converted")
     if header.gamma is not None and abs(header.gamma - _SRGB_GAMMA) > _SAME_GAMMA:
         exponent = f"1/{1 / header.gamma:.3g}" if header.gamma else "0"
-        warnings.warn(f"{path}: its values are encoded by gamma {exponent}, not sRGB; not converted", stacklevel=4)
+        warn(f"{path}: its values are encoded by gamma {exponent}, not sRGB; not converted")
 
 
 def chunks(path: str | os.PathLike[str]) -> Chunks:

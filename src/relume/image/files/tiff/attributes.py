@@ -7,10 +7,9 @@ letter goes into an XMP packet too, under "relume:", and comes back from there.
 from __future__ import annotations
 
 import os
-import warnings
 from typing import BinaryIO
 
-from relume.errors import FormatError
+from relume.errors import FormatError, warn
 from relume.image.files.metadata import attributes as names
 from relume.image.files.metadata import gps, xmp
 from relume.image.files.metadata.exif_attributes import (
@@ -84,7 +83,7 @@ def _folder_of(
         try:
             return folder_at(path, file, places[0], options)
         except FormatError as error:
-            warnings.warn(f"{path}: its {what} is left out: {error.where} is damaged", stacklevel=5)
+            warn(f"{path}: its {what} is left out: {error.where} is damaged")
     return None
 
 
@@ -96,7 +95,7 @@ def primaries_of(path: str | os.PathLike[str], folder: Folder) -> Primaries:
     try:
         return Primaries.of((*corners, *(white if len(white) == 2 else REC709.white)))
     except ValueError as error:
-        warnings.warn(f"{path}: {error}; taken for Rec. 709", stacklevel=4)
+        warn(f"{path}: {error}; taken for Rec. 709")
         return REC709
 
 
@@ -118,5 +117,5 @@ def _in_packet(path: str | os.PathLike[str], folder: Folder, options: ReadOption
     try:
         return xmp.attributes(packet, options)
     except ValueError as error:
-        warnings.warn(f"{path}: {error}; its attributes are left out", stacklevel=5)
+        warn(f"{path}: {error}; its attributes are left out")
         return {}

@@ -7,11 +7,10 @@ see `tiff.attributes`.
 from __future__ import annotations
 
 import os
-import warnings
 
 import numpy as np
 
-from relume.errors import FormatError, UnreadableFile
+from relume.errors import FormatError, UnreadableFile, warn
 from relume.image.files.encodings import FloatTIFF
 from relume.image.files.metadata.attributes import scale_by, warn_of_losses
 from relume.image.files.read_options import OR_SALVAGE, ReadOptions
@@ -59,11 +58,11 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
         scale_by(path, pixels, scale, "STONITS")
     clipped = None
     if rows < layout.height:
-        warnings.warn(f"{path}: ends early; {layout.height - rows} of {layout.height} rows are missing", stacklevel=4)
+        warn(f"{path}: ends early; {layout.height - rows} of {layout.height} rows are missing")
         clipped = np.zeros(pixels.shape[:2], np.uint8)
         clipped[rows:] = OUTSIDE
     if (pages := pages_of(folders)) > 1:
-        warnings.warn(f"{path}: only the first of its {pages} pages is read", stacklevel=4)
+        warn(f"{path}: only the first of its {pages} pages is read")
     with open(path, "rb") as file:
         attributes = attributes_of(path, file, folder, options)
     orientation = orientation_of(folder)
@@ -168,9 +167,9 @@ def _pixels(path: str | os.PathLike[str], folder: Folder, layout: Layout, rows: 
         raise UnreadableFile(f"{path}: {beyond} of its doubles are beyond float32, 3.4e38; scale it down first")
     seen_through = rows * layout.width - opaque if layout.extra else 0
     if seen_through:
-        warnings.warn(f"{path}: alpha is left out, though {seen_through} pixels are not opaque", stacklevel=5)
+        warn(f"{path}: alpha is left out, though {seen_through} pixels are not opaque")
     if layout.extra > 1:
-        warnings.warn(f"{path}: {layout.extra - 1} channels beside its colours and alpha are left out", stacklevel=5)
+        warn(f"{path}: {layout.extra - 1} channels beside its colours and alpha are left out")
     return pixels
 
 
@@ -178,7 +177,5 @@ def _in_rec709(path: str | os.PathLike[str], folder: Folder, layout: Layout, ima
     given = primaries_of(path, folder)
     if layout.samples - layout.extra == 1 or given.is_close(REC709):
         return image
-    warnings.warn(
-        f"{path}: its primaries are {given.text} (x, y of R, G, B, white); converted to Rec. 709", stacklevel=5
-    )
+    warn(f"{path}: its primaries are {given.text} (x, y of R, G, B, white); converted to Rec. 709")
     return converted(image, between(given, REC709), given)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
+from relume.errors import warn
 from relume.image.radiance import RadianceMap
 from relume.virtual_camera.lens.glare.convolution import NEAR, Canvas, Transfer, general_transfer, spread_out
 from relume.virtual_camera.protocols import Relative
@@ -39,10 +39,7 @@ class MeasuredGlare(Relative):
         if not np.all(sums > 0):
             raise ValueError("the point spread sums to 0 in a channel; expected where a point's light goes")
         if np.any(np.abs(sums - 1) > SUM):
-            warnings.warn(
-                f"the point spread sums to {np.round(sums, 4)} and is made to sum to 1, so that no light is lost",
-                stacklevel=3,
-            )
+            warn(f"the point spread sums to {np.round(sums, 4)} and is made to sum to 1, so that no light is lost")
 
     @staticmethod
     def of_lamp(picture: RadianceMap, *, mirrored: bool = False) -> MeasuredGlare:
