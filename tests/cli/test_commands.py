@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from command_line import refused
+from command_line import printed, refused, reported
 from relume.cli import COMMANDS, main
 from relume.image.files import read_radiance, write
 from relume.image.radiance import RadianceMap
@@ -21,17 +21,15 @@ ROOM = Path(__file__).parents[2] / "examples" / "room"
 PLATE = [str(p) for p in sorted((ROOM / "plate").glob("*.jpg"))]
 
 
-def test_help_names_every_command_and_no_other(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["--help"]) == 0
-    text = capsys.readouterr().out
+def test_help_names_every_command_and_no_other(capsys):
+    text = printed(["--help"], capsys).out
     assert all(name in text for name in COMMANDS)
     assert not any(name in text for name in ("studio",))
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_every_command_has_help(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([name, "--help"]) == 0
-    assert f"Usage: relume {name}" in capsys.readouterr().out
+def test_every_command_has_help(name, capsys):
+    assert f"Usage: relume {name}" in printed([name, "--help"], capsys).out
 
 
 @pytest.mark.parametrize(
@@ -45,43 +43,34 @@ def test_every_command_has_help(name: str, capsys: pytest.CaptureFixture[str]) -
         "edit": ("--crop", "--add"),
     }.items(),
 )
-def test_help_shows_options_that_are_tuples(
-    command: str, options: tuple[str, ...], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main([command, "--help"]) == 0
-    text = capsys.readouterr().out
+def test_help_shows_options_that_are_tuples(command, options, capsys):
+    text = printed([command, "--help"], capsys).out
     assert [option for option in options if option not in text] == []
 
 
-def test_probe_finds_the_ball_and_writes_a_map_that_remembers_its_mapping(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_probe_finds_the_ball_and_writes_a_map_that_remembers_its_mapping(tmp_path, capsys):
     balls = [sorted((ROOM / f).glob("*.jpg")) for f in ("ball_0", "ball_90")]
     words = ["probe", *map(str, balls[0]), "--second", *map(str, balls[1]), "--camera", "0,0.12,1"]
     words += ["--second-camera", "1,0.12,0", "--size", "64", "-o", str(tmp_path / "light.hdr"), "--json"]
-    assert main(words) == 0
-    told = json.loads(capsys.readouterr().out)
+    told = json.loads(printed(words, capsys).out)
     assert [b["radius"] for b in told["balls"]] == pytest.approx([296, 296], rel=0.006)
     assert read_radiance(tmp_path / "light.hdr").size == (128, 64)
 
 
-def test_info_tells_a_photograph_a_map_and_the_system(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["info", PLATE[0]]) == 0
-    assert "768 × 512" in capsys.readouterr().out
+def test_info_tells_a_photograph_a_map_and_the_system(tmp_path, capsys):
+    assert "768 × 512" in printed(["info", PLATE[0]], capsys).out
     write(tmp_path / "grey.exr", RadianceMap(np.full((8, 8, 3), 0.18, np.float32)))
-    assert main(["info", str(tmp_path / "grey.exr"), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["kind"] == "radiance map"
-    assert main(["info", "--system", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["variant"] in ("cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb")
+    assert reported(["info", str(tmp_path / "grey.exr")], capsys)["kind"] == "radiance map"
+    assert reported(["info", "--system"], capsys)["variant"] in ("cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb")
 
 
-def test_dry_runs_write_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_dry_runs_write_nothing(tmp_path, capsys):
     assert main(["insert", str(ROOM / "shot.toml"), "-o", str(tmp_path / "out"), "--dry-run"]) == 0
     assert main(["probe", *PLATE, "-o", str(tmp_path / "l.exr"), "--dry-run"]) == 0
     assert list(tmp_path.iterdir()) == [] and "would write" in capsys.readouterr().out
 
 
-def test_wrong_words_are_refused_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_words_are_refused_in_one_line(tmp_path, capsys):
     out = str(tmp_path / "a.exr")
     assert "bogus" in refused(["bogus"], capsys)
     assert "--camera" in refused(["probe", *PLATE, "-o", out, "--camera", "here"], capsys)
@@ -90,9 +79,7 @@ def test_wrong_words_are_refused_in_one_line(tmp_path: Path, capsys: pytest.Capt
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_bad_shot_is_refused_in_one_line_and_leaves_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_bad_shot_is_refused_in_one_line_and_leaves_nothing(tmp_path, capsys):
     shutil.copytree(ROOM, tmp_path / "room")
     shot, out = tmp_path / "room" / "shot.toml", tmp_path / "out"
     good = shot.read_text()
@@ -111,14 +98,14 @@ def test_a_bad_shot_is_refused_in_one_line_and_leaves_nothing(
     assert "no such photographs" in with_shot("ball_0/*.jpg", "ball_7/*.jpg")
 
 
-def test_outputs_that_cannot_be_written_exit_with_3(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_outputs_that_cannot_be_written_exit_with_3(tmp_path, capsys):
     write(tmp_path / "grey.exr", RadianceMap(np.full((8, 8, 3), 0.18, np.float32)))
     (tmp_path / "file").write_text("")
     refused(["insert", str(ROOM / "shot.toml"), "-o", str(tmp_path / "file" / "out")], capsys, 3)
     refused(["develop", str(tmp_path / "grey.exr"), "-o", str(tmp_path / "nowhere" / "a.png")], capsys, 3)
 
 
-def test_a_fault_of_ours_is_one_line_too(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_fault_of_ours_is_one_line_too(monkeypatch, capsys):
     import relume.cli.info
 
     def broken(*_: object, **__: object) -> None:
@@ -128,7 +115,7 @@ def test_a_fault_of_ours_is_one_line_too(monkeypatch: pytest.MonkeyPatch, capsys
     assert "fault in relume" in refused(["info", PLATE[0]], capsys, 1)
 
 
-def test_the_installed_command_runs_and_loads_nothing_heavy_for_help() -> None:
+def test_the_installed_command_runs_and_loads_nothing_heavy_for_help():
     program = (
         "import sys; from relume.cli import main; main(['--help']); "
         "print([m for m in ('numpy', 'scipy', 'mitsuba', 'cv2', 'pydantic', 'matplotlib') if m in sys.modules])"

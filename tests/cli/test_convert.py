@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import numpy as np
 import pytest
 
 from angles import degrees_between
-from command_line import refused
+from command_line import printed, refused, reported
 from lights import NAMED, sunny
 from relume.cli import main
 from relume.image.files import read_photograph, read_radiance, write
@@ -30,14 +29,11 @@ def stored(folder: Path, light: EnvironmentMap, name: str = "light.exr") -> str:
 
 
 def made(words: Sequence[str], capsys: pytest.CaptureFixture[str], code: int = 0) -> dict:
-    assert main(["convert", *words, "--json"]) == code
-    return json.loads(capsys.readouterr().out)
+    return reported(["convert", *words], capsys, code)
 
 
 @pytest.mark.parametrize("name", [name for name in NAMED if name != "latlong"])
-def test_light_goes_to_every_mapping_and_back_with_its_energy(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_light_goes_to_every_mapping_and_back_with_its_energy(name, tmp_path, capsys):
     light, there, back = sunny(48), str(tmp_path / "there.exr"), str(tmp_path / "back.exr")
     report = made([stored(tmp_path, light), "-o", there, "--to", name], capsys)
     assert report["mapping"] == name == read_radiance(there).attributes["mapping"]
@@ -49,7 +45,7 @@ def test_light_goes_to_every_mapping_and_back_with_its_energy(
         np.testing.assert_allclose(again.irradiance(normal), light.irradiance(normal), rtol=0.02)
 
 
-def test_six_faces_are_written_and_read_in_opengls_order(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_six_faces_are_written_and_read_in_opengls_order(tmp_path, capsys):
     light = sunny(48)
     report = made([stored(tmp_path, light), "-o", str(tmp_path / "cube.exr"), "--to", "faces", "--size", "32"], capsys)
     names = [Path(path).name for path in report["written"]]
@@ -62,9 +58,7 @@ def test_six_faces_are_written_and_read_in_opengls_order(tmp_path: Path, capsys:
     assert degrees_between(brightest(again), SUN) < 4
 
 
-def test_faces_for_engines_that_negate_an_axis_show_the_same_light(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_faces_for_engines_that_negate_an_axis_show_the_same_light(tmp_path, capsys):
     source, out = stored(tmp_path, sunny(48)), str(tmp_path / "back.exr")
     plain = made([source, "-o", str(tmp_path / "gl.exr"), "--to", "faces", "--size", "32"], capsys)["written"]
     three = made([source, "-o", str(tmp_path / "three.exr"), "--to", "faces", "--size", "32", "--mirror", "x"], capsys)[
@@ -91,23 +85,21 @@ def brightest(light: EnvironmentMap) -> np.ndarray:
         ("-40,0,20", rotation_about([0, 1, 0], -np.radians(40)) @ rotation_about([0, 0, 1], np.radians(20))),
     ],
 )
-def test_a_turn_moves_the_sun_as_the_help_says(
-    turn: str, rotation: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_turn_moves_the_sun_as_the_help_says(turn, rotation, tmp_path, capsys):
     light = sunny(64, sun=400)
     made([stored(tmp_path, light), "-o", str(tmp_path / "turned.exr"), "--rotate", turn], capsys)
     turned = as_environment(read_radiance(tmp_path / "turned.exr"))
     assert degrees_between(brightest(turned), rotation @ SUN) < 4
 
 
-def test_the_audit_is_of_the_file_as_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_audit_is_of_the_file_as_written(tmp_path, capsys):
     report = made([stored(tmp_path, sunny(32)), "-o", str(tmp_path / "out.hdr")], capsys)
     assert report["after"]["total"] == pytest.approx(report["before"]["total"], rel=4e-3)
     assert report["after"]["total"] != report["before"]["total"]  # RGBE rounds
     assert report["before"]["irradiance"].keys() == {"+X", "-X", "+Y", "-Y", "+Z", "-Z"}
 
 
-def test_what_was_clipped_stays_marked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_was_clipped_stays_marked(tmp_path, capsys):
     light = sunny(32)
     clipped = np.where(light.radiance[..., 0] > 10, SATURATED, 0).astype(np.uint8)
     source = stored(tmp_path, EnvironmentMap(light.radiance, clipped=clipped))
@@ -115,14 +107,14 @@ def test_what_was_clipped_stays_marked(tmp_path: Path, capsys: pytest.CaptureFix
     assert 0 < report["before"]["clipped sr"] < 2 * report["after"]["clipped sr"] < 8 * report["before"]["clipped sr"]
 
 
-def test_a_fisheye_says_what_it_leaves_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_fisheye_says_what_it_leaves_out(tmp_path, capsys):
     out = tmp_path / "eye.exr"
     assert main(["convert", stored(tmp_path, sunny(48)), "-o", str(out), "--to", "fisheye:equisolid:180"]) == 0
     assert "shows 6.28 of the sphere's 12.6 sr" in capsys.readouterr().err
     assert read_radiance(out).attributes["mapping"] == "fisheye:equisolid:180"
 
 
-def test_a_map_for_another_program_comes_back_as_it_was(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_map_for_another_program_comes_back_as_it_was(tmp_path, capsys):
     light = sunny(48)
     made([stored(tmp_path, light), "-o", str(tmp_path / "blender.exr"), "--for", "blender", "--size", "48"], capsys)
     laid = read_radiance(tmp_path / "blender.exr")
@@ -130,7 +122,7 @@ def test_a_map_for_another_program_comes_back_as_it_was(tmp_path: Path, capsys: 
     np.testing.assert_array_equal(as_environment(laid).radiance, light.radiance)
 
 
-def test_a_view_is_cropped_and_put_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_view_is_cropped_and_put_back(tmp_path, capsys):
     light = sunny(96)
     source, view = stored(tmp_path, light), str(tmp_path / "view.exr")
     report = made([source, "-o", view, "--view", "45,10", "--field", "60", "--pixels", "160x120"], capsys)
@@ -155,7 +147,7 @@ def painting(folder: Path) -> str:
     return str(folder / "painting.png")
 
 
-def test_a_painting_needs_its_gamma_and_gets_its_suns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_painting_needs_its_gamma_and_gets_its_suns(tmp_path, capsys):
     source, out = painting(tmp_path), str(tmp_path / "out.exr")
     assert "--gamma 2.2" in refused(["convert", source, "-o", out], capsys)
     made([source, "-o", out, "--gamma", "2.2", "--exposure", "1", "--hot", f"{tmp_path / 'mask.png'}=10"], capsys)
@@ -181,17 +173,13 @@ def test_a_painting_needs_its_gamma_and_gets_its_suns(tmp_path: Path, capsys: py
         (["--gamma", "2.2", "--hot", "sun.png"], "not of the form MASK=STOPS"),
     ],
 )
-def test_wrong_words_are_refused_in_one_line(
-    words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_words_are_refused_in_one_line(words, message, tmp_path, capsys):
     out = tmp_path / "out.exr"
     assert message in refused(["convert", stored(tmp_path, sunny(12)), "-o", str(out), *words], capsys)
     assert not out.exists()
 
 
-def test_maps_that_are_no_light_are_refused_with_what_is_wrong(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_maps_that_are_no_light_are_refused_with_what_is_wrong(tmp_path, capsys):
     odd, out = np.ones((12, 30, 3), np.float32), str(tmp_path / "out.exr")
     write(tmp_path / "odd.exr", RadianceMap(odd))
     assert "30×12 pixels does not say its mapping" in refused(
@@ -208,28 +196,26 @@ def test_maps_that_are_no_light_are_refused_with_what_is_wrong(
     assert "2 files; give one map" in refused(["convert", *faces[:2], "-o", out], capsys)
 
 
-def test_a_dry_run_names_the_files_and_writes_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_dry_run_names_the_files_and_writes_none(tmp_path, capsys):
     report = made([stored(tmp_path, sunny(12)), "-o", str(tmp_path / "o.exr"), "--to", "faces", "--dry-run"], capsys)
     assert len(report["would write"]) == 6 and not list(tmp_path.glob("o_*"))
 
 
-def test_info_draws_a_map_with_its_axes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_draws_a_map_with_its_axes(tmp_path, capsys):
     out = tmp_path / "map.png"
-    assert main(["info", stored(tmp_path, sunny(32)), "--draw", str(out)]) == 0
-    capsys.readouterr()
+    printed(["info", stored(tmp_path, sunny(32)), "--draw", str(out)], capsys)
     dark, middle, light = (part.mean() for part in reversed(np.array_split(read_photograph(out).pixels[50:], 3)))
     assert dark < middle < light
     assert "one map" in refused(["info", str(out), str(out), "--draw", str(out)], capsys)
 
 
-def test_the_labelled_probe_is_written_for_any_program(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_labelled_probe_is_written_for_any_program(tmp_path, capsys):
     made(["--labelled", "-o", str(tmp_path / "axes.exr"), "--for", "blender", "--size", "64"], capsys)
     assert read_radiance(tmp_path / "axes.exr").attributes["orientation"] == "blender"
     assert "--labelled" in refused(["convert", "-o", str(tmp_path / "no.exr")], capsys)
 
 
-def test_an_audit_is_read_line_by_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["convert", stored(tmp_path, sunny(32)), "-o", str(tmp_path / "out.hdr")]) == 0
-    lines = capsys.readouterr().out.splitlines()
+def test_an_audit_is_read_line_by_line(tmp_path, capsys):
+    lines = printed(["convert", stored(tmp_path, sunny(32)), "-o", str(tmp_path / "out.hdr")], capsys).out.splitlines()
     assert max(map(len, lines)) < 120 + len(str(tmp_path))
     assert [line.split()[0] for line in lines if line.startswith("      ")] == ["+X", "-X", "+Y", "-Y", "+Z", "-Z"] * 2

@@ -1,13 +1,12 @@
 """`relume develop`: pictures, sequences and the way back, and what is refused."""
 
-import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from command_line import refused
+from command_line import printed, refused, reported
 from moving_scenes import known_response
 from relume.capture.response.camera_profile import CameraProfile, write_profile
 from relume.cli import main
@@ -26,25 +25,11 @@ def window(path: Path, brightness: float = 40.0, unit: str = "relative") -> Path
     return path
 
 
-def printed(capsys: pytest.CaptureFixture[str]) -> dict:
-    return json.loads(capsys.readouterr().out)
-
-
 def test_a_picture_with_everything_beside_it(tmp_path, capsys):
     room = window(tmp_path / "room.exr")
-    words = [
-        "--tone",
-        "reinhard",
-        "--set",
-        "tone.key=0.36",
-        "--sheet",
-        str(tmp_path / "sheet.png"),
-        "--stops",
-        "-2,0,2",
-    ]
-    words += ["--false-colour", str(tmp_path / "false.png"), "--report", str(tmp_path / "report.html"), "--json"]
-    assert main(["develop", str(room), "-o", str(tmp_path / "out.png"), *words]) == 0
-    facts = printed(capsys)
+    words = ["--tone", "reinhard", "--set", "tone.key=0.36", "--sheet", tmp_path / "sheet.png", "--stops", "-2,0,2"]
+    words += ["--false-colour", tmp_path / "false.png", "--report", tmp_path / "report.html"]
+    facts = reported(["develop", room, "-o", tmp_path / "out.png", *words], capsys)
     assert facts["tone"] == "Reinhard" and facts["white"] == 0
     picture = files.read_photograph(tmp_path / "out.png").pixels
     assert picture.shape == (32, 48, 3) and picture[10, 22].min() > picture[0, 0].max() > 0
@@ -56,22 +41,19 @@ def test_a_picture_with_everything_beside_it(tmp_path, capsys):
 def test_absolute_exposure_by_shutter_aperture_and_iso(tmp_path, capsys):
     room = window(tmp_path / "room.exr", unit="cd/m²")
     # ISO 12232, standard output: 10 · 4² / (0.65 · 100 · 0.5) = 4.923 cd/m² make 118, of which 0.2 are 0.00736.
-    words = ["--shutter", "1/2", "--aperture", "4", "--iso", "100", "--json"]
-    assert main(["develop", str(room), "-o", str(tmp_path / "a.png"), *words]) == 0
-    assert printed(capsys)["white"] == pytest.approx(64 / (32 * 48))
+    words = ["develop", room, "-o", tmp_path / "a.png", "--shutter", "1/2", "--aperture", "4", "--iso", "100"]
+    assert reported(words, capsys)["white"] == pytest.approx(64 / (32 * 48))
     pixels = files.read_photograph(tmp_path / "a.png").pixels
     assert pixels[0, 0, 0] == round(255 * (1.055 * 0.00736 ** (1 / 2.4) - 0.055)) == 21
-    assert main(["develop", str(room), "-o", str(tmp_path / "b.png"), *words, "--exposure", "-1"]) == 0
-    assert printed(capsys)["white"] == 0
+    assert reported([*words, "--exposure", "-1"], capsys)["white"] == 0
 
 
 def test_the_way_back(tmp_path, capsys):
     room = window(tmp_path / "room.exr", brightness=0.9)
     look = ["--set", "tone.kind='fixed'", "--vignetting", "--field-of-view", "60"]
     assert main(["develop", str(room), "-o", str(tmp_path / "a.png"), *look]) == 0
-    back = ["develop", str(tmp_path / "a.png"), "-o", str(tmp_path / "back.exr"), "--undo", "--vignetting"]
-    assert main([*back, "--field-of-view", "60", "--json"]) == 0
-    facts = json.loads(capsys.readouterr().out.splitlines()[-1])
+    back = ["develop", tmp_path / "a.png", "-o", tmp_path / "back.exr", "--undo", "--vignetting"]
+    facts = reported([*back, "--field-of-view", "60"], capsys)
     assert facts["undone"] == ["CosineFourth"] and facts["response"] == "sRGB"
     before, after = (files.read_radiance(tmp_path / name).radiance for name in ("room.exr", "back.exr"))
     assert np.abs(after / before - 1).max() < 0.012  # half a step of sRGB at 0.2 · cos⁴ of the corner's 35°
@@ -91,14 +73,11 @@ def test_a_sequence_is_steadied_and_keeps_its_names(tmp_path, capsys):
 
 
 def test_presets_can_be_listed_and_used(tmp_path, capsys):
-    assert main(["develop", "--list-presets", "--json"]) == 0
-    assert "night" in printed(capsys)
-    assert main(["develop", "--show-preset", "night"]) == 0
-    shown = capsys.readouterr().out
+    assert "night" in reported(["develop", "--list-presets"], capsys)
+    shown = printed(["develop", "--show-preset", "night"], capsys).out
     assert shown.startswith("title = ") and '[glare]\nkind = "eye"' in shown
-    room = window(tmp_path / "room.exr")
-    assert main(["develop", str(room), "-o", str(tmp_path / "a.png"), "--preset", "slide", "--dry-run", "--json"]) == 0
-    assert printed(capsys)["tone"] == "Darkroom" and not (tmp_path / "a.png").exists()
+    words = ["develop", window(tmp_path / "room.exr"), "-o", tmp_path / "a.png", "--preset", "slide", "--dry-run"]
+    assert reported(words, capsys)["tone"] == "Darkroom" and not (tmp_path / "a.png").exists()
 
 
 @pytest.mark.parametrize(
@@ -143,17 +122,13 @@ def test_bad_radiance_is_named_or_repaired(tmp_path, capsys):
     files.write(tmp_path / "bad.exr", RadianceMap(radiance))
     words = ["develop", str(tmp_path / "bad.exr"), "-o", str(tmp_path / "a.png")]
     assert "bad.exr: the radiance at x 5, y 2 is (nan" in refused(words, capsys)
-    assert main([*words, "--repair"]) == 0
-    assert "1 pixels that were no number were replaced" in capsys.readouterr().err
+    assert "1 pixels that were no number were replaced" in printed([*words, "--repair"], capsys).err
     assert np.ptp(files.read_photograph(tmp_path / "a.png").pixels) == 0
     files.write(tmp_path / "black.exr", RadianceMap(np.zeros((8, 8, 3), np.float32)))
-    assert "black everywhere" in refused(
-        ["develop", str(tmp_path / "black.exr"), "-o", str(tmp_path / "b.png")], capsys
-    )
+    out = ["-o", tmp_path / "b.png"]
+    assert "black everywhere" in refused(["develop", tmp_path / "black.exr", *out], capsys)
     files.write(tmp_path / "photo.png", Photograph(np.zeros((8, 8, 3), np.uint8), "photo"))
-    assert "a photograph where a radiance map" in refused(
-        ["develop", str(tmp_path / "photo.png"), "-o", str(tmp_path / "b.png")], capsys
-    )
+    assert "a photograph where a radiance map" in refused(["develop", tmp_path / "photo.png", *out], capsys)
 
 
 def test_planes_beside_a_picture(tmp_path, capsys):
@@ -228,21 +203,8 @@ def test_a_plates_camera_makes_its_greys(tmp_path, capsys):
     scene = np.full((64, 96, 3), 0.2, np.float32) * np.linspace(0.5, 2, 96, dtype=np.float32)[None, :, None]
     files.write(tmp_path / "scene.exr", RadianceMap(scene))
     plate = developed(tmp_path / "scene.exr", tmp_path / "plate.png", "--set", "tone.kind='fixed'")
-    assert (
-        main(
-            [
-                "develop",
-                str(tmp_path / "scene.exr"),
-                "-o",
-                str(tmp_path / "a.png"),
-                "--match",
-                str(tmp_path / "plate.png"),
-                "--json",
-            ]
-        )
-        == 0
-    )
-    assert any(line.startswith("exposure: metered") for line in printed(capsys)["matched"])
+    words = ["develop", tmp_path / "scene.exr", "-o", tmp_path / "a.png", "--match", tmp_path / "plate.png"]
+    assert any(line.startswith("exposure: metered") for line in reported(words, capsys)["matched"])
     # MeteredExposure: the log mean becomes 118, whatever the plate showed.
     again = files.read_photograph(tmp_path / "a.png").pixels.astype(float)
     assert np.median(again) == pytest.approx(118, abs=6) and np.median(plate) != pytest.approx(118, abs=2)
@@ -254,8 +216,7 @@ def test_a_profiles_balance_and_scale_go_both_ways(tmp_path, capsys):
     write_profile(tmp_path / "camera.json", profile)
     files.write(tmp_path / "grey.png", Photograph(np.full((8, 8, 3), 128, np.uint8), "grey"))
     undone = ["develop", str(tmp_path / "grey.png"), "-o", str(tmp_path / "grey.exr"), "--undo"]
-    assert main([*undone, "--response", str(tmp_path / "camera.json"), "--seconds", "0.01", "--json"]) == 0
-    facts = printed(capsys)
+    facts = reported([*undone, "--response", str(tmp_path / "camera.json"), "--seconds", "0.01"], capsys)
     assert facts["unit"] == "relative", "the photograph has no f-number: the scale does not hold"
     red, green, blue = files.read_radiance(tmp_path / "grey.exr").radiance[4, 4]
     curves = np.exp(response.log_exposure[:, 128])
@@ -274,11 +235,9 @@ def test_nothing_that_was_given_or_made_is_written_over(tmp_path, capsys):
     before = [Path(each).read_bytes() for each in maps]
     words = ["develop", *maps, "-o", str(tmp_path)]
     assert "the input itself" in refused([*words, "--display", "gain-map"], capsys)
-    assert "the input itself" in refused(
-        ["develop", maps[0], "-o", str(tmp_path / "a.png"), "--sheet", maps[0]], capsys
-    )
-    assert [Path(each).read_bytes() for each in maps] == before
     out = str(tmp_path / "a.png")
+    assert "the input itself" in refused(["develop", maps[0], "-o", out, "--sheet", maps[0]], capsys)
+    assert [Path(each).read_bytes() for each in maps] == before
     assert "another output has that name" in refused(["develop", maps[0], "-o", out, "--sheet", out], capsys)
     (tmp_path / "b").mkdir()
     window(tmp_path / "b" / "f0.exr")
@@ -289,9 +248,8 @@ def test_nothing_that_was_given_or_made_is_written_over(tmp_path, capsys):
 
 def test_a_movie_reports_its_worst_frame(tmp_path, capsys):
     frames = [str(window(tmp_path / f"f{index}.exr", brightness=level)) for index, level in enumerate((0.1, 40.0))]
-    words = ["--set", "tone.kind='fixed'", "--json"]
-    assert main(["develop", *frames, "-o", str(tmp_path / "m.mp4"), *words]) == 0
-    assert printed(capsys)["white in the worst frame"] == pytest.approx(64 / (32 * 48))
+    words = ["develop", *frames, "-o", tmp_path / "m.mp4", "--set", "tone.kind='fixed'"]
+    assert reported(words, capsys)["white in the worst frame"] == pytest.approx(64 / (32 * 48))
     assert (tmp_path / "m.mp4").stat().st_size > 0
 
 
@@ -315,3 +273,38 @@ def test_a_frame_that_cannot_be_read_keeps_those_before_it(tmp_path, capsys):
     words = ["develop", *frames, str(tmp_path / "f2.exr"), "-o", str(tmp_path / "seq")]
     assert "2 frames before it are in" in refused(words, capsys)
     assert sorted(p.name for p in (tmp_path / "seq").iterdir()) == ["f0.png", "f1.png"]
+
+
+# A camera's own response: how bright it comes out, and what is printed of that
+
+
+def test_a_response_without_seconds_is_metered_to_248(tmp_path, capsys):
+    response = known_response()
+    write_profile(tmp_path / "camera.json", CameraProfile("Maker One", response))
+    files.write(tmp_path / "grey.exr", RadianceMap(np.full((20, 30, 3), 0.2, np.float32)))
+    words = ["develop", tmp_path / "grey.exr", "-o", tmp_path / "a.png", "--response", tmp_path / "camera.json"]
+    white = np.exp(response.log_exposure[:, 248].mean())
+    assert reported(words, capsys)["exposure"] == pytest.approx(white / 0.2, rel=0.01)
+    assert np.abs(files.read_photograph(tmp_path / "a.png").pixels[..., 1].astype(int) - 248).max() <= 2
+
+
+def test_a_preset_of_a_camera_exposes_by_its_settings_response_and_scale(tmp_path):
+    response = known_response()
+    profile = CameraProfile("Maker One", response, scale=100.0, scale_exposure=(True, True))
+    write_profile(tmp_path / "camera.json", profile)
+    table = "kind = 'camera'\nseconds = 0.25\nf_number = 2\niso = 200\nresponse = 'camera.json'\n"
+    (tmp_path / "camera.toml").write_text("[tone]\n" + table, encoding="utf-8")
+    # ¼ s at f/2 and ISO 200 expose by ⅛ per relative unit, and one is 100 cd/m².
+    lit = np.exp(response.log_exposure[:, 128]) * 100 / 0.125
+    files.write(tmp_path / "grey.exr", RadianceMap(np.full((20, 30, 3), lit, np.float32), unit="cd/m²"))
+    pixels = developed(tmp_path / "grey.exr", tmp_path / "a.png", "--preset", str(tmp_path / "camera.toml"))
+    assert np.abs(pixels - 128).max() <= 1
+
+
+def test_what_a_response_saturates_is_listed_as_white(tmp_path, capsys):
+    write_profile(tmp_path / "camera.json", CameraProfile("Maker One", known_response()))
+    scene = np.full((20, 30, 3), 0.2, np.float32)
+    scene[:5] = 1e4
+    files.write(tmp_path / "scene.exr", RadianceMap(scene))
+    words = ["develop", tmp_path / "scene.exr", "-o", tmp_path / "a.png", "--seconds", "1"]
+    assert reported([*words, "--response", tmp_path / "camera.json"], capsys)["white"] == 0.25

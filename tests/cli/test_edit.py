@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageCms
 
-from command_line import refused
+from command_line import printed, refused, reported
 from relume.cli import main
 from relume.image.files import read_photograph, read_radiance, write
 from relume.image.photograph import Photograph
@@ -42,15 +42,11 @@ def light(tmp_path: Path) -> Path:
 def edited(capsys: pytest.CaptureFixture[str], source: Path, *words: str) -> tuple[RadianceMap, dict]:
     """Run the command; the map it wrote and what it report."""
     out = source.with_name("out.exr")
-    assert main(["edit", str(source), "-o", str(out), "--json", *words]) == 0
-    return read_radiance(out), json.loads(capsys.readouterr().out)
+    report = reported(["edit", source, "-o", out, *words], capsys)
+    return read_radiance(out), report
 
 
-def notes(capsys: pytest.CaptureFixture[str]) -> str:
-    return capsys.readouterr().err
-
-
-def test_a_crop_and_a_gain_keep_every_plane(flat: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_crop_and_a_gain_keep_every_plane(flat, capsys):
     made, report = edited(capsys, flat, "--crop", "3,4,10,6", "--stops", "1")
     before = read_radiance(flat)
     assert np.array_equal(made.radiance, 2 * before.radiance[4:10, 3:13])
@@ -62,9 +58,7 @@ def test_a_crop_and_a_gain_keep_every_plane(flat: Path, capsys: pytest.CaptureFi
     assert report["mean after"] == pytest.approx(made.radiance.mean((0, 1), dtype=np.float64), rel=1e-5)
 
 
-def test_edits_are_done_in_their_order_whatever_that_of_the_words(
-    flat: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_edits_are_done_in_their_order_whatever_that_of_the_words(flat, capsys):
     words = ["--blur", "1", "--gain", "3", "--add", "1", "--resize", "50%", "--crop", "0,10,20,10"]
     _, report = edited(capsys, flat, *words)
     assert [words.split()[0] for words in report["edits"]] == ["crop", "resize", "add", "gain", "soft"]
@@ -75,15 +69,13 @@ def test_edits_are_done_in_their_order_whatever_that_of_the_words(
 @pytest.mark.parametrize(
     ("word", "size"), [("15", (15, 10)), ("60,10", (60, 10)), ("45x30", (45, 30)), ("50%", (15, 10))]
 )
-def test_sizes_in_all_spellings(
-    flat: Path, word: str, size: tuple[int, int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_sizes_in_all_spellings(flat, word, size, capsys):
     made, report = edited(capsys, flat, "--resize", word)
     assert made.size == size
     assert report["mean after"] == pytest.approx(report["mean before"], rel=1e-5)
 
 
-def test_arithmetic_with_maps_and_constants(flat: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_arithmetic_with_maps_and_constants(flat, capsys):
     before = read_radiance(flat).radiance
     for words, expected in (
         (["--add", "1,2,3"], before + np.array([1, 2, 3], np.float32)),
@@ -98,7 +90,7 @@ def test_arithmetic_with_maps_and_constants(flat: Path, capsys: pytest.CaptureFi
     assert edited(capsys, flat, "--divide", str(flat))[0].unit == "relative"
 
 
-def test_constants_may_be_negative(flat: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_constants_may_be_negative(flat, capsys):
     before = read_radiance(flat)
     made, _ = edited(capsys, flat, "--multiply", "-2", "--signed")
     assert np.array_equal(made.radiance, -2 * before.radiance)
@@ -108,15 +100,14 @@ def test_constants_may_be_negative(flat: Path, capsys: pytest.CaptureFixture[str
     assert np.array_equal(edited(capsys, flat, "--max", "-1,-1,-1")[0].radiance, before.radiance)
 
 
-def test_negative_results_are_reported_or_kept(flat: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_negative_results_are_reported_or_kept(flat, capsys):
     out = flat.with_name("out.exr")
-    assert main(["edit", str(flat), "-o", str(out), "--subtract", "0.5"]) == 0
-    assert "came out negative" in notes(capsys)
+    assert "came out negative" in printed(["edit", str(flat), "-o", str(out), "--subtract", "0.5"], capsys).err
     assert read_radiance(out).radiance.min() == 0
     assert edited(capsys, flat, "--subtract", "0.5", "--signed")[0].radiance.min() < -0.4
 
 
-def test_the_three_balances(flat: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_three_balances(flat, capsys):
     before = read_radiance(flat).radiance
     assert edited(capsys, flat, "--balance", "2,1,0.5")[0].radiance == pytest.approx(before * [2, 1, 0.5], rel=1e-6)
     made = edited(capsys, flat, "--grey", "20,12,3")[0].radiance
@@ -128,7 +119,7 @@ def test_the_three_balances(flat: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert gains[0, 0, 2] > 2.5 > gains[0, 0, 1] > gains[0, 0, 0]
 
 
-def test_light_maps_are_resized_and_blurred_on_the_sphere(light: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_light_maps_are_resized_and_blurred_on_the_sphere(light, capsys):
     made, report = edited(capsys, light, "--spherical-blur", "10")
     assert report["total after"] == pytest.approx(report["total before"], rel=1e-5)
     assert made.radiance[5, 31, 0] > 100 and made.attributes["mapping"] == "latlong"
@@ -142,27 +133,23 @@ def test_light_maps_are_resized_and_blurred_on_the_sphere(light: Path, capsys: p
     assert report["edits"] == ["soft blur 10° of 0.5 of the light"] and made.radiance[5, 0, 0] > 5000
 
 
-def test_flat_edits_of_light_maps_are_refused_or_noted(light: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_flat_edits_of_light_maps_are_refused_or_noted(light, capsys):
     start = ["edit", str(light), "-o", str(light.with_name("out.exr"))]
     assert "--spherical-blur" in refused([*start, "--blur", "2"], capsys)
     assert "--spin" in refused([*start, "--motion", "2"], capsys)
     assert "32 pixels wide" in refused([*start, "--resize", "20,16"], capsys)
-    assert main([*start, "--crop", "0,0,8,8"]) == 0
-    assert "no longer says its mapping" in notes(capsys)
+    assert "no longer says its mapping" in printed([*start, "--crop", "0,0,8,8"], capsys).err
     assert "mapping" not in read_radiance(light.with_name("out.exr")).attributes
 
 
 @pytest.mark.parametrize("program", ["blender", "pbrt"])
-def test_a_map_for_another_program_stays_for_it_or_says_it_no_longer_is(
-    program: str, light: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_map_for_another_program_stays_for_it_or_says_it_no_longer_is(program, light, tmp_path, capsys):
     there = tmp_path / "there.exr"
     assert main(["convert", str(light), "--for", program, "-o", str(there), "--size", "64"]) == 0
     ours, sun = as_environment(read_radiance(light)), normalised([0.0, np.cos(np.pi * 5.5 / 16), 0.9])
     for words in (["--resize", "50%"], ["--spherical-blur", "4"], ["--spin", "20"]):
-        capsys.readouterr()
-        assert main(["edit", str(there), "-o", str(tmp_path / "out.exr"), *words]) == 0
-        noted, made = notes(capsys), read_radiance(tmp_path / "out.exr")
+        noted = printed(["edit", there, "-o", tmp_path / "out.exr", *words], capsys).err
+        made = read_radiance(tmp_path / "out.exr")
         turned = words[0] == "--spin"
         assert (f"laid out for {program}; written in our frame" in noted) == turned, words
         assert made.attributes.get("orientation") == (None if turned else program)
@@ -182,9 +169,7 @@ def test_a_map_for_another_program_stays_for_it_or_says_it_no_longer_is(
     assert sized.irradiance(normals) == pytest.approx(expected.irradiance(normals), abs=0.02 * ours.irradiance(sun)[0])
 
 
-def test_mirrored_faces_stay_so_or_say_they_no_longer_are(
-    light: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_mirrored_faces_stay_so_or_say_they_no_longer_are(light, tmp_path, capsys):
     there, out = tmp_path / "there.exr", tmp_path / "out.exr"
     # The sun, on the seam at +Z, is brought to +X: mirroring in x would move it.
     words = ["--to", "strip", "--mirror", "x", "--rotate", "90", "--size", "32"]
@@ -192,18 +177,15 @@ def test_mirrored_faces_stay_so_or_say_they_no_longer_are(
     ours = as_environment(read_radiance(there)).irradiance(np.array([[1.0, 0, 0], [-1.0, 0, 0]]))
     assert ours[0, 0] > 10 * ours[1, 0]
     for words, mirror in ((["--resize", "50%"], "x"), (["--spherical-blur", "4"], "x"), (["--spin", "20"], None)):
-        capsys.readouterr()
-        assert main(["edit", str(there), "-o", str(out), *words]) == 0
-        assert ("mirrored in x; written in our frame" in notes(capsys)) == (mirror is None), words
+        noted = printed(["edit", there, "-o", out, *words], capsys).err
+        assert ("mirrored in x; written in our frame" in noted) == (mirror is None), words
         made = read_radiance(out)
         assert made.attributes.get("mirror") == mirror and made.attributes["mapping"] == "strip"
         after = as_environment(made).irradiance(np.array([[1.0, 0, 0], [-1.0, 0, 0]]))
         assert after[0] == pytest.approx(ours[0], rel=3e-2) and after[0, 0] > 10 * after[1, 0], words
 
 
-def test_a_part_of_a_map_stores_nothing_that_is_no_longer_true(
-    light: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_part_of_a_map_stores_nothing_that_is_no_longer_true(light, tmp_path, capsys):
     picture, out = read_radiance(light), tmp_path / "out.exr"
     looks = {"orientation": "blender", "mirror": "x", "view-field": "90", "view-rotation": "1 0 0 0 1 0 0 0 1"}
     write(tmp_path / "in.exr", replace(picture, attributes={**picture.attributes, **looks, "camera": "A"}))
@@ -212,11 +194,11 @@ def test_a_part_of_a_map_stores_nothing_that_is_no_longer_true(
     assert not {"mapping", *looks} & set(made.attributes) and made.attributes["camera"] == "A"
     del picture.attributes["mapping"]
     write(tmp_path / "view.exr", replace(picture, attributes={"view-field": "90"}))
-    assert main(["edit", str(tmp_path / "view.exr"), "-o", str(out), "--crop", "0,0,8,8"]) == 0
-    assert "no longer says where in its map" in notes(capsys)
+    noted = printed(["edit", tmp_path / "view.exr", "-o", out, "--crop", "0,0,8,8"], capsys).err
+    assert "no longer says where in its map" in noted
 
 
-def test_a_light_map_from_elsewhere_is_given_its_mapping(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_light_map_from_elsewhere_is_given_its_mapping(tmp_path, capsys):
     source, out = tmp_path / "probe.exr", tmp_path / "out.exr"
     field = np.ones((16, 16, 3), np.float32)
     field[8, 8] = -1
@@ -225,16 +207,14 @@ def test_a_light_map_from_elsewhere_is_given_its_mapping(tmp_path: Path, capsys:
     assert "--max 0" in refused([*start, "--from", "angular"], capsys)
     assert "--from" in refused([*start, "--max", "0"], capsys)
     assert "latlong" in refused([*start, "--from", "round"], capsys)
-    assert "--from" in refused(
-        ["edit", str(source), "-o", str(out.with_suffix(".png")), "--slice", "0", "--from", "ball"], capsys
-    )
+    cut = ["edit", source, "-o", out.with_suffix(".png"), "--slice", "0"]
+    assert "--from" in refused([*cut, "--from", "ball"], capsys)
     assert not out.exists()
-    assert main([*start, "--from", "angular", "--max", "0"]) == 0
-    assert "total after" in capsys.readouterr().out
+    assert "total after" in printed([*start, "--from", "angular", "--max", "0"], capsys).out
     assert read_radiance(out).attributes["mapping"] == "angular"
 
 
-def test_motion_and_soft_blur_of_a_flat_map(flat: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_motion_and_soft_blur_of_a_flat_map(flat, capsys):
     for words in (["--motion", "8,90"], ["--blur", "3"], ["--blur", "3", "--glow", "0.4"]):
         made, report = edited(capsys, flat, *words)
         assert report["mean after"] == pytest.approx(report["mean before"], rel=1e-5), words
@@ -245,19 +225,15 @@ def test_motion_and_soft_blur_of_a_flat_map(flat: Path, capsys: pytest.CaptureFi
 
 @pytest.mark.parametrize("suffix", [".exr", ".hdr"])
 @pytest.mark.parametrize("words", [["--slice", "0"], ["--slice", "auto", "--bits", "16"]])
-def test_a_slice_that_nobody_paints_on_is_the_same_file(
-    light: Path, suffix: str, words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_slice_that_nobody_paints_on_is_the_same_file(light, suffix, words, tmp_path, capsys):
     source, out, cut = tmp_path / f"in{suffix}", tmp_path / f"out{suffix}", tmp_path / "slice.png"
     write(source, read_radiance(light))
-    assert main(["edit", str(source), *words, "-o", str(cut), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["written"] == [str(cut), f"{cut}.json"]
-    assert main(["edit", str(source), "--paint", str(cut), "-o", str(out)]) == 0
-    assert "no pixel was changed" in notes(capsys)
+    assert reported(["edit", str(source), *words, "-o", str(cut)], capsys)["written"] == [str(cut), f"{cut}.json"]
+    assert "no pixel was changed" in printed(["edit", str(source), "--paint", str(cut), "-o", str(out)], capsys).err
     assert out.read_bytes() == source.read_bytes()
 
 
-def test_only_what_was_painted_comes_back(flat: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_only_what_was_painted_comes_back(flat, tmp_path, capsys):
     cut, out = tmp_path / "slice.png", tmp_path / "out.exr"
     assert main(["edit", str(flat), "--slice", "0", "-o", str(cut), "-q"]) == 0
     description = json.loads((tmp_path / "slice.png.json").read_text())
@@ -268,21 +244,20 @@ def test_only_what_was_painted_comes_back(flat: Path, tmp_path: Path, capsys: py
     write(tmp_path / "painted.png", Photograph(pixels))
     start = ["edit", str(flat), "--paint", str(tmp_path / "painted.png"), "-o", str(out)]
     assert "no painted.png.json beside it" in refused(start, capsys)
-    assert main([*start, "--original", str(cut)]) == 0
-    assert "1 changed pixels were brighter than the slice's white" in notes(capsys)
+    noted = printed([*start, "--original", cut], capsys).err
+    assert "1 changed pixels were brighter than the slice's white" in noted
     before, made = read_radiance(flat).radiance, read_radiance(out).radiance
     changed = np.zeros((20, 30), bool)
     changed[10:12, 3:5] = changed[5, 5] = True
     assert made[~changed].tobytes() == before[~changed].tobytes()
     assert made[10, 3] == pytest.approx([0.5028865, 0, 0], rel=1e-5)
     assert made[5, 5] == pytest.approx(np.full(3, 0.5028865), rel=1e-5)
-    assert main([*start, "--slice", "0", "--scale", "--json"]) == 0
-    report = json.loads(capsys.readouterr().out)
+    report = reported([*start, "--slice", "0", "--scale"], capsys)
     assert (report["pixels changed"], report["places changed"]) == (5, 2)
     assert read_radiance(out).radiance[5, 5] == pytest.approx(np.full(3, 502.8865), rel=1e-5)
 
 
-def test_a_jpeg_changes_everything_a_little_and_is_doubtful(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_jpeg_changes_everything_a_little_and_is_doubtful(tmp_path, capsys):
     field = np.random.default_rng(3).random((64, 64, 3)).astype(np.float32)
     source, cut, out = tmp_path / "in.exr", tmp_path / "slice.png", tmp_path / "out.exr"
     write(source, RadianceMap(field))
@@ -292,16 +267,13 @@ def test_a_jpeg_changes_everything_a_little_and_is_doubtful(tmp_path: Path, caps
     line = refused(start, capsys, 4)
     assert "% of the pixels changed" in line and "--tolerance" in line and out.exists()
     assert main([*start, "--accept"]) == 0
-    assert main([*start[:-1], "--tolerance", "8"]) == 0
-    assert "separate places changed, as a JPEG leaves them" in notes(capsys)
+    assert "separate places changed, as a JPEG leaves them" in printed([*start[:-1], "--tolerance", "8"], capsys).err
     # The same program's own original has the same changes, and takes them all away.
     assert main([*start, "--original", str(tmp_path / "painted.jpg")]) == 0
     assert out.read_bytes() == source.read_bytes()
 
 
-def test_paintings_that_cannot_go_back_are_one_line(
-    flat: Path, light: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_paintings_that_cannot_go_back_are_one_line(flat, light, tmp_path, capsys):
     cut, out = tmp_path / "slice.png", tmp_path / "out.exr"
     assert main(["edit", str(flat), "--slice", "0", "-o", str(cut), "-q"]) == 0
     pixels = read_photograph(cut).pixels
@@ -357,16 +329,14 @@ def test_paintings_that_cannot_go_back_are_one_line(
         (["--bits", "16", "--gain", "2"], "--bits"),
     ],
 )
-def test_wrong_words_are_one_line_and_write_nothing(
-    flat: Path, words: list[str], part: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_words_are_one_line_and_write_nothing(flat, words, part, capsys):
     out = flat.with_name("out.png" if "--slice" in words and "--gain" not in words else "out.exr")
     words = [str(flat) if word == "FLAT" else word for word in words]
     assert part in refused(["edit", str(flat), "-o", str(out), *words], capsys)
     assert not out.exists()
 
 
-def test_wrong_files_are_refused(flat: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_files_are_refused(flat, tmp_path, capsys):
     out = str(tmp_path / "out.exr")
     write(tmp_path / "photo.png", Photograph(np.zeros((2, 2, 3), np.uint8)))
     assert "a photograph where" in refused(["edit", str(tmp_path / "photo.png"), "-o", out, "--gain", "2"], capsys)
@@ -376,14 +346,13 @@ def test_wrong_files_are_refused(flat: Path, tmp_path: Path, capsys: pytest.Capt
     refused(["edit", str(flat), "-o", str(tmp_path / "nowhere" / "a.exr"), "--gain", "2"], capsys, 3)
 
 
-def test_dry_runs_say_what_would_be_done(flat: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_dry_runs_say_what_would_be_done(flat, tmp_path, capsys):
     there = sorted(tmp_path.iterdir())
     for words, out, part in (
         (["--crop", "0,0,5,5", "--blur", "2"], "a.exr", "crop 0,0,5,5, soft blur 2 pixels"),
         (["--slice", "auto"], "a.png", "a.png.json"),
         (["--paint", str(flat), "--slice", "1"], "a.exr", "replace"),
     ):
-        assert main(["edit", str(flat), "-o", str(tmp_path / out), "--dry-run", *words]) == 0
-        text = capsys.readouterr().out
+        text = printed(["edit", str(flat), "-o", str(tmp_path / out), "--dry-run", *words], capsys).out
         assert "would write" in text and part in text
     assert sorted(tmp_path.iterdir()) == there

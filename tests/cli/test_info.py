@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from command_line import refused
-from relume.cli import main
+from command_line import printed, refused, reported
 from relume.cli.arguments import ReadingOptions
 from relume.cli.info import lines_of, number
 from relume.image.files import write
@@ -38,20 +37,14 @@ def lit(path: Path, layout: Mapping, direction: tuple[float, float, float], **at
     return str(path)
 
 
-def printed(words: list[str], capsys: pytest.CaptureFixture[str]) -> dict[str, str]:
+def facts_in(words: list[str], capsys: pytest.CaptureFixture[str]) -> dict[str, str]:
     """The lines of one file: label → text."""
-    assert main(["info", *words]) == 0
-    lines = capsys.readouterr().out.splitlines()[1:]
+    lines = printed(["info", *words], capsys).out.splitlines()[1:]
     pairs = [line.strip().partition("  ") for line in lines]
     return {label: text.strip() for label, _, text in pairs}
 
 
-def told(words: list[str], capsys: pytest.CaptureFixture[str]) -> dict:
-    assert main(["info", *words, "--json"]) == 0
-    return json.loads(capsys.readouterr().out)
-
-
-def test_a_map_is_told_in_the_words_of_a_photographer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_map_is_told_in_the_words_of_a_photographer(tmp_path, capsys):
     pixels = np.full((50, 100, 3), 0.25, np.float32)
     pixels[20:22, 70:72] = 4096
     pixels[20, 70] = 8192
@@ -61,8 +54,7 @@ def test_a_map_is_told_in_the_words_of_a_photographer(tmp_path: Path, capsys: py
     attributes = {"exposure_time": "0.004", "f_number": "8", "iso": "100", "camera": "Canon EOS 5D", "lens": "EF24mm"}
     attributes |= {"focal_length": "24", "taken": "2026:11:21 12:00:00", "comments": "a\nb\x1b[31m"}
     write(tmp_path / "a.exr", RadianceMap(pixels, None, clipped, "cd/m²", attributes))
-    assert main(["info", str(tmp_path / "a.exr")]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = printed(["info", str(tmp_path / "a.exr")], capsys).out.splitlines()
     assert lines[0] == str(tmp_path / "a.exr")
     assert lines[1:] == [
         "  format         OpenEXR: float, ZIP, 2 parts",
@@ -87,14 +79,14 @@ def test_a_map_is_told_in_the_words_of_a_photographer(tmp_path: Path, capsys: py
     ]
 
 
-def test_a_photograph_is_told_with_how_it_was_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_photograph_is_told_with_how_it_was_made(tmp_path, capsys):
     pixels = np.full((10, 20, 3), 100, np.uint8)
     pixels[:5, :, 0], pixels[0, 0, 2] = 255, 0
     taken = datetime(2026, 11, 21, 12, 30, 0, 250_000)
     settings = Settings(taken, automatic_white=True, bias=-0.5, lens="EF50mm f/1.4", focal_length=50)
     photograph = Photograph(pixels, exposure=Exposure(1 / 60, 5.6, 200), camera="Canon 5D", settings=settings)
     write(tmp_path / "a.png", photograph)
-    assert printed([str(tmp_path / "a.png")], capsys) == {
+    assert facts_in([str(tmp_path / "a.png")], capsys) == {
         "format": "PNG: 8 bits, RGB",
         "size": "20 × 10",
         "holds": "an encoded photograph",
@@ -108,26 +100,25 @@ def test_a_photograph_is_told_with_how_it_was_made(tmp_path: Path, capsys: pytes
         "at 255": "R 50 % · G 0 % · B 0 %",
     }
     write(tmp_path / "b.png", Photograph(pixels, settings=Settings(automatic_white=False, bias=1)))
-    lines = printed([str(tmp_path / "b.png")], capsys)
+    lines = facts_in([str(tmp_path / "b.png")], capsys)
     assert (lines["exposure"], lines["white balance"]) == ("the file stores none", "set by hand")
 
 
-def test_a_camera_raw_and_a_cube_are_told(shared: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    lines = printed([str(shared / "data" / "formats" / "raw" / "colorchart.dng")], capsys)
+def test_a_camera_raw_and_a_cube_are_told(shared, tmp_path, capsys):
+    lines = facts_in([str(shared / "data" / "formats" / "raw" / "colorchart.dng")], capsys)
     assert (lines["format"], lines["black"], lines["white"]) == ("camera raw: Bayer RGGB", "2056", "15000")
     assert lines["at white"] == "none" and lines["exposure"] == "the file stores none"
     write_cube(tmp_path / "a.ktx2", [np.full((6, side, side, 3), 0.5, np.float32) for side in (4, 2, 1)])
-    lines = printed([str(tmp_path / "a.ktx2")], capsys)
+    lines = facts_in([str(tmp_path / "a.ktx2")], capsys)
     assert lines["format"] == "KTX 2.0: half"
     assert lines["size"] == "six faces of 4 × 4; 3 levels, down to 1 × 1"
     assert lines["luminance"] == "0.5 to 0.5, mean 0.5" and "percentiles" not in lines
 
 
-def test_a_gain_map_is_shown_without_its_light(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_gain_map_is_shown_without_its_light(tmp_path, capsys):
     ramp = np.geomspace(0.1, 3, 64 * 64, dtype=np.float32).reshape(64, 64, 1)
     gain_map.write_rendition(tmp_path / "a.jpg", np.repeat(ramp, 3, axis=-1), np.full((64, 64, 3), 200, np.uint8))
-    assert main(["info", str(tmp_path / "a.jpg")]) == 0
-    captured = capsys.readouterr()
+    captured = printed(["info", str(tmp_path / "a.jpg")], capsys)
     line = next(line for line in captured.out.splitlines() if line.startswith("  gain map "))
     assert re.fullmatch(r"  gain map +\d\.\d stops, .+", line) and "made for displays" in captured.err
 
@@ -143,94 +134,86 @@ def test_a_gain_map_is_shown_without_its_light(tmp_path: Path, capsys: pytest.Ca
 )
 @pytest.mark.parametrize("mapping", [LatLong(), Angular()])
 def test_the_brightest_spot_has_a_direction_where_the_map_tells_its_mapping(
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    mapping: Mapping,
-    direction: tuple[float, float, float],
-    azimuth: float,
-    elevation: float,
-    words: str,
-) -> None:
+    tmp_path, capsys, mapping, direction, azimuth, elevation, words
+):
     path = lit(tmp_path / "a.exr", mapping, direction, mapping=mapping.name)
-    place = told([path], capsys)["brightest"]["direction"]
+    place = reported(["info", path], capsys)["brightest"]["direction"]
     pixel = 360 / 64
     assert place["azimuth"] == pytest.approx(azimuth, abs=pixel)
     assert place["elevation"] == pytest.approx(elevation, abs=pixel)
     assert (place["mapping"], place["assumed"]) == (mapping.name, False)
-    text = printed([path], capsys)["brightest"]
+    text = facts_in([path], capsys)["brightest"]
     assert "lat-long" not in text
     assert words in text or azimuth == elevation == 0  # no pixel's middle lies straight ahead
 
 
-def test_a_map_laid_out_for_another_program_is_told_in_our_frame(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_map_laid_out_for_another_program_is_told_in_our_frame(tmp_path, capsys):
     blender = orientation_named("blender")
     u, v = blender.image_points(np.array([0.6, 0.0, -0.8]))
     direction = LatLong().directions(np.array([u, v]))
     path = lit(tmp_path / "a.exr", LatLong(), tuple(direction), mapping="latlong", orientation="blender")
-    place = told([path], capsys)["brightest"]["direction"]
+    place = reported(["info", path], capsys)["brightest"]["direction"]
     assert place["azimuth"] == pytest.approx(np.degrees(np.arctan2(0.6, 0.8)), abs=3)
     assert place["elevation"] == pytest.approx(0, abs=3)
 
 
-def test_a_direction_is_told_as_an_assumption_or_not_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert told([lit(tmp_path / "a.exr", LatLong(), (1, 0, 0))], capsys)["brightest"]["direction"]["assumed"]
-    assert told([lit(tmp_path / "b.exr", Angular(), (1, 0, 0))], capsys)["brightest"]["direction"] is None
-    odd = lit(tmp_path / "c.exr", LatLong(), (1, 0, 0), mapping="somebody's")
-    assert told([odd], capsys)["brightest"]["direction"] is None
-    shape = lit(tmp_path / "d.exr", Angular(), (1, 0, 0), mapping="latlong")
-    assert told([shape], capsys)["brightest"]["direction"] is None
+def test_a_direction_is_told_as_an_assumption_or_not_at_all(tmp_path, capsys):
+    def direction(name, layout, **attributes):
+        path = lit(tmp_path / name, layout, (1, 0, 0), **attributes)
+        return reported(["info", path], capsys)["brightest"]["direction"]
+
+    assert direction("a.exr", LatLong())["assumed"]
+    assert direction("b.exr", Angular()) is None
+    assert direction("c.exr", LatLong(), mapping="somebody's") is None
+    assert direction("d.exr", Angular(), mapping="latlong") is None
 
 
-def test_a_lone_pixel_is_told_beside_the_lamp(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_lone_pixel_is_told_beside_the_lamp(tmp_path, capsys):
     pixels = np.full((30, 31, 3), 0.5, np.float32)
     pixels[4:6, 4:6], pixels[20, 9] = 8, 1000
     write(tmp_path / "a.exr", RadianceMap(pixels))
-    lines = printed([str(tmp_path / "a.exr")], capsys)
+    lines = facts_in([str(tmp_path / "a.exr")], capsys)
     assert lines["brightest"].startswith("8 at x ")
     assert lines["lone pixel"].startswith("1,000 at x 9, y 20") and "firefly" in lines["lone pixel"]
 
 
-def test_full_halves_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_full_halves_are_named(tmp_path, capsys):
     from relume.image.files.encodings import OpenEXR
 
     pixels = np.ones((4, 5, 3), np.float32)
     pixels[1:3, 1:3] = 65504
     write(tmp_path / "half.exr", RadianceMap(pixels), OpenEXR(half=True))
-    assert printed([str(tmp_path / "half.exr")], capsys)["at maximum"] == (
+    assert facts_in([str(tmp_path / "half.exr")], capsys)["at maximum"] == (
         "4 pixels at 65,504, the most that half floats hold"
     )
     write(tmp_path / "float.exr", RadianceMap(pixels))
-    assert printed([str(tmp_path / "float.exr")], capsys)["at maximum"] == "4 pixels at 65,500"
+    assert facts_in([str(tmp_path / "float.exr")], capsys)["at maximum"] == "4 pixels at 65,500"
 
 
-def test_a_black_map_has_no_range(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_black_map_has_no_range(tmp_path, capsys):
     write(tmp_path / "a.exr", RadianceMap(np.zeros((4, 5, 3), np.float32)))
-    lines = printed([str(tmp_path / "a.exr")], capsys)
+    lines = facts_in([str(tmp_path / "a.exr")], capsys)
     assert lines["luminance"] == "no pixel is brighter than 0" and "dynamic range" not in lines
 
 
-def test_of_several_files_the_good_ones_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_of_several_files_the_good_ones_are_told(tmp_path, capsys):
     good = [lit(tmp_path / name, LatLong(), (1, 0, 0)) for name in ("a.exr", "b.pfm")]
     (tmp_path / "bad.exr").write_bytes(b"v/1\x01")
     words = ["info", str(tmp_path / "bad.exr"), good[0], str(tmp_path / "none.hdr"), good[1]]
-    assert main([*words, "--json"]) == 2
-    captured = capsys.readouterr()
+    captured = printed([*words, "--json"], capsys, 2)
     assert [json.loads(line)["file"] for line in captured.out.splitlines()] == good
     errors = captured.err.splitlines()
     assert len(errors) == 2 and "bad.exr" in errors[0] and "none.hdr: no such file" in errors[1]
-    assert main(words) == 2
-    captured = capsys.readouterr()
+    captured = printed(words, capsys, 2)
     assert captured.out.count("dynamic range") == 2 and len(captured.err.splitlines()) == 2
 
 
-def test_limits_and_raw_floats_are_told_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_limits_and_raw_floats_are_told_on_the_command_line(tmp_path, capsys):
     path = tmp_path / "a.float"
     path.write_bytes(np.arange(1, 20 * 50 * 3 + 1, dtype=">f4").tobytes())
     line = refused(["info", str(path)], capsys)
     assert "a.float" in line
-    facts = told([str(path), "--float-size", "50x20", "--float-order", "big"], capsys)
+    facts = reported(["info", str(path), "--float-size", "50x20", "--float-order", "big"], capsys)
     assert (facts["size"], facts["minimum"], facts["maximum"]) == ([50, 20], 1, 3000)
     small = ["info", str(path), "--float-size", "50x20", "--largest", "0.0009"]
     assert "900 pixels" in refused(small, capsys)
@@ -238,17 +221,16 @@ def test_limits_and_raw_floats_are_told_on_the_command_line(tmp_path: Path, caps
     assert "--largest" in refused(["info", str(path), "--largest", "-1"], capsys)
 
 
-def test_a_file_cut_short_is_salvaged_when_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_cut_short_is_salvaged_when_asked(tmp_path, capsys):
     path = tmp_path / "a.hdr"
     write(path, RadianceMap(np.random.default_rng(4).uniform(1, 2, (50, 20, 3)).astype(np.float32)))
     path.write_bytes(path.read_bytes()[:-300])
     refused(["info", str(path)], capsys)
-    assert main(["info", str(path), "--salvage"]) == 0
-    captured = capsys.readouterr()
+    captured = printed(["info", str(path), "--salvage"], capsys)
     assert "outside all" in captured.out and captured.err.startswith("relume: note: ")
 
 
-def test_options_become_the_reading_they_name() -> None:
+def test_options_become_the_reading_they_name():
     assert ReadingOptions().reading() == ReadOptions()
     assert ReadingOptions(largest=1).reading() == ReadOptions(pixels=10**6)
     raised = ReadingOptions(largest=1000).reading()
@@ -263,7 +245,7 @@ def test_options_become_the_reading_they_name() -> None:
 
 
 @pytest.mark.parametrize("text", ["640", "640x", "0x5", "axb", "1x2x3", "-1x-1"])
-def test_a_size_that_is_none_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str) -> None:
+def test_a_size_that_is_none_is_refused(tmp_path, capsys, text):
     assert "--float-size" in refused(["info", str(tmp_path / "a.float"), "--float-size", text], capsys)
 
 
@@ -282,7 +264,7 @@ def test_a_size_that_is_none_is_refused(tmp_path: Path, capsys: pytest.CaptureFi
         (-7.5, "-7.5"),
     ],
 )
-def test_numbers_have_three_digits(value: float, text: str) -> None:
+def test_numbers_have_three_digits(value: float, text: str):
     assert number(value) == text
 
 
@@ -297,13 +279,13 @@ def test_numbers_have_three_digits(value: float, text: str) -> None:
         ("x", "x s"),
     ],
 )
-def test_exposure_times_are_told_as_cameras_show_them(tmp_path: Path, seconds: str, text: str) -> None:
+def test_exposure_times_are_told_as_cameras_show_them(tmp_path, seconds, text):
     write(tmp_path / "a.exr", RadianceMap(np.ones((2, 2, 3), np.float32)))
     facts = describe(tmp_path / "a.exr")
     assert lines_of(facts | {"attributes": {"exposure_time": seconds}})["exposure"] == text
 
 
-def test_attributes_are_shortened_unless_asked_for_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_attributes_are_shortened_unless_asked_for_whole(tmp_path, capsys):
     write(tmp_path / "a.exr", RadianceMap(np.ones((2, 2, 3), np.float32), attributes={"provenance": "ab" * 200}))
-    assert printed([str(tmp_path / "a.exr")], capsys)["provenance"] == "ab" * 50 + " … (400 characters; -v shows all)"
-    assert printed([str(tmp_path / "a.exr"), "-v"], capsys)["provenance"] == "ab" * 200
+    assert facts_in([str(tmp_path / "a.exr")], capsys)["provenance"] == "ab" * 50 + " … (400 characters; -v shows all)"
+    assert facts_in([str(tmp_path / "a.exr"), "-v"], capsys)["provenance"] == "ab" * 200

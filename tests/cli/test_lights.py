@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import lights
-from command_line import refused
+from command_line import printed, refused, reported
 from relume.cli import main
 from relume.image.files import read_photograph, read_radiance, write
 from relume.image.radiance import SATURATED, RadianceMap
@@ -32,8 +32,7 @@ def stored(folder: Path, light: EnvironmentMap, name: str = "light.exr") -> str:
 
 
 def made(words: Sequence[str], capsys: pytest.CaptureFixture[str]) -> dict:
-    assert main(["lights", *words, "--json"]) == 0
-    return json.loads(capsys.readouterr().out)
+    return reported(["lights", *words], capsys)
 
 
 def read(path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -134,8 +133,7 @@ def test_a_sun_and_a_constellation_of_the_rest_carry_everything(tmp_path, capsys
 
 def test_fewer_suns_than_asked_are_noted(tmp_path, capsys):
     words = [stored(tmp_path, lights.lone(64, 20, 77, 1e4, dark=1.0)), "-o", str(tmp_path / "made.json")]
-    assert main(["lights", *words, "--sun", "3"]) == 0
-    assert "1 stand out" in capsys.readouterr().err
+    assert "1 stand out" in printed(["lights", *words, "--sun", "3"], capsys).err
 
 
 def test_a_clipped_sun_is_written_and_doubted(tmp_path, capsys):
@@ -149,12 +147,10 @@ def test_a_clipped_sun_is_written_and_doubted(tmp_path, capsys):
         ([source, "--residual", str(tmp_path / "rest.exr")], "lights there are weaker"),
     ):
         out.unlink(missing_ok=True)
-        assert main(["lights", *words, "-o", str(out)]) == 4
-        captured = capsys.readouterr()
+        captured = printed(["lights", *words, "-o", str(out)], capsys, 4)
         assert captured.err.count("1 pixels are clipped") == 1 and doubt in captured.err
         assert "total of the lights" in captured.out and len(read(out)[0]) == (1 if "--residual" in words else 64)
-        assert main(["lights", *words, "-o", str(out), "--accept"]) == 0
-        assert doubt in capsys.readouterr().err
+        assert doubt in printed(["lights", *words, "-o", str(out), "--accept"], capsys).err
 
 
 def test_a_probe_is_read_in_the_mapping_given_and_its_residual_is_lat_long(tmp_path, capsys):
@@ -328,8 +324,7 @@ def test_lamps_that_two_maps_see_stand_where_they_are(tmp_path, capsys):
 def test_a_lamp_that_the_second_map_lacks_stays_distant(tmp_path, capsys):
     out = tmp_path / "made.json"
     words = [*in_places(tmp_path, lamps=(0, 1)), "--sun", "3", "-o", str(out), "--residual", str(tmp_path / "r.exr")]
-    assert main(["lights", *words]) == 0
-    assert "1 lamps of the first map and 0 of the second have no partner" in capsys.readouterr().err
+    assert "1 lamps of the first map and 0 of the second have no partner" in printed(["lights", *words], capsys).err
     directions, irradiance = read(out)
     assert len(directions) == 1 and len(json.loads(out.read_text())["points"]) == 2
     way = LAMPS[2] - PROBES["0,1.1,0"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from command_line import refused
+from command_line import printed, refused, reported
 from moving_scenes import known_response
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.brackets.shoot import targets
@@ -40,13 +39,6 @@ from shoots import MAKER, exposed, raw_files, textured, written
 SECONDS = (1 / 256, 1 / 128, 1 / 64, 1 / 32, 1 / 16)
 ROOM = Path(__file__).parents[2] / "examples" / "room"
 PLATE = [str(p) for p in sorted((ROOM / "plate").glob("*.jpg"))]
-
-
-def told(arguments: list[str], capsys: pytest.CaptureFixture[str], code: int = 0) -> dict:
-    """Run a command that must end with `code`; what it prints as JSON."""
-    capsys.readouterr()
-    assert main([*arguments, "--json"]) == code, capsys.readouterr().err
-    return json.loads(capsys.readouterr().out)
 
 
 def only(facts: dict) -> dict:
@@ -86,7 +78,7 @@ def merged(shoot, profile, tmp_path, capsys) -> Callable[..., tuple[RadianceMap,
 
     def run(*words: str, photographs: list[str] = shoot, code: int = 0) -> tuple[RadianceMap, dict]:
         out = tmp_path / f"map_{len(list(tmp_path.iterdir()))}.exr"
-        facts = told(["merge", *photographs, "-o", str(out), "--profile", profile, *words], capsys, code)
+        facts = reported(["merge", *photographs, "-o", str(out), "--profile", profile, *words], capsys, code)
         return read_radiance(out), only(facts)
 
     return run
@@ -95,7 +87,7 @@ def merged(shoot, profile, tmp_path, capsys) -> Callable[..., tuple[RadianceMap,
 def test_a_bracket_is_merged_with_its_report_and_its_profile(shoot, scene, tmp_path, capsys):
     out, profile, report = tmp_path / "a.exr", tmp_path / "p.json", tmp_path / "r.html"
     words = ["merge", *shoot, "-o", str(out), "--save-profile", str(profile), "--report", str(report)]
-    facts = told(words, capsys)
+    facts = reported(words, capsys)
     assert only(facts)["written"] == str(out) and only(facts)["camera"] == MAKER
     assert facts["profile"] == {MAKER: str(profile)} and facts["report"] == str(report)
     assert exposures(facts) == {f"frame_{i}.png": (pytest.approx(t), "EXIF") for i, t in enumerate(SECONDS)}
@@ -111,7 +103,7 @@ def test_a_bracket_is_merged_with_its_report_and_its_profile(shoot, scene, tmp_p
 
     # With its profile the same photographs give the same radiance,
     again = tmp_path / "again.exr"
-    facts = told(["merge", *shoot, "-o", str(again), "--profile", str(profile)], capsys)
+    facts = reported(["merge", *shoot, "-o", str(again), "--profile", str(profile)], capsys)
     assert facts["misfit"] == {} and facts["profile"] == {} and facts["report"] is None
     assert read_radiance(again).radiance == pytest.approx(picture.radiance, rel=1e-6)
     # and the map developed through it at a photograph's own exposure is that photograph again.
@@ -129,8 +121,7 @@ def test_a_bracket_is_merged_with_its_report_and_its_profile(shoot, scene, tmp_p
 
 def test_the_example_s_plate_is_merged_and_told_as_lines(tmp_path, capsys):
     out = tmp_path / "plate.hdr"
-    assert main(["merge", *PLATE, "-o", str(out)]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = printed(["merge", *PLATE, "-o", str(out)], capsys).out.splitlines()
     assert [line.split()[0] for line in lines[:3]] == ["written", "exposures", "unit"]
     assert "IMG_0001.jpg 1/4 s (EXIF), IMG_0002.jpg 1 s (EXIF)" in lines[1]
     assert read_radiance(out).size == (768, 512)
@@ -178,11 +169,11 @@ def test_times_come_from_the_command_line_or_from_a_file(scene, tmp_path, profil
         tmp_path / "bare", [replace(p, exposure=None) for p in exposed(scene, [Exposure(t) for t in SECONDS])]
     )
     words = ["merge", *paths, "--profile", profile, "-o"]
-    first = told([*words, str(tmp_path / "a.exr"), "--times", "1/256,1/128,1/64,1/32,1/16"], capsys)
-    told([*words, str(tmp_path / "b.exr"), "--times", "1/128 1/64 1/32 1/16 1/8"], capsys)
+    first = reported([*words, str(tmp_path / "a.exr"), "--times", "1/256,1/128,1/64,1/32,1/16"], capsys)
+    reported([*words, str(tmp_path / "b.exr"), "--times", "1/128 1/64 1/32 1/16 1/8"], capsys)
     listed = tmp_path / "exposures.txt"
     listed.write_text("".join(f"{Path(p).name} {t}\n" for p, t in zip(paths, SECONDS, strict=True)))
-    from_file = told([*words, str(tmp_path / "c.exr"), "--times", str(listed)], capsys)
+    from_file = reported([*words, str(tmp_path / "c.exr"), "--times", str(listed)], capsys)
     a, b, c = (read_radiance(tmp_path / f"{name}.exr").radiance for name in "abc")
     assert np.median(a / b) == pytest.approx(2, rel=1e-6)
     assert np.array_equal(a, c)
@@ -197,13 +188,13 @@ def test_times_come_from_the_command_line_or_from_a_file(scene, tmp_path, profil
     line = refused(["merge", str(tmp_path / "bare"), "-o", str(tmp_path / "d.exr"), "--times", "1,2"], capsys)
     assert "frame_2.png, frame_3.png, frame_4.png, frame_9.png, frame_10.png" in line and "9 before 10" in line
     words = ["merge", str(tmp_path / "bare"), "-o", str(tmp_path / "d.exr"), "--dry-run", "--times", "1,2,4,8,16"]
-    told_of = exposures(told(words, capsys))
+    told_of = exposures(reported(words, capsys))
     assert {name: seconds for name, (seconds, _) in told_of.items()} == {
         "frame_2.png": 1, "frame_3.png": 2, "frame_4.png": 4, "frame_9.png": 8, "frame_10.png": 16,
     }  # fmt: skip
     # Photographs named one by one keep their order, and that a shell puts 10 before 9 is told.
     bare = [str(tmp_path / "bare" / f"frame_{i}.png") for i in (10, 9)]
-    facts = told(["merge", *bare, "-o", str(tmp_path / "d.exr"), "--dry-run", "--times", "4,1"], capsys)
+    facts = reported(["merge", *bare, "-o", str(tmp_path / "d.exr"), "--dry-run", "--times", "4,1"], capsys)
     assert exposures(facts) == {"frame_9.png": (1, "given"), "frame_10.png": (4, "given")}
     assert any("in the order given, frame_10.png, frame_9.png" in line for line in facts["notes"])
 
@@ -213,24 +204,21 @@ def test_without_any_exposure_the_pixels_tell_and_the_result_is_doubtful(scene, 
         tmp_path / "bare", [replace(p, exposure=None) for p in exposed(scene, [Exposure(t) for t in SECONDS])]
     )
     words = ["merge", *paths, "--profile", profile, "-o", str(tmp_path / "a.exr")]
-    assert main(words) == 4
-    captured = capsys.readouterr()
+    captured = printed(words, capsys, 4)
     assert "no exposure is known" in captured.err and captured.err.splitlines()[-1].startswith("relume: ")
     assert "(estimated)" in captured.out and (tmp_path / "a.exr").exists()
 
 
 def test_doubtful_results_are_written_and_exit_with_4_unless_accepted(shoot, tmp_path, capsys):
     words = ["merge", *shoot, "-o", str(tmp_path / "a.exr"), "--times", "1/64,1/256,1/16,1/32,1/128"]
-    assert main(words) == 4
-    captured = capsys.readouterr()
+    captured = printed(words, capsys, 4)
     assert (tmp_path / "a.exr").exists() and "written" in captured.out
     notes = [line for line in captured.err.splitlines() if line.startswith("relume: note: ")]
     last = captured.err.splitlines()[-1]
     assert any("fits badly" in line for line in notes) and any("in another order" in line for line in notes)
     assert "doubts, noted above" in last and "--accept" in last
     (tmp_path / "a.exr").unlink()
-    assert main([*words, "--accept"]) == 0
-    captured = capsys.readouterr()
+    captured = printed([*words, "--accept"], capsys)
     assert "fits badly" in captured.err and captured.err.count("\n") == captured.err.count("relume: note: ")
     assert (tmp_path / "a.exr").exists()
 
@@ -240,14 +228,13 @@ def test_a_single_doubt_is_told_in_one_line(merged, shoot, tmp_path, profile, ca
     words = ["merge", *shoot, "--profile", profile, "--times", ",".join(times), "-o", str(tmp_path / "a.exr"), "-q"]
     line = refused(words, capsys, 4)
     assert "frame_2.png" in line and line.endswith("(all was written; --accept takes it as it is)\n")
-    assert main([*words, "--accept"]) == 0
-    assert capsys.readouterr().err == ""
+    assert printed([*words, "--accept"], capsys).err == ""
 
 
 def test_marked_shutter_speeds_stand_for_powers_of_two_where_told(scene, tmp_path, capsys):
     paths = written(tmp_path, exposed(scene, [Exposure(t) for t in (1 / 60, 1 / 30)]))
     words = ["merge", *paths, "-o", str(tmp_path / "a.exr"), "--dry-run"]
-    marked, true = exposures(told(words, capsys)), exposures(told([*words, "--true-shutter"], capsys))
+    marked, true = exposures(reported(words, capsys)), exposures(reported([*words, "--true-shutter"], capsys))
     assert [seconds for seconds, _ in marked.values()] == pytest.approx([1 / 60, 1 / 30])
     assert [seconds for seconds, _ in true.values()] == pytest.approx([1 / 64, 1 / 32])
 
@@ -329,8 +316,8 @@ def test_everything_that_was_measured_is_kept_in_the_profile(shoot, tmp_path, ca
     out, again, profile = (str(tmp_path / name) for name in ("a.exr", "b.exr", "p.json"))
     words = ["merge", *shoot, "-o", out, "--save-profile", profile, "--flat-field", str(tmp_path / "wall.exr")]
     words += ["--white", "100,60,10,10", "--luminaire", "20,30,16,8,100,200,300"]
-    before = only(told(words, capsys))["scale"]
-    after = only(told(["merge", *shoot, "-o", again, "--profile", profile], capsys))["scale"]
+    before = only(reported(words, capsys))["scale"]
+    after = only(reported(["merge", *shoot, "-o", again, "--profile", profile], capsys))["scale"]
     # As uncertain as it was measured, and no better.
     assert after["deviation"] == pytest.approx(before["deviation"]) and "the camera's profile" in after["source"]
     assert read_radiance(again).radiance == pytest.approx(read_radiance(out).radiance, rel=1e-5)
@@ -341,11 +328,10 @@ def test_a_profile_of_another_camera_is_told(merged, shoot, tmp_path, capsys):
     other = tmp_path / "other.json"
     write_profile(other, CameraProfile("Another Two", known_response()))
     words = ["merge", *shoot, "-o", str(tmp_path / "a.exr"), "--profile", str(other)]
-    assert main([*words, "--report", str(tmp_path / "r.html")]) == 4
-    (line,) = capsys.readouterr().err.splitlines()
+    (line,) = printed([*words, "--report", str(tmp_path / "r.html")], capsys, 4).err.splitlines()
     assert "the profile of Another Two" in line and f"of the camera {MAKER}" in line
     assert "the profile of Another Two" in (tmp_path / "r.html").read_text()
-    facts = told([*words, "--accept"], capsys)
+    facts = reported([*words, "--accept"], capsys)
     assert len(facts["doubts"]) == 1 and "Another Two" in facts["doubts"][0] and facts["notes"] == []
     merged()
     assert capsys.readouterr().err == ""
@@ -356,14 +342,13 @@ def test_options_that_do_nothing_are_told(merged, profile, tmp_path, capsys):
     words = ["--neutral", "128", "--refine", "--method", "robertson"]
     for option, value in (("--neutral", "128"), ("--refine", ""), ("--method", "robertson")):
         assert np.array_equal(merged(option, *filter(None, [value]))[0].radiance, plain.radiance)
-    assert main(["merge", *PLATE, "-o", str(tmp_path / "a.exr"), "--neutral", "128", "--dry-run"]) == 0
-    assert capsys.readouterr().err == ""
+    assert printed(["merge", *PLATE, "-o", str(tmp_path / "a.exr"), "--neutral", "128", "--dry-run"], capsys).err == ""
     assert main(["merge", *PLATE, "-o", str(tmp_path / "b.exr"), "--profile", profile, "--dry-run", *words]) == 0
     line = "without effect: neutral, method, refine; the profile's response is taken as it is"
     assert capsys.readouterr().err == f"relume: note: {line}\n"
     light = textured(240, 160).mean(2) / 30
     raws = [str(path) for path in raw_files(tmp_path / "raws", [light] * 2, (1.0, 4.0))]
-    told(["merge", *raws, "-o", str(tmp_path / "plain.exr")], capsys)
+    reported(["merge", *raws, "-o", str(tmp_path / "plain.exr")], capsys)
     words = ["--neutral", "9", "--method", "robertson", "--no-align", "--no-deghost", "--paper-weights"]
     assert main(["merge", *raws, "-o", str(tmp_path / "a.exr"), "--dry-run", "--refine", "--align", "--deghost"]) == 0
     assert capsys.readouterr().err == ""
@@ -377,7 +362,7 @@ def test_options_that_do_nothing_are_told(merged, profile, tmp_path, capsys):
 
 def test_a_folder_is_merged_to_a_folder(shoot, profile, tmp_path, capsys):
     folder = str(Path(shoot[0]).parent)
-    facts = told(["merge", folder, "-o", str(tmp_path), "--profile", profile], capsys)
+    facts = reported(["merge", folder, "-o", str(tmp_path), "--profile", profile], capsys)
     assert only(facts)["written"] == str(tmp_path / "frame_0-frame_4.exr") and Path(only(facts)["written"]).exists()
     # One without a suffix is a folder, whether it is there or not.
     assert main(["merge", *shoot, "-o", f"{tmp_path}/new/", "--profile", profile, "-q"]) == 0
@@ -404,12 +389,12 @@ def test_several_brackets_are_merged_to_a_folder_and_to_no_file(scene, tmp_path,
     (tmp_path / "file").write_text("")
     assert "not a folder" in refused([*words, "-o", str(tmp_path / "file")], capsys, 3)
     maps = tmp_path / "maps"
-    planned = told([*words, "-o", str(maps), "--dry-run"], capsys)
+    planned = reported([*words, "-o", str(maps), "--dry-run"], capsys)
     assert not maps.exists()
     assert [[frame["name"] for frame in bracket["frames"]] for bracket in planned["brackets"]] == [
         [f"a_{i}.png" for i in range(5)], [f"b_{i}.png" for i in range(4)],
     ]  # fmt: skip
-    facts = told([*words, "-o", str(maps)], capsys)
+    facts = reported([*words, "-o", str(maps)], capsys)
     first, second = (read_radiance(maps / name) for name in ("a_0-a_4.exr", "b_0-b_3.exr"))
     assert [path.name for path in sorted(maps.iterdir())] == ["a_0-a_4.exr", "b_0-b_3.exr"]
     assert [bracket["written"] for bracket in facts["brackets"]] == [
@@ -439,7 +424,7 @@ def test_each_camera_has_its_own_response_and_profile(scene, tmp_path, capsys):
     second = written(tmp_path / "shoot", exposed(scene, exposures, prefix="b_", camera=other, maker="Other Two"))
     profile, maps = tmp_path / "p.json", tmp_path / "maps"
     words = ["merge", *first, *second, "-o", str(maps), "--save-profile", str(profile)]
-    facts = told([*words, "--report", str(tmp_path / "r.html")], capsys)
+    facts = reported([*words, "--report", str(tmp_path / "r.html")], capsys)
     assert facts["profile"] == {MAKER: str(profile), "Other Two": str(tmp_path / "p_1.json")}
     assert [read_profile(path).camera for path in facts["profile"].values()] == [MAKER, "Other Two"]
     assert list(facts["misfit"]) == [MAKER, "Other Two"] and facts["misfit"][MAKER] != facts["misfit"]["Other Two"]
@@ -455,12 +440,11 @@ def test_each_camera_has_its_own_response_and_profile(scene, tmp_path, capsys):
 
 def test_dry_runs_write_nothing(shoot, tmp_path, capsys):
     words = ["merge", *shoot, "-o", str(tmp_path / "a.exr"), "--report", str(tmp_path / "r.html"), "--dry-run"]
-    facts = told([*words, "--save-profile", str(tmp_path / "p.json")], capsys)
+    facts = reported([*words, "--save-profile", str(tmp_path / "p.json")], capsys)
     assert only(facts)["would_write"] == str(tmp_path / "a.exr") and only(facts)["written"] is None
     assert exposures(facts)["frame_4.png"] == (1 / 16, "EXIF")
     assert [frame["stops"] for frame in only(facts)["frames"]] == pytest.approx([0, 1, 2, 3, 4])
-    assert main(words) == 0
-    assert capsys.readouterr().out.startswith(f"would write {tmp_path / 'a.exr'}\n  frame_0.png  1/256 s (EXIF)\n")
+    assert printed(words, capsys).out.startswith(f"would write {tmp_path / 'a.exr'}\n  frame_0.png  1/256 s (EXIF)\n")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -550,7 +534,7 @@ def test_camera_raws_are_merged_photosite_by_photosite(scene, shoot, tmp_path, c
     light = textured(240, 160).mean(2) / 30
     paths = [str(path) for path in raw_files(tmp_path / "raws", [light] * 3, (0.25, 1.0, 4.0))]
     out, report = tmp_path / "a.exr", tmp_path / "r.html"
-    facts = told(["merge", *paths, "-o", str(out), "--report", str(report)], capsys)
+    facts = reported(["merge", *paths, "-o", str(out), "--report", str(report)], capsys)
     found = exposures(facts)
     assert list(found) == ["raw_0.dng", "raw_1.dng", "raw_2.dng"] and {source for _, source in found.values()} == {
         "EXIF"
@@ -561,14 +545,14 @@ def test_camera_raws_are_merged_photosite_by_photosite(scene, shoot, tmp_path, c
     assert plain.size == (240, 160) and plain.variance is not None
     # f/4 takes a sixteenth of the light: it is allowed for, unless times given by hand replace the whole exposure.
     words = ["merge", *paths, "-o", str(out), "--times", "1/4 1 4"]
-    assert exposures(told([*words, "--dry-run"], capsys)) == {
+    assert exposures(reported([*words, "--dry-run"], capsys)) == {
         "raw_0.dng": (0.25, "given"), "raw_1.dng": (1, "given"), "raw_2.dng": (4, "given"),
     }  # fmt: skip
-    told(words, capsys)
+    reported(words, capsys)
     assert np.median(plain.radiance / read_radiance(out).radiance) == pytest.approx(16, rel=1e-3)
-    found = only(told(["merge", *paths, "-o", str(out), "--absolute"], capsys))
+    found = only(reported(["merge", *paths, "-o", str(out), "--absolute"], capsys))
     assert found["unit"] == "cd/m²" and found["scale"]["deviation"] == THIRD_OF_A_STOP
-    told(["merge", *paths, "-o", str(out), "--spot", "50,50,77"], capsys)
+    reported(["merge", *paths, "-o", str(out), "--spot", "50,50,77"], capsys)
     seen = read_radiance(out).radiance @ np.array([0.2126, 0.7152, 0.0722])
     assert seen[46:55, 46:55].mean() == pytest.approx(77, rel=0.05)
     # Photographs beside them are left out, and that is told.
@@ -596,27 +580,26 @@ def test_what_raws_showed_is_kept_in_a_profile_and_used_again(tmp_path, capsys):
     write(tmp_path / "wall.exr", wall)
     out, again, profile = (str(tmp_path / name) for name in ("a.exr", "b.exr", "p.json"))
     words = ["merge", *raws, "-o", out, "--save-profile", profile, "--flat-field", str(tmp_path / "wall.exr")]
-    told([*words, "--white", "100,60,10,10", "--luminaire", "20,30,16,8,100,200,300"], capsys)
+    reported([*words, "--white", "100,60,10,10", "--luminaire", "20,30,16,8,100,200,300"], capsys)
     kept = read_profile(profile)
     assert kept.camera == MAKER and kept.response is None and kept.sensor is not None and kept.sensor.noise is not None
     assert (kept.sensor.black, kept.sensor.white) == ((512.0,) * 4, 16383.0)
     assert 1 / kept.sensor.noise.shot == pytest.approx(20_000, rel=0.05) and kept.sensor.noise.iso == 100
     assert kept.vignetting is not None and kept.scale is not None and kept.balance != (1.0, 1.0, 1.0)
-    assert main(["merge", *raws, "-o", again, "--profile", profile]) == 0
-    assert capsys.readouterr().err == ""
+    assert printed(["merge", *raws, "-o", again, "--profile", profile], capsys).err == ""
     first, second = read_radiance(out), read_radiance(again)
     assert second.radiance == pytest.approx(first.radiance, rel=1e-5) and second.unit == "cd/m²"
     assert first.variance is not None and second.variance == pytest.approx(first.variance, rel=1e-4)
     assert "the camera's profile" in second.attributes["scale"]
     # A reading of the day counts more than the profile.
-    told(["merge", *raws, "-o", again, "--profile", profile, "--spot", "50,50,77"], capsys)
+    reported(["merge", *raws, "-o", again, "--profile", profile, "--spot", "50,50,77"], capsys)
     seen = read_radiance(again).radiance @ np.array([0.2126, 0.7152, 0.0722])
     assert seen[46:55, 46:55].mean() == pytest.approx(77, rel=0.05)
     # Noise that is known counts: with sixteen times less light at white the variance is sixteenfold.
     sensor = replace(kept.sensor, noise=SensorNoise(16 / 20_000, 1e-3, 100.0))
     write_profile(profile, CameraProfile(MAKER, sensor=sensor))
-    told(["merge", *raws, "-o", out], capsys)
-    told(["merge", *raws, "-o", again, "--profile", profile], capsys)
+    reported(["merge", *raws, "-o", out], capsys)
+    reported(["merge", *raws, "-o", again, "--profile", profile], capsys)
     first, second = read_radiance(out), read_radiance(again)
     assert first.clipped is not None and first.variance is not None and second.variance is not None
     lit = (first.clipped == 0) & (light > np.median(light))
@@ -637,12 +620,11 @@ def test_a_profile_of_another_kind_camera_or_sensor_is_told(shoot, profile, tmp_
     words = ["merge", *raws, "-o", out, "--profile", str(kept)]
     assert "there is none to save" in refused([*words, "--save-profile", str(tmp_path / "p.json")], capsys)
     assert main([*words, "-q"]) == 0
-    told(["merge", *raws, "-o", out], capsys)
+    reported(["merge", *raws, "-o", out], capsys)
     line = refused(["develop", out, "-o", str(tmp_path / "a.png"), "--response", str(kept)], capsys)
     assert "raw.json: a profile of camera raws, which holds no response" in line
     write_profile(kept, CameraProfile(MAKER, sensor=replace(sensor, white=15000.0)))
-    assert main(words) == 0
-    assert "its white 16383, those of the profile 512 and 15000" in capsys.readouterr().err
+    assert "its white 16383, those of the profile 512 and 15000" in printed(words, capsys).err
     write_profile(kept, CameraProfile("Another Two", sensor=sensor))
     assert "profile of Another Two" in refused([*words, "-q"], capsys, 4)
 
@@ -652,7 +634,7 @@ def test_brackets_of_raws_share_the_reading_of_the_first(tmp_path, capsys):
     raw_files(tmp_path / "raws" / "a", [light] * 3, (0.25, 1.0, 4.0))
     raw_files(tmp_path / "raws" / "b", [light[::-1].copy()] * 2, (0.5, 2.0))
     maps, folders = tmp_path / "maps", [str(tmp_path / "raws" / name) for name in "ab"]
-    told(["merge", *folders, "-o", str(maps), "--spot", "50,50,77", "--report", str(tmp_path / "r.html")], capsys)
+    reported(["merge", *folders, "-o", str(maps), "--spot", "50,50,77", "--report", str(tmp_path / "r.html")], capsys)
     first, second = (read_radiance(maps / f"raw_0-raw_{last}.exr") for last in (2, 1))
     assert (first.radiance @ np.array([0.2126, 0.7152, 0.0722]))[46:55, 46:55].mean() == pytest.approx(77, rel=0.05)
     assert first.clipped is not None and second.clipped is not None
@@ -668,8 +650,7 @@ def test_a_raw_bracket_that_moved_exits_with_4(tmp_path, capsys):
     # What -q keeps from being noted above is told in the line itself.
     line = refused(words, capsys, 4)
     assert "doubts: " in line and line.count("raws are merged as they lie") >= 2 and "noted above" not in line
-    assert main(words[:-1]) == 4
-    assert "pixels off the others, and raws are merged as they lie" in capsys.readouterr().err
+    assert "pixels off the others, and raws are merged as they lie" in printed(words[:-1], capsys, 4).err
     assert (tmp_path / "a.exr").exists()
     assert main([*words, "--accept"]) == 0
 
@@ -679,9 +660,9 @@ def test_a_profile_s_scale_holds_only_for_exposures_that_tell_the_same(shoot, tm
     profile = str(tmp_path / "p.json")
     times = ",".join(str(2.0**k) for k in range(len(shoot)))
     words = ["merge", *shoot, "-o", str(tmp_path / "a.exr"), "--spot", "60,40,500", "--save-profile", profile]
-    told(words, capsys)
+    reported(words, capsys)
     reused = ["merge", *shoot, "-o", str(tmp_path / "b.exr"), "--profile", profile]
-    told(reused, capsys)
+    reported(reused, capsys)
     line = refused([*reused, "--times", times], capsys)
     assert "neither f-number nor ISO" in line and "profile" in line
     assert not (tmp_path / "c.exr").exists()
@@ -705,8 +686,7 @@ def test_several_brackets_are_told_a_block_each(scene, tmp_path, profile, capsys
     written(tmp_path / "shoot", exposed(scene, exposed_for[1:], prefix="b_"))
     maps = tmp_path / "maps"
     words = ["merge", str(tmp_path / "shoot"), "-o", str(maps), "--profile", profile]
-    assert main([*words, "--spot", "60,40,500", "--report", str(tmp_path / "r.html")]) == 0
-    captured = capsys.readouterr()
+    captured = printed([*words, "--spot", "60,40,500", "--report", str(tmp_path / "r.html")], capsys)
     lines = captured.out.splitlines()
     titles = [line for line in lines if not line.startswith(" ")]
     assert titles == [str(maps / "a_0-a_4.exr"), str(maps / "b_0-b_3.exr"), "all together"]
@@ -731,7 +711,7 @@ def test_notes_and_doubts_are_in_the_json(shoot, tmp_path, profile, capsys):
         "--times",
         "1/256,1/128,1/48,1/32,1/16",
     ]
-    facts = told([*words, "--ignore", "1,2,3"], capsys, 4)
+    facts = reported([*words, "--ignore", "1,2,3"], capsys, 4)
     assert len(facts["doubts"]) == 1 and "frame_2.png" in facts["doubts"][0]
     assert any("no pixel of the colour 1,2,3" in line for line in facts["notes"])
     # Nothing was saturated, so nothing is told at least.

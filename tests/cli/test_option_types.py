@@ -43,12 +43,12 @@ def _read(words: list[str], kind: Any) -> Any:
         (Annotated[float | str, numbers("NUMBER or auto", like="2", words=("auto",))], "auto", "auto"),
     ],
 )  # fmt: skip
-def test_a_word_becomes_the_annotated_type(kind: Any, word: str, value: Any) -> None:
+def test_a_word_becomes_the_annotated_type(kind: Any, word: str, value: Any):
     assert _read(["--option", word], kind) == value
     assert _read([f"--option={word}"], kind) == value
 
 
-def test_an_option_may_be_repeated() -> None:
+def test_an_option_may_be_repeated():
     kind = Annotated[list[tuple[int, int]], numbers("X,Y", like="1,2")]
     assert _read(["--option", "1,2", "--option", "-3,4"], kind) == [(1, 2), (-3, 4)]
 
@@ -62,6 +62,6 @@ def test_an_option_may_be_repeated() -> None:
         (Annotated[tuple[Path, float], numbers("MASK=STOPS", like="sun.png=12")], "=3"),
     ],
 )  # fmt: skip
-def test_a_fault_names_the_option_and_shows_an_example(kind: Any, word: str) -> None:
+def test_a_fault_names_the_option_and_shows_an_example(kind: Any, word: str):
     with pytest.raises(CycloptsError, match=r"--option.*write it like"):
         _read(["--option", word], kind)

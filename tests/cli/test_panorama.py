@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from command_line import refused
+from command_line import printed, refused, reported
 from panoramas import patchwork, photograph
 from relume.cli import main
 from relume.image import files
@@ -35,10 +35,9 @@ def faces(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
 ORDER = ",".join(FACES)
 
 
-def test_six_faces_become_a_map(faces: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_six_faces_become_a_map(faces, tmp_path, capsys):
     out = tmp_path / "light.exr"
-    assert main(["panorama", *faces, "-o", str(out), "--faces", ORDER, "--size", "64", "--no-balance", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    told = reported(["panorama", *faces, "-o", str(out), "--faces", ORDER, "--size", "64", "--no-balance"], capsys)
     light = files.read_radiance(out)
     assert light.size == (128, 64) and light.attributes["mapping"] == "latlong"
     np.testing.assert_allclose(told["total"], WORLD.total(), rtol=0.01)
@@ -46,9 +45,7 @@ def test_six_faces_become_a_map(faces: list[str], tmp_path: Path, capsys: pytest
     assert told["unseen sr"] == 0 and told["matches agree within"] is None
 
 
-def test_a_table_tells_orientation_and_field_and_a_hole_is_doubted(
-    faces: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-):
+def test_a_table_tells_orientation_and_field_and_a_hole_is_doubted(faces, tmp_path, capsys):
     table = tmp_path / "head.csv"
     lines = [f"{name}.exr, {yaw}, {pitch}, 0, 90" for name, (yaw, pitch) in FACES.items() if name != "down"]
     table.write_text("name, yaw, pitch, roll, field\n" + "\n".join(lines))
@@ -62,9 +59,7 @@ def test_a_table_tells_orientation_and_field_and_a_hole_is_doubted(
     assert clipped is not None and clipped[-1].min() == 3
 
 
-def test_each_view_is_a_line_without_negative_zeros(
-    faces: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-):
+def test_each_view_is_a_line_without_negative_zeros(faces, tmp_path, capsys):
     out = tmp_path / "light.exr"
     assert main(["panorama", *faces, "-o", str(out), "--faces", ORDER, "--size", "32", "--no-balance"]) == 0
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
@@ -73,7 +68,7 @@ def test_each_view_is_a_line_without_negative_zeros(
     assert not [line for line in lines if "-0," in line]
 
 
-def test_a_dim_map_is_told_with_all_digits(faces: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_a_dim_map_is_told_with_all_digits(faces, tmp_path, capsys):
     paths = []
     for face in faces:
         picture = files.read_radiance(face)
@@ -81,15 +76,12 @@ def test_a_dim_map_is_told_with_all_digits(faces: list[str], tmp_path: Path, cap
         files.write(path, RadianceMap(picture.radiance * np.float32(1e-5)))
         paths.append(str(path))
     out = tmp_path / "light.exr"
-    assert main(["panorama", *paths, "-o", str(out), "--faces", ORDER, "--size", "64", "--no-balance", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    told = reported(["panorama", *paths, "-o", str(out), "--faces", ORDER, "--size", "64", "--no-balance"], capsys)
     np.testing.assert_allclose(told["total"], 1e-5 * WORLD.total(), rtol=0.01)
     assert len(told["peak"]) == 3 and set(told["irradiance"]) == {"+X", "-X", "+Y", "-Y", "+Z", "-Z"}
 
 
-def test_views_in_an_absolute_unit_are_balanced_only_when_asked(
-    faces: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-):
+def test_views_in_an_absolute_unit_are_balanced_only_when_asked(faces, tmp_path, capsys):
     paths = []
     for gain, yaw in ((1.0, 0), (1.2, 40)):
         picture = photograph(WORLD, orientation(np.radians(yaw)), focal_length=64, size=(128, 96), gain=gain)
@@ -125,7 +117,7 @@ def is_the_probe(path: Path) -> bool:
     return found.shape == PROBE.radiance.shape and float(np.abs(found - PROBE.radiance).mean()) < 0.01
 
 
-def test_crops_and_a_table_with_the_same_angles_give_the_map_back(crops: list[Path], tmp_path: Path):
+def test_crops_and_a_table_with_the_same_angles_give_the_map_back(crops, tmp_path):
     table, out = tmp_path / "head.csv", tmp_path / "light.exr"
     words = ["panorama", *map(str, crops), "-o", str(out), "--orientations", str(table), "--size", "128"]
     for sign in (1, -1):
@@ -137,11 +129,10 @@ def test_crops_and_a_table_with_the_same_angles_give_the_map_back(crops: list[Pa
         assert is_the_probe(out) == (sign == 1)
 
 
-def test_crops_remember_field_and_orientation(crops: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_crops_remember_field_and_orientation(crops, tmp_path, capsys):
     out = tmp_path / "light.exr"
     words = ["panorama", *map(str, crops), "-o", str(out), "--size", "128", "--json"]
-    assert main(words) == 0
-    captured = capsys.readouterr()
+    captured = printed(words, capsys)
     told = json.loads(captured.out)
     assert "7 of 7 views hold how they were cropped" in captured.err and "--match" in captured.err
     assert "not balanced: crops of an environment map share its exposure" in captured.err
@@ -158,7 +149,7 @@ def test_crops_remember_field_and_orientation(crops: list[Path], tmp_path: Path,
     assert "give one" in refused([*words, "--match", "--turn", "10"], capsys)
 
 
-def test_faces_cropped_wider_keep_their_field(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_faces_cropped_wider_keep_their_field(tmp_path, capsys):
     paths = []
     for name, angles in FACES.items():
         picture = perspective_view(PROBE, orientation(*np.radians(angles)), np.radians(96), (60, 60))
@@ -168,17 +159,16 @@ def test_faces_cropped_wider_keep_their_field(tmp_path: Path, capsys: pytest.Cap
         files.write(tmp_path / f"{name}.exr", picture)
         paths.append(str(tmp_path / f"{name}.exr"))
     words = ["panorama", *paths, "-o", str(tmp_path / "a.exr"), "--faces", ORDER, "--size", "64", "--json"]
-    assert main(words) == 0
-    assert {view["field"] for view in json.loads(capsys.readouterr().out)["views"]} == {96.0}
+    assert {view["field"] for view in json.loads(printed(words, capsys).out)["views"]} == {96.0}
 
 
-def test_match_does_not_use_what_crops_remember(crops: list[Path], tmp_path: Path, capsys):
+def test_match_does_not_use_what_crops_remember(crops, tmp_path, capsys):
     # Up and down have nothing in common.
     line = refused(["panorama", *map(str, crops[5:]), "-o", str(tmp_path / "a.exr"), "--match"], capsys)
     assert "too little in common" in line
 
 
-def test_a_view_that_cannot_be_is_not_used(tmp_path: Path):
+def test_a_view_that_cannot_be_is_not_used(tmp_path):
     picture = perspective_view(PROBE, np.eye(3), np.radians(90), (40, 30))
     crop = stored_crop(picture)
     assert crop is not None and crop.focal_length == pytest.approx(20)
@@ -190,14 +180,14 @@ def test_a_view_that_cannot_be_is_not_used(tmp_path: Path):
             assert stored_crop(broken, "front") is None
 
 
-def test_a_dry_run_writes_nothing(faces: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_a_dry_run_writes_nothing(faces, tmp_path, capsys):
     out = tmp_path / "light.exr"
     assert main(["panorama", *faces, "-o", str(out), "--dry-run", "--field", "90", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["orientation"] == "matched, where the views do not hold it"
     assert not out.exists()
 
 
-def test_single_photographs_are_taken_for_srgb_and_said_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_single_photographs_are_taken_for_srgb_and_said_so(tmp_path, capsys):
     paths = []
     for yaw in (0, 40):
         path = tmp_path / f"{yaw}.png"
@@ -281,8 +271,7 @@ def test_an_environment_of_a_scene_file_is_written(tmp_path, capsys):
     assert json.loads(captured.out)["total"] == pytest.approx([1, 1, 1], rel=1e-3)
     assert files.read_radiance(out).size == (64, 32)
     scene.write_text(SCENE.replace("intensity = 4.0", "intensity = 4.0e-5"))
-    assert main(words) == 0
-    told = json.loads(capsys.readouterr().out)
+    told = json.loads(printed(words, capsys).out)
     assert told["total"] == pytest.approx([1e-5] * 3, rel=1e-3)
     assert told["irradiance from above"] == pytest.approx([1e-5] * 3, rel=1e-2)
     line = refused([*words[:4], "--environment", "0,1,0", "--size", "64x48"], capsys)

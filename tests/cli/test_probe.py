@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from command_line import refused
+from command_line import printed, refused, reported
 from relume.cli import main
 from relume.image.colour import encode_srgb
 from relume.image.files import read_layers, read_photograph, read_radiance, write
@@ -50,14 +49,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
-def told(words: list[str], capsys: pytest.CaptureFixture[str], code: int = 0) -> dict[str, Any]:
-    assert main([*words, "--json", "-q"]) == code
-    return json.loads(capsys.readouterr().out)
-
-
-def test_a_lone_view_writes_its_confidence_and_marks_what_it_did_not_see(folder, tmp_path, capsys) -> None:
+def test_a_lone_view_writes_its_confidence_and_marks_what_it_did_not_see(folder, tmp_path, capsys):
     out = tmp_path / "lone.exr"
-    facts = told(["probe", str(folder / "front.exr"), "-o", str(out), *PLACE], capsys)
+    facts = reported(["probe", str(folder / "front.exr"), "-o", str(out), *PLACE], capsys)
     layers = read_layers(out)
     assert set(layers) == {"radiance", "clipped", "confidence"}
     found = read_radiance(out)
@@ -68,9 +62,9 @@ def test_a_lone_view_writes_its_confidence_and_marks_what_it_did_not_see(folder,
     assert facts["balls"][0]["radius"] == pytest.approx(62.63, abs=0.15)
 
 
-def test_folders_are_views_whose_turns_are_found(folder, tmp_path, capsys) -> None:
+def test_folders_are_views_whose_turns_are_found(folder, tmp_path, capsys):
     out = tmp_path / "both.exr"
-    facts = told(["probe", str(folder / "front"), str(folder / "side"), "-o", str(out), *PLACE], capsys)
+    facts = reported(["probe", str(folder / "front"), str(folder / "side"), "-o", str(out), *PLACE], capsys)
     assert facts["camera places given"] is False
     # A quarter of a pixel of this ball of 63 turns what it mirrors by 0.5°; finer ones are in the probe's own tests.
     assert [float(turn.rstrip("°")) for turn in facts["turns found"]] == pytest.approx([0, 90], abs=0.6)
@@ -78,32 +72,30 @@ def test_folders_are_views_whose_turns_are_found(folder, tmp_path, capsys) -> No
 
 
 @pytest.mark.slow
-def test_turns_are_told_in_degrees_and_views_by_pattern(folder, tmp_path, capsys) -> None:
+def test_turns_are_told_in_degrees_and_views_by_pattern(folder, tmp_path, capsys):
     views = ["--view", str(folder / "fron?.exr"), "--view", str(folder / "side.exr")]
     out = tmp_path / "told.hdr"
-    facts = told(["probe", *views, "--turn", "0,90", "-o", str(out), *PLACE], capsys)
+    facts = reported(["probe", *views, "--turn", "0,90", "-o", str(out), *PLACE], capsys)
     assert facts["camera places given"] is True
     assert float(facts["turned by registration"][1].rstrip("°")) < 0.6  # as above
     second = ["probe", str(folder / "front.exr"), "--second", str(folder / "side.exr"), "--second-camera", "1,0.12,0"]
-    again = told([*second, "-o", str(out), *PLACE], capsys)
+    again = reported([*second, "-o", str(out), *PLACE], capsys)
     assert again["total"] == pytest.approx(facts["total"], rel=1e-3)
 
 
 @pytest.mark.slow
-def test_a_turn_told_wrong_is_doubtful_and_written(folder, tmp_path, capsys) -> None:
+def test_a_turn_told_wrong_is_doubtful_and_written(folder, tmp_path, capsys):
     words = ["probe", str(folder / "front.exr"), str(folder / "side.exr"), "--turn", "0,140", *PLACE]
     out = tmp_path / "doubtful.exr"
-    assert main([*words, "-o", str(out), "-q"]) == 4
-    line = capsys.readouterr().err
+    line = printed([*words, "-o", str(out), "-q"], capsys, 4).err
     assert "view 2 of the ball does not fit the first one" in line and out.is_file()
     assert "registration turned it by" in line and "--camera X,Y,Z" in line and "without --turn" in line
     assert main([*words, "-o", str(out), "-q", "--accept"]) == 0
 
 
-def test_one_photograph_is_light_as_far_as_it_is_not_clipped(folder, tmp_path, capsys) -> None:
+def test_one_photograph_is_light_as_far_as_it_is_not_clipped(folder, tmp_path, capsys):
     out = tmp_path / "single.exr"
-    assert main(["probe", str(folder / "front.png"), "-o", str(out), *PLACE]) == 0
-    said = capsys.readouterr().err
+    said = printed(["probe", str(folder / "front.png"), "-o", str(out), *PLACE], capsys).err
     assert "one photograph, assumed to be sRGB" in said and "saturated in every photograph" in said
     found, whole = read_radiance(out), tmp_path / "whole.exr"
     assert main(["probe", str(folder / "front.exr"), "-o", str(whole), *PLACE, "-q"]) == 0
@@ -114,38 +106,36 @@ def test_one_photograph_is_light_as_far_as_it_is_not_clipped(folder, tmp_path, c
     np.testing.assert_allclose(found.radiance[measured], true.radiance[measured], rtol=0.05)
 
 
-def test_the_reflectance_is_divided_out(folder, tmp_path, capsys) -> None:
+def test_the_reflectance_is_divided_out(folder, tmp_path, capsys):
     words = ["probe", str(folder / "front.exr"), "-o", str(tmp_path / "out.exr"), *PLACE]
-    plain = told(words, capsys)
-    half = told([*words, "--reflectance", "0.5", "--no-fresnel"], capsys)
-    rising = told([*words, "--reflectance", "0.5"], capsys)
+    plain = reported(words, capsys)
+    half = reported([*words, "--reflectance", "0.5", "--no-fresnel"], capsys)
+    rising = reported([*words, "--reflectance", "0.5"], capsys)
     assert half["total"] == pytest.approx([2 * t for t in plain["total"]], rel=1e-3)
     assert plain["total"][0] < rising["total"][0] < half["total"][0]
 
 
-def test_a_ball_may_be_picked(folder, tmp_path, capsys) -> None:
+def test_a_ball_may_be_picked(folder, tmp_path, capsys):
     words = ["probe", str(folder / "cut.exr"), "-o", str(tmp_path / "out.exr"), *PLACE]
     assert "cuts off" in refused(words, capsys)
-    exact = told([*words, "--pick", "38,70,63", "--pick-exactly"], capsys)
+    exact = reported([*words, "--pick", "38,70,63", "--pick-exactly"], capsys)
     assert exact["balls"][0] | {"radii away": 0} == {"x": 38.0, "y": 70.0, "radius": 63.0, "radii away": 0}
-    points = told([*words, "--pick", "100.6,70,38,7.4,38,132.6"], capsys)
+    points = reported([*words, "--pick", "100.6,70,38,7.4,38,132.6"], capsys)
     assert points["balls"][0]["x"] == pytest.approx(38, abs=0.3)
     assert points["balls"][0]["radius"] == pytest.approx(62.63, abs=0.3)
 
 
-def test_an_unknown_distance_is_told(folder, tmp_path, capsys) -> None:
+def test_an_unknown_distance_is_told(folder, tmp_path, capsys):
     words = ["probe", str(folder / "front.exr"), "-o", str(tmp_path / "out.exr"), "--size", "16"]
-    assert main(words) == 0
-    assert "distance in ball radii is unknown; 20 are taken" in capsys.readouterr().err
-    assert main([*words, "--radius", "0.05", "--distance", "0.5"]) == 0
-    said = capsys.readouterr()
+    assert "distance in ball radii is unknown; 20 are taken" in printed(words, capsys).err
+    said = printed([*words, "--radius", "0.05", "--distance", "0.5"], capsys)
     assert "is unknown" not in said.err and "radii away 10" in said.out
 
 
-def test_the_rim_is_drawn_on_every_view(folder, tmp_path, capsys) -> None:
+def test_the_rim_is_drawn_on_every_view(folder, tmp_path, capsys):
     drawn = tmp_path / "rim.png"
     words = ["probe", str(folder / "front.exr"), "-o", str(tmp_path / "out.exr"), *PLACE]
-    facts = told([*words, "--picture", str(drawn)], capsys)
+    facts = reported([*words, "--picture", str(drawn)], capsys)
     assert facts["picture"] == str(drawn)
     pixels = read_photograph(drawn).pixels.astype(int)
     # The rim's blue-green; nothing of the ball is of it. 690 pixels show the whole picture of 140 by 140.
@@ -157,7 +147,7 @@ def test_the_rim_is_drawn_on_every_view(folder, tmp_path, capsys) -> None:
     )
 
 
-def test_a_rim_that_may_be_another_is_doubtful(folder, tmp_path, capsys) -> None:
+def test_a_rim_that_may_be_another_is_doubtful(folder, tmp_path, capsys):
     # A bright curve inside the rim, round most of it, as walls and lamps draw it.
     picture = ball(FRONT)
     y, x = np.mgrid[:140, :140] + 0.5
@@ -165,13 +155,12 @@ def test_a_rim_that_may_be_another_is_doubtful(folder, tmp_path, capsys) -> None
     light = np.where(inner[..., None], 3 * picture.radiance, picture.radiance).astype(np.float32)
     write(tmp_path / "banded.exr", RadianceMap(light))
     words = ["probe", str(tmp_path / "banded.exr"), "-o", str(tmp_path / "out.exr"), *PLACE]
-    assert main([*words, "-q"]) == 4
-    line = capsys.readouterr().err
+    line = printed([*words, "-q"], capsys, 4).err
     assert "is seen about as well" in line and "--picture" in line and "--pick" in line
     assert main([*words, "-q", "--pick", "70,70,63"]) == 0
 
 
-def test_every_ball_has_a_line_and_machines_a_list() -> None:
+def test_every_ball_has_a_line_and_machines_a_list():
     outline = outline_of_circle(70, 70, 62.63)
     views = [
         unwrap_ball(ball(FRONT), camera=FRONT, centre=CENTRE, focal_length=1260.0, outline=outline) for _ in range(2)
@@ -184,28 +173,28 @@ def test_every_ball_has_a_line_and_machines_a_list() -> None:
     assert len(found.facts()["balls"]) == 2
 
 
-def test_the_energy_of_a_dim_map_is_told_in_six_digits(folder, tmp_path, capsys) -> None:
+def test_the_energy_of_a_dim_map_is_told_in_six_digits(folder, tmp_path, capsys):
     write(tmp_path / "dim.exr", RadianceMap(ball(FRONT).radiance * np.float32(1e-7)))
     dim = ["probe", str(tmp_path / "dim.exr"), "-o", str(tmp_path / "out.exr"), *PLACE]
-    facts = told(dim, capsys)
-    bright = told(["probe", str(folder / "front.exr"), *dim[2:]], capsys)
+    facts = reported(dim, capsys)
+    bright = reported(["probe", str(folder / "front.exr"), *dim[2:]], capsys)
     assert facts["total"] == pytest.approx([1e-7 * value for value in bright["total"]], rel=1e-4)
     assert facts["irradiance"]["+Y"][0] > 0
 
 
-def test_saturated_is_one_number_with_the_marks_of_the_map(folder, tmp_path, capsys) -> None:
+def test_saturated_is_one_number_with_the_marks_of_the_map(folder, tmp_path, capsys):
     out = tmp_path / "single.exr"
-    facts = told(["probe", str(folder / "front.png"), "-o", str(out), *PLACE], capsys)
+    facts = reported(["probe", str(folder / "front.png"), "-o", str(out), *PLACE], capsys)
     found = read_radiance(out)
     assert found.clipped is not None
     marked = LatLong().solid_angles(48)[found.clipped == SATURATED].sum()
     assert facts["clipped sr"] == pytest.approx(marked, rel=1e-3)
 
 
-def test_a_camera_to_the_left_is_told_as_it_is_written(folder, tmp_path, capsys) -> None:
+def test_a_camera_to_the_left_is_told_as_it_is_written(folder, tmp_path, capsys):
     words = ["probe", str(folder / "front.exr"), "-o", str(tmp_path / "out.exr"), "--radius", "0.05", "--size", "16"]
-    told([*words, "--camera", "-1,0.12,0"], capsys)
-    told([*words, "--camera", "0,0.12,1", "--pick", "-1,70,140,70,70,132.6", "--pick-exactly"], capsys)
+    reported([*words, "--camera", "-1,0.12,0"], capsys)
+    reported([*words, "--camera", "0,0.12,1", "--pick", "-1,70,140,70,70,132.6", "--pick-exactly"], capsys)
 
 
 @pytest.mark.parametrize(
@@ -233,15 +222,15 @@ def test_a_camera_to_the_left_is_told_as_it_is_written(folder, tmp_path, capsys)
         pytest.param([], "no photographs were given", id="nothing"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(words, line, folder, tmp_path, capsys, monkeypatch) -> None:
+def test_what_cannot_be_is_refused_in_one_line(words, line, folder, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(folder)
     out = tmp_path / "out.exr"
     assert line in refused(["probe", *words, "-o", str(out), "-q"], capsys)
     assert not out.exists()
 
 
-def test_a_dry_run_names_the_views(folder, tmp_path, capsys) -> None:
+def test_a_dry_run_names_the_views(folder, tmp_path, capsys):
     words = ["probe", str(folder / "front"), str(folder / "side"), "-o", str(tmp_path / "out.exr"), "--dry-run"]
-    facts = told(words, capsys)
+    facts = reported(words, capsys)
     assert facts["views"] == ["map.exr", "map.exr"] and "registration" in str(facts["their cameras"])
     assert list(tmp_path.iterdir()) == []

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import lights
-from relume.cli import main
+from command_line import printed, refused, reported
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.image.files.ktx2 import read_cube
 from relume.image.radiance import RadianceMap
@@ -31,26 +31,15 @@ def stored(folder: Path, light: EnvironmentMap, name: str = "light.exr") -> str:
     return str(folder / name)
 
 
-def made(words: Sequence[str], capsys: pytest.CaptureFixture[str]) -> dict:
-    assert main(["reflect", *words, "--json"]) == 0
-    return json.loads(capsys.readouterr().out)
-
-
-def refused(words: Sequence[str], capsys: pytest.CaptureFixture[str], code: int = 2) -> str:
-    assert main(["reflect", *words]) == code
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.count("\n") == 1 and captured.err.startswith("relume: "), captured.err
-    return captured.err
+def made(words: Sequence[object], capsys: pytest.CaptureFixture[str]) -> dict:
+    return reported(["reflect", *words], capsys)
 
 
 @pytest.mark.parametrize(
     ("normalisation", "diffuse", "specular"),
     [("radiometric", 1.0, 1.0), ("paper", 0.25, 0.5 / 51), ("sum", np.pi, 2 * np.pi / 51)],
 )
-def test_constant_light_gives_the_constants_of_each_normalisation(
-    normalisation: str, diffuse: float, specular: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_constant_light_gives_the_constants_of_each_normalisation(normalisation, diffuse, specular, tmp_path, capsys):
     out = tmp_path / "made"
     report = made([stored(tmp_path, lights.constant(256)), "-o", str(out), "--normalisation", normalisation], capsys)
     assert report["written"] == [str(out / name) for name in ("diffuse.exr", "specular.exr", "harmonics.json")]
@@ -66,9 +55,7 @@ def test_constant_light_gives_the_constants_of_each_normalisation(
     assert json.loads((out / "harmonics.json").read_text())["terms"]
 
 
-def test_tables_hold_what_the_library_computes_and_tell_what_they_are(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_tables_hold_what_the_library_computes_and_tell_what_they_are(tmp_path, capsys):
     light, out = lights.sunny(32), tmp_path / "made"
     words = ["self-luminous", "lambert", "mirror", "phong:50", "phong:50.0", "varnish:10", "ggx:0.3", "ward:0.25"]
     report = made([stored(tmp_path, light), "-o", str(out), "--rows", "16", *[f"--lobe={w}" for w in words]], capsys)
@@ -87,9 +74,7 @@ def test_tables_hold_what_the_library_computes_and_tell_what_they_are(
         assert attributes["unit"] == picture.unit == "relative"
 
 
-def test_a_calibrated_map_keeps_its_unit_and_a_sum_is_no_radiance(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_calibrated_map_keeps_its_unit_and_a_sum_is_no_radiance(tmp_path, capsys):
     light = EnvironmentMap(lights.constant(32, 100.0).radiance, unit="cd/m²")
     words = [stored(tmp_path, light), "--lobe", "lambert", "-o"]
     made([*words, str(tmp_path / "a")], capsys)
@@ -103,9 +88,7 @@ def test_a_calibrated_map_keeps_its_unit_and_a_sum_is_no_radiance(
 @pytest.mark.parametrize(
     ("word", "brdf"), [("ggx:0.5", GGX(0.5)), ("ward:0.4", Ward(0.4)), ("phong:8", PhongReflectance(8.0))]
 )
-def test_a_three_dimensional_map_is_the_same_when_read_back(
-    word: str, brdf: GGX | Ward | PhongReflectance, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_three_dimensional_map_is_the_same_when_read_back(word, brdf, tmp_path, capsys):
     light, out = lights.sunny(32), tmp_path / "made"
     report = made([stored(tmp_path, light), "-o", str(out), "--brdf", word, "--rows", "8"], capsys)
     file = out / f"glossy_{word.replace(':', '_')}.exr"
@@ -122,7 +105,7 @@ def test_a_three_dimensional_map_is_the_same_when_read_back(
     np.testing.assert_array_equal(again.lookup(towards, towards[::-1]), table.lookup(towards, towards[::-1]))
 
 
-def test_a_three_dimensional_map_that_is_not_whole_is_refused() -> None:
+def test_a_three_dimensional_map_that_is_not_whole_is_refused():
     light = lights.constant(16)
     layers, attributes = as_layers(glossy_map(light, GGX(0.5), 4, views=2, azimuths=1))
     assert list(layers) == [f"view_{v:02d}_{k}" for v in (0, 1) for k in ("k0", "k1_cos", "k1_sin")]
@@ -140,9 +123,7 @@ def strip_of(faces: np.ndarray) -> EnvironmentMap:
     return EnvironmentMap(np.concatenate(list(faces), axis=1), Strip())
 
 
-def test_cubes_hold_the_light_its_diffuse_map_and_ggx_by_roughness(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_cubes_hold_the_light_its_diffuse_map_and_ggx_by_roughness(tmp_path, capsys):
     light, out = lights.sunny(32), tmp_path / "made"
     path = stored(tmp_path, light)
     report = made([path, "-o", str(out), "--cube", "16"], capsys)
@@ -164,7 +145,7 @@ def test_cubes_hold_the_light_its_diffuse_map_and_ggx_by_roughness(
     np.testing.assert_array_equal(read_cube(out / "light.ktx2")[0], faces_of(mirrored))
 
 
-def test_constant_light_stays_what_it_is_at_every_roughness(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_constant_light_stays_what_it_is_at_every_roughness(tmp_path, capsys):
     made([stored(tmp_path, lights.constant(16)), "-o", str(tmp_path), "--cube", "8", "--cube-format", "hdr"], capsys)
     for level, size in enumerate((8, 4, 2, 1)):
         strip = read_radiance(tmp_path / f"specular_{level}.hdr")
@@ -172,7 +153,7 @@ def test_constant_light_stays_what_it_is_at_every_roughness(tmp_path: Path, caps
         np.testing.assert_allclose(strip.radiance, 1, rtol=1 / 256)
 
 
-def test_a_dry_run_writes_nothing_and_tells_what_it_would(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_dry_run_writes_nothing_and_tells_what_it_would(tmp_path, capsys):
     path, out = stored(tmp_path, lights.constant(8)), tmp_path / "made"
     words = [path, "-o", str(out), "--cube", "4", "--cube-format", "hdr", "--brdf", "ggx:0.5", "--lobe", "lambert"]
     would = made([*words, "--sheet", "--dry-run"], capsys)["would write"]
@@ -184,21 +165,15 @@ def test_a_dry_run_writes_nothing_and_tells_what_it_would(tmp_path: Path, capsys
     assert made([*words, "--rows", "8"], capsys)["written"] == would[:-1]
 
 
-def test_quiet_says_nothing_and_other_normalisations_leave_glossy_maps_with_a_note(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_quiet_says_nothing_and_other_normalisations_leave_glossy_maps_with_a_note(tmp_path, capsys):
     words = ["reflect", stored(tmp_path, lights.constant(8)), "-o", str(tmp_path), "--brdf", "ggx:0.5", "--rows", "4"]
-    assert main([*words, "--normalisation", "sum", "-q"]) == 0
-    captured = capsys.readouterr()
+    captured = printed([*words, "--normalisation", "sum", "-q"], capsys)
     assert captured.out == captured.err == ""
-    assert main([*words, "--normalisation", "sum"]) == 0
-    captured = capsys.readouterr()
+    captured = printed([*words, "--normalisation", "sum"], capsys)
     assert "the normalisation is for lobes" in captured.err and "irradiance from above" in captured.out
 
 
-def test_the_sheet_is_written_where_it_is_asked_for(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_sheet_is_written_where_it_is_asked_for(tmp_path, capsys, monkeypatch):
     from relume.renderers.prefiltered import contact_sheet as sheet
 
     monkeypatch.setattr(sheet, "SURFACES", sheet.SURFACES[:2])
@@ -234,47 +209,43 @@ def test_the_sheet_is_written_where_it_is_asked_for(
         (["--normalisation", "mean"], "normalisation"),
     ],
 )
-def test_wrong_words_are_refused_in_one_line(
-    words: list[str], report: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_words_are_refused_in_one_line(words, report, tmp_path, capsys):
     path = stored(tmp_path, lights.constant(4))
-    assert report in refused([path, "-o", str(tmp_path / "made"), *words], capsys)
+    assert report in refused(["reflect", path, "-o", str(tmp_path / "made"), *words], capsys)
     assert not (tmp_path / "made").exists()
 
 
-def test_bad_maps_are_refused_in_one_line_that_counts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_maps_are_refused_in_one_line_that_counts(tmp_path, capsys):
     out = ["-o", str(tmp_path / "made")]
     radiance = lights.constant(8).radiance.copy()
     radiance[1, 1:4], radiance[2, 5, 0], radiance[3, :2, 2] = np.nan, np.inf, -0.5
     write(tmp_path / "odd.exr", RadianceMap(radiance))
-    line = refused([str(tmp_path / "odd.exr"), *out], capsys)
+    line = refused(["reflect", str(tmp_path / "odd.exr"), *out], capsys)
     assert "odd.exr: 4 pixels are NaN or infinite and 2 negative" in line and "paint over" in line
     write(tmp_path / "wide.exr", RadianceMap(np.ones((8, 9, 3), np.float32)))
-    assert "wide.exr: a map of 9×8 pixels" in refused([str(tmp_path / "wide.exr"), *out], capsys)
-    assert "none.exr: no such file" in refused([str(tmp_path / "none.exr"), *out], capsys)
+    assert "wide.exr: a map of 9×8 pixels" in refused(["reflect", str(tmp_path / "wide.exr"), *out], capsys)
+    assert "none.exr: no such file" in refused(["reflect", str(tmp_path / "none.exr"), *out], capsys)
     whole = Path(stored(tmp_path, lights.spiky(16))).read_bytes()
     (tmp_path / "torn.exr").write_bytes(whole[: len(whole) // 2])
-    assert "torn.exr: damaged" in refused([str(tmp_path / "torn.exr"), *out], capsys)
-    assert "folder" in refused([str(tmp_path), *out], capsys)
+    assert "torn.exr: damaged" in refused(["reflect", str(tmp_path / "torn.exr"), *out], capsys)
+    assert "folder" in refused(["reflect", str(tmp_path), *out], capsys)
     assert not (tmp_path / "made").exists()
 
 
-def test_outputs_that_cannot_be_written_exit_with_3(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_outputs_that_cannot_be_written_exit_with_3(tmp_path, capsys):
     path = stored(tmp_path, lights.constant(4))
     (tmp_path / "file").write_text("")
     for dry in ([], ["--dry-run"]):
-        assert "a file, not a folder" in refused([path, "-o", str(tmp_path / "file"), *dry], capsys, 3)
-    assert "made a folder" in refused([path, "-o", str(tmp_path / "file" / "in")], capsys, 3)
+        assert "a file, not a folder" in refused(["reflect", path, "-o", str(tmp_path / "file"), *dry], capsys, 3)
+    assert "made a folder" in refused(["reflect", path, "-o", str(tmp_path / "file" / "in")], capsys, 3)
     words = [path, "-o", str(tmp_path / "made"), "--sheet", str(tmp_path / "no" / "a.png")]
-    assert "no folder" in refused(words, capsys, 3)
+    assert "no folder" in refused(["reflect", *words], capsys, 3)
     (tmp_path / "made" / "diffuse.exr").mkdir(parents=True)
-    assert "diffuse.exr: cannot be written" in refused([path, "-o", str(tmp_path / "made")], capsys, 3)
+    assert "diffuse.exr: cannot be written" in refused(["reflect", path, "-o", str(tmp_path / "made")], capsys, 3)
     assert [p.name for p in (tmp_path / "made").iterdir()] == ["diffuse.exr"]
 
 
-def test_help_lists_it(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["--help"]) == 0
-    assert "reflect " in capsys.readouterr().out
-    assert main(["reflect", "--help"]) == 0
-    text = capsys.readouterr().out
+def test_help_lists_it(capsys):
+    assert "reflect " in printed(["--help"], capsys).out
+    text = printed(["reflect", "--help"], capsys).out
     assert all(word in text for word in ("phong:N", "--brdf", "--cube", "--mirror", "--sheet", "--normalisation"))

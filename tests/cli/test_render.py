@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import lights
+from command_line import printed, refused, reported
 from relume.cli import main
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.image.radiance import RadianceMap
@@ -73,12 +72,12 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def run(folder: Path, scene: str, out: str, *options: str) -> int:
-    return main(["render", str(folder / scene), "-o", str(folder / out), *options])
+def command(folder: Path, scene: str, out: str, *options: str) -> list[str]:
+    return ["render", str(folder / scene), "-o", str(folder / out), *options]
 
 
 def test_an_exr_holds_radiance_matte_depth_and_normals(folder):
-    assert run(folder, "clay.toml", "picture.exr", "--renderer", "prefiltered") == 0
+    assert main(command(folder, "clay.toml", "picture.exr", "--renderer", "prefiltered")) == 0
     layers = read_layers(folder / "picture.exr")
     assert set(layers) == {"radiance", "matte", "depth", "normal"}
     # Lambert of ½ in constant light of ½, before that light; sixteen rows of pixel middles hold it to 0.2 %.
@@ -90,19 +89,17 @@ def test_an_exr_holds_radiance_matte_depth_and_normals(folder):
 
 
 def test_a_mirror_needs_maps_and_gets_them(folder, capsys):
-    assert run(folder, "chrome.toml", "picture.hdr") == 0
-    assert "renderer  prefiltered" in capsys.readouterr().out
+    assert "renderer  prefiltered" in printed(command(folder, "chrome.toml", "picture.hdr"), capsys).out
     assert read_radiance(folder / "picture.hdr").radiance == pytest.approx(0.5, rel=0.01)
 
 
 def test_what_any_renderer_shades_is_left_to_light_transport(folder, capsys):
-    assert run(folder, "clay.toml", "picture.exr", "--dry-run") == 0
-    assert "renderer     mitsuba" in capsys.readouterr().out
+    assert "renderer     mitsuba" in printed(command(folder, "clay.toml", "picture.exr", "--dry-run"), capsys).out
     assert not (folder / "picture.exr").exists()
 
 
 def test_a_picture_is_metered_by_the_mean_of_the_light(folder):
-    assert run(folder, "chrome.toml", "picture.png", "--exposure", "1") == 0
+    assert main(command(folder, "chrome.toml", "picture.png", "--exposure", "1")) == 0
     # The mean is ½ of white, a stop more is white.
     assert read_photograph(folder / "picture.png").pixels.min() >= 254
 
@@ -113,7 +110,7 @@ def test_objects_over_a_plate_leave_the_rest_of_it_as_it_is(folder):
     (folder / "clay.toml").write_text(
         SCENE % (0, "clay") + '[[local]]\nshape = "plane"\nreflectance = [1, 1, 1]\nheight = -1\n'
     )
-    assert run(folder, "clay.toml", "picture.exr", "--plate", str(folder / "plate.exr"), "-q") == 0
+    assert main(command(folder, "clay.toml", "picture.exr", "--plate", str(folder / "plate.exr"), "-q")) == 0
     layers = read_layers(folder / "picture.exr")
     outside = layers["matte"] == 0
     assert 0.4 < outside.mean() < 0.95
@@ -123,7 +120,7 @@ def test_objects_over_a_plate_leave_the_rest_of_it_as_it_is(folder):
 
 
 def test_a_turntable_turns_objects_where_they_stand(folder):
-    assert run(folder, "aside.toml", "turn", "--frames", "3") == 0
+    assert main(command(folder, "aside.toml", "turn", "--frames", "3")) == 0
     frames = [read_photograph(folder / f"turn/frame_{i:04d}.png").pixels for i in (1, 2, 3)]
     assert np.array_equal(frames[0], frames[1])
     assert np.array_equal(frames[0], frames[2])
@@ -131,14 +128,14 @@ def test_a_turntable_turns_objects_where_they_stand(folder):
 
 
 def test_frames_of_two_movies_are_not_mixed(folder, capsys):
-    assert run(folder, "chrome.toml", "turn", "--frames", "3") == 0
-    assert run(folder, "chrome.toml", "turn", "--frames", "2") == 2
-    assert "holds frames of another movie, from frame_0003.png on" in capsys.readouterr().err
+    assert main(command(folder, "chrome.toml", "turn", "--frames", "3")) == 0
+    line = refused(command(folder, "chrome.toml", "turn", "--frames", "2"), capsys)
+    assert "holds frames of another movie, from frame_0003.png on" in line
 
 
 def test_a_movie_has_its_frames(folder):
     av = pytest.importorskip("av")
-    assert run(folder, "chrome.toml", "turn.mp4", "--frames", "4", "--motion", "orbit") == 0
+    assert main(command(folder, "chrome.toml", "turn.mp4", "--frames", "4", "--motion", "orbit")) == 0
     with av.open(str(folder / "turn.mp4")) as movie:
         assert sum(1 for _ in movie.decode(video=0)) == 4
 
@@ -146,7 +143,7 @@ def test_a_movie_has_its_frames(folder):
 def test_a_mesh_is_framed_whole_in_any_size(folder):
     for size in ("40x30", "64x20", "20x64"):
         options = ("--light", str(folder / "light.exr"), "--renderer", "prefiltered", "--size", size)
-        assert run(folder, "body.obj", "picture.exr", *options) == 0
+        assert main(command(folder, "body.obj", "picture.exr", *options)) == 0
         matte = read_layers(folder / "picture.exr")["matte"]
         assert matte.any()
         assert not (matte[0].any() or matte[-1].any() or matte[:, 0].any() or matte[:, -1].any())
@@ -158,8 +155,7 @@ def test_a_mesh_is_framed_whole_in_any_size(folder):
 def chosen(folder: Path, capsys, scene: str, *options: str) -> str:
     """The renderer that a dry run tells."""
     out = "frames" if "--frames" in options else "a.png"
-    assert run(folder, scene, out, "--dry-run", "--json", *options) == 0
-    return json.loads(capsys.readouterr().out)["renderer"]
+    return reported(command(folder, scene, out, "--dry-run", *options), capsys)["renderer"]
 
 
 @pytest.mark.parametrize(
@@ -205,14 +201,13 @@ sphere = {{ centre = [0, 0, 0], radius = 0.5 }}
 material = "clay"
 """
         )
-        assert run(folder, "dark.toml", "dark.png", "--renderer", "whitted", "--size", "16x12") == 0
-        said = capsys.readouterr().err
+        said = printed(command(folder, "dark.toml", "dark.png", "--renderer", "whitted", "--size", "16x12"), capsys).err
         assert "no light reaches the surfaces that are seen, so they are black" in said
         assert reason in said
 
 
 def test_an_exr_by_trees_holds_the_number_of_rays_too(folder):
-    assert run(folder, "blob.toml", "picture.exr", "--seed", "3") == 0
+    assert main(command(folder, "blob.toml", "picture.exr", "--seed", "3")) == 0
     layers = read_layers(folder / "picture.exr")
     assert set(layers) == {"radiance", "matte", "depth", "normal", "rays"}
     # Lambert of ½ that faces a light of strength 1; behind the ball is nothing.
@@ -223,8 +218,8 @@ def test_an_exr_by_trees_holds_the_number_of_rays_too(folder):
 
 
 def test_a_region_is_that_part_of_the_picture(folder):
-    assert run(folder, "blob.toml", "whole.exr") == 0
-    assert run(folder, "blob.toml", "part.exr", "--region", "20,5,40,25") == 0
+    assert main(command(folder, "blob.toml", "whole.exr")) == 0
+    assert main(command(folder, "blob.toml", "part.exr", "--region", "20,5,40,25")) == 0
     whole, part = (read_layers(folder / name)["radiance"] for name in ("whole.exr", "part.exr"))
     assert part.shape == (20, 20, 3)
     np.testing.assert_array_equal(part, whole[5:25, 20:40])
@@ -235,16 +230,16 @@ def test_the_command_line_has_the_last_word_on_the_files_settings(folder):
     (folder / "asking.toml").write_text(text.replace("depth = 3", "antialiasing = false"))
     pictures = {}
     for name, options in {"plain": [], "fine": ["--subdivisions", "4"], "coarse": ["--tolerance", "0.5"]}.items():
-        assert run(folder, "asking.toml", f"{name}.exr", *options) == 0
+        assert main(command(folder, "asking.toml", f"{name}.exr", *options)) == 0
         pictures[name] = read_layers(folder / f"{name}.exr")["rays"].mean()
     assert pictures["plain"] < pictures["coarse"] < pictures["fine"]
-    assert run(folder, "clay.toml", "none.exr", "--renderer", "whitted", "--depth", "0", "--rays", "4") == 2
+    assert main(command(folder, "clay.toml", "none.exr", "--renderer", "whitted", "--depth", "0", "--rays", "4")) == 2
 
 
 def test_a_mesh_and_a_map_are_rendered_by_trees(folder):
     (folder / "pyramid.obj").write_text(OUTWARD)
     options = ("--light", str(folder / "light.exr"), "--renderer", "whitted", "--size", "32x24")
-    assert run(folder, "pyramid.obj", "picture.exr", *options) == 0
+    assert main(command(folder, "pyramid.obj", "picture.exr", *options)) == 0
     layers = read_layers(folder / "picture.exr")
     assert layers["matte"].max() == 1
     # Under the same light from everywhere grey shows its reflectance's part of it, less what it keeps from itself.
@@ -252,7 +247,7 @@ def test_a_mesh_and_a_map_are_rendered_by_trees(folder):
 
 
 def test_orbits_move_while_frames_run_and_the_motion_is_the_orbits_alone(folder):
-    assert run(folder, "moving.toml", "frames", "--frames", "4", "--exposure", "1") == 0
+    assert main(command(folder, "moving.toml", "frames", "--frames", "4", "--exposure", "1")) == 0
     frames = [read_photograph(folder / f"frames/frame_{i:04d}.png").pixels[..., 0] for i in (1, 2, 3, 4)]
     across = [np.average(np.arange(40), weights=frame.sum(axis=0) + 1e-9) for frame in frames]
     # To the right, behind, to the left, and before the middle.
@@ -262,11 +257,11 @@ def test_orbits_move_while_frames_run_and_the_motion_is_the_orbits_alone(folder)
 
 
 def test_a_turntable_and_an_orbit_of_the_camera_by_trees(folder):
-    assert run(folder, "sunlit.toml", "turn", "--frames", "2", "-q") == 0
+    assert main(command(folder, "sunlit.toml", "turn", "--frames", "2", "-q")) == 0
     # The ball stands at the middle of all objects, so that it turns where it is.
     first, second = (read_photograph(folder / f"turn/frame_{i:04d}.png").pixels for i in (1, 2))
     np.testing.assert_array_equal(first, second)
-    assert run(folder, "sunlit.toml", "round", "--frames", "2", "--motion", "orbit", "-q") == 0
+    assert main(command(folder, "sunlit.toml", "round", "--frames", "2", "--motion", "orbit", "-q")) == 0
     first, second = (read_photograph(folder / f"round/frame_{i:04d}.png").pixels for i in (1, 2))
     # From behind, the light is behind the ball.
     assert first.max() > 180 and second.max() < 20
@@ -275,14 +270,14 @@ def test_a_turntable_and_an_orbit_of_the_camera_by_trees(folder):
 def test_checks_that_stay_while_their_object_moves_are_told(folder, capsys):
     text = (folder / "blob.toml").read_text().replace("diffuse = 0.5", "diffuse = { checks = [1, 0] }")
     (folder / "blob.toml").write_text(text)
-    assert run(folder, "blob.toml", "turn", "--frames", "1") == 0
-    assert "note: checks and waves lie in space: objects.0 will move through them" in capsys.readouterr().err
-    assert run(folder, "blob.toml", "round", "--frames", "1", "--motion", "orbit") == 0
-    assert "lie in space" not in capsys.readouterr().err
+    turning = printed(command(folder, "blob.toml", "turn", "--frames", "1"), capsys).err
+    assert "note: checks and waves lie in space: objects.0 will move through them" in turning
+    orbiting = command(folder, "blob.toml", "round", "--frames", "1", "--motion", "orbit")
+    assert "lie in space" not in printed(orbiting, capsys).err
 
 
 def test_a_picture_is_metered_by_the_scenes_own_lights(folder):
-    assert run(folder, "blob.toml", "picture.png") == 0
+    assert main(command(folder, "blob.toml", "picture.png")) == 0
     # Of one light of strength 1 a surface of ½ shows ½, which sRGB writes as 188.
     assert read_photograph(folder / "picture.png").pixels[15, 31].tolist() == pytest.approx([188, 188, 188], abs=2)
 
@@ -312,12 +307,7 @@ def test_a_picture_is_metered_by_the_scenes_own_lights(folder):
         ("clay.toml", "a.png", ["--renderer", "prefiltered", "--depth", "2"], "depth is for the renderer whitted, but"),
         ("clay.toml", "a.png", ["--filter", "mip", "--samples", "2"], "samples is for the renderer mitsuba"),
         ("clay.toml", "a.png", ["--region", "0,0,9,9", "--filter", "mip"], "region is for the renderer whitted"),
-        (
-            "clay.toml",
-            "turn",
-            ["--frames", "2", "--samples", "2"],
-            "frames is for the renderer prefiltered or",
-        ),
+        ("clay.toml", "turn", ["--frames", "2", "--samples", "2"], "frames is for the renderer prefiltered or"),
         ("clay.toml", "a.png", ["--region", "0,0,9"], '"0,0,9" is not of the form LEFT,TOP,RIGHT,BOTTOM'),
         ("clay.toml", "a.png", ["--region", "0,0,41,9"], "region 0,0,41,9 is not a part of a picture of 40×30"),
         ("clay.toml", "a.png", ["--region", "9,0,9,9"], "region 9,0,9,9 is not a part of a picture of 40×30"),
@@ -329,24 +319,21 @@ def test_a_picture_is_metered_by_the_scenes_own_lights(folder):
         ("asking.toml", "a.png", ["--samples", "2"], "the scene file's [whitted] table needs the renderer whitted"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(folder, capsys, scene: str, out: str, options: Sequence[str], line: str):
-    assert run(folder, scene, out, *options) == 2
-    said = capsys.readouterr().err
-    assert line in said
-    assert said.count("\n") == 1
+def test_what_cannot_be_is_refused_in_one_line(folder, capsys, scene, out, options, line):
+    assert line in refused(command(folder, scene, out, *options), capsys)
     assert not (folder / out).exists()
 
 
 def test_a_whitted_material_under_a_map_is_refused_by_maps_and_a_map_of_unknown_kind_by_all(folder, capsys):
     (folder / "blob.toml").write_text(SCENE.replace("chrome", "blob").replace("mirror", "whitted") % (0, "blob"))
-    assert run(folder, "blob.toml", "a.png", "--renderer", "prefiltered") == 2
-    assert "reflection maps cannot shade the whitted material 'blob'" in capsys.readouterr().err
+    line = refused(command(folder, "blob.toml", "a.png", "--renderer", "prefiltered"), capsys)
+    assert "reflection maps cannot shade the whitted material 'blob'" in line
     write(folder / "square.exr", RadianceMap(np.ones((4, 4, 3), np.float32)))
-    assert run(folder, "blob.toml", "a.png", "--light", str(folder / "square.exr")) == 2
-    assert "square.exr: a map of 4×4 pixels does not say its mapping" in capsys.readouterr().err
+    line = refused(command(folder, "blob.toml", "a.png", "--light", str(folder / "square.exr")), capsys)
+    assert "square.exr: a map of 4×4 pixels does not say its mapping" in line
 
 
 def test_a_plate_of_another_size_is_refused_with_the_size_to_give(folder, capsys):
     write(folder / "plate.exr", RadianceMap(np.ones((10, 20, 3), np.float32)))
-    assert run(folder, "chrome.toml", "a.png", "--plate", str(folder / "plate.exr")) == 2
-    assert "give the picture the size 20x10" in capsys.readouterr().err
+    line = refused(command(folder, "chrome.toml", "a.png", "--plate", str(folder / "plate.exr")), capsys)
+    assert "give the picture the size 20x10" in line

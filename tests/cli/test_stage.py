@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from command_line import refused
+from command_line import printed, refused, reported
 from relume.cli import main
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.image.photograph import Photograph
@@ -39,10 +39,6 @@ def lamp(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("lamp") / "lamp.exr"
     write(path, as_radiance_map(EnvironmentMap(radiance)))
     return path
-
-
-def result(capsys: pytest.CaptureFixture[str]) -> dict:
-    return json.loads(capsys.readouterr().out)
 
 
 def test_a_ball_under_even_light_shows_its_albedo(stage, even, tmp_path):
@@ -116,8 +112,7 @@ def test_frames_turn_the_light_right_handed(stage, tmp_path):
 
 
 def test_inspect_tells_what_there_is_and_draws_a_page(stage, even, tmp_path, capsys):
-    assert main(["stage", "inspect", str(stage), "--json"]) == 0
-    assert result(capsys)["lights"] == LIGHTS
+    assert reported(["stage", "inspect", str(stage)], capsys)["lights"] == LIGHTS
     out = tmp_path / "report"
     assert main(["stage", "inspect", str(stage), "-o", str(out), "--light", str(even), "--functions", "3x4"]) == 0
     assert "Turn the light" in (out / "report.html").read_text("utf-8")
@@ -140,8 +135,7 @@ def test_drive_writes_a_line_for_every_lamp(stage, even, tmp_path):
 
 
 def test_export_writes_what_museums_read(stage, tmp_path, capsys):
-    assert main(["stage", "export", str(stage), "-o", str(tmp_path / "rti")]) == 0
-    assert "behind the subject" in capsys.readouterr().err
+    assert "behind the subject" in printed(["stage", "export", str(stage), "-o", str(tmp_path / "rti")], capsys).err
     assert (tmp_path / "rti" / "stage.ptm").read_bytes().startswith(b"PTM_1.2")
     assert (tmp_path / "rti" / "stage.rti").is_file()
     assert main(["stage", "relight", str(tmp_path / "rti"), "--direction", "0,0,1", "-o", str(tmp_path / "a.png")]) == 0
@@ -206,8 +200,7 @@ def test_labels_choose_the_light_of_each_pixel(stage, even, lamp, tmp_path):
 def test_compressed_frames_differ_by_no_more_than_is_said(way, stage, lamp, tmp_path, capsys):
     turn = ["stage", "relight", str(stage), "--light", str(lamp), "--frames", "3"]
     assert main([*turn, "-o", str(tmp_path / "exact")]) == 0
-    assert main([*turn, "--compressed", way, "-o", str(tmp_path / "small")]) == 0
-    line = capsys.readouterr().err
+    line = printed([*turn, "--compressed", way, "-o", str(tmp_path / "small")], capsys).err
     everywhere, one = (float(share) / 100 for share in re.findall(r"([\d.]+)% under", line))
     assert everywhere < 0.02
     for index in range(1, 4):
@@ -219,9 +212,8 @@ def test_compressed_frames_differ_by_no_more_than_is_said(way, stage, lamp, tmp_
 
 def test_a_dry_run_tells_memory_and_time_and_writes_nothing(stage, even, tmp_path, capsys):
     command = ["stage", "relight", str(stage), "--light", str(even), "-o", str(tmp_path / "a.exr")]
-    assert main([*command, "--dry-run", "--json"]) == 0
-    told = result(capsys)
-    assert told["lights"] == LIGHTS and "memory" in told and "seconds, about" in told
+    facts = reported([*command, "--dry-run"], capsys)
+    assert facts["lights"] == LIGHTS and "memory" in facts and "seconds, about" in facts
     assert not (tmp_path / "a.exr").exists()
 
 

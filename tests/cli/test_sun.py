@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from command_line import refused
+from command_line import printed, refused, reported
 from lights import sunny
 from relume.cli import main
 from relume.image.files import read_radiance, write
@@ -44,11 +42,10 @@ def scene(folder: Path, brighter: float = 1.0) -> tuple[str, list[str]]:
     return str(folder / "map.exr"), options
 
 
-def test_a_chart_gives_the_sun_back_and_the_file_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_chart_gives_the_sun_back_and_the_file_says_so(tmp_path, capsys):
     source, options = scene(tmp_path)
     out = tmp_path / "out.exr"
-    assert main(["sun", source, "-o", str(out), *options, "--level", "19.9", "--json"]) == 0
-    report = json.loads(capsys.readouterr().out)
+    report = reported(["sun", source, "-o", str(out), *options, "--level", "19.9"], capsys)
     written = read_radiance(out)
     for normal in (*PATCHES.values(), (0.2, 0.5, -0.9)):
         there = as_environment(written).irradiance(normalised(normal))
@@ -58,21 +55,19 @@ def test_a_chart_gives_the_sun_back_and_the_file_says_so(tmp_path: Path, capsys:
     assert report["after"]["total"][0] > 1.2 * report["before"]["total"][0]
 
 
-def test_a_chart_that_is_brighter_everywhere_is_doubtful(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_chart_that_is_brighter_everywhere_is_doubtful(tmp_path, capsys):
     source, options = scene(tmp_path, brighter=2.5)
     out = tmp_path / "out.exr"
     words = ["sun", source, "-o", str(out), *options, "--level", "19.9"]
-    assert main(words) == 4
-    assert "is the reflectance right" in capsys.readouterr().err and out.is_file()
+    assert "is the reflectance right" in printed(words, capsys, 4).err and out.is_file()
     assert main([*words, "--accept"]) == 0
 
 
-def test_a_patch_that_was_not_measured_is_not_believed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_patch_that_was_not_measured_is_not_believed(tmp_path, capsys):
     source, options = scene(tmp_path)
     picture, chart, out = read_radiance(tmp_path / "chart.exr"), tmp_path / "chart.exr", tmp_path / "out.exr"
     words = ["sun", source, "-o", str(out), *options, "--level", "19.9"]
-    assert main([*words, "--json"]) == 0
-    unclipped = json.loads(capsys.readouterr().out)["sources"]
+    unclipped = reported(words, capsys)["sources"]
     for code in (SATURATED, BLACK, OUTSIDE):
         clipped = np.zeros((100, 100), np.uint8)
         clipped[20:30, 20:40] = code
@@ -85,11 +80,10 @@ def test_a_patch_that_was_not_measured_is_not_believed(tmp_path: Path, capsys: p
     dusty = picture.radiance.copy()
     dusty[30, 30] = 1e6
     write(chart, replace(picture, radiance=dusty, clipped=clipped))
-    assert main([*words, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["sources"] == unclipped
+    assert reported(words, capsys)["sources"] == unclipped
 
 
-def test_black_patches_and_bad_normals_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_black_patches_and_bad_normals_are_refused(tmp_path, capsys):
     source, options = scene(tmp_path)
     words = ["sun", source, "-o", str(tmp_path / "out.exr"), *options[:2], "--level", "19.9", "--patch"]
     assert "at (50, 50) of radius 6: black all over" in refused([*words, "50,50,6=0.9@0,1,0"], capsys)
@@ -99,17 +93,16 @@ def test_black_patches_and_bad_normals_are_refused(tmp_path: Path, capsys: pytes
     assert "reaches out of" in refused([*words, "70,95,8=0.9@0,1,0"], capsys)
 
 
-def test_a_camera_may_stand_at_negative_places(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_camera_may_stand_at_negative_places(tmp_path, capsys):
     source, _ = scene(tmp_path)
     write(tmp_path / "flat.exr", RadianceMap(np.ones((60, 80, 3), np.float32)))
     words = ["sun", source, "-o", str(tmp_path / "out.exr"), "--grey-ball", str(tmp_path / "flat.exr")]
     words += ["--albedo", "0.18", "--camera", "-1,0.2,0"]
-    assert main([*words, "--pick", "-5,30,20", "--dry-run"]) == 0
-    capsys.readouterr()
+    printed([*words, "--pick", "-5,30,20", "--dry-run"], capsys)
     assert "ball found" in refused(words, capsys)
 
 
-def test_wrong_words_are_refused_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_words_are_refused_in_one_line(tmp_path, capsys):
     source, options = scene(tmp_path)
     out = str(tmp_path / "out.exr")
     assert "--grey-ball with --albedo, or --chart" in refused(["sun", source, "-o", out], capsys)
