@@ -95,6 +95,11 @@ class ReadingOptions:
 
 
 Threads = Annotated[int | None, Parameter(help="Threads to render with; all cores unless given.")]
+Accept = Annotated[bool, Parameter(negative="", help="Exit with 0 although the result is doubtful.")]
+MapFile = Annotated[Path, Parameter(name="MAP", help="The environment map, .exr, .hdr or another format.")]
+LatLongOut = Annotated[
+    Path, Parameter(alias="-o", help="The equirectangular (lat-long) environment map to write, .exr or .hdr.")
+]
 DryRun = Annotated[bool, Parameter(negative="", help="Say what would be done, and do nothing.")]
 
 
@@ -131,3 +136,9 @@ def require_suffix(out: Path, *suffixes: str, option: str = "-o") -> None:
         raise ValueError(f"{option} {out}: the file must end in {' or '.join(suffixes)}")
     if not out.parent.is_dir():
         raise rl.errors.OutputNotWritten(f"{option} {out}: no folder {out.parent}; make it first or choose another")
+
+
+def require_output_folder(out: Path) -> None:
+    """Refuse a file where a folder is to be written."""
+    if out.exists() and not out.is_dir():
+        raise rl.errors.OutputNotWritten(f"-o {out}: a file, not a folder; choose another name")

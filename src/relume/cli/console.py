@@ -78,17 +78,17 @@ def force(number: int, words: str) -> None:
     os._exit(128 + number)
 
 
-def note(output: OutputOptions, line: str) -> None:
-    """A line the user should know, on standard error."""
+def note(output: OutputOptions, *lines: str) -> None:
+    """Lines the user should know, on standard error."""
     if not output.quiet:
-        print(f"relume: note: {' '.join(line.split())}", file=sys.stderr)
+        for line in lines:
+            print(f"relume: note: {' '.join(line.split())}", file=sys.stderr)
 
 
 def finish(output: OutputOptions, doubts: Sequence[str], *, accept: bool = False) -> None:
     """End a command whose result is written: note its doubts; raise DoubtfulResult unless accepted."""
     if accept or len(doubts) > 1:
-        for line in doubts:
-            note(output, line)
+        note(output, *doubts)
     if not doubts or accept:
         return
     line = doubts[0] if len(doubts) == 1 else f"{len(doubts)} doubts, noted above"

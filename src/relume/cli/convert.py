@@ -255,8 +255,7 @@ def convert(
         if views.put is not None:
             light = rl.light.put_view(light, views.put, camera)
         made = rl.light.convert_map(light, out, conversion, encoding)
-        for line in made.notes:
-            note(output, line)
+        note(output, *made.notes)
         print_facts(output, made.facts)
         finish(output, made.doubts)
 

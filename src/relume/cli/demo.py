@@ -8,8 +8,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+import relume as rl
 from relume.cli.arguments import Threads
 from relume.cli.console import OutputOptions, warnings_as_notes
+from relume.cli.insert import run
 
 
 def demo(
@@ -19,17 +21,12 @@ def demo(
     output: OutputOptions = OutputOptions(),
 ) -> None:
     """Insert five objects into the photograph of a room, and say where the pictures are."""
-    import relume as rl
-    from relume.cli.insert import run
-
     with warnings_as_notes(output):
         run(rl.read_shot(_room() / "shot.toml"), out, output, threads)
 
 
 def _room() -> Path:
     """The example: beside the package in a checkout, inside it when installed from a wheel."""
-    import relume as rl
-
     package = Path(str(files("relume")))
     for folder in (package / "examples" / "room", package.parents[1] / "examples" / "room"):
         if (folder / "shot.toml").is_file():

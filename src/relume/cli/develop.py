@@ -5,18 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
+import relume as rl
 from relume.cli.arguments import DryRun, ReadingOptions, refuse_input, require_files, require_suffix
 from relume.cli.console import OutputOptions, print_facts, progress, version, warnings_as_notes
 from relume.cli.option_types import numbers
-
-if TYPE_CHECKING:
-    from relume import CameraPreset, DevelopedFile
-
 
 ToneName = Literal[
     "exposure", "reinhard", "reinhard-local", "histogram", "human", "tumblin-rushmeier", "ferwerda", "pattanaik",
@@ -84,13 +81,11 @@ class CameraOptions:
         Parameter(name="--set", negative="", help="KEY=VALUE of a preset, like tone.key=0.36; may be repeated."),
     ] = None
 
-    def read(self, *, vectors: bool = False) -> CameraPreset:
+    def read(self, *, vectors: bool = False) -> rl.CameraPreset:
         """The preset with these options above it; raises InvalidShot naming a key, ValueError naming an option.
 
         vectors : whether --vectors is given, by which the picture moves then
         """
-        import relume as rl
-
         if vectors and (self.move or self.turn):
             raise ValueError("--vectors, --move and --turn are all the motion; leave all but one of them out")
         if self.chooses_tone and any(word.replace(" ", "").startswith("tone.kind=") for word in self.set or ()):
@@ -246,10 +241,8 @@ class BesideOptions:
                 raise ValueError(f"{option} {path}: another output has that name; give each its own")
             seen.add(path.resolve())
 
-    def write(self, made: DevelopedFile) -> dict[str, str]:
+    def write(self, made: rl.DevelopedFile) -> dict[str, str]:
         """Write what is asked for; the files by what they are."""
-        import relume as rl
-
         files: dict[str, str] = {}
         if self.sheet:
             rl.write(self.sheet, made.stops_sheet(self.stops or (-4, -2, 0, 2, 4)))
@@ -332,8 +325,6 @@ def develop(
     Everything happens in linear light and in physical order, whatever order the options are in: motion, defocus, soft
     focus, glare, distortion, vignetting, then the tone operator or film, then the display.
     """
-    import relume as rl
-
     with warnings_as_notes(output), progress(output) as advance:
         # Presets are shown without a picture.
         if list_presets:

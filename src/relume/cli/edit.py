@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Group, Parameter
 
@@ -13,10 +14,6 @@ import relume as rl
 from relume.cli.arguments import DryRun, From, mapping_of, require_files, require_suffix
 from relume.cli.console import OutputOptions, finish, print_facts, warnings_as_notes
 from relume.cli.option_types import Box, Colour, numbers
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
 
 FRAME = Group("First the frame", sort_key=1)
 ARITHMETIC = Group("Then arithmetic, one kind at a time", sort_key=2)
@@ -275,8 +272,11 @@ def edit(
         if from_ is not None and alone:
             raise ValueError(f"--from is for edits of environment maps; {alone} needs none")
         require_suffix(out, *([".png"] if alone == "--slice" else MAPS))
-        if alone == "--slice":
-            _write_slice(light, out, painter, dry_run, output)
+        if alone == "--slice" and dry_run:
+            paths = [str(out), str(rl.light.slice_sidecar(out))]
+            print_facts(output, {"would write": paths, "stops": painter.cut})
+        elif alone == "--slice":
+            print_facts(output, rl.light.write_slice(rl.read_radiance(light), out, painter.stops, painter.bits))
         elif alone == "--paint":
             _paint_over(light, out, painter, dry_run, output)
         else:
@@ -287,14 +287,6 @@ def edit(
             edited = rl.light.edit(rl.read_radiance(light), edits, mapping)
             rl.write(out, edited.picture)
             print_facts(output, {"written": str(out), **edited.facts()})
-
-
-def _write_slice(light: Path, out: Path, painter: PaintOptions, dry_run: bool, output: OutputOptions) -> None:
-    if dry_run:
-        paths = [str(out), str(rl.light.slice_sidecar(out))]
-        print_facts(output, {"would write": paths, "stops": painter.cut})
-        return
-    print_facts(output, rl.light.write_slice(rl.read_radiance(light), out, painter.stops, painter.bits))
 
 
 def _paint_over(light: Path, out: Path, painter: PaintOptions, dry_run: bool, output: OutputOptions) -> None:

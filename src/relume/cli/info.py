@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 import relume as rl
-from relume.cli.arguments import ReadingOptions
+from relume.cli.arguments import ReadingOptions, require_suffix
 from relume.cli.console import OutputOptions, print_facts, refuse, warnings_as_notes
 
 _FORMATS = {"EXR": "OpenEXR", "HDR": "Radiance", "RAW": "camera raw", "KTX2": "KTX 2.0"}
@@ -246,11 +246,8 @@ def _gains(gains: list[float]) -> str:
 
 
 def _range(stops: float, ratio: float) -> str:
-    return f"{stops:.1f} stops ({_ratio(ratio)} : 1)"
-
-
-def _ratio(ratio: float) -> str:
-    return number(ratio) if ratio >= 1e6 else f"{float(f'{ratio:.3g}'):,.0f}" if ratio >= 100 else f"{ratio:.3g}"
+    text = number(ratio) if ratio >= 1e6 else f"{float(f'{ratio:.3g}'):,.0f}" if ratio >= 100 else f"{ratio:.3g}"
+    return f"{stops:.1f} stops ({text} : 1)"
 
 
 def _seconds(text: str) -> str:
@@ -337,8 +334,6 @@ def info(
 
 
 def _draw(paths: list[Path], out: Path, from_: str | None, reading: rl.ReadOptions) -> None:
-    from relume.cli.arguments import require_suffix
-
     if len(paths) != 1:
         raise ValueError(f"--draw shows one map; {len(paths)} files are named")
     require_suffix(out, ".png", option="--draw")

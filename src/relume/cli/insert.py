@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
+import relume as rl
 from relume.cli.arguments import DryRun, Threads, require_files
 from relume.cli.console import OutputOptions, force, note, print_facts, progress, warnings_as_notes
-
-if TYPE_CHECKING:
-    import relume as rl
 
 
 def insert(
@@ -46,8 +44,6 @@ def insert(
     Stages are kept in the output folder: a second run redoes only what changed, and an interrupted render is resumed.
     A shot with a [sequence] is made frame by frame.
     """
-    import relume as rl
-
     with warnings_as_notes(output):
         table = rl.read_shot(shot).with_render(samples=samples, seed=seed, noise=noise)
         if dry_run:
@@ -80,15 +76,12 @@ def _dry_run(shot: rl.Shot, out: Path, output: OutputOptions) -> None:
 
 def _sequence(shot: rl.Shot, out: Path, output: OutputOptions, threads: int | None, restart: bool) -> None:
     """Make every frame that is not there yet."""
-    import relume as rl
-
     with progress(output) as report:
         made = rl.insert_frames(
             shot, out, threads=threads, progress=report, restart=restart, force=force, finished=rl.write_report
         )
     rl.write_report(made, out)
-    for line in made.notes:
-        note(output, line)
+    note(output, *made.notes)
     print_facts(
         output,
         {
@@ -103,13 +96,10 @@ def _sequence(shot: rl.Shot, out: Path, output: OutputOptions, threads: int | No
 
 def run(shot: rl.Shot, out: Path, output: OutputOptions, threads: int | None, restart: bool = False) -> None:
     """Insert the objects, write the report and print where everything is."""
-    import relume as rl
-
     with progress(output) as report:
         result = rl.insert(shot, out, threads=threads, progress=report, restart=restart, force=force)
     rl.write_report(result, out)
-    for line in result.notes:
-        note(output, line)
+    note(output, *result.notes)
     recovered = result.place.recovered
     surfaces = () if recovered is None else recovered.surfaces
     print_facts(

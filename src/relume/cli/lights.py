@@ -10,7 +10,7 @@ from cyclopts import Group, Parameter
 from cyclopts.validators import Number
 
 import relume as rl
-from relume.cli.arguments import Clamp, DryRun, From, mapping_of, require_files, require_suffix
+from relume.cli.arguments import Clamp, DryRun, From, MapFile, mapping_of, require_files, require_suffix
 from relume.cli.console import OutputOptions, finish, note, print_facts, warnings_as_notes
 from relume.cli.option_types import Point, numbers
 
@@ -79,7 +79,7 @@ class Places:
 
 
 def lights(
-    light_map: Annotated[Path, Parameter(name="MAP", help="The environment map, .exr, .hdr or another format.")],
+    light_map: MapFile,
     /,
     *,
     out: Annotated[
@@ -149,9 +149,10 @@ def lights(
             require_suffix(picture, ".png", option="--picture")
         # What is asked for.
         mapping = mapping_of(from_)
+        methods = {"variance": rl.light.VarianceMinimisation, "k-means": rl.light.KMeans}
         settings = rl.light.LightSettings(
             count=count,
-            method=_method(method),
+            method=methods.get(method, rl.light.MedianCut)(),
             suns=None if sun is None else (sun[0] if sun else 1),
             residual=residual is not None,
             contrast=contrast,
@@ -167,16 +168,10 @@ def lights(
 
         # The lights, their files and a picture of them.
         made = rl.light.make_lights(light, settings, str(light_map))
-        for line in (*made.notes, *rl.write_lights(made, to)):
-            note(output, line)
+        note(output, *made.notes, *rl.write_lights(made, to))
         number = len(made.lights.directions)
         if picture is not None:
             rl.report.draw_lights(picture, made, f"{light_map.name}: {number} lights, {method}")
         facts = {"written": [str(path) for path in written], "lights": number, "method": method, "unit": light.unit}
         print_facts(output, facts | made.facts())
         finish(output, made.doubts, accept=accept)
-
-
-def _method(name: str) -> rl.light.MedianCut | rl.light.VarianceMinimisation | rl.light.KMeans:
-    methods = {"variance": rl.light.VarianceMinimisation, "k-means": rl.light.KMeans}
-    return methods.get(name, rl.light.MedianCut)()

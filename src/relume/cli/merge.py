@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Group, Parameter
 
-from relume.cli.arguments import DryRun, require_suffix
+import relume as rl
+from relume.cli.arguments import Accept, DryRun, require_suffix
 from relume.cli.console import OutputOptions, finish, note, print_facts, progress, warnings_as_notes
 from relume.cli.option_types import numbers
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    import relume as rl
-
 
 Method = Literal["debevec-malik", "mitsunaga-nayar", "robertson"]
 STEPS, LENS, SCALE = Group("Steps", sort_key=1), Group("Lens", sort_key=2), Group("Absolute scale, one of", sort_key=3)
@@ -104,18 +100,16 @@ class Readings:
 
 def settings_of(steps: Steps, lens: Lens, readings: Readings) -> rl.capture.MergeSettings:
     """The settings that the options ask for."""
-    from relume import capture
-
-    return capture.MergeSettings(
-        method=capture.RESPONSE_METHODS[steps.method],
-        weighting=capture.Hat() if steps.paper_weights else capture.InverseVariance(),
+    return rl.capture.MergeSettings(
+        method=rl.capture.RESPONSE_METHODS[steps.method],
+        weighting=rl.capture.Hat() if steps.paper_weights else rl.capture.InverseVariance(),
         refine=steps.refine,
         align=steps.align,
         deghost=steps.deghost,
         neutral=steps.neutral,
-        glare=None if lens.glare is None else capture.DarkPlace(capture.Rectangle(*lens.glare)),
-        vignetting=capture.read_flat_fields(lens.flat_field or ()),
-        balance=None if lens.white is None else capture.WhiteCard(capture.Rectangle(*lens.white)),
+        glare=None if lens.glare is None else rl.capture.DarkPlace(rl.capture.Rectangle(*lens.glare)),
+        vignetting=rl.capture.read_flat_fields(lens.flat_field or ()),
+        balance=None if lens.white is None else rl.capture.WhiteCard(rl.capture.Rectangle(*lens.white)),
         scale=_scale(readings),
         focal_length=lens.focal_length,
     )
@@ -123,18 +117,16 @@ def settings_of(steps: Steps, lens: Lens, readings: Readings) -> rl.capture.Merg
 
 def _scale(readings: Readings) -> Callable[..., rl.capture.Scale] | None:
     """The reading that was given; raises ValueError for two."""
-    from relume import capture
-
     given = [name for name in ("absolute", "spot", "lux", "luminaire") if getattr(readings, name)]
     if len(given) > 1:
         raise ValueError(f"--{given[0]} and --{given[1]} both give the scale; give one")
     if readings.spot is not None:
-        return capture.SpotReading(*readings.spot[:2], *readings.spot[2:])
+        return rl.capture.SpotReading(*readings.spot[:2], *readings.spot[2:])
     if readings.lux is not None:
-        return capture.LuxReading(capture.Rectangle(*readings.lux[:4]), *readings.lux[4:])
+        return rl.capture.LuxReading(rl.capture.Rectangle(*readings.lux[:4]), *readings.lux[4:])
     if readings.luminaire is not None:
-        return capture.LuminaireReading(capture.Rectangle(*readings.luminaire[:4]), readings.luminaire[4:])
-    return capture.ExposureScale() if readings.absolute else None
+        return rl.capture.LuminaireReading(rl.capture.Rectangle(*readings.luminaire[:4]), readings.luminaire[4:])
+    return rl.capture.ExposureScale() if readings.absolute else None
 
 
 def merge(
@@ -174,7 +166,7 @@ def merge(
         Path | None, Parameter(alias="--save-response", help="Also write the camera's profile here, .json.")
     ] = None,
     report: Annotated[Path | None, Parameter(help="Also write a report here, .html.")] = None,
-    accept: Annotated[bool, Parameter(negative="", help="Exit with 0 although the result is doubtful.")] = False,
+    accept: Accept = False,
     steps: Steps = Steps(),
     lens: Lens = Lens(),
     readings: Readings = Readings(),
@@ -188,8 +180,6 @@ def merge(
     line like "IMG_9.jpg 1/640" for each. What is read in a picture (--spot, --lux, --luminaire, --white, --glare) is
     read in the first bracket and holds for all. A doubtful result is written all the same, with exit code 4.
     """
-    import relume as rl
-
     # Notes are shown as they come and kept for the JSON.
     notes: list[str] = []
 

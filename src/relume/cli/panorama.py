@@ -7,7 +7,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from relume.cli.arguments import DryRun, require_suffix
+import relume as rl
+from relume.cli.arguments import Accept, DryRun, LatLongOut, require_suffix
 from relume.cli.console import OutputOptions, finish, note, print_facts, warnings_as_notes
 
 
@@ -20,9 +21,7 @@ def panorama(
     ],
     /,
     *,
-    out: Annotated[
-        Path, Parameter(alias="-o", help="The equirectangular (lat-long) environment map to write, .exr or .hdr.")
-    ],
+    out: LatLongOut,
     faces: Annotated[
         str | None,
         Parameter(
@@ -70,7 +69,7 @@ def panorama(
     colours: Annotated[
         bool, Parameter(negative="", help="Balance each channel: the camera chose its white anew for each view.")
     ] = False,
-    accept: Annotated[bool, Parameter(negative="", help="Exit with 0 although the result is doubtful.")] = False,
+    accept: Accept = False,
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:
@@ -80,8 +79,6 @@ def panorama(
     hold their orientation, it is found from what the views have in common. A doubtful result is written all the same,
     with exit code 4.
     """
-    import relume as rl
-
     with warnings_as_notes(output):
         # What is to be done.
         require_suffix(out, ".exr", ".hdr")
@@ -103,6 +100,5 @@ def panorama(
         rl.write(out, rl.as_radiance_map(result.light))
         # What came of it.
         print_facts(output, {"written": str(out), **result.facts(listed=output.json)})
-        for line in result.notes:
-            note(output, line)
+        note(output, *result.notes)
         finish(output, result.warnings, accept=accept)

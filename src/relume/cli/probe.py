@@ -6,16 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
 
-from relume.cli.arguments import DryRun, require_files, require_suffix
+import relume as rl
+from relume.cli.arguments import Accept, DryRun, LatLongOut, require_files, require_suffix
 from relume.cli.console import OutputOptions, finish, note, print_facts, warnings_as_notes
 from relume.cli.option_types import Point, Seconds, numbers
-
-if TYPE_CHECKING:
-    import relume as rl
 
 Rim = tuple[float, float, float] | tuple[float, ...]
 
@@ -55,8 +53,6 @@ class ViewOptions:
 
     def all(self, photographs: Sequence[Path]) -> list[rl.probe.BallPhotographs]:
         """Every view with its photographs, and its camera where that is given."""
-        import relume as rl
-
         views = rl.probe.find_ball_photographs([*photographs, *(self.view or [])])
         if not views:
             raise ValueError("no photographs were given; name a bracket of the ball, or a folder for each view")
@@ -111,8 +107,6 @@ class BallOptions:
 
     def measured(self) -> rl.probe.BallReflectance:
         """The reflectance of --reflectance and --fresnel."""
-        import relume as rl
-
         if self.reflectance is None:
             return rl.probe.BallReflectance()
         normal = self.reflectance
@@ -122,8 +116,6 @@ class BallOptions:
 
     def picked(self, views: Sequence[rl.probe.BallPhotographs]) -> list[rl.probe.BallPhotographs]:
         """The views with the outlines that were picked; "auto" has one found."""
-        import relume as rl
-
         picks = self.pick or []
         if len(picks) > len(views):
             number = f"{len(views)} view{'s' * (len(views) > 1)}"
@@ -149,9 +141,7 @@ def probe(
     ] = None,
     /,
     *,
-    out: Annotated[
-        Path, Parameter(alias="-o", help="The equirectangular (lat-long) environment map to write, .exr or .hdr.")
-    ],
+    out: LatLongOut,
     views: ViewOptions = ViewOptions(),
     ball: BallOptions = BallOptions(),
     picture: Annotated[
@@ -167,7 +157,7 @@ def probe(
         Seconds | None, Parameter(help="Exposure time of each photograph, like 1/30,1/60; replaces the EXIF.")
     ] = None,
     size: Annotated[int, Parameter(help="Rows of the map.")] = 512,
-    accept: Annotated[bool, Parameter(negative="", help="Exit with 0 although the result is doubtful.")] = False,
+    accept: Accept = False,
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:  # fmt: skip
@@ -177,8 +167,6 @@ def probe(
     saturated, and an EXR has a layer `confidence`, 0 to 1. A view whose camera's place is not given is registered to
     the first.
     """
-    import relume as rl
-
     with warnings_as_notes(output):
         # What is to be done; refused before any work where it cannot.
         require_suffix(out, ".exr", ".hdr")
@@ -193,9 +181,8 @@ def probe(
         known = rl.capture.read_profile(profile) if profile else None
         if dry_run:
             where = "given" if all(each.camera for each in placed) else "to be found by registration"
-            print_facts(
-                output, {"would write": str(out), "views": [each.name for each in placed], "their cameras": where}
-            )
+            names = [each.name for each in placed]
+            print_facts(output, {"would write": str(out), "views": names, "their cameras": where})
             return
 
         # The work.
@@ -206,8 +193,7 @@ def probe(
                 temporary.write_bytes(rl.report.rim_plot(result.views, result.names))
 
         # What came of it.
-        for line in result.notes:
-            note(output, line)
+        note(output, *result.notes)
         written = {"written": str(out)} | ({} if picture is None else {"picture": str(picture)})
         print_facts(output, written | result.facts(listed=output.json))
         finish(output, result.warnings, accept=accept)

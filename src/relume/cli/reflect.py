@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,7 +9,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 import relume as rl
-from relume.cli.arguments import DryRun, made_folder, require_files
+from relume.cli.arguments import DryRun, MapFile, made_folder, require_files, require_output_folder
 from relume.cli.console import OutputOptions, note, print_facts, progress, warnings_as_notes
 
 PICTURES = (".png", ".jpg", ".jpeg")
@@ -41,7 +40,7 @@ class CubeOptions:
 
 
 def reflect(
-    light_map: Annotated[Path, Parameter(name="MAP", help="The environment map, .exr, .hdr or another format.")],
+    light_map: MapFile,
     /,
     *,
     out: Annotated[
@@ -102,7 +101,12 @@ def reflect(
         require_files([light_map])
         if exposure is not None and sheet is None:
             raise ValueError("--exposure is for the sheet; give --sheet too")
-        _require_places(out, sheet or ())
+        require_output_folder(out)
+        for path in sheet or ():
+            if path.suffix.lower() not in PICTURES:
+                raise ValueError(f"--sheet {path}: the file must end in {' or '.join(PICTURES)}")
+            if path.parent.resolve() != out.resolve() and not path.parent.is_dir():
+                raise rl.errors.OutputNotWritten(f"--sheet {path}: no folder {path.parent}; make it first")
         # What is asked for.
         chosen = {"tables": rl.light.tables_named(lobe or ())} if lobe or brdf else {}
         wanted = rl.light.ReflectionFiles(
@@ -116,10 +120,11 @@ def reflect(
             mirror=cubes.mirror,
         )
         picture = None if sheet is None else (sheet[0] if sheet else out / "sheet.png")
+        drawn = [] if picture is None else [picture]
         light = rl.read_environment(light_map)
         if dry_run:
-            paths = [*wanted.paths(out), *([] if picture is None else [picture])]
-            print_facts(output, {"would write": [str(path) for path in paths], "normalisation": normalisation})
+            paths = [str(path) for path in (*wanted.paths(out), *drawn)]
+            print_facts(output, {"would write": paths, "normalisation": normalisation})
             return
 
         # The maps, their balls and what came of them.
@@ -130,23 +135,11 @@ def reflect(
                 rl.report.draw_reflection_sheet(
                     picture, light, light_map.name, exposure or 0.0, lambda share: report("sheet", share)
                 )
-        for line in made.notes:
-            note(output, line)
+        note(output, *made.notes)
         facts = {
-            "written": [str(path) for path in (*made.paths, *([] if picture is None else [picture]))],
+            "written": [str(path) for path in (*made.paths, *drawn)],
             "normalisation": normalisation,
             "error bound": made.error_bounds,
             "unit": light.unit,
         }
         print_facts(output, facts | rl.light.reflection_facts(light))
-
-
-def _require_places(out: Path, sheet: Sequence[Path]) -> None:
-    """Refuse outputs that cannot be written."""
-    if out.exists() and not out.is_dir():
-        raise rl.errors.OutputNotWritten(f"-o {out}: a file, not a folder; choose another name")
-    for path in sheet:
-        if path.suffix.lower() not in PICTURES:
-            raise ValueError(f"--sheet {path}: the file must end in {' or '.join(PICTURES)}")
-        if path.parent.resolve() != out.resolve() and not path.parent.is_dir():
-            raise rl.errors.OutputNotWritten(f"--sheet {path}: no folder {path.parent}; make it first")

@@ -9,7 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 import relume as rl
-from relume.cli.arguments import Clamp, DryRun, From, mapping_of, require_files, require_suffix
+from relume.cli.arguments import Accept, Clamp, DryRun, From, mapping_of, require_files, require_suffix
 from relume.cli.console import OutputOptions, finish, print_facts, warnings_as_notes
 from relume.cli.option_types import Colour, Point, numbers
 
@@ -58,7 +58,7 @@ def sun(
     ] = False,
     from_: From = None,
     clamp: Clamp = False,
-    accept: Annotated[bool, Parameter(negative="", help="Exit with 0 although the result is doubtful.")] = False,
+    accept: Accept = False,
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:

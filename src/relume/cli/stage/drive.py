@@ -10,8 +10,8 @@ from cyclopts import Parameter
 import relume as rl
 from relume.cli.arguments import DryRun, require_files, require_suffix
 from relume.cli.console import OutputOptions, print_facts, warnings_as_notes
-from relume.cli.option_types import Angles, numbers
-from relume.cli.stage.light import rotation_of
+from relume.cli.option_types import numbers
+from relume.cli.stage.light import Rotate, read_turned
 from relume.cli.stage.options import Camera, Stage, rounded
 
 
@@ -41,9 +41,7 @@ def drive(
     maximum: Annotated[
         float, Parameter(show_default=False, help="Highest intensity of a primary; none unless given.")
     ] = float("inf"),
-    rotate: Annotated[
-        Angles | None, Parameter(help="Turn the map by YAW[,PITCH[,ROLL]] degrees, right-handed.")
-    ] = None,
+    rotate: Rotate = None,
     camera: Camera = None,
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
@@ -64,9 +62,7 @@ def drive(
             print_facts(output, {"would write": str(out), "lights": len(field.lights), "primaries": names})
             return
         # The light, what is to look alike under it, and the solve.
-        wanted, turn = rl.read_environment(light), rotation_of(rotate)
-        if turn is not None:
-            wanted = wanted.rotated(turn)
+        wanted = read_turned(light, rotate)
         if subject == "own":
             chosen = rl.lightstage.MeasuredSubject(field)
         else:

@@ -8,9 +8,9 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 import relume as rl
-from relume.cli.arguments import DryRun
+from relume.cli.arguments import DryRun, require_output_folder
 from relume.cli.console import OutputOptions, print_facts, warnings_as_notes
-from relume.cli.stage.options import Camera, Stage, require_output_folder, work_facts
+from relume.cli.stage.options import Camera, Stage, work_facts
 
 
 def export(

@@ -21,6 +21,15 @@ Placed = tuple[Three, Three] | tuple[Three, tuple[float]] | Three
 """A place or direction, with a strength of three numbers, one, or none."""
 
 
+Rotate = Annotated[Angles | None, Parameter(help="Turn the map by YAW[,PITCH[,ROLL]] degrees, right-handed.")]
+
+
+def read_turned(path: Path, angles: Three | None) -> rl.EnvironmentMap:
+    """The environment map of a file, turned as --rotate says."""
+    light, rotation = rl.read_environment(path), rotation_of(angles)
+    return light if rotation is None else light.rotated(rotation)
+
+
 def rotation_of(angles: Three | None) -> np.ndarray | None:
     """The rotation by yaw about +Y after pitch about +X after roll about +Z, degrees; None for none."""
     from scipy.spatial.transform import Rotation

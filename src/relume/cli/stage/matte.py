@@ -10,8 +10,8 @@ from cyclopts import Parameter
 import relume as rl
 from relume.cli.arguments import DryRun, refuse_input, require_files, require_suffix
 from relume.cli.console import OutputOptions, print_facts, progress, warnings_as_notes
-from relume.cli.option_types import Angles, numbers
-from relume.cli.stage.light import rotation_of
+from relume.cli.option_types import numbers
+from relume.cli.stage.light import Rotate, read_turned
 from relume.cli.stage.options import Exposure, require_picture
 
 Rectangle = tuple[float, float, float, float, float]
@@ -49,9 +49,7 @@ def matte(
             help="With --light: the middle of the backdrop, its width and height, metres; it faces the camera.",
         ),
     ] = None,
-    rotate: Annotated[
-        Angles | None, Parameter(help="Turn the map by YAW[,PITCH[,ROLL]] degrees, right-handed.")
-    ] = None,
+    rotate: Rotate = None,
     exposure: Exposure = 0.0,
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
@@ -114,16 +112,13 @@ def _facts(matte: rl.lightstage.EnvironmentMatte) -> dict[str, object]:
 
 
 def _in_environment(
-    matte: rl.lightstage.EnvironmentMatte, light: Path, stage: Path, backdrop: Rectangle, rotate: Angles | None
+    matte: rl.lightstage.EnvironmentMatte, light: Path, stage: Path, backdrop: Rectangle, rotate: Rotate
 ) -> rl.RadianceMap:
     import numpy as np
 
     field = rl.lightstage.read_stage(stage)
     if field.camera is None:
         raise ValueError(f"--stage {stage}: has no camera, which --light needs; add it to stage.json")
-    environment, turn = rl.read_environment(light), rotation_of(rotate)
-    if turn is not None:
-        environment = environment.rotated(turn)
     x, y, z, width, height = backdrop
     standing = rl.lightstage.Backdrop.facing(np.array([x, y, z]), field.camera.position, width, height)
-    return rl.lightstage.place_in_environment(matte, field, environment, standing)
+    return rl.lightstage.place_in_environment(matte, field, read_turned(light, rotate), standing)

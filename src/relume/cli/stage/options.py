@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter, Token
 
 import relume as rl
-from relume.cli.arguments import require_suffix
+from relume.cli.arguments import require_output_folder, require_suffix
 
 _UNITS = {"K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 
@@ -75,12 +75,6 @@ def require_frames(out: Path, frames: int) -> None:
         raise ValueError(f"-o {out}: --frames writes a folder or an .mp4; give one of them")
     else:
         require_output_folder(out)
-
-
-def require_output_folder(out: Path) -> None:
-    """Refuse a file where a folder is to be written."""
-    if out.exists() and not out.is_dir():
-        raise rl.errors.OutputNotWritten(f"-o {out}: a file, not a folder; choose another name")
 
 
 def _readable(size: int) -> str:

@@ -8,9 +8,9 @@ from typing import Annotated
 from cyclopts import Parameter
 
 import relume as rl
-from relume.cli.arguments import DryRun, require_files
+from relume.cli.arguments import DryRun, require_files, require_output_folder
 from relume.cli.console import OutputOptions, print_facts, progress, warnings_as_notes
-from relume.cli.stage.options import Camera, Stage, require_output_folder, rounded, work_facts
+from relume.cli.stage.options import Camera, Stage, rounded, work_facts
 
 
 def separate(
