@@ -31,7 +31,7 @@ def stored(folder: Path, light: EnvironmentMap, name: str = "light.exr") -> str:
     return str(folder / name)
 
 
-def made(words: Sequence[str], capsys: pytest.CaptureFixture[str]) -> dict:
+def made(words: Sequence[object], capsys: pytest.CaptureFixture[str]) -> dict:
     return reported(["lights", *words], capsys)
 
 
@@ -54,9 +54,8 @@ def test_the_file_holds_the_constellation(word, method, tmp_path, capsys):
     assert (report["written"], report["lights"], report["method"], report["unit"]) == ([str(out)], 12, word, "relative")
     assert report["total of the map"] == report["total of the lights"]
     assert report["total of the map"] == pytest.approx(light.total(), rel=1e-5)
-    assert (
-        0 < report["irradiance error, of the mean"]["mean"] < report["irradiance error, of the mean"]["largest"] < 0.4
-    )
+    error = report["irradiance error, of the mean"]
+    assert 0 < error["mean"] < error["largest"] < 0.4
     written = json.loads(out.read_text())
     assert (written["unit"], written["background"]) == ("relative", None)
     assert "angle" not in written["lights"][0]
@@ -84,9 +83,8 @@ def test_every_format_is_chosen_by_its_suffix_or_by_name(tmp_path, capsys):
 def test_lights_and_residual_are_the_map(tmp_path, capsys):
     light, out, rest = lights.sunny(64, 400), tmp_path / "made.json", tmp_path / "maps" / "rest.exr"
     rest.parent.mkdir()
-    report = made(
-        [stored(tmp_path, light), "-o", str(out), "--count", "9", "--residual", str(rest), "--contrast", "3"], capsys
-    )
+    words = [stored(tmp_path, light), "-o", out, "--count", "9", "--residual", rest, "--contrast", "3"]
+    report = made(words, capsys)
     residual = as_environment(read_radiance(rest))
     _, irradiance = read(out)
     np.testing.assert_allclose(irradiance.sum(0) + residual.total(), light.total(), rtol=1e-8)
@@ -117,18 +115,16 @@ def test_a_sun_is_a_light_and_the_map_without_it(tmp_path, capsys):
 
 def test_a_sun_and_a_constellation_of_the_rest_carry_everything(tmp_path, capsys):
     light, out = lights.lone(64, 20, 77, 1e4, dark=1.0), tmp_path / "made.json"
-    report = made([stored(tmp_path, light), "--sun", "1", "--count", "9", "-o", str(out)], capsys)
+    words = [stored(tmp_path, light), "--sun", "1", "--count", "9", "-o", out]
+    report = made(words, capsys)
     _, irradiance = read(out)
     assert len(irradiance) == report["lights"] == 9
     np.testing.assert_allclose(irradiance.sum(0), light.total(), rtol=1e-8)
     assert [each["angle"] > 0 for each in json.loads(out.read_text())["lights"]] == [True] + [False] * 8
-    made([stored(tmp_path, light), "--sun", "1", "--count", "9", "--soft", "-o", str(out)], capsys)
+    made([*words, "--soft"], capsys)
     assert all(each["angle"] > 0 for each in json.loads(out.read_text())["lights"])
-    report = made(
-        [stored(tmp_path, light), "--sun", "1", "--count", "9", "--residual", str(tmp_path / "r.exr"), "-o", str(out)],
-        capsys,
-    )
-    assert report["lights"] == 1  # even light has no other key
+    # Even light has no other key.
+    assert made([*words, "--residual", tmp_path / "r.exr"], capsys)["lights"] == 1
 
 
 def test_fewer_suns_than_asked_are_noted(tmp_path, capsys):
@@ -160,8 +156,8 @@ def test_a_probe_is_read_in_the_mapping_given_and_its_residual_is_lat_long(tmp_p
     assert "does not say its mapping" in refused(["lights", *words], capsys)
     report = made([*words, "--from", "angular"], capsys)
     assert report["total of the lights"] == pytest.approx(probe.total(), rel=1e-5)
-    assert main(["lights", *words, "--from", "angular", "--residual", str(tmp_path / "rest.exr")]) == 0
-    assert "resampled to lat-long" in capsys.readouterr().err
+    words = ["lights", *words, "--from", "angular", "--residual", tmp_path / "rest.exr"]
+    assert "resampled to lat-long" in printed(words, capsys).err
     assert read_radiance(tmp_path / "rest.exr").attributes["mapping"] == "latlong"
 
 
@@ -193,15 +189,9 @@ def test_the_picture_shows_map_borders_and_lights(tmp_path, capsys):
 
 
 def test_a_dry_run_writes_nothing(tmp_path, capsys):
-    words = [
-        stored(tmp_path, lights.sunny(16)),
-        "-o",
-        str(tmp_path / "made.json"),
-        "--picture",
-        str(tmp_path / "a.png"),
-    ]
-    report = made([*words, "--dry-run"], capsys)
-    assert report["would write"] == [str(tmp_path / "made.json"), str(tmp_path / "a.png")]
+    out, drawn = tmp_path / "made.json", tmp_path / "a.png"
+    report = made([stored(tmp_path, lights.sunny(16)), "-o", out, "--picture", drawn, "--dry-run"], capsys)
+    assert report["would write"] == [str(out), str(drawn)]
     assert [path.name for path in tmp_path.iterdir()] == ["light.exr"]
 
 
@@ -237,8 +227,8 @@ def test_what_is_no_light_is_refused_with_its_pixels_counted(tmp_path, monkeypat
     write(Path("ringing.exr"), RadianceMap(radiance))
     line = refused(["lights", "ringing.exr", "-o", "a.json"], capsys)
     assert "ringing.exr: 5 pixels are negative, which is not light" in line and "--clamp sets" in line
-    assert main(["lights", "ringing.exr", "-o", "a.json", "--clamp"]) == 0
-    assert "5 pixels were negative, the lowest -1; they are set to 0" in capsys.readouterr().err
+    noted = printed(["lights", "ringing.exr", "-o", "a.json", "--clamp"], capsys).err
+    assert "5 pixels were negative, the lowest -1; they are set to 0" in noted
     radiance[0, 0] = np.nan
     write(Path("holes.exr"), RadianceMap(radiance))
     line = refused(["lights", "holes.exr", "-o", "b.json", "--clamp"], capsys)
@@ -261,11 +251,9 @@ def lamps_seen(place: np.ndarray, size: int = 128, lamps: Sequence[int] = (0, 1,
     """Points of light, each over four pixels, before a dim wall."""
     ways = LAMPS[list(lamps)] - place
     square = np.sum(ways**2, axis=-1, keepdims=True)
-    seen = [
-        Arrival(way, irradiance)
-        for way, irradiance in zip(ways / np.sqrt(square), SHINE[list(lamps)] / square, strict=True)
-    ]
-    return replace(splatted(seen, size=size), radiance=splatted(seen, size=size).radiance + np.float32(0.05))
+    arrivals = zip(ways / np.sqrt(square), SHINE[list(lamps)] / square, strict=True)
+    seen = splatted([Arrival(way, irradiance) for way, irradiance in arrivals], size=size)
+    return replace(seen, radiance=seen.radiance + np.float32(0.05))
 
 
 def in_places(folder: Path, **second) -> list[str]:
@@ -313,9 +301,8 @@ def test_lamps_that_two_maps_see_stand_where_they_are(tmp_path, capsys):
         assert point["position"] == pytest.approx(LAMPS[number], abs=0.03)
         assert point["intensity"] == pytest.approx(SHINE[number], rel=0.03)
     assert (report["placed"], report["far"], report["unmatched"]) == (3, 0, {"first": 0, "second": 0})
-    assert [each["position"] for each in report["lamps"]] == [
-        pytest.approx(each["position"], rel=1e-3) for each in points
-    ]
+    for lamp, point in zip(report["lamps"], points, strict=True):
+        assert lamp["position"] == pytest.approx(point["position"], rel=1e-3)
     assert report["total of the lights"] == pytest.approx(report["total of the map"], rel=0.02)
     assert len(json.loads(out.read_text())["lights"]) == 6  # the walls
     assert (tmp_path / "made.rad").read_text().count("sphere point_") == 3
