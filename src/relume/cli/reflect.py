@@ -102,8 +102,7 @@ def reflect(
         if exposure is not None and sheet is None:
             raise ValueError("--exposure is for the sheet; give --sheet too")
         require_output_folder(out)
-        for path in sheet or ():
-            _require_sheet(path, out)
+        _require_sheets(sheet or [], out)
         # What is asked for.
         chosen = {"tables": rl.light.tables_named(lobe or ())} if lobe or brdf else {}
         wanted = rl.light.ReflectionFiles(
@@ -142,9 +141,10 @@ def reflect(
         print_facts(output, facts | rl.light.reflection_facts(light))
 
 
-def _require_sheet(path: Path, out: Path) -> None:
+def _require_sheets(sheets: list[Path], out: Path) -> None:
     """Refuse a sheet that cannot be written; the folder `out` is made."""
-    if path.suffix.lower() not in PICTURES:
-        raise ValueError(f"--sheet {path}: the file must end in {' or '.join(PICTURES)}")
-    if path.parent.resolve() != out.resolve() and not path.parent.is_dir():
-        raise rl.errors.OutputNotWritten(f"--sheet {path}: no folder {path.parent}; make it first")
+    for path in sheets:
+        if path.suffix.lower() not in PICTURES:
+            raise ValueError(f"--sheet {path}: the file must end in {' or '.join(PICTURES)}")
+        if path.parent.resolve() != out.resolve() and not path.parent.is_dir():
+            raise rl.errors.OutputNotWritten(f"--sheet {path}: no folder {path.parent}; make it first")
