@@ -41,9 +41,10 @@ def test_every_command_has_help(name, capsys):
         "merge": ("--times", "--ignore", "--spot"),
         "info": ("--float-size",),
         "edit": ("--crop", "--add"),
+        "reflect": ("phong:N", "--brdf", "--cube", "--mirror", "--sheet", "--normalisation"),
     }.items(),
 )
-def test_help_shows_options_that_are_tuples(command, options, capsys):
+def test_help_shows_options_and_the_forms_of_their_words(command, options, capsys):
     text = printed([command, "--help"], capsys).out
     assert [option for option in options if option not in text] == []
 

@@ -10,25 +10,20 @@ import pytest
 
 from angles import degrees_between
 from command_line import printed, refused, reported
-from lights import NAMED, sunny
+from lights import NAMED, stored, sunny
 from relume.cli import main
 from relume.image.files import read_photograph, read_radiance, write
 from relume.image.photograph import Photograph
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.sphere.directions import normalised, rotation_about
-from relume.sphere.environment_files import as_environment, as_radiance_map
+from relume.sphere.environment_files import as_environment
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong
 
 SUN = normalised([0.7, 0.3, -0.65])
 
 
-def stored(folder: Path, light: EnvironmentMap, name: str = "light.exr") -> str:
-    write(folder / name, as_radiance_map(light))
-    return str(folder / name)
-
-
-def made(words: Sequence[str], capsys: pytest.CaptureFixture[str], code: int = 0) -> dict:
+def made(words: Sequence[object], capsys: pytest.CaptureFixture[str], code: int = 0) -> dict:
     return reported(["convert", *words], capsys, code)
 
 
@@ -61,9 +56,8 @@ def test_six_faces_are_written_and_read_in_opengls_order(tmp_path, capsys):
 def test_faces_for_engines_that_negate_an_axis_show_the_same_light(tmp_path, capsys):
     source, out = stored(tmp_path, sunny(48)), str(tmp_path / "back.exr")
     plain = made([source, "-o", str(tmp_path / "gl.exr"), "--to", "faces", "--size", "32"], capsys)["written"]
-    three = made([source, "-o", str(tmp_path / "three.exr"), "--to", "faces", "--size", "32", "--mirror", "x"], capsys)[
-        "written"
-    ]
+    words = [source, "-o", tmp_path / "three.exr", "--to", "faces", "--size", "32", "--mirror", "x"]
+    three = made(words, capsys)["written"]
     # An unmirrored view of +X has −Z at its left: such an engine's px is our −X face, report the other way round.
     np.testing.assert_array_equal(read_radiance(three[0]).radiance, read_radiance(plain[1]).radiance[:, ::-1])
     made([*three, "-o", out, "--to", "latlong", "--size", "48", "--mirror", "x"], capsys)
@@ -182,15 +176,13 @@ def test_wrong_words_are_refused_in_one_line(words, message, tmp_path, capsys):
 def test_maps_that_are_no_light_are_refused_with_what_is_wrong(tmp_path, capsys):
     odd, out = np.ones((12, 30, 3), np.float32), str(tmp_path / "out.exr")
     write(tmp_path / "odd.exr", RadianceMap(odd))
-    assert "30×12 pixels does not say its mapping" in refused(
-        ["convert", str(tmp_path / "odd.exr"), "-o", out, "--to", "angular"], capsys
-    )
+    line = refused(["convert", tmp_path / "odd.exr", "-o", out, "--to", "angular"], capsys)
+    assert "30×12 pixels does not say its mapping" in line
     dark = sunny(12).radiance.copy()
     dark[2, 3, 1], dark[4, 5] = -0.5, np.nan
     write(tmp_path / "dark.exr", RadianceMap(dark))
-    assert "1 pixels are NaN or infinite and 1 negative" in refused(
-        ["convert", str(tmp_path / "dark.exr"), "-o", out, "--to", "angular"], capsys
-    )
+    line = refused(["convert", tmp_path / "dark.exr", "-o", out, "--to", "angular"], capsys)
+    assert "1 pixels are NaN or infinite and 1 negative" in line
     faces = [stored(tmp_path, sunny(12), f"{index}.exr") for index in range(6)]
     assert "six squares of one size" in refused(["convert", *faces, "-o", out], capsys)
     assert "2 files; give one map" in refused(["convert", *faces[:2], "-o", out], capsys)

@@ -220,9 +220,8 @@ def test_a_profiles_balance_and_scale_go_both_ways(tmp_path, capsys):
     assert facts["unit"] == "relative", "the photograph has no f-number: the scale does not hold"
     red, green, blue = files.read_radiance(tmp_path / "grey.exr").radiance[4, 4]
     curves = np.exp(response.log_exposure[:, 128])
-    assert (red / green, blue / green) == pytest.approx(
-        (2 * curves[0] / curves[1], 0.5 * curves[2] / curves[1]), rel=0.01
-    )
+    expected = 2 * curves[0] / curves[1], 0.5 * curves[2] / curves[1]
+    assert (red / green, blue / green) == pytest.approx(expected, rel=0.01)
     words = ["--response", str(tmp_path / "camera.json"), "--seconds", "0.01"]
     assert np.abs(developed(tmp_path / "grey.exr", tmp_path / "back.png", *words).astype(int) - 128).max() <= 1
 

@@ -12,6 +12,7 @@ import pytest
 
 import lights
 from command_line import printed, refused, reported
+from lights import stored
 from relume.cli import main
 from relume.image.files import read_photograph, read_radiance, write
 from relume.image.radiance import SATURATED, RadianceMap
@@ -24,11 +25,6 @@ from relume.sphere.directions import rotation_about
 from relume.sphere.environment_files import as_environment, as_radiance_map
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.names import mapping_named
-
-
-def stored(folder: Path, light: EnvironmentMap, name: str = "light.exr") -> str:
-    write(folder / name, as_radiance_map(light))
-    return str(folder / name)
 
 
 def made(words: Sequence[object], capsys: pytest.CaptureFixture[str]) -> dict:

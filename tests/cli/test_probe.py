@@ -142,9 +142,8 @@ def test_the_rim_is_drawn_on_every_view(folder, tmp_path, capsys):
     rim = (pixels[..., 2] - pixels[..., 0] > 200) & (pixels[..., 1] > 200)
     assert rim.sum() > 1000
     rows, columns = np.nonzero(rim)
-    assert np.ptp(rows) == pytest.approx(np.ptp(columns), abs=4) and np.ptp(rows) == pytest.approx(
-        690 * 2 * 62.63 / 140, rel=0.02
-    )
+    assert np.ptp(rows) == pytest.approx(np.ptp(columns), abs=4)
+    assert np.ptp(rows) == pytest.approx(690 * 2 * 62.63 / 140, rel=0.02)
 
 
 def test_a_rim_that_may_be_another_is_doubtful(folder, tmp_path, capsys):

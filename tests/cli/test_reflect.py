@@ -11,6 +11,7 @@ import pytest
 
 import lights
 from command_line import printed, refused, reported
+from lights import stored
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.image.files.ktx2 import read_cube
 from relume.image.radiance import RadianceMap
@@ -20,15 +21,10 @@ from relume.light.reflection.lobes import Phong
 from relume.light.reflection.reflection_map import reflection_map
 from relume.light.reflection.storage import as_layers, glossy_from_layers
 from relume.light.reflection.weights import Schlick
-from relume.sphere.environment_files import as_environment, as_radiance_map
+from relume.sphere.environment_files import as_environment
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.cubes import Strip
 from relume.sphere.mip_cube import faces_of, mirrored_strip
-
-
-def stored(folder: Path, light: EnvironmentMap, name: str = "light.exr") -> str:
-    write(folder / name, as_radiance_map(light))
-    return str(folder / name)
 
 
 def made(words: Sequence[object], capsys: pytest.CaptureFixture[str]) -> dict:
@@ -243,9 +239,3 @@ def test_outputs_that_cannot_be_written_exit_with_3(tmp_path, capsys):
     (tmp_path / "made" / "diffuse.exr").mkdir(parents=True)
     assert "diffuse.exr: cannot be written" in refused(["reflect", path, "-o", str(tmp_path / "made")], capsys, 3)
     assert [p.name for p in (tmp_path / "made").iterdir()] == ["diffuse.exr"]
-
-
-def test_help_lists_it(capsys):
-    assert "reflect " in printed(["--help"], capsys).out
-    text = printed(["reflect", "--help"], capsys).out
-    assert all(word in text for word in ("phong:N", "--brdf", "--cube", "--mirror", "--sheet", "--normalisation"))

@@ -169,16 +169,7 @@ def test_clothe_makes_a_store_of_two_stages_that_is_relit(stage, tmp_path):
 
 
 def test_clothe_refuses_a_stage_beside_a_picture(stage, even, tmp_path, capsys):
-    command = [
-        "stage",
-        "clothe",
-        str(stage / "stage.json"),
-        str(even),
-        "--albedo",
-        "0.4",
-        "-o",
-        str(tmp_path / "a.exr"),
-    ]
+    command = ["stage", "clothe", stage / "stage.json", even, "--albedo", "0.4", "-o", tmp_path / "a.exr"]
     assert "two stages, or two radiance maps" in refused(command, capsys)
 
 

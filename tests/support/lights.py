@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
+from relume.image.files import write
 from relume.sphere.directions import normalised
+from relume.sphere.environment_files import as_radiance_map
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.cubes import CubeCross, Strip, VerticalCubeCross
 from relume.sphere.mappings.discs import Angular, Fisheye, Hemispheres, MirrorBall
@@ -77,3 +80,9 @@ def sunny(size: int, sun: float = 25.0) -> EnvironmentMap:
 def spread(count: int, seed: int = 0) -> np.ndarray:
     """Unit directions all over the sphere."""
     return normalised(np.random.default_rng(seed).normal(size=(count, 3)))
+
+
+def stored(folder: Path, light: EnvironmentMap, name: str = "light.exr") -> str:
+    """Write a map that says its mapping; where it is."""
+    write(folder / name, as_radiance_map(light))
+    return str(folder / name)
