@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import subprocess
@@ -52,9 +51,8 @@ def test_help_shows_options_and_the_forms_of_their_words(command, options, capsy
 def test_probe_finds_the_ball_and_writes_a_map_that_remembers_its_mapping(tmp_path, capsys):
     balls = [sorted((ROOM / f).glob("*.jpg")) for f in ("ball_0", "ball_90")]
     words = ["probe", *map(str, balls[0]), "--second", *map(str, balls[1]), "--camera", "0,0.12,1"]
-    words += ["--second-camera", "1,0.12,0", "--size", "64", "-o", str(tmp_path / "light.hdr"), "--json"]
-    told = json.loads(printed(words, capsys).out)
-    assert [b["radius"] for b in told["balls"]] == pytest.approx([296, 296], rel=0.006)
+    words += ["--second-camera", "1,0.12,0", "--size", "64", "-o", str(tmp_path / "light.hdr")]
+    assert [b["radius"] for b in reported(words, capsys)["balls"]] == pytest.approx([296, 296], rel=0.006)
     assert read_radiance(tmp_path / "light.hdr").size == (128, 64)
 
 
