@@ -274,7 +274,9 @@ def test_degree_two_errs_by_no_more_than_three_thirty_seconds_of_the_light():
     lone[20, 30] = 1 / LatLong().solid_angles(64)[20, 30]
     towards = pixel_directions(LatLong(), 64)[20, 30]
     side = normalised(np.cross(towards, Z))
-    found = project_sh(EnvironmentMap(lone), 2).irradiance(np.stack([towards, side, -towards]))[:, 0]
+    harmonics = project_sh(EnvironmentMap(lone * [1, 2, 3]), 2)
+    assert harmonics.coefficients == pytest.approx(sh_basis(towards, 2)[:, None] * [1, 2, 3], rel=1e-6)
+    found = harmonics.irradiance(np.stack([towards, side, -towards]))[:, 0]
     assert found == pytest.approx([1 + 1 / 16, 3 / 32, 1 / 16], rel=1e-6)
 
 

@@ -278,6 +278,8 @@ def test_folder_that_exists_keeps_what_is_not_ours(tmp_path):
     assert (folder / "mine.blend").read_text() == "mine"
     assert (folder / "shot.py").read_text(encoding="utf-8") != "old"
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
+    with pytest.raises(ValueError, match='program is "maya"; choose one of blender, usd, mitsuba'):
+        export_shot(shot(), folder, "maya")  # pyright: ignore[reportArgumentType]
     with pytest.raises(OutputNotWritten, match="nowhere"):
         export_shot(shot(), tmp_path / "nowhere" / "out", "blender")
     with pytest.raises(OutputNotWritten, match="file has that name"):

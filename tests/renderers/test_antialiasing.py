@@ -10,7 +10,7 @@ import pytest
 
 import relume as rl
 from relume.renderers.whitted.antialiasing import Antialiasing, Small, sampled
-from relume.scene.lights import AmbientLight, DistantLight
+from relume.scene.lights import AmbientLight, DistantLight, Linear, PointLight, SquareLaw, Unattenuated
 from relume.scene.materials.whitted import Checks, WhittedMaterial
 
 NOTHING = Small(np.zeros((0, 2)), np.zeros(0))
@@ -134,6 +134,15 @@ def floor_scene() -> tuple[rl.Scene, rl.Camera]:
     return rl.Scene(WHITE, (floor,), (ball,), lights), camera
 
 
+def rough_scene() -> tuple[rl.Scene, rl.Camera]:
+    """`floor_scene` with a ball whose reflected rays are scattered, lit by lamps of every fall-off too."""
+    scene, camera = floor_scene()
+    rough = rl.Sphere((1.5, 0.6, 1), 0.6, WhittedMaterial(specular=(0.8, 0.8, 0.8), roughness=0.1))
+    falloffs = (Unattenuated(), Linear(8.0), SquareLaw())
+    lamps = tuple(PointLight((x, 3.0, 2.0), (4.0, 4.0, 4.0), falloff) for x, falloff in enumerate(falloffs))
+    return replace(scene, lights=(*scene.lights, *lamps)).adding(rough), camera
+
+
 def encoded_error(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.sqrt(np.mean((np.clip(a, 0, 1) ** (1 / 2.2) - np.clip(b, 0, 1) ** (1 / 2.2)) ** 2)))
 
@@ -170,9 +179,7 @@ def test_rays_go_to_edges_shadows_and_texture_and_not_to_the_sky():
 
 
 def test_the_pixels_do_not_depend_on_the_number_of_threads():
-    scene, camera = floor_scene()
-    rough = rl.Sphere((1.5, 0.6, 1), 0.6, WhittedMaterial(specular=(0.8, 0.8, 0.8), roughness=0.1))
-    scene = scene.adding(rough)
+    scene, camera = rough_scene()
     one, many = (rl.Whitted(threads=n).render(scene, replace(camera, width=200, height=150), seed=7) for n in (1, 5))
     np.testing.assert_array_equal(one.radiance, many.radiance)
     np.testing.assert_array_equal(one.rays, many.rays)
@@ -181,7 +188,7 @@ def test_the_pixels_do_not_depend_on_the_number_of_threads():
 
 
 def test_a_region_of_a_picture_is_that_part_of_it():
-    scene, camera = floor_scene()
+    scene, camera = rough_scene()
     prepared = rl.Whitted().prepared(scene)
     whole, part = prepared.render(camera), prepared.render(camera, region=(30, 20, 70, 50))
     np.testing.assert_array_equal(part.radiance, whole.radiance[20:50, 30:70])

@@ -160,6 +160,14 @@ def test_constant_light_stays_constant(source, target):
 
 
 @EVERY
+def test_constant_light_stays_constant_in_another_size(mapping):
+    light = EnvironmentMap(np.full((*mapping.shape(rows(mapping)), 3), 1.7, np.float32), mapping)
+    moved = light.remapped(mapping, 2 * rows(mapping))
+    shown = mapping.solid_angles(2 * rows(mapping)) > 0
+    np.testing.assert_allclose(moved.radiance[shown], 1.7, rtol=4e-7)
+
+
+@EVERY
 def test_no_lone_pixel_is_lost_wherever_it_is(mapping):
     size = rows(mapping) // 2
     # A sliver of a disc whose middle lies beyond the rim is not looked up: it keeps what stands out only.

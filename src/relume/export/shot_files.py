@@ -68,9 +68,11 @@ def export_shot(shot: PreparedShot, folder: str | os.PathLike[str], program: Pro
     program : that is to open it
 
     Every line of what the files do not hold is also a warning and stands in the folder's README.txt. Raises
-    UnsupportedScene for what no other program has, ValueError for walls that the probe is not inside of,
-    OutputNotWritten.
+    UnsupportedScene for what no other program has, ValueError for another program and for walls that the probe is not
+    inside of, OutputNotWritten.
     """
+    if program not in SHOT_FORMATS:
+        raise ValueError(f'program is "{program}"; choose one of {", ".join(SHOT_FORMATS)}')
     form = SHOT_FORMATS[program]
     with _complete_folder(folder, form.main) as temporary:
         notes = tuple(dict.fromkeys(form.write(shot, temporary)))

@@ -1,5 +1,4 @@
-"""What the pixels of a radiance map hold: its range in stops, its percentiles, its brightest spot, and what is wrong;
-and how a photograph uses its code values.
+"""What pixels hold: range in stops, percentiles, brightest spot, faults; how a photograph uses its code values.
 
 Range and percentiles are of the *lit* pixels, those whose luminance is finite and above 0: the corners of an angular
 map and what no photograph saw are black, and say nothing of the light. A percentile is a luminance of the map itself,

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from relume.image import files
 from relume.image.colour import luminance
 from relume.image.radiance import OUTSIDE, SATURATED
-from relume.light.constellations.constellation import Constellation
 from relume.light.constellations.residual import glow_level
-from relume.light.light_set import LightSet
 from relume.report.page import triple
 from relume.report.plots import block_means, borders, encoded_figure, exposed_at, in_squares
 from relume.sphere.audit import AXES, Audit
 from relume.sphere.environment_map import EnvironmentMap
 from relume.virtual_camera.developing import develop
+
+if TYPE_CHECKING:
+    from relume.light.constellations.constellation import Constellation
+    from relume.light.light_set import LightSet
 
 STOPS = (4, 0, -4)
 """Brightest first: what hides in the dark, the whole, and what the lamps are."""

@@ -1,4 +1,4 @@
-"""The report's drawings, as bytes of PNG: response curves over their data, and pictures of radiance."""
+"""What reports draw with: response curves over their data, pictures of radiance as PNG, figures as SVG."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from relume.capture.response.calibration import Calibration
 from relume.image.files.photographs import png
 from relume.virtual_camera.developing import develop
 from relume.virtual_camera.film.film import Film
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from relume.capture.response.calibration import Calibration
 
 CHANNELS = (("red", "#c0392b"), ("green", "#27803f"), ("blue", "#2c5fb3"))
 MIDDLE_GREY = 0.18

@@ -201,3 +201,11 @@ def test_glass_over_unseen_backdrops_is_as_an_independent_renderer_shows_it():
         picture = composite_matte(matte, backdrop)
         assert decibels(picture, truth) > over_all
         assert decibels(picture, truth, glass) > 30
+
+
+def test_patterns_out_of_order_are_refused():
+    shown = photographed(scene()[0])
+    order = np.arange(12)
+    order[[1, 3]] = order[[3, 1]]
+    with pytest.raises(ValueError, match="out of order"):
+        environment_matte(replace(shown, pictures=shown.pictures[order]))

@@ -179,6 +179,8 @@ def test_black_and_white_exchanged_and_pixels_that_are_no_numbers_are_refused():
     shown = patterns()
     with pytest.raises(ValueError, match="no brighter"):
         replace(shown, black=shown.white, white=shown.black)
+    with pytest.raises(ValueError, match="12 stripe patterns"):
+        replace(shown, pictures=shown.pictures[:-1])
     with pytest.raises(ValueError, match="NaN"):
         replace(shown, white=np.where(np.arange(3) == 1, np.nan, shown.white))
     with pytest.raises(ValueError, match="along y the backdrop has no stripes"):

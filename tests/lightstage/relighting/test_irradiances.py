@@ -40,11 +40,12 @@ def test_even_light_asks_of_each_light_its_cell():
     np.testing.assert_allclose(found, np.repeat(LIGHTS.solid_angles[:, None], 3, axis=1), rtol=0.01, atol=1e-3)
 
 
-def test_a_map_coarser_than_the_cells_is_integrated_over_parts_of_its_pixels():
-    coarse = EnvironmentMap(np.ones((4, 8, 3), np.float32))
-    lights = StageLights.towards(even_directions(60))
+@pytest.mark.parametrize(("rows", "count", "error"), [(4, 60, 0.1), (16, 1000, 0.15)])
+def test_a_map_coarser_than_the_cells_is_integrated_over_parts_of_its_pixels(rows, count, error):
+    coarse = EnvironmentMap(np.ones((rows, 2 * rows, 3), np.float32))
+    lights = StageLights.towards(even_directions(count))
     found = irradiances(lights, coarse, NearestLight())
-    np.testing.assert_allclose(found[:, 0], lights.solid_angles, rtol=0.1)
+    np.testing.assert_allclose(found[:, 0], lights.solid_angles, rtol=error)
     np.testing.assert_allclose(found.sum(axis=0), 4 * np.pi, rtol=1e-6)
 
 

@@ -180,7 +180,7 @@ def test_black_stays_black_and_a_spark_in_the_dark_overflows_nothing(tone: ToneO
         (CameraExposure, {"exposure": Exposure(0.01, 8.0, None)}, "has no ISO"),
         (Ferwerda, {"percentile": 0.0}, r"percentile is 0.*expected"),
         *(
-            (Pattanaik, {"screen_adaptation": wrong}, "expected a positive lum")
+            (Pattanaik, {"screen_adaptation": wrong}, "screen_adaptation is .*expected a positive luminance")
             for wrong in (0.0, -1.0, np.nan, np.inf)
         ),
         *((BlackWhitePoint, {"black": black}, "expected 0 < black / 255 < white") for black in (0.0, -1.0, 255.0)),

@@ -2,10 +2,10 @@
 
 Interpolated reflectance functions show two faint shadows where one should stand between them. With a mesh of the
 subject, direct light (cosine, gloss and shadow, `surface`) is fitted to each pixel, and only the remainder is
-interpolated: R(ω) = Σ_i w_i(ω) (R_i − M_i) + M(ω). Pixels whose
-functions are spikes that direct light does not explain, as a mirror's, take weights that are never below 0
-(`spike_interpolation`). The model and the weights of a pixel depend on the field alone, so a picture is linear in the
-light of given directions; with directions that `quadtree_lights` chose for a map, up to that choice.
+interpolated: R(ω) = Σ_i w_i(ω) (R_i − M_i) + M(ω). Pixels whose functions are spikes that direct light does not
+explain, as a mirror's, take weights that are never below 0 (`spike_interpolation`). The model and the weights of a
+pixel depend on the field alone, so a picture is linear in the light of given directions; with directions that
+`quadtree_lights` chose for a map, up to that choice.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ import numpy as np
 
 from relume.errors import warn
 from relume.lightstage.matting import fitting
-from relume.lightstage.matting.gray_code import Patterns
+from relume.lightstage.matting.gray_code import Patterns, disorder
 
 _DARK = 0.02
 """Of the median pixel's light from a white backdrop: below it readings are noise."""
@@ -83,7 +83,11 @@ def environment_matte(patterns: Patterns) -> EnvironmentMatte:
     The brightness of the backdrop's white, 1 in every backdrop it is composited over, is what the camera sees of it
     straight through, a quadratic over the picture, so that a screen or lens darker at its edges does no harm. Where
     nothing is seen straight through it is the brightest percent of pixels, with a warning, and coverage is 1.
+
+    Raises ValueError for patterns out of order.
     """
+    if wrong := disorder(patterns):
+        raise ValueError(wrong)
     shape = patterns.black.shape[:2]
     # One box per pixel, along x and along y.
     searches = fitting.search_along(patterns, "x"), fitting.search_along(patterns, "y")

@@ -7,7 +7,9 @@ in the source's perspective, is projected on the mesh and seen from the new came
 `direct_light_view`: what `direct_model` fits to each pixel of a source, scales of diffuse and of glossy direct light,
 is looked up where the new view's rays meet the mesh, and times the direct light there: shadows, foreshortening and
 gloss of its mesh. What direct light leaves over comes with the picture, as diffuse light does in §4.3. Where the light
-is narrow this follows it better, for it knows what is between the stage's lights. World frame, metres.
+is narrow this follows it better, for it knows what is between the stage's lights.
+
+Nothing is invented: what no camera saw is a hole in `alpha`, counted by `unseen`. World frame, metres.
 """
 
 from __future__ import annotations

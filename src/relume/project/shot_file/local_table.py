@@ -24,8 +24,8 @@ GREY = Diffuse((0.5, 0.5, 0.5))
 """What a surface is made of until its reflectance is recovered."""
 
 
-_NEEDS = {"infinite": set(), "dome": {"radius"}, "box": {"low", "high"}, "mesh": {"mesh"}}
-_MAY = {"dome": {"centre"}}
+_DISTANT_NEEDS = {"infinite": set(), "dome": {"radius"}, "box": {"low", "high"}, "mesh": {"mesh"}}
+_DISTANT_MAY = {"dome": {"centre"}}
 
 
 def _require_box(low: Vector | None, high: Vector | None) -> None:
@@ -137,9 +137,9 @@ class DistantTable(Table):
     @model_validator(mode="after")
     def _what_the_shape_needs(self) -> DistantTable:
         given = {name for name in ("radius", "centre", "low", "high", "mesh") if getattr(self, name) is not None}
-        if lacking := sorted(_NEEDS[self.shape] - given):
+        if lacking := sorted(_DISTANT_NEEDS[self.shape] - given):
             raise ValueError(f"a distant scene that is a {self.shape} needs {' and '.join(lacking)}")
-        if foreign := sorted(given - _NEEDS[self.shape] - _MAY.get(self.shape, set())):
+        if foreign := sorted(given - _DISTANT_NEEDS[self.shape] - _DISTANT_MAY.get(self.shape, set())):
             raise ValueError(f"{', '.join(foreign)}: not of a distant scene that is {self.shape}; leave it out")
         _require_box(self.low, self.high)
         return self

@@ -121,8 +121,8 @@ def border(width: int, height: int) -> np.ndarray:
     return np.concatenate([np.stack(side, axis=-1) for side in sides]) * [width, height]
 
 
-LARGEST = 4.0
-"""Times the picture's sides: a undistorted picture that is larger is that of a model stretched beyond its measure."""
+LARGEST_UNDISTORTED = 4.0
+"""Times the picture's sides: an undistorted picture that is larger is that of a model stretched beyond its measure."""
 
 
 def undistorted(camera: Camera) -> Camera:
@@ -136,7 +136,7 @@ def undistorted(camera: Camera) -> Camera:
     seen = pinhole.project(camera.position + camera.rays_through(border(camera.width, camera.height)))
     low, high = np.floor(seen.min(0)), np.ceil(seen.max(0))
     width, height = (int(n) for n in high - low)
-    if not (width <= LARGEST * camera.width and height <= LARGEST * camera.height):
+    if not (width <= LARGEST_UNDISTORTED * camera.width and height <= LARGEST_UNDISTORTED * camera.height):
         raise ValueError(
             f"the undistorted picture has {width}×{height} pixels for {camera.width}×{camera.height}; the distortion "
             "does not hold out to the corners: check its coefficients"

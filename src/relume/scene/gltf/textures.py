@@ -74,7 +74,7 @@ def _matrix(transform: dict[str, Any]) -> np.ndarray:
     return np.column_stack([turn, transform.get("offset", [0, 0])])
 
 
-LARGEST = 8192
+LARGEST_SPREAD = 8192
 """Pixels along a side beyond which an image is not spread out: 8192² of float32 colour are 800 MB."""
 
 
@@ -83,7 +83,8 @@ def placed(textures: dict[str, Texture], uv: np.ndarray) -> tuple[dict[str, np.n
 
     textures : by name, all of the same set of coordinates
     uv : (N, 2) that set, glTF's (v downwards)
-    Returns the images, (N, 2) coordinates, and what could not be done, in words: spreading beyond LARGEST pixels.
+    Returns the images, (N, 2) coordinates, and what could not be done, in words: spreading beyond
+    LARGEST_SPREAD pixels.
     """
     first = next(iter(textures.values()))
     # Whether all lie on the mesh in the same way, but for their wraps.
@@ -98,7 +99,7 @@ def placed(textures: dict[str, Texture], uv: np.ndarray) -> tuple[dict[str, np.n
     low = np.floor(uv.min(axis=0) + 1e-3)
     tiles = np.maximum(np.ceil(uv.max(axis=0) - 1e-3) - low, 1)
     sizes = {name: _size(each, tiles, tiled) for name, each in textures.items()}
-    if max(max(size) for size in sizes.values()) > LARGEST:
+    if max(max(size) for size in sizes.values()) > LARGEST_SPREAD:
         return {name: each.pixels for name, each in textures.items()}, uv, ("the wrapping of its textures",)
     if tiled:
         images = {name: _spread(each, low, tiles) for name, each in textures.items()}

@@ -18,7 +18,7 @@ from relume.virtual_camera.film.grain import Grain
 from relume.virtual_camera.protocols import Adaptation, Relative
 from relume.virtual_camera.view import View
 
-MOST = 0.5
+MOST_BEYOND_RANGE = 0.5
 """Share of the lit pixels beyond one end above which a warning says so: more than an exposure for one part of a
 picture leaves out."""
 LOOKED_AT = 2**18
@@ -44,7 +44,7 @@ def warn_of_range(
         return
     exposed = exposures(light)
     over, under = (exposed >= most).all(1).mean(), (exposed <= least).all(1).mean()
-    if max(over, under) <= MOST:
+    if max(over, under) <= MOST_BEYOND_RANGE:
         return
     end, side, colour, where = (most, "most", "white", "above") if over > under else (least, "least", "black", "below")
     stops = float(np.log2(np.median(exposed.max(1)) / end.mean()))

@@ -19,8 +19,7 @@ from relume.renderers.mitsuba.transport.sampling import Sample, Spheres, aimed, 
 from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Box, Dome, Enclosure, Infinite, Scene
 from relume.scene.shapes.shapes import Mesh
-from relume.sphere.bilinear_kernels import padded
-from relume.sphere.mappings.mapping import LatLong
+from relume.sphere.mappings.mapping import LatLong, continued_round
 
 UNIFORM_SHARE = 0.02
 """Of the samples of the map, drawn evenly over all directions: what is next to black pixels is not forgotten."""
@@ -33,9 +32,9 @@ class LightMap:
 
     def __init__(self, scene: Scene) -> None:
         # A row more at each pole is the other side's, as in `EnvironmentMap.lookup`.
-        self.tall = padded(as_latlong(scene.light).radiance)[:, 1:-1, :3]
+        self.tall = np.ascontiguousarray(continued_round(as_latlong(scene.light).radiance)[:, 1:-1])
         self.rows, self.columns = len(self.tall) - 2, self.tall.shape[1]
-        colours = mi.TensorXf(np.ascontiguousarray(self.tall))
+        colours = mi.TensorXf(self.tall)
         self.texture = mi.Texture2f(  # pyright: ignore[reportCallIssue]
             colours, wrap_mode=dr.WrapMode.Repeat, use_accel=False
         )

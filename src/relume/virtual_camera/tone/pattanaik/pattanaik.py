@@ -96,9 +96,6 @@ def signals_of_rgb() -> np.ndarray:
     return np.vstack([cones / cones.sum(1, keepdims=True), RODS_OF_XYZ @ to_xyz])
 
 
-_BAND = 64
-
-
 @dataclass(frozen=True, eq=False)
 class Eye:
     """From a scene's radiance to a screen's luminances, for whatever the gains are.
