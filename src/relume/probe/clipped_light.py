@@ -1,8 +1,8 @@
 """Light that photographs hold only in part: of a single one, and of lamps that were saturated in some channels only.
 
-`in_the_colour_beside`: near white a camera's curve is steep and hardly known, so that the bound of a channel that was white in every
-photograph lies far above the other channels, which were measured: a warm lamp comes out pure red. A lower bound may be
-lowered and stays one; what was measured is never changed.
+`in_the_colour_beside`: near white a camera's curve is steep and hardly known, so that the bound of a channel that was
+white in every photograph lies far above the other channels, which were measured: a warm lamp comes out pure red. A
+lower bound may be lowered and stays one; what was measured is never changed.
 """
 
 from __future__ import annotations

@@ -88,17 +88,17 @@ class Patterns:
     stripes: tuple[Stripes, ...]
 
     def __post_init__(self) -> None:
-        shape = self.white.shape
-        if self.black.shape != shape or self.pictures.shape != (len(self.stripes), *shape):
-            raise ValueError(
-                f"{len(self.stripes)} stripe patterns, but pictures {self.pictures.shape} and black {self.black.shape}; "
-                f"expected one of {shape} for each"
-            )
         for axis in "xy":
             counts = {len(stripe.white) for stripe in self.stripes if stripe.axis == axis}
             if len(counts) != 1:
                 found = " and ".join(str(count) for count in sorted(counts)) or "no stripes at all"
                 raise ValueError(f"along {axis} the backdrop has {found} texels; expected one number of texels")
+        shape = self.white.shape
+        if self.black.shape != shape or self.pictures.shape != (len(self.stripes), *shape):
+            raise ValueError(
+                f"{len(self.stripes)} stripe patterns, but pictures {self.pictures.shape} and black "
+                f"{self.black.shape}; expected one of {shape} for each"
+            )
         for name, picture in (("black", self.black), ("white", self.white), ("a striped one", self.pictures)):
             if not np.all(np.isfinite(picture)):
                 raise ValueError(f"the picture before the backdrop ({name}) holds NaN or infinity; give finite pixels")
